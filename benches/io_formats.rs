@@ -17,7 +17,7 @@ use dermatome::{
     io::{LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, write_flat, write_skin},
     mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
-    skin::{Skin, TaxelId},
+    skin::{Presence, Skin, TaxelId},
 };
 use glam::{DVec2, DVec3};
 
@@ -87,7 +87,9 @@ fn row(k: u32) -> LookupRow<'static> {
         weights: fields.collect(),
     };
     let position = DVec3::splat(x / 9.0);
-    let place = LookupPlace { patch: "upper_arm/left", link: "upper_arm", cell, position, normal: position };
+    let (presence, live_taxel) = (Presence::Present, Some(cell.taxel));
+    let (patch, link, normal) = ("upper_arm/left", "upper_arm", position);
+    let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
     LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: 0.0 }
 }
 

@@ -280,6 +280,17 @@ proptest! {
                 assert_exact(&map, &index, &Query::from(world), 1e-9);
                 let hit = assert_exact(&map, &index, &Query::on_link(patch.link, local), 1e-9);
                 prop_assert_eq!(map.patches[hit.patch].link, patch.link);
+                // The frame is that of a link, and the skin that of any.
+                let exact = index.locate(world).unwrap();
+                for (link, pose) in index.poses().enumerate() {
+                    let back = pose.inverse();
+                    let hit = index.locate(Query::in_link(link, back.transform_point3(world))).unwrap();
+                    prop_assert!((hit.distance.abs() - exact.distance.abs()).abs() < 1e-9);
+                    let found = &map.patches[hit.patch];
+                    let local = found.levels[LevelId::new(0)].level.mesh.point(&hit.point);
+                    let on_skin = back.transform_point3(index.poses()[found.link].transform_point3(local));
+                    prop_assert!(hit.position.distance(on_skin) < 1e-9);
+                }
             }
             if round == 0 {
                 for (own, given) in index.poses().iter().zip(&own_poses(&map)) {
@@ -557,6 +568,10 @@ fn a_contact_that_is_nowhere_is_named() {
     }
     let error = index.locate(Query::on_link(LinkId::new(3), DVec3::ZERO)).unwrap_err();
     assert!(matches!(error, ContactError::UnknownLink { count: 3, .. }), "{error}");
+    assert!(
+        index.locate(Query::in_link(LinkId::new(0), DVec3::ZERO)).is_ok(),
+        "the frame of a link without skin"
+    );
     let error = index.locate(Query::on_link(LinkId::new(0), DVec3::ZERO)).unwrap_err();
     assert!(matches!(&error, ContactError::BareLink { name, .. } if name == "base"), "{error}");
     assert_eq!(index.locate_all(&[]).unwrap().iter().count(), 0, "no contacts, no hits");

@@ -107,7 +107,7 @@ proptest! {
             }
         }
         all.sort_by(|a, b| a.partial_cmp(b).unwrap());
-        let query = Query { point: at, link };
+        let query = Query { point: at, link, only_link: link };
         let found = index.nearest_fields(query, count, level).unwrap();
         prop_assert_eq!(found.len(), count.min(all.len()));
         for (hit, (distance, ..)) in found.iter().zip(&all) {
@@ -361,9 +361,9 @@ fn taxels_without_a_face_are_found() {
     let index = ContactIndex::with_options(&map, &FIELDS).unwrap();
     let (at, level) = (DVec3::new(1.0, 0.0, 0.01), LevelId::new(0));
     for link in [None, Some(LinkId::new(0))] {
-        let found = index.fields_within(Query { point: at, link }, 0.02, level).unwrap();
+        let found = index.fields_within(Query { point: at, link, only_link: link }, 0.02, level).unwrap();
         assert_eq!(found.iter().map(|hit| hit.field).collect::<Vec<_>>(), [loose], "{link:?}");
-        let nearest = index.nearest_fields(Query { point: at, link }, 1, level).unwrap();
+        let nearest = index.nearest_fields(Query { point: at, link, only_link: link }, 1, level).unwrap();
         assert_eq!(nearest, found);
         assert_eq!(index.cell(&found[0], level), None, "it has no face to be a cell of");
     }
@@ -387,7 +387,7 @@ fn levels_beside_their_skin_are_searched() {
     let options = IndexOptions { levels: true, ..FIELDS };
     let index = ContactIndex::with_options(&map, &options).unwrap();
     for link in [None, Some(link)] {
-        let query = Query { point: centre + DVec3::Z * 0.001, link };
+        let query = Query { point: centre + DVec3::Z * 0.001, link, only_link: link };
         let field = index.nearest_fields(query, 1, level).unwrap()[0];
         assert_eq!((field.patch, field.field), (lifted, VertexId::new(0)), "{link:?}");
         let answer = index.reactive(query, level).unwrap();

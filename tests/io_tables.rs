@@ -11,7 +11,7 @@ use dermatome::{
     map::SkinMap,
     mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
-    skin::{Link, LinkId, Motion, PatchId, TaxelId},
+    skin::{Link, LinkId, Motion, PatchId, Presence, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
 
@@ -25,7 +25,7 @@ fn message<T>(result: Result<T, IoError>) -> String {
 
 #[test]
 fn columns_come_in_any_order_and_cells_may_be_empty() {
-    let text = "\u{feff}time, z ,link,y,x,radius,force,nz,ny,nx\r\n0.5,3,\"left, arm\",2,1e0,,-2,1,0,0\r\n,0,,0,0,,,,,\r\n";
+    let text = "\u{feff}time, z ,link,y,x,radius,force,only_link,nz,ny,nx\r\n0.5,3,\"left, arm\",2,1e0,,-2,hand,1,0,0\r\n,0,,0,0,,,,,,\r\n";
     let rows: Vec<ContactRow> = read(text).into_iter().map(Result::unwrap).collect();
     let full = ContactRow {
         position: Some(DVec3::new(1.0, 2.0, 3.0)),
@@ -34,6 +34,7 @@ fn columns_come_in_any_order_and_cells_may_be_empty() {
         radius: None,
         frame: None,
         link: Some("left, arm".into()),
+        only_link: Some("hand".into()),
         time: Some(0.5),
         line: 2,
     };
@@ -44,6 +45,7 @@ fn columns_come_in_any_order_and_cells_may_be_empty() {
         radius: None,
         frame: None,
         link: None,
+        only_link: None,
         time: None,
         line: 3,
     };
@@ -164,7 +166,15 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
         weights: fields.into_iter().collect(),
     };
     let (position, normal) = (DVec3::new(1.0, 0.5, 0.0), DVec3::Z);
-    let place = LookupPlace { patch: "arm, \"left\"", link: "arm", cell, position, normal };
+    let place = LookupPlace {
+        patch: "arm, \"left\"",
+        link: "arm",
+        cell,
+        presence: Presence::ThermalPad,
+        live_taxel: Some(TaxelId(8)),
+        position,
+        normal,
+    };
     let row = LookupRow {
         contact: 7,
         level: LevelId::new(1),
@@ -181,9 +191,9 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
         table.finish().unwrap();
         let more = |text| if extra.is_some() { text } else { "" };
         let wanted = format!(
-            "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,frame{}\n\
+            "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame{}\n\
              7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001,arm,1.0,0.5,0.0,0.0,0.0,1.0,\
-             5:0.75;9:0.25,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,world{}\n",
+             5:0.75;9:0.25,thermal,8,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,,,world{}\n",
             more(",error"),
             more(",0.5"),
             more(",0.5"),

@@ -5,6 +5,7 @@
 mod common;
 
 use std::{
+    collections::HashMap,
     fmt::Write as _,
     fs,
     path::{Path, PathBuf},
@@ -19,13 +20,12 @@ use dermatome::{
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{AssembleOptions, Link, Motion, MotionFrame, Patch, PatchId, Presence, Skin, assemble},
+    skin::{AssembleOptions, Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, Skin, assemble},
 };
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use tempfile::TempDir;
 
-const HEADER: &str =
-    "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,frame";
+const HEADER: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame";
 
 /// A cap on an arm that is 1 m above a base without skin, and its map as a file holds it.
 struct Fixture {
@@ -159,12 +159,57 @@ fn contacts_on_absent_taxels_are_noted() {
         let said = note(&fixture, &["--level", "0"]);
         assert!(said.contains("absent taxel or a thermal pad: 1 on level 0\n"), "{said}");
     }
+    let patch = &fixture.map.patches[PatchId::new(0)];
+    let positions = &patch.levels[LevelId::new(0)].level.mesh.positions;
+    let away = |v: &VertexId| positions[*v].distance(hit.position - DVec3::Z);
+    let others = positions.ids().filter(|v| *v != cell.field);
+    let nearest = others.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap();
+    let answers = output(fixture.lookup(&contacts).args(["--level", "0"]));
+    let of = |row: &HashMap<&str, &str>| {
+        ["presence", "taxel_id", "live_taxel_id"].map(|name| row[name].to_owned())
+    };
+    let found: Vec<_> = rows(&answers).iter().map(of).collect();
+    let live = patch.taxels.ids[nearest].to_string();
+    assert_eq!(found[0], ["thermal", &cell.taxel.to_string(), &live], "the nearest taxel that works");
+    assert!(found[1][0] == "present" && found[1][1] == found[1][2], "{found:?}");
     let taxels = &mut fixture.map.patches[PatchId::new(0)].taxels;
     taxels.presence = taxels.presence.map(|_| Presence::Absent);
     write_map(&fixture.path("map.glb"), &fixture.map).unwrap();
     let said = note(&fixture, &["--level", "1", "--level", "0"]);
     assert!(said.contains("3 on level 0, 3 on level 1\n"), "{said}");
+    let answers = output(fixture.lookup(&contacts).args(["--nearest", "1"]));
+    assert!(rows(&answers).iter().all(|row| row["presence"] == "absent" && row["live_taxel_id"].is_empty()));
     assert_eq!(note(&fixture, &["--quiet"]), "");
+}
+
+/// The frame of a contact is that of any link, also of one without skin; `only_link` says whose skin it
+/// is on.
+#[test]
+fn contacts_are_in_the_frame_of_any_link() {
+    let mut fixture = Fixture::new();
+    let wrist = Link {
+        name: "wrist".into(),
+        parent: Some(LinkId::new(1)),
+        pose: DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.4), DVec3::new(0.1, -0.2, 0.3)),
+    };
+    let to_wrist = (DAffine3::from_translation(DVec3::Z) * wrist.pose).inverse();
+    fixture.map.links.push(wrist);
+    write_map(&fixture.path("map.glb"), &fixture.map).unwrap();
+    let at = DVec3::new(0.01, 0.02, 0.89);
+    let [x, y, z] = to_wrist.transform_point3(at).to_array();
+    let text = format!(
+        "x,y,z,link,only_link\n{},{},{},,\n{x},{y},{z},wrist,\n{x},{y},{z},wrist,arm\n",
+        at.x, at.y, at.z
+    );
+    let contacts = fixture.file("c.csv", &text);
+    let answers = output(fixture.lookup(&contacts).args(["--level", "0"]));
+    let found = rows(&answers);
+    let point = |row| DVec3::new(number(row, "x"), number(row, "y"), number(row, "z"));
+    for row in &found[1..] {
+        assert_eq!((row["frame"], row["link"], row["face"]), ("wrist", "arm", found[0]["face"]));
+        assert!((number(row, "distance") - number(&found[0], "distance")).abs() < 1e-6);
+        assert!(point(row).distance(to_wrist.transform_point3(point(&found[0]))) < 1e-6, "{row:?}");
+    }
 }
 
 /// A column that changes nothing is named, whether it is known or not; an empty one is not.
@@ -207,7 +252,7 @@ fn what_cannot_be_answered_is_refused_with_its_line() {
         ("x,y,z\n0,nan,0\n", "line 2, column `y`"),
         ("x,y,z\n0,1e15,0\n", "line 2"),
         ("x,y,z,link\n0,0,0,leg\n", "leg"),
-        ("x,y,z,link\n0,0,0,base\n", "carries no patch"),
+        ("x,y,z,only_link\n0,0,0,base\n", "carries no patch"),
         ("x,y\n0,0\n", "column `z`"),
         ("", "line 1"),
     ] {
@@ -240,7 +285,7 @@ fn a_bad_row_costs_no_good_row() {
         "0,\"zero\",0,",
         "0,0,0,leg",
         "0,1e13,0,",
-        "0,0,0,base",
+        "0,0,nan,base",
         "0,0,0.89,",
     ];
     let contacts = fixture.file("c.csv", &format!("x,y,z,link\n{}\n", rows.join("\n")));
@@ -371,12 +416,12 @@ fn coarse_weights_are_the_product_with_the_direct_prolongation() {
 }
 
 /// The rows of a table as maps from column to cell.
-fn rows(table: &str) -> Vec<std::collections::HashMap<&str, &str>> {
+fn rows(table: &str) -> Vec<HashMap<&str, &str>> {
     let header: Vec<_> = table.lines().next().unwrap().split(',').collect();
     table.lines().skip(1).map(|line| header.iter().copied().zip(line.split(',')).collect()).collect()
 }
 
-fn number(row: &std::collections::HashMap<&str, &str>, column: &str) -> f64 {
+fn number(row: &HashMap<&str, &str>, column: &str) -> f64 {
     row[column].parse().unwrap_or_else(|_| panic!("{column} of {row:?}"))
 }
 
@@ -554,7 +599,7 @@ fn answers_are_contacts_and_places() {
     write_map(&fixture.path("map.glb"), &map).unwrap();
     let run = fixture.lookup(&table).output().unwrap();
     let notes = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.code() == Some(2) && notes.contains("also the name of a link with skin"), "{notes}");
+    assert!(run.status.code() == Some(2) && notes.contains("also the name of a link"), "{notes}");
 }
 
 /// Every question is asked back when most contacts are far.

@@ -115,7 +115,7 @@ fn some_patches_of_a_map_answer() {
     let run = lookup(&folder, table, &["--level", "0", "--patch", "the*", "--max-distance", "inf"]);
     assert_eq!((run.code, run.rows.len()), (0, 2), "{}", run.error);
     assert!(run.rows.iter().all(|row| row["patch"] == "the \"other\", aside"), "{:?}", run.rows);
-    let table = "x,y,z,link\n0,0,0,arm\n0,0,0,base\n";
+    let table = "x,y,z,only_link\n0,0,0,arm\n0,0,0,base\n";
     let run = lookup(&folder, table, &["--patch", "cap", "--level", "0", "--max-distance", "inf"]);
     assert!(run.error.contains("\"base\", which carries no patch"), "{}", run.error);
     let file = folder.path().join("map.glb");

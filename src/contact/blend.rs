@@ -37,7 +37,8 @@ impl Blend {
     /// A blend of vertices at `rest` and of normals, if there are any, by joints whose weights have the sum 1.
     #[expect(clippy::cast_possible_truncation, reason = "at most four")]
     pub(super) fn new(
-        (rest, rest_normals): (IdVec<VertexId, DVec3>, IdVec<VertexId, DVec3>),
+        rest: IdVec<VertexId, DVec3>,
+        rest_normals: IdVec<VertexId, DVec3>,
         joints: &IdVec<VertexId, Joints>,
         to_joint: IdVec<LinkId, DAffine3>,
         refitting: Refitting,

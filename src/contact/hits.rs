@@ -91,9 +91,9 @@ impl ContactIndex {
     /// The first query that cannot be answered.
     pub fn locate_all(&self, queries: &[Query]) -> Result<Hits, ContactError> {
         for (number, query) in queries.iter().enumerate() {
-            self.check(number, query)?;
+            self.links.check(number, query)?;
         }
-        let points: Vec<DVec3> = queries.iter().map(|query| self.in_world(query)).collect();
+        let points: Vec<DVec3> = queries.iter().map(|query| self.links.in_world(query)).collect();
         let order = along_curve(&points);
         let sorted: Vec<Hit> = order
             .par_iter()

@@ -6,15 +6,15 @@ use crate::{
     bvh::{Aabb, BoxTree},
     contact::{
         ContactError, Hit, Query,
-        geometry::{RigidPose, pseudo_normal},
+        links::Links,
         patch::IndexedPatch,
-        search::{Best, LARGEST, PatchBvh, Search, Start},
+        search::{Best, PatchBvh, Search, Start},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
-    mesh::{SurfacePoint, TriMesh},
+    mesh::{SurfacePoint, TriMesh, pseudo_normal},
     parallel::par_map,
-    skin::{LinkId, PatchId, Presence},
+    skin::{LinkId, Motion, PatchId, Presence},
 };
 
 /// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
@@ -37,23 +37,11 @@ pub struct IndexOptions {
 /// you like.
 #[derive(Debug, Clone)]
 pub struct ContactIndex {
-    pub(super) links: IdVec<LinkId, IndexedLink>,
+    pub(super) links: Links,
     pub(super) patches: IdVec<PatchId, IndexedPatch>,
     /// The boxes of all patches as the robot is posed now, in the world.
     pub(super) boxes: BoxTree,
     pub(super) options: IndexOptions,
-}
-
-#[derive(Debug, Clone)]
-pub(super) struct IndexedLink {
-    name: String,
-    parent: Option<LinkId>,
-    /// Its pose in the map, relative to its parent.
-    pub(super) rest: DAffine3,
-    pub(super) pose: RigidPose,
-    /// Where it moves next.
-    pub(super) next: RigidPose,
-    pub(super) patches: Vec<PatchId>,
 }
 
 /// Where the last search of a batch ended: the patch, and the packet of its tree.
@@ -82,49 +70,35 @@ impl ContactIndex {
         if patches.is_empty() {
             return Err(ContactError::NoSkin);
         }
-        let mut links = IdVec::default();
-        let mut world = IdVec::<LinkId, DAffine3>::default();
-        for link in &map.links {
-            let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
-            world.push(pose);
-            let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, &pose)?);
-            links.push(IndexedLink { name, parent, rest: link.pose, pose, next: pose, patches: Vec::new() });
-        }
-        for (id, patch) in patches.enumerate() {
-            links[patch.link].patches.push(id);
-        }
+        let links = Links::new(map)?;
         let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options };
         for (id, patch) in map.patches.enumerate() {
             if let Some(joints) = &patch.taxels.joints {
-                index.blend(id, joints)?;
+                index.patches[id].follow(id, joints, &index.links)?;
             }
         }
         index.update_posed_boxes();
         Ok(index)
     }
 
-    /// Moves every link to what `pose` makes of it and of its parent, which has its next pose by then.
-    pub(super) fn set_links(
-        &mut self,
-        pose: impl Fn(LinkId, &IndexedLink, Option<&IndexedLink>) -> DAffine3,
-    ) -> Result<(), ContactError> {
-        for id in self.links.ids() {
-            let link = &self.links[id];
-            let parent = link.parent.map(|parent| &self.links[parent]);
-            self.links[id].next = rigid(&link.name, &pose(id, link, parent))?;
-        }
+    /// Moves the links to where a motion has them at a time (s). Links without poses keep the one
+    /// that they have in the map relative to their parent. Nothing is rebuilt or allocated; patches with
+    /// [joints](crate::skin::Taxels::joints) are fitted to their links, which costs some 60 to 80 ns a vertex.
+    ///
+    /// # Errors
+    /// If a pose, or a vertex that follows several links, is too far away; then links stay as they were.
+    pub fn set_motion(&mut self, motion: &Motion, time: f64) -> Result<(), ContactError> {
+        self.links.aim(motion, time)?;
         for IndexedPatch { name, link, blend, .. } in self.patches.iter_mut() {
             if let Some(blend) = blend {
                 let far = |(vertex, position): (VertexId, DVec3)| {
                     let patch = name.clone();
                     ContactError::TooLarge { patch, vertex, position: position.to_array() }
                 };
-                blend.follow(*link, |link| self.links[link].next.pose()).map_err(far)?;
+                blend.follow(*link, |link| self.links.next(link)).map_err(far)?;
             }
         }
-        for link in self.links.iter_mut() {
-            link.pose = link.next;
-        }
+        self.links.commit();
         self.patches.iter_mut().for_each(IndexedPatch::bend);
         self.update_posed_boxes();
         Ok(())
@@ -140,14 +114,14 @@ impl ContactIndex {
     /// The poses of the links in the world, in m.
     #[must_use]
     pub fn poses(&self) -> IdVec<LinkId, DAffine3> {
-        self.links.map(|link| link.pose.pose())
+        self.links.poses()
     }
 
     fn update_posed_boxes(&mut self) {
         let Self { links, patches, boxes, .. } = self;
         let posed = |patch: usize| {
             let patch = &patches[PatchId::new(patch)];
-            let pose = &links[patch.link].pose;
+            let pose = links.pose(patch.link);
             patch.bounds.moved(|corner| pose.to_world(corner))
         };
         if boxes.is_empty() {
@@ -158,40 +132,15 @@ impl ContactIndex {
         }
     }
 
-    /// The point of the skin nearest to a query: a point of the world, or [`Query::on_link`].
+    /// The point of the skin nearest to a query: a point of the world, or [`Query::in_link`].
     ///
     /// # Errors
-    /// If the point is not finite, or the link does not exist or carries no patch.
+    /// If the point is not finite or farther than 1e12 m, a link does not exist, or the only link that is
+    /// searched carries no patch.
     pub fn locate(&self, query: impl Into<Query>) -> Result<Hit, ContactError> {
         let query = query.into();
-        self.check(0, &query)?;
+        self.links.check(0, &query)?;
         self.answer(&query)
-    }
-
-    /// Whether a contact can be answered; errors call it `number`, its place in its batch.
-    ///
-    /// # Errors
-    /// If the point is not finite or farther than 1e12 m, or the link does not exist or carries no
-    /// patch.
-    pub(super) fn check(&self, number: usize, contact: &Query) -> Result<(), ContactError> {
-        let Query { point, link } = *contact;
-        // Also false for NaN.
-        if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
-            return Err(ContactError::NotFinite { contact: number, point: point.to_array() });
-        }
-        let Some(id) = link else { return Ok(()) };
-        let count = self.links.len();
-        let link =
-            self.links.get(id).ok_or(ContactError::UnknownLink { contact: number, link: id, count })?;
-        if link.patches.is_empty() {
-            return Err(ContactError::BareLink { contact: number, name: link.name.clone() });
-        }
-        Ok(())
-    }
-
-    /// Where a contact lies in the world, in m. The contact must have been checked.
-    pub(super) fn in_world(&self, contact: &Query) -> DVec3 {
-        contact.link.map_or(contact.point, |link| self.links[link].pose.to_world(contact.point))
     }
 
     /// The answer to a query that has been checked.
@@ -207,7 +156,7 @@ impl ContactIndex {
 
     /// As [`Self::answer`], but what the cursor points to is searched first.
     pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
-        let is_searched = |patch: &IndexedPatch| query.link.is_none_or(|link| link == patch.link);
+        let is_searched = |patch: &IndexedPatch| query.only_link.is_none_or(|link| link == patch.link);
         let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut best = None;
         let mut search = |id: PatchId, q: DVec3, start: Start| {
@@ -219,7 +168,9 @@ impl ContactIndex {
         };
         let mut reached = f64::INFINITY;
         if let Some((id, packet)) = first {
-            reached = search(id, self.in_link(self.patches[id].link, query), Start::Packet(packet));
+            let world = self.links.in_world(query);
+            reached =
+                search(id, self.links.in_link(self.patches[id].link, query, world), Start::Packet(packet));
         }
         let first = first.map(|(id, _)| id);
         self.each_patch(query, reached, |id, q| {
@@ -240,56 +191,49 @@ impl ContactIndex {
         mut distance: f64,
         mut visit: impl FnMut(PatchId, DVec3) -> f64,
     ) {
-        let Some(link) = query.link else {
-            self.boxes.each_near(query.point, distance, |id| {
+        let world = self.links.in_world(query);
+        let Some(link) = query.only_link else {
+            return self.boxes.each_near(world, distance, |id| {
                 let id = PatchId::new(id);
-                visit(id, self.links[self.patches[id].link].pose.to_local(query.point))
+                visit(id, self.links.in_link(self.patches[id].link, query, world))
             });
-            return;
         };
-        let patches = &self.links[link].patches;
-        let away = |id: &PatchId| self.patches[*id].bounds.least_distance(query.point);
+        let (q, patches) = (self.links.in_link(link, query, world), self.links.patches(link));
+        let away = |id: &PatchId| self.patches[*id].bounds.least_distance(q);
         let first = patches.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)));
         let rest = patches.iter().copied().filter(|&id| Some(id) != first);
         for id in first.into_iter().chain(rest) {
             if away(&id) <= distance {
-                distance = visit(id, query.point);
+                distance = visit(id, q);
             }
         }
     }
 
-    pub(super) fn in_link(&self, link: LinkId, contact: &Query) -> DVec3 {
-        if contact.link == Some(link) { contact.point } else { self.links[link].pose.to_local(contact.point) }
-    }
-
-    pub(super) fn hit(&self, contact: &Query, best: &Best) -> Hit {
+    pub(super) fn hit(&self, query: &Query, best: &Best) -> Hit {
         let patch = &self.patches[best.patch];
-        let (distance, position, normal) = self.placed(&patch.tree, patch.link, contact, best);
+        let (distance, position, normal) = self.placed(&patch.tree, patch.link, query, best);
         let point = SurfacePoint { face: best.face, barycentric: best.closest.barycentric };
         Hit { patch: best.patch, link: patch.link, point, distance, position, normal }
     }
 
-    /// Signed distance of a contact from the nearest point of a tree on a link, that point and the
-    /// normal there, in the frame of the contact.
+    /// Signed distance of a query from the nearest point of a tree on a link, that point and the normal
+    /// there, in the frame of the query.
     pub(super) fn placed(
         &self,
         tree: &PatchBvh,
         link: LinkId,
-        contact: &Query,
+        query: &Query,
         best: &Best,
     ) -> (f64, DVec3, DVec3) {
         let PatchBvh { mesh, corners, .. } = tree;
-        let q = self.in_link(link, contact);
+        let q = self.links.in_link(link, query, self.links.in_world(query));
         let here = mesh.point(&SurfacePoint { face: best.face, barycentric: best.closest.barycentric });
         let outward =
             pseudo_normal(corners, &mesh.triangles, |v| mesh.positions[v], best.face, best.closest.feature);
         let length = best.closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
-        let (normal, pose) = (outward.normalize_or_zero(), &self.links[link].pose);
-        match contact.link {
-            Some(_) => (distance, here, normal),
-            None => (distance, pose.to_world(here), pose.turned(normal)),
-        }
+        let (position, normal) = self.links.answered(link, query, here, outward.normalize_or_zero());
+        (distance, position, normal)
     }
 
     /// Which taxels work, patch by patch.
@@ -306,10 +250,4 @@ impl ContactIndex {
     pub(crate) fn mesh(&self, patch: PatchId) -> &TriMesh {
         &self.patches[patch].tree.mesh
     }
-}
-
-fn rigid(name: &str, pose: &DAffine3) -> Result<RigidPose, ContactError> {
-    let near = pose.translation.abs().max_element() <= LARGEST;
-    let rigid = RigidPose::new(pose).filter(|_| near);
-    rigid.ok_or_else(|| ContactError::NotRigid { name: name.to_owned() })
 }

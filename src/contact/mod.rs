@@ -23,6 +23,9 @@
 //!   fields near a point or in a sphere; [`ContactIndex::first_hit`] follows a ray.
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
+//! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
+//!   [one link](Query::only_link).
+//! - [`LiveTaxels`] names the nearest taxel that works.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`](crate::signal::Spreader) makes readings of taxels from the forces of contacts.
 //!
@@ -49,14 +52,14 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered, and batches), `index` (links, one query), `patch` (what it keeps of
-//! a patch), `motion` (links over time), `blend` (patches that follow several links),
+//! `query` (what is asked and answered), `links` (where the links are), `index` (one query), `patch` (what an
+//! index keeps of a patch), `blend` (patches that follow several links), `hits` (many queries),
 //! `crate::bvh` (which patches, by their boxes),
 //! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
 //! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
-//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `geometry` (exact
-//! measurements), `cell` (from a hit to the map), `coarse` (levels with their own trees), `queries` (levels
-//! alone, fields, rays), `map_index` (from the map to the skin).
+//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `fields` and `rays`;
+//! `coarse` (levels with their own trees) and `reactive` (levels alone); `found` and `cell` (from a hit to the
+//! map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
 //!
 //! The module is the only one that uses pulp and wide.
 //!
@@ -79,7 +82,7 @@
 //! println!("field {} around taxel {} at {} of the map", cell.field, cell.taxel, cell.uv);
 //!
 //! // In the frame of a link, where a sensor is mounted; and many at once.
-//! let query = Query::on_link(LinkId::new(0), below);
+//! let query = Query::in_link(LinkId::new(0), below);
 //! assert_eq!(index.locate_all(&[query])?.get(0), Some(index.locate(query)?));
 //! # Ok::<_, dermatome::Error>(())
 //! ```
@@ -88,24 +91,28 @@ mod blend;
 mod cell;
 mod coarse;
 mod error;
+mod fields;
 mod found;
-mod geometry;
 mod hits;
 mod index;
+mod links;
+mod live_taxels;
 mod map_index;
-mod motion;
 mod patch;
-mod queries;
 mod query;
+mod rays;
+mod reactive;
 mod search;
 #[cfg(test)]
 mod soup;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
+pub use fields::FieldHit;
 pub use found::Found;
 pub use hits::Hits;
 pub use index::{ContactIndex, IndexOptions, ON_SKIN_SPACINGS};
+pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use queries::{FieldHit, Reactive};
 pub use query::{Hit, Query};
+pub use reactive::Reactive;

@@ -9,12 +9,13 @@ use crate::{
         blend::Blend,
         cell::PatchCells,
         coarse::{CoarseLevel, coarse_levels, mean_side},
+        links::Links,
         search::{PatchBvh, PointTree},
     },
     id::{IdVec, VertexId},
     map::PatchMap,
     pyramid::LevelId,
-    skin::{LinkId, Presence},
+    skin::{Joints, LinkId, PatchId, Presence, scaled_joints},
 };
 
 #[derive(Debug, Clone)]
@@ -71,6 +72,35 @@ impl IndexedPatch {
         };
         indexed.fill_bounds();
         Ok(indexed)
+    }
+
+    /// Lets the vertices follow their [joints](crate::skin::Taxels::joints) from now on (linear blend
+    /// skinning): a vertex moves to the mean of where its links take it, by their weights, which are scaled to
+    /// sum 1. Coarse levels of such a patch are not searched alone: level 0 gives their reactive answers.
+    ///
+    /// # Errors
+    /// If a link does not exist.
+    pub(super) fn follow(
+        &mut self,
+        id: PatchId,
+        joints: &IdVec<VertexId, Joints>,
+        links: &Links,
+    ) -> Result<(), ContactError> {
+        let mut scaled = joints.clone();
+        for (vertex, row) in joints.enumerate() {
+            let is_known = |row: &Joints| row.iter().all(|joint| joint.0.index() < links.len());
+            scaled[vertex] = scaled_joints(row).filter(is_known).ok_or(ContactError::Joints {
+                patch: id,
+                vertex,
+                joints: *row,
+                links: links.len(),
+            })?;
+        }
+        let (rest, poses) = (self.tree.mesh.positions.clone(), links.poses());
+        let to_joint = poses.map(|pose| pose.inverse() * poses[self.link]);
+        let blend = Blend::new(rest, self.normals.clone(), &scaled, to_joint, self.tree.refitting());
+        self.blend = Some(Box::new(blend));
+        Ok(())
     }
 
     /// Fits the trees of a patch that follows several links to where its vertices are.

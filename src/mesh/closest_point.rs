@@ -1,8 +1,11 @@
-//! The point of a triangle nearest to another point, in `f64`.
+//! The point of a triangle nearest to another point, in `f64`, and the outer side of the surface there.
 
 use glam::DVec3;
 
-use crate::id::VertexId;
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{VertexCorners, angle},
+};
 
 /// A triangle whose doubled area is less than this part of its longest side squared is measured by
 /// its sides alone.
@@ -119,4 +122,44 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
     let mut barycentric = [0.0; 3];
     barycentric[corner] = 1.0;
     Closest { squared, barycentric, feature: Feature::Corner(corner), is_flat: false }
+}
+
+/// A vector on the outer side of a surface at a feature of `face`, not of unit length. `at` gives the
+/// positions of the corners of the faces.
+///
+/// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right
+/// everywhere (Bærentzen and Aanæs, Signed distance computation using the angle weighted
+/// pseudonormal, 2005).
+pub(crate) fn pseudo_normal(
+    around: &VertexCorners,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    at: impl Fn(VertexId) -> DVec3 + Copy,
+    face: FaceId,
+    feature: Feature,
+) -> DVec3 {
+    let cross = |f: FaceId| {
+        let [a, b, c] = triangles[f].map(at);
+        (b - a).cross(c - a)
+    };
+    let unit = |f: FaceId| cross(f).normalize_or_zero();
+    let ids = triangles[face];
+    match feature {
+        Feature::Inside => cross(face),
+        Feature::Side(side) => {
+            let [from, to] = [ids[side], ids[(side + 1) % 3]];
+            let beside = around.faces(from).filter(|&f| triangles[f].contains(&to));
+            beside.map(unit).sum()
+        }
+        Feature::Corner(corner) => {
+            let v = ids[corner];
+            around.faces(v).map(|f| unit(f) * angle_at(triangles[f], at, v)).sum()
+        }
+    }
+}
+
+/// Angle of a face at its corner `v`, in rad.
+fn angle_at(ids: [VertexId; 3], at: impl Fn(VertexId) -> DVec3, v: VertexId) -> f64 {
+    let k = ids.iter().position(|&w| w == v).unwrap_or(0);
+    let at = |k: usize| at(ids[k % 3]);
+    angle(at(k), at(k + 1), at(k + 2))
 }

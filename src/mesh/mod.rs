@@ -13,7 +13,7 @@ pub mod shapes;
 mod tri_mesh;
 mod triangle_map;
 
-pub(crate) use closest_point::{Closest, Feature, closest_point};
+pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::{
     boundary::{boundary_edges, boundary_loops, edges, loops_of},

@@ -37,9 +37,9 @@ use crate::{
 
 /// Find the map cells under contacts, on every level.
 ///
-/// A row of contacts that names a link is in the frame of that link, and lies on its patches; others
-/// are in the world, or with --frame link in that of the map's link. Links without a name are called
-/// link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
+/// A row of contacts that names a `link` is in the frame of that link, with skin or without; others
+/// are in the world, or with --frame link in that of the only link with skin. One that names an
+/// `only_link` is on the skin of that link. Links without a name are called link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
 /// `x,y,z` the point of the skin, `nx,ny,nz` its normal. A table of answers may be one of contacts: its
 /// rows are in their `frame`, and its `link` is not read. Lengths are in metres. A contact far from
 /// the skin has the patch `off skin`. Rows that cannot be answered are listed as an error in the end
@@ -49,8 +49,8 @@ pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
     map: PathBuf,
-    /// The contacts: a table with columns x,y,z in m, and link if they are in the frame of a link;
-    /// `-`: standard input
+    /// The contacts: a table with columns x,y,z in m, link if they are in the frame of a link, and
+    /// only_link if they are on one; `-`: standard input
     #[arg(value_name = "CONTACTS.csv")]
     contacts: PathBuf,
     /// File for the answers; `-`: standard output

@@ -14,12 +14,11 @@ use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
-        geometry::pseudo_normal,
         search::{Best, LARGEST, check},
     },
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},
-    mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point},
+    mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal},
     numeric::along_curve,
     parallel::par_map,
     pyramid::LevelId,

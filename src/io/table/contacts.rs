@@ -18,7 +18,7 @@ use crate::io::{
 };
 
 /// Columns of a table of contacts.
-const COLUMNS: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "time"];
+const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "only_link", "time"];
 
 /// Columns that make a table one of answers. One of them does not: a `frame` may also be the number of an
 /// image.
@@ -45,8 +45,10 @@ pub struct ContactRow {
     pub radius: Option<f64>,
     /// The frame it is in, if it is an answer of a lookup: `world`, or the name of a link.
     pub frame: Option<String>,
-    /// Name of the link it is relative to.
+    /// Name of the link in whose frame it is.
     pub link: Option<String>,
+    /// Name of the link whose skin alone it can be on.
+    pub only_link: Option<String>,
     /// When it was, in s.
     pub time: Option<f64>,
     /// Line of the table it stands in, from 1.
@@ -54,7 +56,7 @@ pub struct ContactRow {
 }
 
 /// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
-/// optionally `nx,ny,nz`, `force`, `radius`, `link` and `time`, in any order. Cells of optional
+/// optionally `nx,ny,nz`, `force`, `radius`, `link`, `only_link` and `time`, in any order. Cells of optional
 /// columns may be empty. A table of answers, which has columns `contact` and `frame`, has its contacts in
 /// `frame`: there `link` is the one that was touched, and is not read. Returns the names of columns that
 /// are not read, and the contacts; errors call the table `path`.
@@ -78,10 +80,14 @@ pub fn read_contacts<R: Read>(
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
     let [force, radius, time] = ["force", "radius", "time"].map(|name| columns.find(name));
-    let (name, patch) = (columns.find(frame_or_link), columns.find("patch").filter(|_| is_answers));
+    let [name, only_link] = [frame_or_link, "only_link"].map(|name| columns.find(name));
+    let patch = columns.find("patch").filter(|_| is_answers);
     let contact = move |row: Row<'_>| {
         let number = |column: Option<usize>| column.map_or(Ok(None), |c| row.number_if_any(c));
-        let name = name.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned);
+        let text = |column: Option<usize>| {
+            column.map(|c| row.text(c)).filter(|name| !name.is_empty()).map(str::to_owned)
+        };
+        let name = text(name);
         let (frame, link) = if is_answers { (name, None) } else { (None, name) };
         let is_off = patch.is_some_and(|c| is_off_skin(row, c, &position));
         let reach = number(radius)?;
@@ -95,6 +101,7 @@ pub fn read_contacts<R: Read>(
             radius: reach,
             frame,
             link,
+            only_link: text(only_link),
             time: number(time)?,
             line: row.at.line as u64,
         })

@@ -11,12 +11,39 @@ use std::{
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{contact::Cell, io::IoError, pyramid::LevelId};
+use crate::{
+    contact::Cell,
+    io::IoError,
+    pyramid::LevelId,
+    skin::{Presence, TaxelId},
+};
 
 /// Columns of a table of lookups.
-const COLUMNS: [&str; 22] = [
-    "contact", "level", "patch", "face", "b0", "b1", "b2", "u", "v", "px", "py", "field", "taxel_id",
-    "distance", "link", "x", "y", "z", "nx", "ny", "nz", "fields",
+const COLUMNS: [&str; 24] = [
+    "contact",
+    "level",
+    "patch",
+    "face",
+    "b0",
+    "b1",
+    "b2",
+    "u",
+    "v",
+    "px",
+    "py",
+    "field",
+    "taxel_id",
+    "distance",
+    "link",
+    "x",
+    "y",
+    "z",
+    "nx",
+    "ny",
+    "nz",
+    "fields",
+    "presence",
+    "live_taxel_id",
 ];
 
 /// What stands in the column `patch` of a contact that touches none.
@@ -61,6 +88,10 @@ pub struct LookupPlace<'a> {
     pub link: &'a str,
     /// Where it is on the map of the level.
     pub cell: Cell,
+    /// What the taxel of the cell is.
+    pub presence: Presence,
+    /// The nearest taxel that works, if one of the patch does.
+    pub live_taxel: Option<TaxelId>,
     /// The point on the skin, in m, in the frame of the contact.
     pub position: DVec3,
     /// The unit normal of the skin there, in the same frame.
@@ -68,8 +99,8 @@ pub struct LookupPlace<'a> {
 }
 
 /// Writes a table of lookups with columns
-/// `contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields`
-/// and `frame`, then the one that a table adds.
+/// `contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields`,
+/// `presence`, `live_taxel_id` and `frame`, then the one that a table adds.
 ///
 /// `fields` has `vertex:weight` for each receptive field that the contact lies in, with `;` between
 /// them. A contact off the skin has `off skin` as its patch, and otherwise only its distance. Decimals
@@ -183,7 +214,7 @@ impl Text {
                 push_cell(rows, OFF_SKIN);
                 rows.extend([b','; 10]);
                 push_distance(rows, row.distance);
-                rows.extend([b','; 8]);
+                rows.extend([b','; 10]);
             }
         }
         let rows = &mut self.rows;
@@ -196,7 +227,7 @@ impl Text {
     }
 
     fn push_place(&mut self, row: &LookupRow<'_>, place: &LookupPlace<'_>) {
-        let LookupPlace { patch, link, cell, position, normal } = place;
+        let LookupPlace { patch, link, cell, position, normal, .. } = place;
         let rows = &mut self.rows;
         push_cell(rows, patch);
         push_whole(rows, cell.point.face.raw().into());
@@ -224,6 +255,16 @@ impl Text {
             rows.pop();
         }
         rows.push(b',');
+        let presence = match place.presence {
+            Presence::Present => "present",
+            Presence::Absent => "absent",
+            Presence::ThermalPad => "thermal",
+        };
+        push_cell(rows, presence);
+        match place.live_taxel {
+            Some(taxel) => push_whole(rows, taxel.0.into()),
+            None => rows.push(b','),
+        }
     }
 }
 

@@ -3,15 +3,19 @@
 use std::{
     io::Write,
     path::Path,
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        OnceLock,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 use dermatome::{
-    contact::{ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query},
+    contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query},
     io::{IoError, LookupPlace, LookupRow, LookupWriter},
     pyramid::LevelId,
-    skin::PatchId,
+    skin::{LinkId, PatchId, Presence},
 };
+use glam::DVec3;
 
 use crate::{
     console::notes::note,
@@ -155,19 +159,26 @@ impl<'a> Answers<'a> {
             Question::Nearest => self.index.locate_all(queries).map_err(unanswered)?,
             _ => Hits::default(),
         };
+        // Contacts are checked as they are read: an error is one about all of them.
+        let failed = OnceLock::new();
         table.write(contacts.len(), |k, emit| {
             let mut rows = Rows { answers: self, contact: &contacts[k], query: queries[k], emit };
-            match self.question {
+            let answered = match self.question {
                 Question::Nearest => {
                     if let Some(hit) = hits.get(k) {
                         rows.nearest(&hit);
                     }
+                    Ok(())
                 }
                 Question::Reactive => rows.reactive(),
                 Question::Fields(_) | Question::Within(_) => rows.fields(),
                 Question::Ray => rows.ray(),
+            };
+            if let Err(error) = answered {
+                _ = failed.set(error);
             }
-        })
+        })?;
+        failed.into_inner().map_or(Ok(()), |error| Err(unanswered(error)))
     }
 
     /// Notes on what was found; the one on contacts far from the skin ends with `ask`.
@@ -216,7 +227,7 @@ struct Rows<'a, 'b> {
     emit: &'b mut dyn FnMut(&LookupRow<'_>),
 }
 
-impl Rows<'_, '_> {
+impl<'a> Rows<'a, '_> {
     /// A row for each level of the nearest point.
     fn nearest(&mut self, hit: &Hit) {
         let answers = self.answers;
@@ -227,15 +238,8 @@ impl Rows<'_, '_> {
         self.count_doubtful(hit.patch, away);
         for (k, &level) in answers.robot.levels.iter().enumerate() {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
-            let patch = &answers.robot.patches[hit.patch];
-            let place = LookupPlace {
-                patch: &patch.name,
-                link: &answers.robot.links[hit.link],
-                cell,
-                position: hit.position,
-                normal: hit.normal,
-            };
-            if patch.silent.get(level).is_some_and(|level| level[cell.field]) {
+            let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
+            if place.presence != Presence::Present {
                 answers.silent[k].fetch_add(1, Ordering::Relaxed);
             }
             self.row(level, hit.distance, Some(place), 0.0);
@@ -250,6 +254,20 @@ impl Rows<'_, '_> {
         }
     }
 
+    fn place(
+        &self,
+        patch: PatchId,
+        link: LinkId,
+        cell: Cell,
+        position: DVec3,
+        normal: DVec3,
+    ) -> LookupPlace<'a> {
+        let Robot { patches, links, live, .. } = self.answers.robot;
+        let (presence, live_taxel) = live.nearest(patch, &cell);
+        let (patch, link) = (&patches[patch], &links[link]);
+        LookupPlace { patch, link, cell, presence, live_taxel, position, normal }
+    }
+
     fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
         let frame = self.query.link.map_or(WORLD, |link| &self.answers.robot.links[link]);
         let contact = self.contact.number;
@@ -258,11 +276,11 @@ impl Rows<'_, '_> {
 
     /// The nearest point of each level alone, with its error; a level that answers for another one has
     /// one row. The finest level says whether the contact is counted as off the skin.
-    fn reactive(&mut self) {
+    fn reactive(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, .. } = self.answers;
         let mut given = Vec::new();
         for &asked in &robot.levels {
-            let Ok(answer) = index.reactive(self.query, asked) else { continue };
+            let answer = index.reactive(self.query, asked)?;
             let level = answer.level;
             let Some(cell) = index.cell(&answer, level).filter(|_| !given.contains(&level)) else {
                 continue;
@@ -276,15 +294,14 @@ impl Rows<'_, '_> {
                 self.count_doubtful(answer.patch, away);
             }
             given.push(level);
-            let (position, normal) = (answer.position, answer.normal);
-            let (patch, link) = (&robot.patches[answer.patch].name, &robot.links[answer.link]);
-            let place = LookupPlace { patch, link, cell, position, normal };
+            let place = self.place(answer.patch, answer.link, cell, answer.position, answer.normal);
             self.row(level, answer.distance, (!is_far).then_some(place), answer.error);
         }
+        Ok(())
     }
 
     /// The fields near the contact, or within the sphere of its radius.
-    fn fields(&mut self) {
+    fn fields(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, question, max_distance, .. } = self.answers;
         let mut is_far = true;
         for &level in &robot.levels {
@@ -296,7 +313,7 @@ impl Rows<'_, '_> {
                 Question::Fields(count) => index.nearest_fields(self.query, *count, level),
                 _ => Ok(Vec::new()),
             };
-            for field in found.unwrap_or_default() {
+            for field in found? {
                 if max_distance.is_some_and(|most| field.distance > most) {
                     continue;
                 }
@@ -305,39 +322,37 @@ impl Rows<'_, '_> {
                     self.answers.faceless.fetch_add(1, Ordering::Relaxed);
                     continue;
                 };
-                let (patch, link) = (&robot.patches[field.patch].name, &robot.links[field.link]);
-                let place = LookupPlace { patch, link, cell, position: field.position, normal: field.normal };
+                let place = self.place(field.patch, field.link, cell, field.position, field.normal);
                 self.row(level, field.distance, Some(place), 0.0);
             }
         }
         if !is_far && max_distance.is_some() {
-            return;
+            return Ok(());
         }
-        let Ok(hit) = index.locate(self.query) else { return };
+        let hit = index.locate(self.query)?;
         if is_far {
             self.off_skin(&hit);
         } else {
             self.count_doubtful(hit.patch, hit.distance.abs());
         }
+        Ok(())
     }
 
     /// Where the ray along the contact's normal meets the skin.
-    fn ray(&mut self) {
+    fn ray(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, max_distance, .. } = self.answers;
         let direction = self.contact.normal.unwrap_or_default();
         let longest = max_distance.unwrap_or(f64::INFINITY);
-        let Ok(Some(hit)) = index.first_hit(self.query, direction, longest) else {
-            if let Ok(hit) = index.locate(self.query) {
-                self.off_skin(&hit);
-            }
-            return;
+        let Some(hit) = index.first_hit(self.query, direction, longest)? else {
+            self.off_skin(&index.locate(self.query)?);
+            return Ok(());
         };
         for &level in &robot.levels {
             let Some(cell) = index.cell(&hit, level) else { continue };
-            let (patch, link) = (&robot.patches[hit.patch].name, &robot.links[hit.link]);
-            let place = LookupPlace { patch, link, cell, position: hit.position, normal: hit.normal };
+            let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
             self.row(level, hit.distance, Some(place), 0.0);
         }
+        Ok(())
     }
 
     /// The rows of a contact off the skin: its distance from there on each level.

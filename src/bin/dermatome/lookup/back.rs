@@ -195,8 +195,9 @@ fn row<'a>(
         }
         FrameArg::Link => ((place.position, place.normal), link.as_str()),
     };
-    let patch = &robot.patches[place.patch].name;
     let (cell, extra) = (place.cell, place.off_chart);
-    let place = LookupPlace { patch, link, cell, position, normal };
+    let (presence, live_taxel) = robot.live.nearest(place.patch, &cell);
+    let patch = &robot.patches[place.patch];
+    let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
     LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra }
 }

@@ -33,7 +33,7 @@ pub(super) const LARGEST: f64 = 1e12;
 pub(crate) enum FrameArg {
     /// The world
     World,
-    /// The frame of the link, where the map has one with skin
+    /// The frame of the link with skin, where the map has one alone
     Link,
 }
 
@@ -65,6 +65,9 @@ const NORMAL: usize = 0;
 
 /// Where a row names its link, for errors.
 const LINK: &str = ", column `link`";
+
+/// Where a row names the only link that it can be on.
+const ONLY_LINK: &str = ", column `only_link`";
 
 /// Where an answer names its frame.
 const FRAME: &str = ", column `frame`";
@@ -98,7 +101,7 @@ pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)>
 }
 
 impl Contacts<'_> {
-    /// Opens a table of which the columns `used` change the answer besides `x,y,z` and `link`.
+    /// Opens a table of which the columns `used` change the answer besides `x,y,z`, `link` and `only_link`.
     pub(super) fn open(
         path: &Path,
         meaning: Meaning,
@@ -170,43 +173,46 @@ impl Contacts<'_> {
                 "the direction of the ray",
             ));
         }
-        Ok(Query { point, link })
+        let only_link = self.only_link(robot, row)?;
+        Ok(Query { point, link, only_link })
     }
 
     /// The link in whose frame a contact is; `None`: in the world.
     fn link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
         let (name, column, needed) = match &row.frame {
             Some(frame) if frame == WORLD => return self.world(robot, row.line),
-            Some(frame) => (Some(frame), FRAME, "`world`, or the name of a link with skin"),
-            None => (row.link.as_ref(), LINK, "the name of a link with skin, or nothing"),
+            Some(frame) => (Some(frame), FRAME, "`world`, or the name of a link"),
+            None => (row.link.as_ref(), LINK, "the name of a link, or nothing"),
         };
-        let link = match (name, self.meaning.frame) {
-            (Some(name), _) => self.link_named(robot, name, (row.line, column, needed))?,
-            (None, FrameArg::World) => return Ok(None),
+        match (name, self.meaning.frame) {
+            (Some(name), _) => self.link_named(robot, name, (row.line, column, needed)).map(Some),
+            (None, FrameArg::World) => Ok(None),
             (None, FrameArg::Link) => {
                 let needed = "a link, since several carry skin";
                 let refused = || self.refusals.invalid(row.line, LINK, "nothing".into(), needed);
-                robot.only_link().ok_or_else(refused)?
+                robot.only_link().ok_or_else(refused).map(Some)
             }
-        };
+        }
+    }
+
+    /// The link whose skin alone a contact can be on; `None`: that of all links.
+    fn only_link(&mut self, robot: &Robot, row: &ContactRow) -> Result<Option<LinkId>, IoError> {
+        let Some(name) = &row.only_link else { return Ok(None) };
+        let needed = "the name of a link with skin, or nothing";
+        let link = self.link_named(robot, name, (row.line, ONLY_LINK, needed))?;
         if !robot.carries[link] {
             let chosen = if robot.has_skin[link] { "none of the patches of --patch" } else { "no patch" };
             let found = format!("{:?}, which carries {chosen}", robot.links[link]);
-            return Err(self.refusals.invalid(row.line, column, found, needed));
+            return Err(self.refusals.invalid(row.line, ONLY_LINK, found, needed));
         }
         Ok(Some(link))
     }
 
-    /// The frame of the world, if no link with skin has its name.
+    /// The frame of the world, if no other frame has its name.
     fn world(&self, robot: &Robot, line: u64) -> Result<Option<LinkId>, IoError> {
-        if robot.links.enumerate().any(|(id, name)| name == WORLD && robot.has_skin[id]) {
-            let found = "`world`, also the name of a link with skin".into();
-            return Err(self.refusals.invalid(
-                line,
-                FRAME,
-                found,
-                "a map whose links with skin have other names",
-            ));
+        if robot.links.enumerate().any(|(id, name)| name == WORLD && robot.is_apart(id)) {
+            let found = "`world`, also the name of a link".into();
+            return Err(self.refusals.invalid(line, FRAME, found, "a map whose links have other names"));
         }
         Ok(None)
     }

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use dermatome::{
     Error,
-    id::{IdVec, VertexId},
+    contact::LiveTaxels,
+    id::IdVec,
     io::{MotionFile, read_map, read_motion},
-    map::{MapLevel, PatchMap, SkinMap},
+    map::SkinMap,
     pyramid::LevelId,
-    skin::{LinkId, Motion, PatchId, Presence, link_names},
+    skin::{LinkId, Motion, PatchId, link_names, world_pose},
 };
-
+use glam::DAffine3;
 use glob::Pattern;
 
 use crate::{
@@ -26,31 +27,15 @@ use crate::{
 pub(super) struct Robot {
     pub(super) map: SkinMap,
     pub(super) links: IdVec<LinkId, String>,
-    pub(super) patches: IdVec<PatchId, PatchFacts>,
+    /// Names of the patches.
+    pub(super) patches: IdVec<PatchId, String>,
+    pub(super) live: LiveTaxels,
     /// Whether each link carries a patch.
     pub(super) carries: IdVec<LinkId, bool>,
     /// Whether it carries one in the file, chosen or not.
     pub(super) has_skin: IdVec<LinkId, bool>,
     /// The levels that are asked for.
     pub(super) levels: Vec<LevelId>,
-}
-
-/// What answers need of a patch besides the index.
-pub(super) struct PatchFacts {
-    pub(super) name: String,
-    /// On each level, whether the centre of each field is an absent taxel or a thermal pad; empty if
-    /// none is.
-    pub(super) silent: IdVec<LevelId, IdVec<VertexId, bool>>,
-}
-
-impl PatchFacts {
-    fn of(patch: &PatchMap) -> Self {
-        let is_silent = |taxel: VertexId| patch.taxels.presence[taxel] != Presence::Present;
-        let of_level = |map: &MapLevel| map.level.origins.map(|&taxel| is_silent(taxel));
-        let has_silent = patch.taxels.presence.ids().any(is_silent);
-        let silent = patch.levels.iter().filter(|_| has_silent).map(of_level).collect();
-        Self { silent, name: patch.name.clone() }
-    }
 }
 
 fn carries(map: &SkinMap) -> IdVec<LinkId, bool> {
@@ -92,7 +77,8 @@ impl Robot {
             carries: carries(&map),
             has_skin,
             links: link_names(&map.links),
-            patches: map.patches.iter().map(PatchFacts::of).collect(),
+            patches: map.patches.map(|patch| patch.name.clone()),
+            live: LiveTaxels::new(&map),
             levels: levels.collect(),
             map,
         })
@@ -122,6 +108,11 @@ impl Robot {
         };
         note_unused(path, &read, common);
         Ok(Some(read.motion))
+    }
+
+    /// Whether a link is a frame of its own: it has skin, or another pose than the world.
+    pub(super) fn is_apart(&self, link: LinkId) -> bool {
+        self.has_skin[link] || world_pose(&self.map.links, link) != DAffine3::IDENTITY
     }
 
     /// The link that carries all patches, if one does.

@@ -30,7 +30,7 @@ pub struct Reactive {
     /// How far the contact's distance from the skin, without its sign, may be from that of
     /// `distance`, in m. The skin comes at least as near to `position`.
     pub error: f64,
-    /// Where the point lies, in m, in the frame the contact was given in.
+    /// Where the point lies, in m, in the frame that the query was given in.
     pub position: DVec3,
     /// The outward unit normal of the level there, in the same frame.
     pub normal: DVec3,
@@ -50,7 +50,7 @@ impl ContactIndex {
     /// As [`ContactIndex::locate`], and if the index has no levels above level 0.
     pub fn reactive(&self, query: impl Into<Query>, level: LevelId) -> Result<Reactive, ContactError> {
         let query = query.into();
-        self.check(0, &query)?;
+        self.links.check(0, &query)?;
         self.answer_reactive(&query, level)
     }
 

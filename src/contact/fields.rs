@@ -1,21 +1,13 @@
-//! More than the nearest point: the fields near a contact or in a sphere, and what a ray meets first.
+//! Taxels and receptive fields near a point or in a sphere.
 
 use glam::DVec3;
 
 use crate::{
-    bvh::Ray,
-    contact::{
-        ContactError, ContactIndex, Hit, Query,
-        search::{Best, PointTree},
-    },
+    contact::{ContactError, ContactIndex, Query, search::PointTree},
     id::VertexId,
-    mesh::Feature,
     pyramid::LevelId,
     skin::{LinkId, PatchId, TaxelId},
 };
-
-/// Rounding parts the distances of equally far hits by a smaller part of them.
-const SAME_DISTANCE: f64 = 1.0 + 1e-12;
 
 /// A receptive field near a contact; on level 0 a taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +45,7 @@ impl ContactIndex {
         level: LevelId,
     ) -> Result<Vec<FieldHit>, ContactError> {
         let query = query.into();
-        self.check(0, &query)?;
+        self.links.check(0, &query)?;
         if radius < 0.0 || radius.is_nan() {
             return Err(ContactError::NoDistance { distance: radius });
         }
@@ -81,7 +73,7 @@ impl ContactIndex {
         level: LevelId,
     ) -> Result<Vec<FieldHit>, ContactError> {
         let query = query.into();
-        self.check(0, &query)?;
+        self.links.check(0, &query)?;
         let mut hits: Vec<FieldHit> = Vec::new();
         // Room for what is left of a walk as a rule: growing step by step takes longer than the rest of it.
         let mut found = Vec::with_capacity(64);
@@ -132,62 +124,8 @@ impl ContactIndex {
     ) -> FieldHit {
         let patch = &self.patches[id];
         let (here, normal) = (points.point(field), patch.normals[patch.origins[level.index()][field]]);
-        let pose = &self.links[patch.link].pose;
-        let (position, normal) = match query.link {
-            Some(_) => (here, normal),
-            None => (pose.to_world(here), pose.turned(normal)),
-        };
+        let (position, normal) = self.links.answered(patch.link, query, here, normal);
         let taxel = patch.cells.taxel(level, field);
         FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position, normal }
-    }
-
-    /// The first point of the skin that a ray meets, from either side, no farther than `longest` (m)
-    /// from its origin; its `distance` is that from the origin. The direction is in the frame of the
-    /// origin and need not be of unit length.
-    ///
-    /// # Errors
-    /// As [`ContactIndex::locate`], and if the direction has no length or a number is not finite.
-    pub fn first_hit(
-        &self,
-        origin: impl Into<Query>,
-        direction: DVec3,
-        longest: f64,
-    ) -> Result<Option<Hit>, ContactError> {
-        let query = origin.into();
-        self.check(0, &query)?;
-        let ray = Ray::new(query.point, direction, longest).ok_or(ContactError::NoRay)?;
-        let mut first: Option<(f64, Best)> = None;
-        let mut visit = |id: PatchId| {
-            let patch = &self.patches[id];
-            let pose = &self.links[patch.link].pose;
-            let local = match query.link {
-                Some(_) => ray,
-                None => ray.moved(|p| pose.to_local(p), |v| pose.turned_back(v)),
-            };
-            // Equally far hits count, though rounding may part them.
-            let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));
-            if let Some(found) = patch.tree.first_hit(&Ray { longest: known, ..local }) {
-                let feature = Feature::at(found.barycentric);
-                let closest = crate::mesh::Closest {
-                    squared: 0.0,
-                    barycentric: found.barycentric,
-                    feature,
-                    is_flat: false,
-                };
-                let best = Best { patch: id, face: found.face, closest };
-                if first
-                    .as_ref()
-                    .is_none_or(|(distance, best)| (found.distance, id) < (*distance, best.patch))
-                {
-                    first = Some((found.distance, best));
-                }
-            }
-            first.as_ref().map_or(longest, |(distance, _)| *distance)
-        };
-        match query.link {
-            Some(link) => self.links[link].patches.iter().for_each(|&id| _ = visit(id)),
-            None => self.boxes.each_along(&ray, |id| visit(PatchId::new(id))),
-        }
-        Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
     }
 }

@@ -1,0 +1,197 @@
+//! [`Links`]: where the links are, and points and directions from the frame of one to that of another.
+
+use glam::{DAffine3, DQuat, DVec3};
+
+use crate::{
+    contact::{ContactError, Query, search::LARGEST},
+    id::IdVec,
+    map::SkinMap,
+    mesh::is_rigid,
+    skin::{LinkId, Motion, MotionFrame, PatchId},
+};
+
+/// A rigid pose and its inverse.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RigidPose {
+    to_world: DAffine3,
+    from_world: DAffine3,
+}
+
+impl RigidPose {
+    /// A pose that rotates and translates by at most 1e12 m; its axes are made exactly orthonormal, so
+    /// distances in the frame are those of the world.
+    ///
+    /// # Errors
+    /// If the pose of the link does anything else.
+    fn new(name: &str, pose: &DAffine3) -> Result<Self, ContactError> {
+        if !is_rigid(pose) || pose.translation.abs().max_element() > LARGEST {
+            return Err(ContactError::NotRigid { name: name.to_owned() });
+        }
+        let rotation = DQuat::from_mat3(&pose.matrix3).normalize();
+        let to_world = DAffine3::from_rotation_translation(rotation, pose.translation);
+        Ok(Self { to_world, from_world: to_world.inverse() })
+    }
+
+    #[inline]
+    pub(super) fn to_world(self, point: DVec3) -> DVec3 {
+        self.to_world.transform_point3(point)
+    }
+
+    #[inline]
+    pub(super) fn to_local(self, point: DVec3) -> DVec3 {
+        self.from_world.transform_point3(point)
+    }
+
+    /// A direction of the frame, in the world.
+    #[inline]
+    pub(super) fn turned(self, direction: DVec3) -> DVec3 {
+        self.to_world.transform_vector3(direction)
+    }
+
+    /// A direction of the world, in the frame.
+    #[inline]
+    pub(super) fn turned_back(self, direction: DVec3) -> DVec3 {
+        self.from_world.transform_vector3(direction)
+    }
+}
+
+/// The links of a map as the robot is posed.
+#[derive(Debug, Clone)]
+pub(super) struct Links(IdVec<LinkId, Posed>);
+
+#[derive(Debug, Clone)]
+struct Posed {
+    name: String,
+    parent: Option<LinkId>,
+    /// Its pose in the map, relative to its parent.
+    rest: DAffine3,
+    pose: RigidPose,
+    /// Where it moves next.
+    next: RigidPose,
+    patches: Vec<PatchId>,
+}
+
+impl Links {
+    /// The links as they are in a valid map.
+    ///
+    /// # Errors
+    /// If a pose is not rigid or too far.
+    pub(super) fn new(map: &SkinMap) -> Result<Self, ContactError> {
+        let mut links = IdVec::<LinkId, Posed>::default();
+        let mut world = IdVec::<LinkId, DAffine3>::default();
+        for link in &map.links {
+            let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
+            world.push(pose);
+            let (name, parent, pose) = (link.name.clone(), link.parent, RigidPose::new(&link.name, &pose)?);
+            links.push(Posed { name, parent, rest: link.pose, pose, next: pose, patches: Vec::new() });
+        }
+        for (id, patch) in map.patches.enumerate() {
+            links[patch.link].patches.push(id);
+        }
+        Ok(Self(links))
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Finds where a motion has the links at a time (s); those without poses keep the one that they have in
+    /// the map relative to their parent.
+    ///
+    /// # Errors
+    /// If a pose is too far.
+    pub(super) fn aim(&mut self, motion: &Motion, time: f64) -> Result<(), ContactError> {
+        for id in self.0.ids() {
+            let Posed { name, parent, rest, .. } = &self.0[id];
+            let parent = parent.map_or(DAffine3::IDENTITY, |parent| self.next(parent));
+            let pose = match motion.pose(id, time) {
+                None => parent * *rest,
+                Some((MotionFrame::Parent, pose)) => parent * pose,
+                Some((MotionFrame::World, pose)) => pose,
+            };
+            self.0[id].next = RigidPose::new(name, &pose)?;
+        }
+        Ok(())
+    }
+
+    /// Moves the links to where [`Self::aim`] found them.
+    pub(super) fn commit(&mut self) {
+        self.0.iter_mut().for_each(|link| link.pose = link.next);
+    }
+
+    /// The pose that a link has next.
+    pub(super) fn next(&self, link: LinkId) -> DAffine3 {
+        self.0[link].next.to_world
+    }
+
+    /// The pose of a link in the world.
+    #[inline]
+    pub(super) fn pose(&self, link: LinkId) -> RigidPose {
+        self.0[link].pose
+    }
+
+    pub(super) fn poses(&self) -> IdVec<LinkId, DAffine3> {
+        self.0.map(|link| link.pose.to_world)
+    }
+
+    /// The patches of a link.
+    #[inline]
+    pub(super) fn patches(&self, link: LinkId) -> &[PatchId] {
+        &self.0[link].patches
+    }
+
+    /// Refuses a query that cannot be answered; errors call it `number`, its place in its batch.
+    ///
+    /// # Errors
+    /// If the point is not finite or farther than 1e12 m, or a link does not exist, or the only link that is
+    /// searched carries no patch.
+    pub(super) fn check(&self, number: usize, query: &Query) -> Result<(), ContactError> {
+        let Query { point, link, only_link } = *query;
+        // Also false for NaN.
+        if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
+            return Err(ContactError::NotFinite { contact: number, point: point.to_array() });
+        }
+        let count = self.len();
+        let known =
+            |link: LinkId| self.0.get(link).ok_or(ContactError::UnknownLink { contact: number, link, count });
+        link.map(known).transpose()?;
+        match only_link.map(known).transpose()? {
+            Some(only) if only.patches.is_empty() => {
+                Err(ContactError::BareLink { contact: number, name: only.name.clone() })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Where a query lies in the world, in m.
+    #[inline]
+    pub(super) fn in_world(&self, query: &Query) -> DVec3 {
+        query.link.map_or(query.point, |link| self.pose(link).to_world(query.point))
+    }
+
+    /// Where a query that is at `world` lies in the frame of a link, in m.
+    #[inline]
+    pub(super) fn in_link(&self, link: LinkId, query: &Query, world: DVec3) -> DVec3 {
+        if query.link == Some(link) { query.point } else { self.pose(link).to_local(world) }
+    }
+
+    /// A point (m) and a direction in the frame of a link, in the frame of a query.
+    #[inline]
+    pub(super) fn answered(
+        &self,
+        link: LinkId,
+        query: &Query,
+        point: DVec3,
+        normal: DVec3,
+    ) -> (DVec3, DVec3) {
+        if query.link == Some(link) {
+            return (point, normal);
+        }
+        let pose = self.pose(link);
+        let (point, normal) = (pose.to_world(point), pose.turned(normal));
+        match query.link.map(|frame| self.pose(frame)) {
+            Some(frame) => (frame.to_local(point), frame.turned_back(normal)),
+            None => (point, normal),
+        }
+    }
+}
