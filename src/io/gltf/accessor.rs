@@ -11,16 +11,15 @@ use gltf::{
         sparse::{IndexType, Sparse},
     },
     buffer::View,
-    json::buffer::{MAX_BYTE_STRIDE, MIN_BYTE_STRIDE, Target},
 };
 
 use crate::io::{
     IoError,
     error::Result,
-    gltf::document::{Document, QUANTIZATION, Role},
+    gltf::{document::Document, json::check},
 };
 
-/// An accessor that keeps every rule of glTF 2.0 about types, counts, offsets, strides and lengths.
+/// An accessor whose rows lie within the bytes that are there.
 pub(super) struct Accessor<'a> {
     document: &'a Document,
     pub(super) gltf: gltf::Accessor<'a>,
@@ -50,14 +49,21 @@ impl Bytes<'_> {
 
 impl Document {
     /// Accessor `index`, wanted by `asked_by`, checked against the bytes that are really there.
-    pub(super) fn accessor(&self, index: usize, role: Role, asked_by: &str) -> Result<Accessor<'_>> {
+    pub(super) fn accessor(&self, index: usize, asked_by: &str) -> Result<Accessor<'_>> {
         let gltf = self.gltf.accessors().nth(index).ok_or_else(|| {
             let needed = format!("one of the file's {}", self.gltf.accessors().len());
             self.invalid(asked_by, format!("accessor {index}"), needed)
         })?;
-        self.notes.check(self, "accessors", index)?;
+        // The crate's accessors look views and buffers up and panic where there are none.
+        let root = self.root();
+        let json = &root.accessors[index];
+        check(self, root, ("accessors", index), json)?;
+        let sparse = json.sparse.iter().flat_map(|s| [s.indices.buffer_view, s.values.buffer_view]);
+        for view in json.buffer_view.into_iter().chain(sparse) {
+            check(self, root, ("bufferViews", view.value()), &root.buffer_views[view.value()])?;
+        }
         let mut accessor = Accessor { document: self, gltf, base: None, replaced: None };
-        accessor.load(role)?;
+        accessor.load()?;
         Ok(accessor)
     }
 }
@@ -67,7 +73,6 @@ struct Rows<'a> {
     element: String,
     view: View<'a>,
     offset: usize,
-    component: usize,
     /// Bytes of a row.
     size: usize,
     count: usize,
@@ -82,44 +87,29 @@ impl<'a> Accessor<'a> {
         self.document.invalid(self.name(), found, needed)
     }
 
-    /// Whether it stands for zeros alone, which the validator does not look at either.
+    /// Whether it stands for zeros alone.
     pub(super) fn is_blank(&self) -> bool {
         self.base.is_none() && self.replaced.is_none()
     }
 
-    fn load(&mut self, role: Role) -> Result<()> {
+    fn load(&mut self) -> Result<()> {
         let gltf = &self.gltf;
-        let component = gltf.data_type();
-        if gltf.normalized() && matches!(component, DataType::F32 | DataType::U32) {
-            let fault = self.invalid("normalized floats or 32-bit integers", "8 or 16 bits");
-            if component == DataType::U32 {
-                return Err(fault);
-            }
-            self.document.notes.pass(fault)?;
-        }
         if gltf.count() == 0 {
             return Err(self.invalid("count 0", "at least 1"));
         }
-        if gltf.extension_value(QUANTIZATION).is_some() {
-            let found = "a KHR_mesh_quantization object";
-            self.document.notes.pass(self.invalid(found, "none: it is declared at the top only"))?;
-        }
-        let (component, size) = (component.size(), row_size(gltf));
+        let size = row_size(gltf);
         if let Some(view) = gltf.view() {
             let (element, offset, count) = (self.name(), gltf.offset(), gltf.count());
-            let rows = Rows { element, view, offset, component, size, count };
-            self.base = Some(self.load_rows(role, &rows)?);
+            self.base = Some(self.load_rows(&Rows { element, view, offset, size, count })?);
         }
-        let replaced = gltf.sparse().map(|sparse| self.load_sparse(&sparse, component, size));
-        self.replaced = replaced.transpose()?;
+        self.replaced = gltf.sparse().map(|sparse| self.load_sparse(&sparse, size)).transpose()?;
         Ok(())
     }
 
-    /// Checks that rows are aligned and lie within the bytes that are there. Returns their bytes.
-    fn load_rows(&self, role: Role, rows: &Rows<'a>) -> Result<Bytes<'a>> {
-        let Rows { element, view, offset, component, size, count } = rows;
+    /// Checks that rows lie within the bytes that are there. Returns their bytes.
+    fn load_rows(&self, rows: &Rows<'a>) -> Result<Bytes<'a>> {
+        let Rows { element, view, offset, size, count } = rows;
         let (document, offset) = (self.document, *offset);
-        document.notes.check(document, "bufferViews", view.index())?;
         let buffer = document.buffer(view.buffer().index())?;
         let (start, length) = (view.offset(), view.length());
         let end = start.checked_add(length).filter(|&end| end <= buffer.len());
@@ -128,15 +118,11 @@ impl<'a> Accessor<'a> {
             let found = format!("{length} bytes from byte {start} on");
             document.invalid(format!("bufferView {}", view.index()), found, needed)
         })?;
-        let stride = self.check_view_use(role, rows)?;
-        let align = if role == Role::Vertex { 4 } else { *component };
-        if !offset.is_multiple_of(align) || !stride.is_multiple_of(align) {
-            let found = format!("byteOffset {offset} and rows {stride} bytes apart");
-            document.notes.pass(document.invalid(element, found, format!("multiples of {align}")))?;
-        }
-        if !(start % 4 + offset % 4).is_multiple_of(*component) {
-            let found = format!("offset {start} of its view plus its own {offset}");
-            document.notes.pass(document.invalid(element, found, format!("a multiple of {component}")))?;
+        let stride = view.stride().unwrap_or(*size);
+        if stride < *size {
+            let found = format!("byteStride {stride}, used by {element}");
+            let needed = format!("at least the {size} bytes of a row");
+            return Err(document.invalid(format!("bufferView {}", view.index()), found, needed));
         }
         let last = (count - 1).checked_mul(stride).and_then(|last| last.checked_add(*size));
         let end = last.and_then(|last| last.checked_add(offset)).filter(|&end| end <= bytes.len());
@@ -147,57 +133,8 @@ impl<'a> Accessor<'a> {
         })
     }
 
-    /// The distance of the rows of a view, whose stride and target fit its role, its only one.
-    fn check_view_use(&self, role: Role, Rows { element, view, size, .. }: &Rows<'_>) -> Result<usize> {
-        let fault = |found: String, needed: &str| {
-            self.document.invalid(format!("bufferView {}", view.index()), found, needed)
-        };
-        let pass = |found, needed: &str| self.document.notes.pass(fault(found, needed));
-        let wanted = match role {
-            Role::Vertex => Some(Target::ArrayBuffer),
-            Role::Index => Some(Target::ElementArrayBuffer),
-            Role::Plain => None,
-        };
-        if let Some(target) = view.target().filter(|target| wanted.is_some_and(|wanted| wanted != *target)) {
-            let code = if target == Target::ArrayBuffer { 34962 } else { 34963 };
-            let found = format!("target {code}, used by {element}");
-            pass(found, "34962 for attributes, 34963 for indices")?;
-        }
-        // The crate takes a stride of 0 for none.
-        let stride = self.document.root().buffer_views[view.index()].byte_stride.map(|stride| stride.0);
-        if let Some(stride) = stride {
-            if role != Role::Vertex {
-                return Err(fault("byteStride".into(), "no byteStride but for vertex attributes"));
-            }
-            if !(MIN_BYTE_STRIDE..=MAX_BYTE_STRIDE).contains(&stride) || stride % 4 != 0 || stride < *size {
-                let row = format!("a multiple of 4, at most 252 and at least the {size} bytes of a row");
-                let found = format!("byteStride {stride}, used by {element}");
-                if stride < *size {
-                    return Err(fault(found, &row));
-                }
-                pass(found, &row)?;
-            }
-        }
-        let used = (role, self.gltf.index());
-        let first = *self.document.views.borrow_mut().entry(view.index()).or_insert(used);
-        if first.0 != role {
-            let found = format!("used by accessor {} and {element} for different purposes", first.1);
-            pass(found, "either vertex attributes or indices or other data")?;
-        }
-        if role == Role::Vertex && first != used && stride.is_none() {
-            let found = format!("no byteStride, used by accessor {} and {element}", first.1);
-            pass(found, "a byteStride where several attributes share a view")?;
-        }
-        Ok(stride.unwrap_or(*size))
-    }
-
     /// The numbers of the rows that are replaced, and their values.
-    fn load_sparse(
-        &self,
-        sparse: &Sparse<'a>,
-        component: usize,
-        size: usize,
-    ) -> Result<(Vec<usize>, Bytes<'a>)> {
+    fn load_sparse(&self, sparse: &Sparse<'a>, size: usize) -> Result<(Vec<usize>, Bytes<'a>)> {
         let (count, total) = (sparse.count(), self.gltf.count());
         let element = format!("{} sparse", self.name());
         if count == 0 || count > total {
@@ -205,12 +142,12 @@ impl<'a> Accessor<'a> {
         }
         let (indices, values) = (sparse.indices(), sparse.values());
         let (view, offset) = (values.view(), values.offset());
-        let values = Rows { element: element.clone(), view, offset, component, size, count };
-        let values = self.load_rows(Role::Plain, &values)?;
+        let values = Rows { element: element.clone(), view, offset, size, count };
+        let values = self.load_rows(&values)?;
         let kind = indices.index_type();
         let (view, offset, size) = (indices.view(), indices.offset(), kind.size());
-        let rows = Rows { element: element.clone(), view, offset, component: size, size, count };
-        let numbers = self.load_rows(Role::Plain, &rows)?;
+        let rows = Rows { element: element.clone(), view, offset, size, count };
+        let numbers = self.load_rows(&rows)?;
         self.document.reserve(&element, count, size_of::<usize>())?;
         let mut rows = vec![0; count];
         for (i, row) in rows.chunks_exact_mut(1).enumerate() {
@@ -303,7 +240,7 @@ impl<'a> Accessor<'a> {
 }
 
 /// The name of a type in a file.
-pub(super) fn kind_name(kind: Dimensions) -> String {
+fn kind_name(kind: Dimensions) -> String {
     format!("{kind:?}").to_uppercase()
 }
 

@@ -8,10 +8,10 @@ use serde::Deserialize;
 use crate::{
     id::IdVec,
     io::{
-        IoError,
+        Feature, IoError,
         file::source::Source,
         gltf::{
-            document::{Document, Role},
+            document::Document,
             nodes::{RIGID, Tree, read_node_tree},
             notes::Notes,
         },
@@ -78,11 +78,8 @@ pub(in crate::io) fn read_animation(
         None => (all.len() == 1).then_some(0),
     };
     let Some(at) = at else {
-        let names: Vec<_> = all.iter().map(|(name, _)| name).collect();
-        let found = if names.is_empty() { "none".into() } else { format!("those called {names:?}") };
-        let needed = name
-            .map_or("exactly one, or the name of one of them".into(), |name| format!("one called {name:?}"));
-        return Err(document.invalid("animations", found, needed));
+        let known = all.iter().map(|(name, _)| name.clone()).collect();
+        return Err(IoError::Animation { path: path.into(), wanted: name.map(str::to_owned), known });
     };
     let (moved, others) = motion(&document, &tree, at, all[at].1)?;
     let nodes = &document.root().nodes;
@@ -207,12 +204,11 @@ fn motion(
             }
             "rotation" if moving[link].rotation.is_some() => return Err(twice(node)),
             "rotation" if stretch.is_some_and(|stretch| !is_uniform(stretch)) => {
-                return Err(document.unsupported(&element, "animated rotation below an uneven scale"));
+                return Err(document.unsupported(&element, Feature::RotationBelowUnevenScale));
             }
             "rotation" => moving[link].rotation = Some(rotations(document, &element, sampler)?),
-            other => {
-                return Err(document.unsupported(&element, format!("animated {other}")));
-            }
+            "scale" => return Err(document.unsupported(&element, Feature::AnimatedScale)),
+            other => return Err(document.unsupported(&element, format!("animated {other}").as_str())),
         }
     }
     let mut motion = Motion::default();
@@ -249,8 +245,8 @@ fn curve<const N: usize, T: Copy>(
     value: impl Fn([f64; N]) -> T,
 ) -> Result<Curve<T>, IoError> {
     let is_spline = sampler.interpolation == Interpolation::CubicSpline;
-    let times = document.accessor(sampler.input, Role::Plain, element)?.reals(|[t]: [f64; 1]| t)?;
-    let values = document.accessor(sampler.output, Role::Plain, element)?.reals(value)?;
+    let times = document.accessor(sampler.input, element)?.reals(|[t]: [f64; 1]| t)?;
+    let values = document.accessor(sampler.output, element)?.reals(value)?;
     let (each, least) = if is_spline { (3, 2) } else { (1, 1) };
     if values.len() != each * times.len() || times.len() < least || !times.is_sorted_by(|a, b| a < b) {
         let found = format!("{} values at {} times", values.len(), times.len());

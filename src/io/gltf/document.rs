@@ -7,7 +7,7 @@
 
 use std::{
     cell::{Cell, OnceCell, RefCell},
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     ops::{Deref, Range},
     path::{Component, Path, PathBuf},
     rc::Rc,
@@ -17,12 +17,12 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use gltf::json::Root;
 
 use crate::io::{
-    IoError,
+    Feature, IoError,
     error::Result,
     file::Source,
     gltf::{
         chunks::{MAGIC, split_chunks},
-        guard::{self, Parsed, Transform},
+        json::{self, Parsed, Transform},
         notes::Notes,
     },
 };
@@ -38,17 +38,6 @@ const GROWTH: u64 = 8;
 /// robot has some hundred nodes.
 const MAX_JSON_MARKS: usize = 1 << 21;
 
-/// What an accessor is read for; a view may serve one role only.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
-    /// One row per vertex.
-    Vertex,
-    /// Corners of triangles.
-    Index,
-    /// Anything else.
-    Plain,
-}
-
 /// An opened file: its JSON, its bytes, and what has been loaded and decoded so far.
 ///
 /// Nothing in it is trusted: the functions that hand out objects check what they hand out.
@@ -58,8 +47,6 @@ pub(super) struct Document {
     pub(super) transforms: Vec<Transform>,
     /// The animations as the file states them, unchecked.
     pub(super) animations: serde_json::Value,
-    /// The skins, unchecked too.
-    pub(super) skins: serde_json::Value,
     chunk: Option<Range<usize>>,
     /// The names of the materials.
     pub(super) materials: Vec<String>,
@@ -68,10 +55,6 @@ pub(super) struct Document {
     /// Buffers from elsewhere, by number, and the files they come from.
     loaded: Vec<OnceCell<Rc<Vec<u8>>>>,
     files: RefCell<BTreeMap<PathBuf, Rc<Vec<u8>>>>,
-    /// What each view has been used for first, and by which accessor.
-    pub(super) views: RefCell<BTreeMap<usize, (Role, usize)>>,
-    /// Whether positions and normals may be integers.
-    pub(super) is_quantized: bool,
     /// Bytes that may still be decoded.
     budget: Cell<u64>,
 }
@@ -91,20 +74,17 @@ impl Document {
         let (text, chunk) = split_chunks(&source, &notes)?;
         let text = &source.bytes()[text];
         check_marks(&source, text)?;
-        let Parsed { root, transforms, animations, skins, materials } = guard::parse(&source, text, &notes)?;
-        check_version(&source, &root)?;
+        let Parsed { root, transforms, animations, materials } = json::parse(&source, text)?;
+        check_extensions(&source, &root)?;
         Ok(Self {
-            is_quantized: check_extensions(&source, &root, &notes)?,
             notes,
             materials,
             loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
             gltf: gltf::Document::from_json_without_validation(root),
             transforms,
             animations,
-            skins,
             chunk,
             files: RefCell::default(),
-            views: RefCell::default(),
             budget: Cell::new(FREE_BYTES + GROWTH * source.bytes().len() as u64),
             source,
         })
@@ -138,7 +118,6 @@ impl Document {
 impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
     pub(super) fn buffer(&self, index: usize) -> Result<&[u8]> {
-        self.notes.check(self, "buffers", index)?;
         let buffer = &self.root().buffers[index];
         let element = format!("buffer {index}");
         let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
@@ -216,6 +195,9 @@ impl Document {
         }
         let relative = Path::new(&name);
         let stays = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
+        if !self.is_file() {
+            return refuse("a file beside bytes of memory");
+        }
         if name.is_empty() || !relative.components().all(stays) {
             return refuse("a uri that leaves the folder");
         }
@@ -268,78 +250,31 @@ fn check_marks(source: &Source, text: &[u8]) -> Result<()> {
     Ok(())
 }
 
-fn check_version(source: &Source, root: &Root) -> Result<()> {
-    let parse = |text: &String| {
-        let (major, minor) = text.split_once('.')?;
-        let digits = |s: &str| if s.starts_with('+') { None } else { s.parse::<u32>().ok() };
-        Some((digits(major)?, digits(minor)?))
-    };
-    let bad = |what: &str, text: &str, needed: &str| Err(source.invalid(what, format!("{text:?}"), needed));
-    let version = match parse(&root.asset.version) {
-        Some(version) if version.0 == 2 => version,
-        _ => return bad("asset.version", &root.asset.version, "2.0"),
-    };
-    let Some(text) = &root.asset.min_version else { return Ok(()) };
-    match parse(text) {
-        Some((2, 0)) => Ok(()),
-        Some(least) if least <= version => {
-            Err(source.unsupported("asset.minVersion", format!("glTF {text}")))
-        }
-        _ => bad("asset.minVersion", text, "no more than asset.version"),
+/// Refuses a document that requires an extension which may say where its triangles are.
+fn check_extensions(source: &Source, root: &Root) -> Result<()> {
+    match root.extensions_required.iter().find(|name| !is_harmless(name)) {
+        Some(name) => Err(source.unsupported("extensionsRequired", Feature::Extension(name.clone()))),
+        None => Ok(()),
     }
 }
 
-/// Whether the document is quantized.
-fn check_extensions(source: &Source, root: &Root, notes: &Notes) -> Result<bool> {
-    let used = names(source, "extensionsUsed", &root.extensions_used, notes)?;
-    let required = names(source, "extensionsRequired", &root.extensions_required, notes)?;
-    for name in &required {
-        let element = "extensionsRequired";
-        if !used.contains(name) {
-            notes.pass(source.invalid(element, format!("{name:?}"), "the same name in extensionsUsed"))?;
-        }
-        if !is_harmless(name) {
-            return Err(source.unsupported(element, *name));
-        }
-    }
-    if used.contains(QUANTIZATION) && !required.contains(QUANTIZATION) {
-        let needed = "the same name in extensionsRequired";
-        notes.pass(source.invalid("extensionsUsed", format!("{QUANTIZATION:?}"), needed))?;
-    }
-    Ok(used.contains(QUANTIZATION) || required.contains(QUANTIZATION))
-}
-
-/// The names of a list, each once.
-fn names<'a>(source: &Source, element: &str, list: &'a [String], notes: &Notes) -> Result<BTreeSet<&'a str>> {
-    let mut names = BTreeSet::new();
-    for name in list {
-        if !names.insert(name.as_str()) {
-            notes.pass(source.invalid(element, format!("{name:?} twice"), "each name once"))?;
-        }
-    }
-    Ok(names)
-}
-
-/// Integer positions and normals.
-pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
 /// Compressed primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Extensions that change how a surface looks, but not where it is.
+/// Extensions that change how a surface looks, but not where it is; integer positions and normals are
+/// read as any numbers.
 fn is_harmless(extension: &str) -> bool {
     const LOOKS: &[&str] = &[
-        "KHR_materials_",
-        "KHR_texture_",
-        "EXT_texture_",
-        "MSFT_texture_",
-        "EXT_materials_",
-        "ADOBE_materials_",
-        "KHR_lights_",
-        "EXT_lights_",
-        "KHR_xmp",
-        "KHR_animation_pointer",
-        "KHR_audio",
-        "KHR_interactivity",
+        "_materials_",
+        "_texture_",
+        "_lights_",
+        "_image_",
+        "_techniques_",
+        "_xmp",
+        "_animation_pointer",
+        "_audio",
+        "_interactivity",
+        "KHR_mesh_quantization",
     ];
-    extension == QUANTIZATION || LOOKS.iter().any(|prefix| extension.starts_with(prefix))
+    LOOKS.iter().any(|part| extension.contains(part))
 }

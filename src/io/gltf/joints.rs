@@ -2,19 +2,19 @@
 //!
 //! A skin of glTF lists its joints, which are nodes, and for each a matrix from the mesh as it was
 //! bound to the frame of the joint. Where the nodes stand as they did then, all joints agree where the
-//! mesh is, and it moves with its links from there; files that show another pose are read without
-//! joints, with a note.
+//! mesh is, and it moves with its links from there. In a file that shows another pose, each vertex is
+//! moved to where the file shows it, and follows its links from there.
 //!
 //! Our own files name the link in whose frame the mesh is given; others put it on a link of its own.
 
-use glam::{DAffine3, DMat4, DVec4};
-use serde::Deserialize;
+use glam::{DAffine3, DMat3, DMat4, DVec4};
 
 use crate::{
+    id::IdVec,
     io::{
         error::Result,
         gltf::{
-            document::{Document, Role},
+            document::Document,
             nodes::{Placement, Tree},
             primitive::Attributes,
         },
@@ -30,95 +30,112 @@ const APART: f64 = 1e-4;
 /// The same as a part of the distance of the joints from the origin, which `f32` rounds too.
 const APART_FROM_AFAR: f64 = 1e-6;
 
-/// What is read of a skin.
-#[derive(Deserialize)]
-struct SkinJson {
-    joints: Vec<usize>,
-    #[serde(rename = "inverseBindMatrices")]
-    inverse: Option<usize>,
-}
+/// How far the sum of a vertex's weights may be from 1 without a note: files hold them in 8 bits.
+const SUM_TOLERANCE: f64 = 0.02;
 
 /// A mesh that is bound to joints.
 pub(super) struct Binding {
     joints: Vec<LinkId>,
     /// Where all joints see the frame of the mesh, in the world; `None` if the file says which link it is.
     pub(super) pose: Option<DAffine3>,
+    /// Where each link takes the mesh as it was bound, in the frame of the mesh's link; `None` if all
+    /// leave it where it is.
+    moves: Option<IdVec<LinkId, DAffine3>>,
 }
 
 impl Binding {
-    /// The binding of a mesh with a skin, if its joints agree where it is; a note says if they do not.
+    /// The binding of a mesh with a skin; a note says if its joints stand elsewhere than when it was
+    /// bound.
     pub(super) fn of(document: &Document, tree: &Tree, placement: &Placement) -> Result<Option<Self>> {
         let Some(number) = placement.skin else { return Ok(None) };
         let element = format!("skin {number}");
-        let json = document.skins.get(number).cloned().unwrap_or_default();
-        let skin = match SkinJson::deserialize(json) {
-            Ok(skin) => skin,
-            Err(fault) => {
-                let fault = document.invalid(element, fault.to_string(), "joints: a list of nodes");
-                return document.notes.pass(fault).map(|()| None);
-            }
+        let Some(skin) = document.root().skins.get(number) else {
+            let needed = format!("one of the file's {}", document.root().skins.len());
+            return document.notes.pass(document.invalid(element, "no such skin", needed)).map(|()| None);
         };
-        let mut joints = Vec::new();
-        for &node in &skin.joints {
-            let Some(link) = tree.nodes.get(node).copied().flatten() else {
-                let fault = document.invalid(element, format!("joint {node}"), "a node of the scene");
-                return document.notes.pass(fault).map(|()| None);
-            };
-            joints.push(link);
-        }
-        let inverse: Vec<DMat4> = match skin.inverse {
-            None => vec![DMat4::IDENTITY; joints.len()],
+        let inverse: Vec<DMat4> = match skin.inverse_bind_matrices {
+            None => vec![DMat4::IDENTITY; skin.joints.len()],
             Some(accessor) => {
-                let accessor = document.accessor(accessor, Role::Plain, &element)?;
+                let accessor = document.accessor(accessor.value(), &element)?;
                 accessor.reals(|m: [f64; 16]| DMat4::from_cols_array(&m))?
             }
         };
-        if inverse.len() < joints.len() {
-            let found = format!("{} matrices for {} joints", inverse.len(), joints.len());
+        if inverse.len() < skin.joints.len() {
+            let found = format!("{} matrices for {} joints", inverse.len(), skin.joints.len());
             return Err(document.invalid(element, found, "one for each joint"));
         }
-        let seen = joints.iter().zip(&inverse).map(|(&link, inverse)| {
-            let is_affine = inverse.row(3).abs_diff_eq(DVec4::W, APART);
-            is_affine.then(|| world_pose(&tree.links, link) * DAffine3::from_mat4(*inverse))
-        });
-        let mut seen = seen.collect::<Option<Vec<_>>>().unwrap_or_default();
-        if !placement.is_free && !seen.is_empty() {
-            seen.push(world_pose(&tree.links, placement.link));
+        let (mut joints, mut seen) = (Vec::new(), Vec::new());
+        for (joint, inverse) in skin.joints.iter().zip(inverse) {
+            let Some(link) = tree.nodes.get(joint.value()).copied().flatten() else {
+                let fault = document.invalid(element, format!("joint {joint}"), "a node of the scene");
+                return document.notes.pass(fault).map(|()| None);
+            };
+            if !inverse.row(3).abs_diff_eq(DVec4::W, APART) {
+                let fault = document.invalid(element, format!("the matrix {inverse}"), "an affine matrix");
+                return document.notes.pass(fault).map(|()| None);
+            }
+            let stretch = DAffine3::from_mat3(tree.stretches[joint.value()].unwrap_or(DMat3::IDENTITY));
+            joints.push(link);
+            seen.push(world_pose(&tree.links, link) * stretch * DAffine3::from_mat4(inverse));
         }
+        let own = world_pose(&tree.links, placement.link);
+        let known = (!placement.is_free).then_some(own);
         let far = joints.iter().map(|&link| world_pose(&tree.links, link).translation.abs().max_element());
         let apart = far.map(|far| far * APART_FROM_AFAR).fold(APART, f64::max);
         let is_rigid =
             |pose: &DAffine3| rotation_defect(&pose.matrix3) < APART && pose.matrix3.determinant() > 0.0;
-        let agreed = seen.first().filter(|first| seen.iter().all(|other| other.abs_diff_eq(**first, apart)));
-        let Some(pose) = agreed.filter(|pose| is_rigid(pose)) else {
-            let found = "joints that stand elsewhere than when the mesh was bound to them, or are scaled";
-            let needed = "the nodes in the pose of the inverse bind matrices; joints are not read";
-            return document.notes.pass(document.invalid(element, found, needed)).map(|()| None);
-        };
-        // Rounding in the file must not make a rotation of what is none.
-        let is_origin = pose.abs_diff_eq(DAffine3::IDENTITY, APART);
-        let (_, turn, place) = pose.to_scale_rotation_translation();
-        let rigid = DAffine3::from_rotation_translation(turn.normalize(), place);
-        let pose = if is_origin { DAffine3::IDENTITY } else { rigid };
-        Ok(Some(Self { joints, pose: placement.is_free.then_some(pose) }))
+        let mut all = seen.iter().chain(&known);
+        let agreed = all.next().filter(|first| all.all(|other| other.abs_diff_eq(**first, apart)));
+        if let Some(pose) = agreed.filter(|pose| is_rigid(pose)) {
+            // Rounding in the file must not make a rotation of what is none.
+            let is_origin = pose.abs_diff_eq(DAffine3::IDENTITY, APART);
+            let (_, turn, place) = pose.to_scale_rotation_translation();
+            let rigid = DAffine3::from_rotation_translation(turn.normalize(), place);
+            let pose = if is_origin { DAffine3::IDENTITY } else { rigid };
+            return Ok(Some(Self { joints, pose: placement.is_free.then_some(pose), moves: None }));
+        }
+        let found = "joints that stand elsewhere than when the mesh was bound to them";
+        let fault = document.invalid(element, found, "the pose of the inverse bind matrices");
+        document.notes.settle(fault, "vertices were moved to where the file shows them")?;
+        let mut moves = IdVec::filled(DAffine3::IDENTITY, tree.links.len());
+        for (&link, seen) in joints.iter().zip(seen) {
+            moves[link] = own.inverse() * seen;
+        }
+        Ok(Some(Self { joints, pose: None, moves: Some(moves) }))
+    }
+
+    /// Where a vertex goes that follows its links to where the file shows it; `None` if all are there.
+    pub(super) fn moved(&self, joints: &Joints) -> Option<DAffine3> {
+        let moves = self.moves.as_ref()?;
+        let zero = DAffine3 { matrix3: DMat3::ZERO, translation: glam::DVec3::ZERO };
+        Some(joints.iter().filter(|joint| joint.1 > 0.0).fold(zero, |sum, &(link, weight)| DAffine3 {
+            matrix3: sum.matrix3 + moves[link].matrix3 * weight,
+            translation: sum.translation + moves[link].translation * weight,
+        }))
     }
 
     /// The links that each vertex of a primitive follows.
     pub(super) fn joints(&self, attributes: &Attributes<'_>) -> Result<Option<Vec<Joints>>> {
-        if attributes.get("JOINTS_1").is_some() {
-            let fault =
-                attributes.document.unsupported(&attributes.element, "more than four joints a vertex");
-            return attributes.document.notes.pass(fault).map(|()| None);
-        }
+        let document = attributes.document;
         let (Some(joints), Some(weights)) = (attributes.get("JOINTS_0"), attributes.get("WEIGHTS_0")) else {
             return Ok(None);
         };
         if weights.is_blank() {
             return Ok(None);
         }
+        if attributes.get("JOINTS_1").is_some() {
+            let fault = document.invalid(&attributes.element, "JOINTS_1", "at most four joints a vertex");
+            document.notes.settle(fault, "those of JOINTS_0 alone are followed")?;
+        }
         let (numbers, shares) = (joints.integers::<4>()?, weights.reals(|row: [f64; 4]| row)?);
         let mut rows = Vec::with_capacity(numbers.len());
-        for (vertex, (numbers, shares)) in numbers.into_iter().zip(shares).enumerate() {
+        for (vertex, (numbers, mut shares)) in numbers.into_iter().zip(shares).enumerate() {
+            let sum: f64 = shares.iter().sum();
+            if sum > 0.0 && (sum - 1.0).abs() > SUM_TOLERANCE {
+                let fault = weights.invalid("weights whose sum is not 1", "the sum 1");
+                document.notes.settle(fault, "they were scaled to it")?;
+                shares = shares.map(|share| share / sum);
+            }
             let mut row = [(LinkId::default(), 0.0); 4];
             for ((slot, number), share) in row.iter_mut().zip(numbers).zip(shares) {
                 // What has no weight may be any number.

@@ -6,13 +6,13 @@ use std::{
 };
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
-use gltf::json::{Node, mesh::Semantic, validation::Checked};
+use gltf::json::Node;
 
 use crate::{
     id::IdVec,
     io::{
         error::Result,
-        gltf::{document::Document, extras::NodeExtras, guard::Transform},
+        gltf::{document::Document, extras::NodeExtras, json::Transform},
     },
     skin::{Link, LinkId},
 };
@@ -48,6 +48,8 @@ pub(super) struct Tree {
     pub(super) placements: Vec<Placement>,
     /// The link of each node, if it is one.
     pub(super) nodes: Vec<Option<LinkId>>,
+    /// What the transform of each node has besides the rigid pose of its link.
+    pub(super) stretches: Vec<Option<DMat3>>,
     /// What the transforms above each node have besides the rigid frame of the link there.
     pub(super) stretches_above: Vec<Option<DMat3>>,
 }
@@ -66,13 +68,13 @@ pub(super) struct Tree {
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
 pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
     let parents = parents(document)?;
-    check_meshes(document)?;
-    let (shown, animated, joints) = (shown(document, &parents)?, animated(document), joints(document));
+    let (shown, animated, joints) = (shown(document, &parents), animated(document), joints(document));
     let nodes = Nodes { document, parents, shown, animated, joints };
     let mut tree = Tree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
     let above = |parent: &Option<usize>| parent.and_then(|parent| frames[parent]?.stretch);
+    tree.stretches = frames.iter().map(|frame| frame.and_then(|frame| frame.stretch)).collect();
     tree.stretches_above = nodes.parents.iter().map(above).collect();
     tree.nodes = frames.into_iter().map(|frame| frame.map(|frame| frame.link)).collect();
     if document.root().scenes.is_empty() {
@@ -98,7 +100,7 @@ impl Nodes<'_> {
     fn is_patch(&self, i: usize) -> bool {
         let node = &self.document.root().nodes[i];
         let has_parent = self.parents[i].is_some_and(|parent| self.shown[parent]);
-        let is_bare = node.children.is_none() && node.skin.is_none();
+        let is_bare = is_end(node) && node.skin.is_none();
         let is_plain = is_bare && is_identity(&self.document.transforms[i]) && !self.animated[i];
         node.mesh.is_some() && has_parent && is_plain
     }
@@ -107,7 +109,7 @@ impl Nodes<'_> {
     fn is_ornament(&self, i: usize) -> bool {
         const LIGHTS: &str = "KHR_lights_punctual";
         let node = &self.document.root().nodes[i];
-        let is_plain = node.children.is_none() && node.mesh.is_none();
+        let is_plain = is_end(node) && node.mesh.is_none();
         let is_light = node.extensions.as_ref().is_some_and(|e| e.others.contains_key(LIGHTS));
         is_plain && (node.camera.is_some() || is_light)
     }
@@ -115,15 +117,15 @@ impl Nodes<'_> {
     /// Whether a node only carries a mesh that follows joints, and so ignores the node's transform.
     fn is_bent(&self, i: usize) -> bool {
         let node = &self.document.root().nodes[i];
-        let is_end = node.mesh.is_some() && node.skin.is_some() && children(node).next().is_none();
-        is_end && !self.animated[i] && !self.joints[i]
+        let is_skinned = node.mesh.is_some() && node.skin.is_some();
+        is_skinned && is_end(node) && !self.animated[i] && !self.joints[i]
     }
 
     /// The node whose link a skinned patch of our own files is given in.
     fn carrier(&self, i: usize) -> Option<usize> {
         let node = &self.document.root().nodes[i];
         let NodeExtras::Link(link) = NodeExtras::of(node)? else { return None };
-        let is_patch = node.skin.is_some() && node.mesh.is_some() && node.children.is_none();
+        let is_patch = node.skin.is_some() && node.mesh.is_some() && is_end(node);
         let is_link = |link: &usize| {
             let other = self.document.root().nodes.get(*link);
             let is_rigid = other.is_some_and(|other| other.skin.is_none() && NodeExtras::of(other).is_none());
@@ -230,6 +232,11 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
     node.children.iter().flatten().map(|child| child.value())
 }
 
+/// Whether a node has no children.
+fn is_end(node: &Node) -> bool {
+    children(node).next().is_none()
+}
+
 /// The parent of every node, at most one. The crate would follow a circle for ever.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     let nodes = &document.root().nodes;
@@ -250,13 +257,14 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     }
 }
 
-/// Which nodes are below `roots`, of which none is below another.
+/// Which nodes are `roots` or below one.
 fn reach(nodes: &[Node], roots: Vec<usize>) -> Vec<bool> {
     let mut reached = vec![false; nodes.len()];
     let mut stack = roots;
     while let Some(i) = stack.pop() {
-        reached[i] = true;
-        stack.extend(children(&nodes[i]));
+        if !std::mem::replace(&mut reached[i], true) {
+            stack.extend(children(&nodes[i]));
+        }
     }
     reached
 }
@@ -276,63 +284,26 @@ fn animated(document: &Document) -> Vec<bool> {
     animated
 }
 
-/// Which nodes are joints of some skin; skins are not checked here.
+/// Which nodes are joints of some skin.
 fn joints(document: &Document) -> Vec<bool> {
-    let mut joints = vec![false; document.root().nodes.len()];
-    let skins = document.skins.as_array().into_iter().flatten();
-    let lists = skins.filter_map(|skin| skin.get("joints")?.as_array());
-    for joint in lists.flatten().filter_map(serde_json::Value::as_u64) {
-        if let Some(is_joint) = usize::try_from(joint).ok().and_then(|joint| joints.get_mut(joint)) {
+    let root = document.root();
+    let mut joints = vec![false; root.nodes.len()];
+    for joint in root.skins.iter().flat_map(|skin| &skin.joints) {
+        if let Some(is_joint) = joints.get_mut(joint.value()) {
             *is_joint = true;
         }
     }
     joints
 }
 
-fn check_meshes(document: &Document) -> Result<()> {
-    for (i, node) in document.root().nodes.iter().enumerate() {
-        let pass = |found: String, needed: &str| {
-            document.notes.pass(document.invalid(format!("node {i}"), found, needed))
-        };
-        let Some(mesh) = node.mesh.map(|mesh| &document.root().meshes[mesh.value()]) else {
-            if node.skin.is_some() || node.weights.is_some() {
-                pass("a skin or weights without a mesh".into(), "a mesh")?;
-            }
-            continue;
-        };
-        let joints = Checked::Valid(Semantic::Joints(0));
-        if node.skin.is_some() && mesh.primitives.iter().any(|p| !p.attributes.contains_key(&joints)) {
-            pass("a skin on a mesh without JOINTS_0".into(), "JOINTS_0 and WEIGHTS_0")?;
-        }
-        if let Some(weights) = &node.weights {
-            let targets = mesh.primitives.first().and_then(|p| p.targets.as_ref()).map_or(0, Vec::len);
-            if weights.len() != targets {
-                let found = format!("{} weights for {targets} morph targets", weights.len());
-                pass(found, "one weight per target")?;
-            }
-        }
-    }
-    Ok(())
-}
-
-fn shown(document: &Document, parents: &[Option<usize>]) -> Result<Vec<bool>> {
+/// Which nodes the default scene shows, else the first, else all.
+fn shown(document: &Document, parents: &[Option<usize>]) -> Vec<bool> {
     let root = document.root();
-    let mut listed_by = vec![None; root.nodes.len()];
-    for (s, scene) in root.scenes.iter().enumerate() {
-        for node in scene.nodes.iter().map(|node| node.value()) {
-            let again = listed_by[node].replace(s) == Some(s);
-            if again || parents[node].is_some() {
-                let found = format!("node {node}, which is listed twice or has a parent");
-                let fault = document.invalid(format!("scene {s}"), found, "root nodes, once each");
-                document.notes.pass(fault)?;
-            }
-        }
-    }
     let roots = match root.scene.and_then(|scene| root.scenes.get(scene.value())).or(root.scenes.first()) {
         Some(scene) => scene.nodes.iter().map(|node| node.value()).collect(),
         None => (0..root.nodes.len()).filter(|&i| parents[i].is_none()).collect(),
     };
-    Ok(reach(&root.nodes, roots))
+    reach(&root.nodes, roots)
 }
 
 fn is_identity(node: &Transform) -> bool {

@@ -18,7 +18,7 @@ use crate::{
         file::Source,
         gltf::{
             animation::read_animations,
-            document::{Document, Role},
+            document::Document,
             extras::{FrameExtras, LevelExtras, RowsExtras},
             joints::Binding,
             nodes::read_node_tree,
@@ -51,7 +51,20 @@ const PIXEL: f64 = 1e-3;
 /// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
 /// glTF 2.0, or has a map that [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
-    let document = &Document::new(Source::open(path)?, Notes::new(true))?;
+    read(path, Source::open(path)?)
+}
+
+/// Reads a map from the content of a file.
+///
+/// # Errors
+/// As [`read_map`].
+pub fn map_from_bytes(bytes: Vec<u8>) -> Result<SkinMap, IoError> {
+    let name = Path::new("map.glb");
+    read(name, Source::from_bytes(name, bytes)?)
+}
+
+fn read(path: &Path, source: Source) -> Result<SkinMap> {
+    let document = &Document::new(source, Notes::new(true))?;
     let found = levels_by_patch(document)?;
     if !found.iter().flat_map(|patch| &patch.levels).any(|(_, extras)| extras.map.is_some()) {
         return Err(IoError::NoMap { path: path.into() });
@@ -133,7 +146,7 @@ fn read_patch(
     }
     let sizes: Vec<_> = levels.iter().map(|map| map.level.mesh.positions.len()).collect();
     for (number, (_, extras)) in levels.ids().zip(&patch.levels) {
-        let name = |what| format!("{}/{number:?} {what}", patch.name);
+        let name = |what| format!("{}/L{number} {what}", patch.name);
         let rows = |what, given: Option<RowsExtras>, coarse: usize| {
             given.map(|given| read_rows(document, &name(what), given, coarse)).transpose()
         };
@@ -142,12 +155,13 @@ fn read_patch(
         let to_finest = rows("direct", extras.direct, sizes[number.index()])?;
         let origins = match (extras.origins, &to_finest) {
             (Some(accessor), _) => {
-                let origins = document.accessor(accessor, Role::Plain, &name("origins"))?.integers::<1>()?;
+                let origins = document.accessor(accessor, &name("origins"))?.integers::<1>()?;
                 origins.into_iter().map(|[v]| VertexId::from(v)).collect()
             }
             (None, Some(rows)) => guess_origins(document, &name("direct"), &levels, number, rows)?,
             (None, None) => levels[number].level.mesh.positions.ids().collect(),
         };
+        check_places(document, &name("origins"), &levels, number, &origins)?;
         let level = &mut levels[number].level;
         (level.from_coarser, level.to_finest, level.origins) = (from_coarser, to_finest, origins);
     }
@@ -209,7 +223,7 @@ fn read_level(
         None => Ok(whole),
         Some(accessor) => {
             let name = format!("{name} unsplit");
-            let unsplit = document.accessor(accessor, Role::Plain, &name)?.integers::<1>()?;
+            let unsplit = document.accessor(accessor, &name)?.integers::<1>()?;
             let unsplit = unsplit.into_iter().map(|[v]| VertexId::from(v)).collect();
             let places = Places::new(document, &name, unsplit, whole.uv.len())?;
             if extras.level == 0 {
@@ -318,7 +332,7 @@ fn read_frame(extras: &FrameExtras) -> ImageFrame {
 }
 
 fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usize) -> Result<Prolongation> {
-    let accessor = |number: usize| document.accessor(number, Role::Plain, name);
+    let accessor = |number: usize| document.accessor(number, name);
     let indices = accessor(given.indices)?.integers::<3>()?;
     let weights = accessor(given.weights)?.reals(|row: [f64; 3]| row)?;
     let mut rows = Prolongation {
@@ -328,6 +342,29 @@ fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usi
     };
     rows.rescale();
     Ok(rows)
+}
+
+/// Refuses a vertex that is not where its taxel is: levels are nested, and both are rounded alike. (Whether
+/// the taxels exist is for [`SkinMap::validate`] to say.)
+fn check_places(
+    document: &Document,
+    name: &str,
+    levels: &IdVec<LevelId, MapLevel>,
+    number: LevelId,
+    origins: &IdVec<VertexId, VertexId>,
+) -> Result<(), IoError> {
+    let finest = &levels[LevelId::new(0)].level.mesh.positions;
+    let here = &levels[number].level.mesh.positions;
+    let is_off = |(v, at): (VertexId, &DVec3)| {
+        origins.get(v).and_then(|&taxel| finest.get(taxel)).is_some_and(|taxel| taxel != at)
+    };
+    match here.enumerate().find(|&place| is_off(place)) {
+        None => Ok(()),
+        Some((v, at)) => {
+            let found = format!("vertex {v} at {at}");
+            Err(document.invalid(name, found, format!("the place of its taxel, {}", finest[origins[v]])))
+        }
+    }
 }
 
 /// The level-0 vertex that each vertex of a level is, for files that do not say: the row of

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{DMat3, DVec2};
+use glam::{DAffine3, DMat3, DVec2};
 use gltf::accessor::Dimensions;
 
 use crate::{
@@ -21,7 +21,7 @@ use crate::{
             primitive::{Attributes, Shape, check_morphs},
         },
     },
-    skin::{Covariance, Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
+    skin::{Covariance, Draft, Joints, Presence, Remark, RemarkKind, Sheet, TaxelId},
 };
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
@@ -31,7 +31,7 @@ use crate::{
 /// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2), `_WEIGHT`
 /// and `_PRESENT` (0 absent, 1 present, 2 thermal pad) are scalars, and belong to every primitive
 /// of a mesh or to none, as do the joints of a mesh that is skinned. Materials and morph targets are
-/// checked but not kept; a `map.glb` reads as the skin it is a map of.
+/// not read; a `map.glb` reads as the skin it is a map of.
 pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     let stem = source.stem();
     let document = Document::new(source, Notes::new(false))?;
@@ -134,7 +134,13 @@ fn read_sheet(
         sheet = sheet.select(&points.into_iter().collect::<Vec<_>>());
     }
     if let Some(stretch) = placement.stretch {
-        bake(&mut sheet, stretch);
+        sheet.positions.iter_mut().for_each(|p| *p = stretch * *p);
+        bake(&mut sheet, |_| stretch);
+    }
+    let moved = |joints: &Vec<Joints>| joints.iter().map(|row| binding?.moved(row)).collect();
+    if let Some(moves) = sheet.joints.as_ref().and_then::<Vec<DAffine3>, _>(moved) {
+        sheet.positions.iter_mut().zip(&moves).for_each(|(p, pose)| *p = pose.transform_point3(*p));
+        bake(&mut sheet, |v| moves[v].matrix3);
     }
     let at = |v: u32| texture.as_ref().and_then(|all| all.get(v as usize).copied());
     let corners = |&[a, b, c]: &[u32; 3]| Some([at(a)?, at(b)?, at(c)?]);
@@ -237,27 +243,25 @@ pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>> {
     accessor.reals(|[x]| x)?.into_iter().enumerate().map(presence).collect()
 }
 
-/// Applies the part of a node's transform that a link's rigid frame cannot hold. Areas and
-/// densities are in metres already and stay.
-fn bake(sheet: &mut Sheet, stretch: DMat3) {
-    for p in &mut sheet.positions {
-        *p = stretch * *p;
-    }
-    let of_normals = stretch.inverse().transpose();
-    for n in sheet.normals.iter_mut().flatten() {
-        *n = (of_normals * *n).normalize_or_zero();
+/// Applies the linear part at each vertex of what a link's rigid frame cannot hold to all but the
+/// positions. Areas and densities are in metres already and stay.
+fn bake(sheet: &mut Sheet, linear: impl Fn(usize) -> DMat3) {
+    for (v, n) in sheet.normals.iter_mut().flatten().enumerate() {
+        *n = (linear(v).inverse().transpose() * *n).normalize_or_zero();
     }
     // Directions in the skin move with it. A mirror leaves them where they belong; `n x t` is then
     // the opposite of its image, so that frames stay right-handed.
-    for t in sheet.tangents.iter_mut().flatten() {
-        *t = (stretch * *t).normalize_or_zero();
+    for (v, t) in sheet.tangents.iter_mut().flatten().enumerate() {
+        *t = (linear(v) * *t).normalize_or_zero();
     }
-    for c in sheet.covariances.iter_mut().flatten() {
+    for (v, c) in sheet.covariances.iter_mut().flatten().enumerate() {
         // The lower triangle: rounding makes it differ from the upper one in the last bits.
-        let stretched = stretch * DMat3::from(*c) * stretch.transpose();
+        let stretched = linear(v) * DMat3::from(*c) * linear(v).transpose();
         *c = stretched.transpose().into();
     }
-    if stretch.determinant() < 0.0 {
-        sheet.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    for t in &mut sheet.triangles {
+        if linear(t[0] as usize).determinant() < 0.0 {
+            t.swap(1, 2);
+        }
     }
 }

@@ -7,11 +7,8 @@ use gltf::json::{
 };
 
 use crate::{
-    io::{
-        error::Result,
-        file::unfit,
-        gltf::writer::{SceneWriter, narrow},
-    },
+    io::{error::Result, file::unfit, gltf::writer::SceneWriter},
+    numeric::narrow,
     skin::{Curve, Motion, MotionFrame},
 };
 

@@ -1,6 +1,6 @@
 //! Writes maps and pyramids as glTF.
 
-use std::{borrow::Cow, path::Path};
+use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
@@ -10,16 +10,17 @@ use crate::{
     io::{
         IoError,
         error::Result,
-        file::unfit,
+        file::{replace_file, unfit},
         gltf::{
             extras::{FrameExtras, LevelExtras, RowsExtras},
             upright::keep_upright,
             write_skin::{SheetWriter, joints_of, mesh, node},
-            writer::{Form, Hung, SceneWriter, narrow},
+            writer::{Form, Hung, SceneWriter},
         },
     },
     map::{MapError, MapLevel, SkinMap},
     mesh::{FlatTriangle, TriMesh},
+    numeric::narrow,
     pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
     skin::{Link, LinkId, Motion, Skin, Taxels},
 };
@@ -45,6 +46,20 @@ use crate::{
 /// of the map over or a texture coordinate leaves the unit square, or if the file cannot be
 /// written. Errors name patch, level and face or vertex.
 pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
+    replace_file(path, |file| write(file, path, map))
+}
+
+/// The content of a file that [`write_map`] writes.
+///
+/// # Errors
+/// As [`write_map`].
+pub fn map_to_bytes(map: &SkinMap) -> Result<Vec<u8>, IoError> {
+    let mut bytes = Vec::new();
+    write(&mut bytes, Path::new("map.glb"), map)?;
+    Ok(bytes)
+}
+
+fn write(output: &mut dyn Write, path: &Path, map: &SkinMap) -> Result<()> {
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     let patches: Vec<_> = map
         .patches
@@ -60,7 +75,7 @@ pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
             }
         })
         .collect();
-    write_levels(path, (&map.links, &map.animations), &patches)
+    write_levels(output, path, (&map.links, &map.animations), &patches)
 }
 
 /// Writes pyramids alone: as [`write_map`], without maps.
@@ -90,7 +105,7 @@ pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<
             levels,
         });
     }
-    write_levels(path, (&skin.links, &skin.animations), &patches)
+    replace_file(path, |file| write_levels(file, path, (&skin.links, &skin.animations), &patches))
 }
 
 /// A patch with its levels, and their maps if there are any; all valid.
@@ -103,6 +118,7 @@ struct PatchLevels<'a> {
 }
 
 fn write_levels(
+    output: &mut dyn Write,
     path: &Path,
     (links, animations): (&IdVec<LinkId, Link>, &[Motion]),
     patches: &[PatchLevels<'_>],
@@ -132,12 +148,12 @@ fn write_levels(
         writer.add_scene(name, links, &wanted, nodes)?;
     }
     writer.add_animations(animations)?;
-    writer.finish(Form::Glb)
+    writer.finish(output, Form::Glb)
 }
 
 /// `PATCH/L0`.
 fn level_name(patch: &PatchLevels<'_>, level: LevelId) -> String {
-    format!("{}/{level:?}", patch.name)
+    format!("{}/L{level}", patch.name)
 }
 
 fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: LevelId) -> Result<Index<Mesh>> {

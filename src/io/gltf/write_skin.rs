@@ -1,7 +1,7 @@
 //! Writes skins as glTF, and the meshes of maps: positions, normals, triangles and what is known of
 //! the taxels as attributes. All is rounded to `f32`; what that would break is refused.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, io::Write, path::Path};
 
 use glam::DVec3;
 use gltf::json::{
@@ -17,10 +17,11 @@ use crate::{
     io::{
         IoError,
         error::Result,
-        file::{kind, unfit},
-        gltf::writer::{Form, Hung, SceneWriter, Stored, narrow},
+        file::{file_kind, unfit},
+        gltf::writer::{Form, Hung, SceneWriter, Stored},
     },
     mesh::TriMesh,
+    numeric::narrow,
     skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints},
 };
 
@@ -32,7 +33,7 @@ use crate::{
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. A patch that follows several links has a skin of glTF, whose joints are their nodes. Everything
 /// is rounded to `f32`.
-pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
+pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
     if skin.patches.is_empty() {
         return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
@@ -47,7 +48,7 @@ pub(crate) fn write_skin(path: &Path, skin: &Skin) -> Result<()> {
     }
     writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
     writer.add_animations(&skin.animations)?;
-    writer.finish(if kind(path) == "gltf" { Form::Text } else { Form::Glb })
+    writer.finish(output, if file_kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 
 /// The links that taxels follow, each once, rising; none if they only follow that of their patch.

@@ -1,6 +1,6 @@
 //! A glTF document that grows object by object, its links, and its file.
 
-use std::{io, io::Write as _, mem, path::Path};
+use std::{io, mem, path::Path};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use glam::{DAffine3, DMat4, DQuat};
@@ -20,10 +20,11 @@ use crate::{
     id::IdVec,
     io::{
         error::Result,
-        file::{cannot_write, unfit, write_file},
+        file::{cannot_write, unfit, write_to},
         gltf::{extras::NodeExtras, nodes::RIGID},
     },
     mesh::rotation_defect,
+    numeric::narrow,
     skin::{Link, LinkId, world_pose},
 };
 
@@ -262,8 +263,8 @@ impl<'p> SceneWriter<'p> {
         raw.map(Some).map_err(|e| cannot_write(self.path)(e.into()))
     }
 
-    /// Writes the document, whole or not at all. Scene 0 is the default.
-    pub(super) fn finish(mut self, form: Form) -> Result<()> {
+    /// Writes the document. Scene 0 is the default.
+    pub(super) fn finish(mut self, output: &mut dyn io::Write, form: Form) -> Result<()> {
         self.root.scene = Some(Index::new(0));
         let bytes = mem::take(&mut self.bytes);
         let uri = match form {
@@ -283,7 +284,7 @@ impl<'p> SceneWriter<'p> {
                 "less than 4 GiB in a GLB",
             ));
         }
-        write_file(self.path, |file| {
+        write_to(output, self.path, |file| {
             if form == Form::Text {
                 file.write_all(&text)?;
                 return file.write_all(b"\n");
@@ -296,10 +297,4 @@ impl<'p> SceneWriter<'p> {
             })
         })
     }
-}
-
-/// The nearest `f32`: glTF stores no wider floats.
-#[expect(clippy::cast_possible_truncation, reason = "the file format; callers check what rounding may break")]
-pub(super) fn narrow(x: f64) -> f32 {
-    x as f32
 }

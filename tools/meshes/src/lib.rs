@@ -11,6 +11,7 @@ pub mod grid;
 pub mod hand;
 pub mod robot;
 pub mod saddle;
+pub mod sleeve;
 pub mod sphere_cap;
 
 use dermatome::skin::Skin;

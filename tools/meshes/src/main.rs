@@ -1,13 +1,21 @@
 //! Writes the inputs of `meshes/`: `cargo run --release -p meshes -- meshes`.
 
-use std::{error::Error, path::PathBuf};
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use dermatome::io::write_skin;
+use dermatome::io::{skin_to_bytes, write_skin};
+use meshes::sleeve::{bent, sleeve};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("meshes"), PathBuf::from);
     for (name, generate) in meshes::ALL {
         write_skin(&folder.join(name).with_extension("glb"), &generate())?;
     }
+    let name = Path::new("sleeve.glb");
+    let bent = bent(&skin_to_bytes(name, &sleeve())?).ok_or("a GLB file is needed")?;
+    fs::write(folder.join(name), bent)?;
     Ok(())
 }

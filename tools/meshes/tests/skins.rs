@@ -1,12 +1,13 @@
 //! What every input of `meshes/` promises.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::sync::LazyLock;
+use std::{path::Path, sync::LazyLock};
 
 use dermatome::{
     id::VertexId,
+    io::{ReadParts, draft_from_bytes, skin_to_bytes},
     mesh::{Adjacency, TriMesh},
-    skin::{AssembleOptions, Draft, FindingKind, Sheet, Skin, Taxels, check},
+    skin::{AssembleOptions, Draft, FindingKind, Sheet, Skin, Taxels, assemble, check, world_pose},
 };
 use glam::DVec3;
 
@@ -109,4 +110,23 @@ fn a_skin_is_the_same_every_time() {
     for ((name, skin), (_, generate)) in SKINS.iter().zip(meshes::ALL) {
         assert_eq!(*skin, generate(), "{name}");
     }
+}
+
+/// The bent sleeve is read where its joints take it, and follows them from there.
+#[test]
+fn the_bent_sleeve_keeps_its_joints() {
+    let name = Path::new("sleeve.glb");
+    let straight = meshes::sleeve::sleeve();
+    let bytes = meshes::sleeve::bent(&skin_to_bytes(name, &straight).unwrap()).unwrap();
+    let draft = draft_from_bytes(name, bytes, ReadParts::default()).unwrap();
+    let bent = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
+    let [bent, straight] = [&bent, &straight].map(|skin| {
+        let patch = skin.patches.iter().next().unwrap();
+        assert!(patch.taxels.joints.is_some());
+        let pose = world_pose(&skin.links, patch.link);
+        patch.mesh.positions.map(|&p| pose.transform_point3(p))
+    });
+    let moved: Vec<f64> = bent.iter().zip(&straight).map(|(a, b)| a.distance(*b)).collect();
+    let (first, last) = (moved[0], moved[moved.len() - 1]);
+    assert!(first < 1e-6 && last > 0.05, "the upper arm stays and the lower one turns: {first}, {last}");
 }
