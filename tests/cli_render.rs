@@ -380,7 +380,7 @@ fn contacts_are_written_with_their_place_and_force() {
     assert!(text.starts_with("frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,"));
     assert_eq!(text.matches(",onset,").count(), 2);
     assert_eq!(text.matches(",release,").count(), 2);
-    dermatome(folder.path(), "render map/map.glb touch.csv -o u.npz --contacts c.jsonl --channel heat")
+    dermatome(folder.path(), "render map/map.glb touch.csv -o u.npz --contacts c.csv --channel heat")
         .assert()
         .code(2)
         .stderr(contains("no channel \"heat\"").and(contains("force")));

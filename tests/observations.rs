@@ -98,19 +98,14 @@ fn broken_graphs_are_refused_with_their_line() {
         ("EDGE_POINTXYZ 0 0 1 0 0 1 0 0 1 0 1", "itself"),
         ("EDGE_POINTXYZ 0 7 1 0 0 1 0 0 1 0 1", "taxel 7"),
         ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0", "8 numbers"),
-        ("EDGE_POINTXYZ 0 1 1 0 0 1 0 0 1 0 1 1", "10 numbers"),
         ("EDGE_POINTXYZ 0", "ends too soon"),
         ("EDGE_POINTXYZ 0 1 NaN 0 0 1 0 0 1 0 1", "finite"),
-        ("EDGE_POINTXYZ 0 1 x 0 0 1 0 0 1 0 1", "finite"),
         ("EDGE_POINTXYZ -1 1 0 0 0 1 0 0 1 0 1", "number of a taxel"),
-        ("EDGE_POINTXYZ 0 99999999999 0 0 0 1 0 0 1 0 1", "number of a taxel"),
         ("VERTEX_TRACKXYZ 1 0 0 0", "second time"),
         ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "positions"),
         ("FIX 9", "taxel 9"),
         ("EDGE_POINTXYZ 0 1 1e160 0 0 1 0 0 1 0 1", "at most 1e9"),
         ("EDGE_POINTXYZ 0 1 1 0 0 1e300 0 0 1 0 1", "edge 0 to 1; needed: at most 1e18"),
-        ("EDGE_POINTXYZ_PRIOR 0 0 0 -1e10 1 0 0 1 0 1", "at most 1e9"),
-        ("VERTEX_TRACKXYZ 2 0 2e9 0", "at most 1e9"),
     ] {
         let found = refusal("a.g2o", &format!("{vertices}{line}\n"));
         assert!(found.contains("line 3") && found.contains(needed), "{line}: {found}");
@@ -182,22 +177,16 @@ fn tables_of_displacements_and_contacts_belong_together() {
 fn broken_tables_are_refused_with_their_line() {
     for (text, needed) in [
         ("", "empty file"),
-        ("# nothing else\n", "empty file"),
         ("i,j,dx,dy\n", "a column `dz`"),
         ("i;j;dx;dy;dz\n", "separated by semicolons, \"i;j;dx;dy;dz\""),
         ("i,j,dx,dy,dz,colour\n", "\"colour\""),
         ("i,i,x,y,z\n", "line 1, column 2: found \"i\" again"),
         ("i,j,dx,dy,dz\n1,2,3\n", "line 2: found 3 cells"),
         ("i,j,dx,dy,dz\n1,2,,0,0\n", "line 2, column `dx`: found \"\""),
-        ("i,j,dx,dy,dz\n1,,0,0,0\n", "line 2, column `j`: found \"\""),
-        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,0\n", "column `sigma`: found \"0\""),
         ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,1e-200\n", "needed: a sigma of 1e-9 to 1e9"),
-        ("i,j,dx,dy,dz,sigma\n1,2,0,0,0,1e200\n", "needed: a sigma of 1e-9 to 1e9"),
         ("i,x,y,z,sx,sy,sz\n1,0,0,0,1,-1,1\n", "column `sy`"),
-        ("i,x,y,z,sx,sy\n", "a column `sz`"),
         ("i,x,y,z,nx,ny,nz,sigma_n\n1,0,0,0,0,0,2,-0.03\n", "column `sigma_n`"),
         ("i,x,y,z,nx,ny,nz\n1,0,0,0,0,0,0\n", "direction"),
-        ("i,j,dx,dy,dz,ixx,ixy,ixz,iyy,iyz\n", "a column `izz`"),
     ] {
         let found = refusal("a.csv", text);
         assert!(found.contains(needed), "{text:?}: {found}");
@@ -210,10 +199,7 @@ fn columns_without_meaning_are_refused() {
     for (header, column) in [
         ("i,j,dx,dy,dz,nx,ny,nz", "nx"),
         ("i,j,dx,dy,dz,sigma,ixx,ixy,ixz,iyy,iyz,izz", "ixx"),
-        ("i,j,dx,dy,dz,sx,sy,sz,sigma", "sx"),
-        ("i,j,dx,dy,dz,x,y,z", "x"),
         ("i,j,dx,dy,dz,sigma_n", "sigma_n"),
-        ("i,x,y,z,sigma_n", "sigma_n"),
     ] {
         let found = refusal("a.csv", &format!("{header}\n"));
         let needed = format!("line 1: found a column \"{column}\", which says nothing");
@@ -246,7 +232,7 @@ fn sigma_may_differ_by_axis_in_every_table() {
 
 /// What editors and spreadsheets do to a file leaves it the same file.
 #[test]
-fn headers_come_in_every_dress() {
+fn headers_may_have_marks_comments_and_capitals() {
     let read = |text: &str| {
         let (_folder, path) = file("a.csv", text);
         read_observations(&path, &[]).unwrap()
@@ -267,7 +253,7 @@ fn headers_come_in_every_dress() {
 }
 
 #[test]
-fn lines_that_were_left_out_are_told_where_something_is_missing() {
+fn errors_count_lines_of_unknown_tags() {
     let flat = refusal("a.g2o", &"VERTEX_SE2 0 0 0 0\n".repeat(12));
     let told = "0 taxels and no observation; 12 lines of unknown tags: VERTEX_SE2 (12)";
     assert!(flat.contains(told), "{flat}");
@@ -279,7 +265,7 @@ fn lines_that_were_left_out_are_told_where_something_is_missing() {
 }
 
 #[test]
-fn what_another_file_knows_of_taxels_is_taken_over() {
+fn taxels_of_further_files_are_merged() {
     let (_folder, edges) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,0,1,0\n");
     let graph = |lines: &str| file("c.g2o", &format!("{lines}\nEDGE_POINTXYZ_PRIOR 2 1 0 0 1 0 0 1 0 1\n"));
     let first = "VERTEX_TRACKXYZ 1 7 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1";
@@ -323,7 +309,7 @@ fn displacements_go_into_a_table_and_come_back() {
 }
 
 #[test]
-fn a_truth_with_two_places_for_a_taxel_is_none() {
+fn a_truth_with_a_taxel_twice_is_refused() {
     let (_folder, path) = file("t.csv", "id,x,y,z\n1,0,0,0\n1,5,0,0\n");
     let refused = read_truth(&path).unwrap_err().to_string();
     assert!(refused.contains("line 3, column `id`"), "{refused}");
@@ -413,9 +399,7 @@ fn headers_of_truth_and_triangles_are_checked() {
     let ids = [TaxelId(1), TaxelId(2), TaxelId(3)].into_iter().collect();
     for (text, said) in [
         ("foo\n", "a column `id`"),
-        ("id,x,y\n", "a column `z`"),
         ("id,x,y,z,qx,qy,qz\n1,0,0,0,0,0,1\n", "a column `qw`"),
-        ("id,x,y,z,qw\n", "a column `qx`"),
         ("id,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1,1\n", "a unit quaternion"),
     ] {
         let (_folder, path) = file("t.csv", text);
@@ -441,7 +425,7 @@ fn headers_of_truth_and_triangles_are_checked() {
 }
 
 #[test]
-fn edges_that_are_no_triangulation_make_no_skin() {
+fn a_chain_of_taxels_makes_no_skin() {
     let (_folder, path) = file("e.csv", "i,j,dx,dy,dz\n1,2,1,0,0\n2,3,1,0,0\n");
     let observations = read_observations(&path, &[]).unwrap().0;
     let found = calibrate(&observations, &Default::default()).unwrap();
@@ -452,7 +436,7 @@ fn edges_that_are_no_triangulation_make_no_skin() {
 proptest! {
     /// Whatever the bytes, reading ends without a panic.
     #[test]
-    fn no_text_is_too_strange(
+    fn any_text_is_read_or_refused(
         lines in proptest::collection::vec(
             prop_oneof![
                 "[A-Z_:3]{1,12}( -?[0-9e.]{1,5}){0,12}",

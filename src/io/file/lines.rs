@@ -22,9 +22,6 @@ pub(crate) const LONGEST: usize = 1 << 20;
 /// end its line.
 const MOST_SKIPPED: u64 = 1 << 28;
 
-/// What is handed out instead of a line that is too long.
-const CUT: &[u8] = b"0\n";
-
 /// What some editors put at the start of a text.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
@@ -72,10 +69,6 @@ impl Source {
 }
 
 /// A stream of text, line by line, without blank lines and without a byte order mark.
-///
-/// As a [`Read`] it hands out one line at a time, so that whoever reads from it knows by
-/// [`Lines::at`] where it is: the csv crate counts a line too late after blank lines and where
-/// lines end with a carriage return.
 #[derive(Debug)]
 pub(crate) struct Lines<R> {
     input: R,
@@ -85,15 +78,11 @@ pub(crate) struct Lines<R> {
     bytes: Vec<u8>,
     line: usize,
     ended: bool,
-    /// Whether a row is one line, so that a bad one costs the rows after it nothing: quotes that do
-    /// not close in their line are characters, and a line that is too long is [`Lines::is_cut`].
+    /// Whether a row is one line, so that a bad one costs the rows after it nothing: one that is too long
+    /// is passed over.
     pub(crate) has_row_per_line: bool,
-    /// Whether the line was too long: what is handed out instead means nothing.
+    /// Whether the line was too long.
     is_cut: bool,
-    /// Bytes of the line that were handed out.
-    given: usize,
-    /// Bytes that may still be handed out.
-    pub(crate) left: usize,
     /// Longest line, in bytes.
     pub(crate) longest: usize,
 }
@@ -113,20 +102,22 @@ impl<R: BufRead> Lines<R> {
             ended: false,
             has_row_per_line: false,
             is_cut: false,
-            given: 0,
-            left: LONGEST,
             longest,
         }
     }
 
-    /// The line without blanks around it, and where it is; `None` after the last one.
+    /// The line, and where it is; `None` after the last one.
     pub(crate) fn current(&self) -> Result<Option<(&str, LineLocation<'_>)>, IoError> {
+        let at = self.at();
         if self.ended {
             return Ok(None);
         }
-        let (text, at) = (std::str::from_utf8(&self.bytes), self.at());
+        if self.is_cut {
+            return Err(at.invalid(too_long(self.longest).to_string(), "a short line"));
+        }
+        let text = std::str::from_utf8(&self.bytes);
         let text = text.map_err(|_| at.invalid("bytes that are not text", "text in UTF-8"))?;
-        Ok(Some((text.trim(), at)))
+        Ok(Some((text.trim_end_matches(['\r', '\n']), at)))
     }
 
     pub(crate) fn advance(&mut self) -> Result<(), IoError> {
@@ -140,7 +131,6 @@ impl<R: BufRead> Lines<R> {
         let longest = self.longest;
         loop {
             self.bytes.clear();
-            self.given = 0;
             self.is_cut = false;
             let read = (&mut self.input).take(longest as u64).read_until(b'\n', &mut self.bytes)?;
             if read == 0 {
@@ -153,9 +143,6 @@ impl<R: BufRead> Lines<R> {
             }
             if self.line == 1 && self.bytes.starts_with(BYTE_ORDER_MARK) {
                 self.bytes.drain(..BYTE_ORDER_MARK.len());
-            }
-            if self.has_row_per_line && self.bytes.iter().filter(|b| **b == b'"').count() % 2 == 1 {
-                self.keep_quotes();
             }
             let first = self.bytes.trim_ascii_start().first();
             if first.is_some() && first != self.comment.as_ref() {
@@ -170,57 +157,23 @@ impl<R: BufRead> Lines<R> {
         if !self.has_row_per_line || rest.skip_until(b'\n')? as u64 == MOST_SKIPPED {
             return Err(too_long(self.longest));
         }
-        self.bytes = CUT.into();
         self.is_cut = true;
         Ok(())
     }
 }
 
 impl<R> Lines<R> {
-    /// Quotes every cell of the line, so that its quotes are read as characters.
-    fn keep_quotes(&mut self) {
-        let mut line = vec![b'"'];
-        for &byte in self.bytes.trim_ascii_end() {
-            match byte {
-                b'"' => line.extend(b"\"\""),
-                b',' => line.extend(b"\",\""),
-                byte => line.push(byte),
-            }
-        }
-        line.extend(b"\"\n");
-        self.is_cut = line.len() > LONGEST;
-        self.bytes = if self.is_cut { CUT.into() } else { line };
-    }
-
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Refuses a line that was too long.
-    pub(crate) fn check_length(&self) -> Result<(), IoError> {
-        if self.is_cut {
-            return Err(self.at().invalid(too_long(self.longest).to_string(), "a short line"));
-        }
-        Ok(())
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended
     }
 
     /// The line that was read last.
     pub(crate) fn at(&self) -> LineLocation<'_> {
         LineLocation { path: &self.path, line: self.line }
-    }
-}
-
-impl<R: BufRead> Read for Lines<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.given == self.bytes.len() && !self.ended {
-            self.step()?;
-        }
-        let rest = &self.bytes[self.given..];
-        let count = rest.len().min(buffer.len());
-        self.left = self.left.checked_sub(count).ok_or_else(|| too_long(LONGEST))?;
-        buffer[..count].copy_from_slice(&rest[..count]);
-        self.given += count;
-        Ok(count)
     }
 }
 

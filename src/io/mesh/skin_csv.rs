@@ -6,17 +6,19 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use csv::Writer;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::{
     id::VertexId,
     io::{
         error::Result,
-        file::{Source, replace_file, write_file},
+        file::Source,
+        mesh::all_triangles,
         table::{
-            csv_table::{Columns, Row, Table, table_write_error},
+            Row, Table,
+            columns::Columns,
             triangles::{BY_ROW, Corners, Taxels},
+            writer::{TableWriter, write_table},
         },
     },
     skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Remark, RemarkKind, Sheet, Skin, TaxelId},
@@ -72,7 +74,7 @@ struct ColumnIndices {
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let (mut draft, homes) = read_taxels(source)?;
     let triangles = triangles_path(source.path());
-    if triangles.exists() {
+    if source.is_file() && triangles.exists() {
         read_triangles(&Source::open(&triangles)?, &homes, &mut draft)?;
     }
     Ok(draft)
@@ -266,55 +268,43 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) ->
 
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
-    let triangles = triangles_path(path);
-    replace_file(path, |taxels| {
-        let fail = |e| table_write_error(path, e);
-        let mut table = Writer::from_writer(taxels);
-        table.write_record(COLUMNS).map_err(fail)?;
-        for patch in &skin.patches {
-            write_taxels(&mut table, &skin.in_world(patch), &skin.links[patch.link].name).map_err(fail)?;
+    // Both are complete before the first is renamed.
+    write_table(&triangles_path(path), &BY_ROW, |triangles| {
+        for corners in all_triangles(skin) {
+            corners.into_iter().for_each(|row| triangles.whole(row as u64));
+            triangles.end_row()?;
         }
-        table.flush().map_err(|e| fail(e.into()))?;
-        // Both are complete before the first is renamed.
-        write_file(&triangles, |table| {
-            writeln!(table, "{}", BY_ROW.join(","))?;
-            let mut before = 0;
+        write_table(path, &COLUMNS, |taxels| {
             for patch in &skin.patches {
-                for &corners in &skin.in_world(patch).mesh.triangles {
-                    let [a, b, c] = corners.map(|v| before + v.index());
-                    writeln!(table, "{a},{b},{c}")?;
-                }
-                before += patch.mesh.positions.len();
+                write_taxels(taxels, &skin.in_world(patch), &skin.links[patch.link].name)?;
             }
             Ok(())
         })
     })
 }
 
-fn write_taxels<W: Write>(table: &mut Writer<W>, patch: &Patch, link: &str) -> csv::Result<()> {
+fn write_taxels<W: Write>(table: &mut TableWriter<W>, patch: &Patch, link: &str) -> Result<()> {
+    let taxels = &patch.taxels;
     for (v, x) in patch.mesh.positions.enumerate() {
-        let n = patch.taxels.normals[v];
-        let density = patch.taxels.densities.as_ref().map(|d| d[v]);
-        let weight = patch.taxels.weights.as_ref().map(|w| w[v]);
-        let covariance = match &patch.taxels.covariances {
-            Some(c) => <[f64; 6]>::from(c[v]).map(Some),
-            None => [None; 6],
-        };
-        let frame = match &patch.taxels.tangents {
-            Some(t) => rotation(t[v], n).to_array().map(Some),
-            None => [None; 4],
-        };
-        let place = (patch.taxels.ids[v].0, x.x, x.y, x.z, n.x, n.y, n.z, frame);
-        table.serialize((
-            place,
-            patch.taxels.areas[v],
-            density,
-            weight,
-            patch.taxels.presence[v].code(),
-            &patch.name,
-            link,
-            covariance,
-        ))?;
+        let n = taxels.normals[v];
+        table.whole(taxels.ids[v].0);
+        table.numbers(x.to_array().into_iter().chain(n.to_array()));
+        match &taxels.tangents {
+            Some(tangents) => table.numbers(rotation(tangents[v], n).to_array()),
+            None => table.empty(4),
+        }
+        table.numbers([taxels.areas[v]]);
+        for column in [&taxels.densities, &taxels.weights] {
+            table.number_if_any(column.as_ref().map(|column| column[v]));
+        }
+        table.whole(taxels.presence[v].code());
+        table.cell(&patch.name);
+        table.cell(link);
+        match &taxels.covariances {
+            Some(c) => table.numbers(<[f64; 6]>::from(c[v])),
+            None => table.empty(6),
+        }
+        table.end_row()?;
     }
     Ok(())
 }

@@ -10,7 +10,12 @@ use crate::{
         error::Result,
         file::{Lines, excerpt, invalid, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of},
-        table::csv_table::{Columns, Row, Table, labelled, write_table},
+        table::{
+            Row, Table,
+            cells::{Cells, Separator},
+            columns::Columns,
+            writer::write_table,
+        },
     },
 };
 
@@ -43,13 +48,11 @@ pub(super) fn is_header(line: &str) -> bool {
             [&["i", "j", SIGMA, NORMAL_SIGMA][..], &OFFSET, &POSITION, &NORMAL, &SIGMAS, &INFORMATION];
         known.iter().any(|names| names.contains(&name))
     };
-    line.split([',', ';', '\t']).any(|word| is_name(&cell(word).to_ascii_lowercase()))
-}
-
-/// A cell without blanks and quotes around it.
-fn cell(text: &str) -> &str {
-    let text = text.trim();
-    text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).map_or(text, str::trim)
+    let mut cells = Cells::default();
+    [',', ';', '\t'].into_iter().any(|sign| {
+        cells.split(line, Separator::Sign(sign), true);
+        cells.iter().any(|cell| is_name(&cell.to_ascii_lowercase()))
+    })
 }
 
 struct ColumnIndices {
@@ -189,15 +192,19 @@ pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
         return Err(unfit(path, format!("taxel {}", fixed.id), "a fixed place", "a g2o file"));
     }
     let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
-    let mut rows = edges.iter().map(|edge| {
-        let ids = [edge.from, edge.to].map(|v| taxels[v].id);
-        let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
-            let element = format!("edge {} to {}", ids[0], ids[1]);
-            return Err(unfit(path, element, "a rotation", "a g2o file"));
-        };
-        Ok(labelled(ids, offset.to_array().into_iter().chain(information.upper())))
-    });
-    write_table(path, &header, &mut rows)
+    write_table(path, &header, |table| {
+        for edge in edges {
+            let ids = [edge.from, edge.to].map(|v| taxels[v].id);
+            let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
+                let element = format!("edge {} to {}", ids[0], ids[1]);
+                return Err(unfit(path, element, "a rotation", "a g2o file"));
+            };
+            ids.into_iter().for_each(|id| table.whole(id.0));
+            table.decimals(offset.to_array().into_iter().chain(information.upper()));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes contacts, with their normals if they have any.
@@ -207,23 +214,27 @@ fn write_contacts(observations: &Observations, path: &Path) -> Result<()> {
     let with_normals = observations.contacts.iter().any(has_normal);
     let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
     let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
-    let mut rows = observations.contacts.iter().map(|contact| {
-        let id = observations.taxels[contact.taxel].id;
-        let refuse =
-            |found: &str, needed| Err(unfit(path, format!("the contact of taxel {id}"), found, needed));
-        let (position, information, normal) = match &contact.measurement {
-            ContactMeasurement::Position { .. } if with_normals => {
-                return refuse("no normal", "a normal of every contact, or of none");
-            }
-            ContactMeasurement::Position { position, information } => (position, information, None),
-            ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
-                (position, information, Some((normal, normal_information)))
-            }
-            ContactMeasurement::Pose { .. } => return refuse("a full pose", "a g2o file"),
-        };
-        let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
-        let normal = normal.into_iter().flatten();
-        Ok(labelled([id], position.to_array().into_iter().chain(normal).chain(information.upper())))
-    });
-    write_table(path, &header.collect::<Vec<_>>(), &mut rows)
+    write_table(path, &header.collect::<Vec<_>>(), |table| {
+        for contact in &observations.contacts {
+            let id = observations.taxels[contact.taxel].id;
+            let refuse =
+                |found: &str, needed| Err(unfit(path, format!("the contact of taxel {id}"), found, needed));
+            let (position, information, normal) = match &contact.measurement {
+                ContactMeasurement::Position { .. } if with_normals => {
+                    return refuse("no normal", "a normal of every contact, or of none");
+                }
+                ContactMeasurement::Position { position, information } => (position, information, None),
+                ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
+                    (position, information, Some((normal, normal_information)))
+                }
+                ContactMeasurement::Pose { .. } => return refuse("a full pose", "a g2o file"),
+            };
+            let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
+            let normal = normal.into_iter().flatten();
+            table.whole(id.0);
+            table.decimals(position.to_array().into_iter().chain(normal).chain(information.upper()));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }

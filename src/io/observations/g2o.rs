@@ -19,6 +19,7 @@ use crate::{
         error::Result,
         file::{LineLocation, Lines, cannot_write, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations},
+        table::writer::push_decimal,
     },
     skin::TaxelId,
 };
@@ -163,8 +164,16 @@ impl Line<'_> {
 /// Writes parameters, taxels, those that are fixed, edges and contacts, in this order.
 pub(super) fn write(out: &mut impl Write, observations: &Observations, path: &Path) -> Result<()> {
     let Observations { model, taxels, edges, contacts } = observations;
+    let mut text = Vec::new();
     let mut line = |words: fmt::Arguments<'_>, numbers: &[f64]| {
-        writeln!(out, "{words}{}", Numbers(numbers)).map_err(cannot_write(path))
+        text.clear();
+        for &x in numbers {
+            text.push(b' ');
+            push_decimal(&mut text, x, 1e-5);
+            text.pop();
+        }
+        text.push(b'\n');
+        write!(out, "{words}").and_then(|()| out.write_all(&text)).map_err(cannot_write(path))
     };
     let offsets = offsets(observations);
     if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. })) {
@@ -236,17 +245,4 @@ fn pose(pose: &Pose) -> [f64; 7] {
 
 fn informed<const N: usize>(of: impl IntoIterator<Item = f64>, information: &Information<N>) -> Vec<f64> {
     of.into_iter().chain(information.upper()).collect()
-}
-
-/// Numbers in the shortest digits that read back to the same bits: at most 17.
-struct Numbers<'a>(&'a [f64]);
-
-impl fmt::Display for Numbers<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|x| {
-            // Without an exponent 1e-300 would be 300 zeros.
-            let is_plain = *x == 0.0 || (1e-5..1e17).contains(&x.abs());
-            if is_plain { write!(f, " {x}") } else { write!(f, " {x:e}") }
-        })
-    }
 }

@@ -12,7 +12,7 @@ use crate::{
     id::VertexId,
     io::{
         IoError,
-        file::{Lines, cannot_write, invalid, kind, replace_file},
+        file::{Lines, cannot_write, file_kind, invalid, replace_file},
         observations::{builder::ReadObservations, csv, g2o, remark::ObservationRemark},
     },
     skin::TaxelId,
@@ -58,7 +58,7 @@ pub fn read_observations(
 
 fn read(path: &Path) -> Result<ReadObservations, IoError> {
     let is_stream = path == Path::new("-");
-    let is_table = match kind(path).as_str() {
+    let is_table = match file_kind(path).as_str() {
         "g2o" => Some(false),
         "csv" => Some(true),
         _ if is_stream => None,
@@ -91,7 +91,7 @@ pub fn write_observations(path: &Path, observations: &Observations) -> Result<()
         g2o::write(&mut out, observations, path)?;
         return out.flush().map_err(cannot_write(path));
     }
-    match kind(path).as_str() {
+    match file_kind(path).as_str() {
         "g2o" => replace_file(path, |out| g2o::write(out, observations, path)),
         "csv" => csv::write(observations, path),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),

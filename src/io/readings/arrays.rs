@@ -9,7 +9,7 @@ use crate::{
     io::{
         IoError,
         arrays::read::{
-            archive::{StoredArray, find_array, list_arrays},
+            archive::{Storage, StoredArray, find_array, list_arrays},
             npy::ElementType,
         },
         file::source::{excerpt, invalid},
@@ -61,7 +61,8 @@ impl ArrayReadings {
         is_archive: bool,
         layout: ReadingsLayout,
     ) -> Result<(Self, About), IoError> {
-        let arrays = if is_archive { list_arrays(path)? } else { vec![find_array(path)?] };
+        let storage = Storage::disk(path);
+        let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
         let values = find_values(path, &arrays)?;
         let (frames, width, channels) = check_shape(path, values, layout)?;
         let about = |name: &str| arrays.iter().find(|a| a.name == name && a.name != values.name);
@@ -284,7 +285,7 @@ impl Rows {
         let left = count / row.max(1) as u64;
         let mut rows = Self {
             element: array.element(),
-            input: array.open(path)?,
+            input: array.open(Storage::disk(path))?,
             elements,
             row,
             left,

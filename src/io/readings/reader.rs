@@ -5,10 +5,11 @@ use std::{fs::File, io::Read, path::Path};
 use crate::{
     io::{
         IoError,
-        file::source::kind,
+        file::source::file_kind,
         readings::{
             arrays::{ArrayReadings, ReadingsLayout},
             header::Header,
+            long::LongReadings,
             text::TextReadings,
         },
     },
@@ -22,10 +23,11 @@ use crate::{
 /// |---|---|
 /// | `.txt` | a line of taxel ids, then rows of `index time value...` between blanks, as CySkin records |
 /// | `.csv` | a line of names between commas, semicolons or tabs: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `frame` and `time`, in s or as in `time[ms]` |
+/// | `.txt`, `.csv` | a long table, `time,taxel_id,value` or `time,taxel_id,value[UNIT]`, with a row for each reading |
 /// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)` as [`ReadingsLayout`] says |
 /// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` `(N,)`, `timestamps` `(T,)` in s, and the texts `channels` and `units` `(C,)` |
 ///
-/// An empty cell, NaN and infinities are readings that are missing. The unit and name of a channel
+/// A time may be a date of ISO 8601, then counted from 1970 on. An empty cell, NaN and infinities are readings that are missing. The unit and name of a channel
 /// say of what kind it is ([`Channel::new`]).
 ///
 /// ```
@@ -60,6 +62,7 @@ pub struct ReadingsReader {
 
 enum Source {
     Text(TextReadings),
+    Long(LongReadings),
     Arrays(ArrayReadings),
 }
 
@@ -70,8 +73,20 @@ impl ReadingsReader {
     /// If it cannot be read, is of another kind, does not say what its columns are, is empty, or its
     /// arrays do not fit each other or the bytes that are there.
     pub fn open(path: &Path, layout: ReadingsLayout) -> Result<Self, IoError> {
-        match kind(path).as_str() {
+        match file_kind(path).as_str() {
             kind @ ("txt" | "csv") => {
+                let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
+                let long = if is_file { LongReadings::open(path, kind == "csv")? } else { None };
+                if let Some((readings, about)) = long {
+                    return Ok(Self {
+                        width: about.ids.len(),
+                        ids: Some(about.ids),
+                        channels: vec![about.channel],
+                        frames: None,
+                        has_times: true,
+                        source: Source::Long(readings),
+                    });
+                }
                 let file = File::open(path).map_err(|source| IoError::Read { path: path.into(), source })?;
                 Self::text(path, Box::new(file), kind == "csv")
             }
@@ -120,6 +135,7 @@ impl ReadingsReader {
     pub fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
         match &mut self.source {
             Source::Text(text) => text.read(values, time),
+            Source::Long(long) => long.read(values, time),
             Source::Arrays(arrays) => arrays.read(values, time),
         }
     }

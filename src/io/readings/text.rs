@@ -10,46 +10,34 @@ use std::{
 use crate::io::{
     IoError,
     file::{
-        lines::{LineLocation, Lines, finite},
+        lines::{LineLocation, Lines},
         source::excerpt,
     },
-    readings::header::{Cell, Header, parse_header},
+    readings::header::{Cell, Header, SHAPES, parse_header, seconds},
+    table::cells::{Cells, Separator},
 };
 
 /// Longest line, in bytes: half a million numbers. Without a bound, a stream that never ends its
 /// line would fill the memory.
 const LONGEST_LINE: usize = 1 << 24;
 
-/// What stands between the cells of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Separator {
-    Sign(char),
-    Blanks,
-}
-
-/// Readings that are read line by line.
-pub(super) struct TextReadings {
+/// Lines of a text and their cells.
+pub(super) struct TextLines {
     lines: Lines<BufReader<Box<dyn Read + Send>>>,
     separator: Separator,
-    cells: Vec<Cell>,
-    numbers: usize,
-    has_rows: bool,
+    /// The cells of the line.
+    pub(super) words: Cells,
 }
 
-impl TextReadings {
+impl TextLines {
     /// Reads the first line; errors call the text `path`. Cells are between commas if there are any
     /// in that line, else between semicolons, else in a `.csv` between tabs, else between blanks.
-    pub(super) fn open(
-        path: &Path,
-        input: Box<dyn Read + Send>,
-        is_csv: bool,
-    ) -> Result<(Self, Header), IoError> {
+    pub(super) fn open(path: &Path, input: Box<dyn Read + Send>, is_csv: bool) -> Result<Self, IoError> {
         let mut lines = Lines::new(BufReader::with_capacity(1 << 16, input), path, Some(b'#'));
         lines.longest = LONGEST_LINE;
         lines.advance()?;
-        let Some((line, at)) = lines.current()? else {
-            let needed = "a line of taxel ids, then rows of readings";
-            return Err(lines.at().invalid("an empty file", needed));
+        let Some((line, _)) = lines.current()? else {
+            return Err(lines.at().invalid("an empty file", SHAPES));
         };
         let signs = if is_csv { &[',', ';', '\t'][..] } else { &[',', ';'] };
         let separator = match signs.iter().find(|&&sign| line.contains(sign)) {
@@ -57,34 +45,61 @@ impl TextReadings {
             None if is_csv => Separator::Sign(','),
             None => Separator::Blanks,
         };
-        let header = match separator {
-            Separator::Sign(sign) => parse_header(line.split(sign).map(unquoted), false, at),
-            Separator::Blanks => parse_header(line.split_ascii_whitespace(), true, at),
-        }?;
+        let mut words = Cells::default();
+        words.split(line, separator, true);
+        Ok(Self { lines, separator, words })
+    }
+
+    /// Takes the next line; false after the last one.
+    pub(super) fn advance(&mut self) -> Result<bool, IoError> {
+        self.lines.advance()?;
+        let Some((line, _)) = self.lines.current()? else { return Ok(false) };
+        self.words.split(line, self.separator, true);
+        Ok(true)
+    }
+
+    pub(super) fn at(&self) -> LineLocation<'_> {
+        self.lines.at()
+    }
+}
+
+/// Readings that are read line by line.
+pub(super) struct TextReadings {
+    lines: TextLines,
+    cells: Vec<Cell>,
+    numbers: usize,
+    has_rows: bool,
+}
+
+impl TextReadings {
+    /// Reads the first line; errors call the text `path`.
+    pub(super) fn open(
+        path: &Path,
+        input: Box<dyn Read + Send>,
+        is_csv: bool,
+    ) -> Result<(Self, Header), IoError> {
+        let lines = TextLines::open(path, input, is_csv)?;
+        let header = parse_header(lines.words.iter(), lines.separator == Separator::Blanks, lines.at())?;
         let numbers = header.ids.len() * header.channels.len();
         let cells = header.cells.clone();
-        Ok((Self { lines, separator, cells, numbers, has_rows: false }, header))
+        Ok((Self { lines, cells, numbers, has_rows: false }, header))
     }
 
     /// Reads the next row; false after the last one.
     pub(super) fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        self.lines.advance()?;
-        let Some((line, at)) = self.lines.current()? else {
+        if !self.lines.advance()? {
             return match self.has_rows {
                 true => Ok(false),
                 false => {
                     Err(self.lines.at().invalid("no row of readings", "at least one below the line of ids"))
                 }
             };
-        };
+        }
         self.has_rows = true;
         values.clear();
         values.resize(self.numbers, f64::NAN);
         *time = f64::NAN;
-        match self.separator {
-            Separator::Sign(sign) => take_row(&self.cells, line.split(sign).map(unquoted), at, values, time),
-            Separator::Blanks => take_row(&self.cells, line.split_ascii_whitespace(), at, values, time),
-        }?;
+        take_row(&self.cells, self.lines.words.iter(), self.lines.at(), values, time)?;
         Ok(true)
     }
 
@@ -110,10 +125,7 @@ fn take_row<'t>(
         let invalid = |needed: &str| at.invalid_part(format!("column {}", k + 1), excerpt(word), needed);
         match *cell {
             Cell::Unused => {}
-            Cell::Time { per_second } => {
-                let number = finite(word).ok_or_else(|| invalid("a finite time"))?;
-                *time = number / f64::from(per_second);
-            }
+            Cell::Time { per_second } => *time = seconds(word, per_second, k, at)?,
             Cell::Reading(_) if word.is_empty() => {}
             Cell::Reading(place) => {
                 values[place] = word.parse().map_err(|_| invalid("a number, NaN or nothing"))?;
@@ -124,10 +136,4 @@ fn take_row<'t>(
         0 => Ok(()),
         more => Err(wrong(cells.len() + more)),
     }
-}
-
-/// A cell without blanks and quotes around it; names and numbers have no separators in them.
-fn unquoted(cell: &str) -> &str {
-    let cell = cell.trim();
-    cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).map_or(cell, str::trim)
 }

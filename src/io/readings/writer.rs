@@ -18,7 +18,7 @@ use crate::{
         },
         file::{
             replace::Replacement,
-            source::{kind, unfit},
+            source::{file_kind, unfit},
         },
     },
     signal::{Channel, Frame},
@@ -75,7 +75,7 @@ impl ReadingsWriter {
         if ids.is_empty() {
             return Err(unfit(path, "the skin", "no taxel that is present", "at least one"));
         }
-        let output = match kind(path).as_str() {
+        let output = match file_kind(path).as_str() {
             "csv" => {
                 let unit =
                     if channel.unit.is_empty() { String::new() } else { format!("[{}]", channel.unit) };

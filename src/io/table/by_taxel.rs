@@ -10,7 +10,7 @@ use glam::DVec2;
 
 use crate::{
     id::{IdVec, VertexId},
-    io::{IoError, file::source::Source, table::csv_table::Table},
+    io::{IoError, file::source::Source, table::Table},
     skin::{PatchId, Skin, TaxelId},
 };
 

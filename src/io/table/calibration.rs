@@ -11,8 +11,9 @@ use crate::{
         IoError,
         file::Source,
         table::{
-            csv_table::{Table, decimals, labelled, write_table},
+            Table,
             triangles::{BY_ID, Corners, Taxels},
+            writer::write_table,
         },
     },
     skin::TaxelId,
@@ -30,16 +31,18 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
     const HEADER: [&str; 15] =
         ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
     let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
-    let mut rows = calibration.poses.enumerate().map(|(v, pose)| {
-        let numbers = pose.position.to_array().into_iter().chain(pose.rotation.to_array());
-        let mut row = labelled([calibration.ids[v]], numbers);
-        if let Some(c) = covariances.map(|covariances| covariances[v]) {
-            row.extend(decimals([c.sigma()].into_iter().chain(<[f64; 6]>::from(c))));
+    write_table(path, &HEADER, |table| {
+        for (v, pose) in calibration.poses.enumerate() {
+            table.whole(calibration.ids[v].0);
+            table.decimals(pose.position.to_array().into_iter().chain(pose.rotation.to_array()));
+            match covariances.map(|covariances| covariances[v]) {
+                Some(c) => table.decimals([c.sigma()].into_iter().chain(<[f64; 6]>::from(c))),
+                None => table.empty(7),
+            }
+            table.end_row()?;
         }
-        row.resize(HEADER.len(), String::new());
-        Ok(row)
-    });
-    write_table(path, &HEADER, &mut rows)
+        Ok(())
+    })
 }
 
 /// Writes where taxels truly are: `id,x,y,z,nx,ny,nz,qx,qy,qz,qw`.
@@ -52,12 +55,16 @@ pub fn write_truth(
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
     const HEADER: [&str; 11] = ["id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw"];
-    let mut rows = ids.iter().zip(truth).map(|(id, pose)| {
-        let normal = (pose.rotation * DVec3::Z).to_array();
-        let numbers = pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array());
-        Ok(labelled([*id], numbers))
-    });
-    write_table(path, &HEADER, &mut rows)
+    write_table(path, &HEADER, |table| {
+        for (id, pose) in ids.iter().zip(truth) {
+            table.whole(id.0);
+            let normal = (pose.rotation * DVec3::Z).to_array();
+            table
+                .decimals(pose.position.to_array().into_iter().chain(normal).chain(pose.rotation.to_array()));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes triangles between taxels by their ids: `id0,id1,id2`, counter-clockwise seen from outside.
@@ -69,9 +76,13 @@ pub fn write_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
-    let id = |&v: &VertexId| ids.get(v).map(ToString::to_string);
-    let mut rows = triangles.iter().map(|corners| Ok(corners.iter().filter_map(id).collect()));
-    write_table(path, &BY_ID, &mut rows)
+    write_table(path, &BY_ID, |table| {
+        for corners in triangles {
+            corners.iter().filter_map(|&v| ids.get(v)).for_each(|id| table.whole(id.0));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes how well every observation fits: `i,j,sigmas,weight,inlier`, edges first, then contacts
@@ -88,16 +99,24 @@ pub fn write_inliers(
     calibration: &Calibration,
 ) -> Result<(), IoError> {
     let fits = &calibration.diagnostics;
-    let id = |v: VertexId| observations.taxels[v].id.to_string();
+    let id = |v: VertexId| observations.taxels[v].id.0;
     let edges = observations.edges.iter().zip(&fits.edges);
-    let edges = edges.map(|(edge, fit)| (id(edge.from), id(edge.to), fit));
+    let edges = edges.map(|(edge, fit)| (id(edge.from), Some(id(edge.to)), fit));
     let contacts = observations.contacts.iter().zip(&fits.contacts);
-    let contacts = contacts.map(|(contact, fit)| (id(contact.taxel), String::new(), fit));
-    let mut rows = edges.chain(contacts).map(|(i, j, fit)| {
-        let inlier = u8::from(fit.verdict == Verdict::Inlier).to_string();
-        Ok(vec![i, j, fit.chi2.sqrt().to_string(), fit.weight.to_string(), inlier])
-    });
-    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], &mut rows)
+    let contacts = contacts.map(|(contact, fit)| (id(contact.taxel), None, fit));
+    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], |table| {
+        for (i, j, fit) in edges.chain(contacts) {
+            table.whole(i);
+            match j {
+                Some(j) => table.whole(j),
+                None => table.empty(1),
+            }
+            table.decimals([fit.chi2.sqrt(), fit.weight]);
+            table.whole(u8::from(fit.verdict == Verdict::Inlier));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }
 
 /// Reads triangles between taxels that are named by their ids (`id0,id1,id2`) or rows

@@ -11,10 +11,7 @@ use glam::{DVec2, DVec3};
 use crate::io::{
     IoError,
     file::lines::Lines,
-    table::{
-        csv_table::{Row, Table},
-        lookups::OFF_SKIN,
-    },
+    table::{Row, Table, lookups::OFF_SKIN},
 };
 
 /// Columns of a table of contacts.
@@ -28,6 +25,7 @@ const OF_ANSWERS: [&str; 2] = ["contact", "frame"];
 fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> {
     let mut lines = Lines::new(BufReader::new(input), path, None);
     lines.has_row_per_line = true;
+    lines.advance()?;
     Table::open(lines)
 }
 

@@ -1,5 +1,5 @@
-//! Tables of lookups, written some rows at a time: a million rows in about a second, so the cells are
-//! written without the `csv` crate, into buffers that every thread keeps.
+//! Tables of lookups, written some rows at a time: a million rows in about a second, into buffers that
+//! every thread keeps.
 
 use std::{
     io::{BufWriter, Write},
@@ -13,7 +13,10 @@ use rayon::prelude::*;
 
 use crate::{
     contact::Cell,
-    io::IoError,
+    io::{
+        IoError,
+        table::writer::{end_row, push_cell, push_number, push_whole},
+    },
     pyramid::LevelId,
     skin::{Presence, TaxelId},
 };
@@ -222,8 +225,7 @@ impl Text {
         if has_extra {
             push_number(rows, row.extra);
         }
-        rows.pop();
-        rows.push(b'\n');
+        end_row(rows);
     }
 
     fn push_place(&mut self, row: &LookupRow<'_>, place: &LookupPlace<'_>) {
@@ -268,48 +270,8 @@ impl Text {
     }
 }
 
-/// Appends a number and a comma.
-#[inline]
-fn push_number(text: &mut Vec<u8>, number: f64) {
-    text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
-    text.push(b',');
-}
-
-/// Appends a distance and a comma. Adding 0 makes -0 the same.
+/// Appends a distance. Adding 0 makes -0 the same.
 #[inline]
 fn push_distance(text: &mut Vec<u8>, distance: f64) {
     push_number(text, distance + 0.0);
-}
-
-/// Appends a whole number and a comma.
-#[inline]
-fn push_whole(text: &mut Vec<u8>, mut number: u64) {
-    let mut digits = [b','; 21];
-    let mut first = digits.len() - 1;
-    loop {
-        first -= 1;
-        digits[first] = b'0' + (number % 10) as u8;
-        number /= 10;
-        if number == 0 {
-            break;
-        }
-    }
-    text.extend_from_slice(&digits[first..]);
-}
-
-/// Appends a text and a comma, in quotes where it would else be several cells.
-fn push_cell(text: &mut Vec<u8>, cell: &str) {
-    if cell.contains([',', '"', '\n', '\r']) {
-        text.push(b'"');
-        for part in cell.split_inclusive('"') {
-            text.extend_from_slice(part.as_bytes());
-            if part.ends_with('"') {
-                text.push(b'"');
-            }
-        }
-        text.push(b'"');
-    } else {
-        text.extend_from_slice(cell.as_bytes());
-    }
-    text.push(b',');
 }

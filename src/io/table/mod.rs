@@ -1,11 +1,215 @@
-//! Tables with a line of column names (CSV).
+//! Tables with a line of column names, between commas: the one engine that reads and writes them.
+//! Recordings, which may be live streams with other separators, are read in `readings/text` with the
+//! same [`Cells`].
+//!
+//! Columns are found by name, in any order. Errors name the line and the column.
+
+use std::io::BufRead;
+
+use glam::{DQuat, DVec3};
+
+use self::{
+    cells::{Cells, Separator},
+    columns::Columns,
+};
+use crate::{
+    io::{
+        IoError,
+        error::Result,
+        file::{LONGEST, LineLocation, Lines, Source, excerpt, finite},
+    },
+    skin::TaxelId,
+};
 
 pub(super) mod by_taxel;
 pub(super) mod calibration;
+pub(super) mod cells;
+pub(super) mod columns;
 pub(super) mod contacts;
-pub(super) mod csv_table;
 pub(super) mod lookups;
 pub(super) mod motion;
-pub(super) mod regions;
-pub(super) mod touches;
+pub(super) mod region_writer;
 pub(super) mod triangles;
+pub(super) mod writer;
+
+/// Most lines of a row, which is split again with every line of a text in quotes.
+const MOST_LINES: usize = 1000;
+
+/// A table that is read row by row.
+#[derive(Debug)]
+pub(crate) struct Table<R> {
+    lines: Lines<R>,
+    pub(crate) columns: Columns,
+    cells: Cells,
+    ended: bool,
+}
+
+impl<'a> Table<&'a [u8]> {
+    pub(crate) fn of(source: &'a Source) -> Result<Self> {
+        let mut lines = Lines::new(source.bytes(), source.path(), None);
+        lines.advance()?;
+        Self::open(lines)
+    }
+}
+
+impl<R: BufRead> Table<R> {
+    /// Reads the names of the columns on the line where `lines` stands; where lines may be comments,
+    /// names may be in capitals.
+    pub(crate) fn open(mut lines: Lines<R>) -> Result<Self> {
+        let mut cells = Cells::default();
+        read_row(&mut lines, &mut cells)?;
+        let ignores_case = lines.comment.is_some();
+        let name = |name: &str| if ignores_case { name.to_ascii_lowercase() } else { name.to_owned() };
+        let at = lines.at();
+        let columns = Columns::new(at.path, at.line.max(1), cells.iter().map(name).collect())?;
+        Ok(Self { lines, columns, cells, ended: false })
+    }
+
+    /// Reads the next row; false at the end. After an error about a row the next one may be read.
+    pub(crate) fn advance(&mut self) -> Result<bool> {
+        if self.ended {
+            return Ok(false);
+        }
+        self.ended = true;
+        self.lines.advance()?;
+        self.ended = self.lines.has_ended();
+        if self.ended {
+            return Ok(false);
+        }
+        read_row(&mut self.lines, &mut self.cells)?;
+        let (found, needed) = (self.cells.len(), self.columns.names.len());
+        if found != needed {
+            let needed = format!("{needed}, as the first line has");
+            return Err(self.lines.at().invalid(format!("{found} cells"), needed));
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn row(&self) -> Row<'_> {
+        Row { at: self.lines.at(), columns: &self.columns, cells: &self.cells }
+    }
+
+    pub(crate) fn each_row(mut self, visit: &mut dyn FnMut(Row<'_>) -> Result<()>) -> Result<()> {
+        while self.advance()? {
+            visit(self.row())?;
+        }
+        Ok(())
+    }
+
+    /// Refuses columns that are not `known`, so that a misspelt name is not silently ignored.
+    pub(crate) fn refuse_unknown(&self, known: &[&str]) -> Result<()> {
+        match self.columns.unknown(known).next() {
+            None => Ok(()),
+            Some((k, name)) => {
+                let (part, needed) = (format!("column {}", k + 1), format!("one of {}", known.join(",")));
+                Err(self.columns.at().invalid_part(part, excerpt(name), needed))
+            }
+        }
+    }
+}
+
+/// Splits the row that begins on the line where `lines` stands; it may have more of them.
+fn read_row<R: BufRead>(lines: &mut Lines<R>, cells: &mut Cells) -> Result<()> {
+    let comma = Separator::Sign(',');
+    let Some((line, _)) = lines.current()? else {
+        cells.split("", comma, false);
+        return Ok(());
+    };
+    if lines.has_row_per_line {
+        cells.split(line, comma, line.matches('"').count().is_multiple_of(2));
+        return Ok(());
+    }
+    if !cells.split(line, comma, true) {
+        return Ok(());
+    }
+    let mut row = line.to_owned();
+    for _ in 0..MOST_LINES {
+        lines.advance()?;
+        let Some((line, at)) = lines.current()? else { break };
+        if row.len() + line.len() > LONGEST {
+            return Err(at.invalid(format!("more than {LONGEST} bytes"), "a table of short lines"));
+        }
+        row.push('\n');
+        row.push_str(line);
+        if !cells.split(&row, comma, true) {
+            return Ok(());
+        }
+    }
+    Err(lines.at().invalid("a quote that is not closed", "a table of short lines"))
+}
+
+/// One line of a table, and where it is.
+#[derive(Clone, Copy)]
+pub(crate) struct Row<'a> {
+    pub(crate) at: LineLocation<'a>,
+    columns: &'a Columns,
+    cells: &'a Cells,
+}
+
+impl<'a> Row<'a> {
+    pub(crate) fn invalid(&self, column: usize, needed: impl Into<String>) -> IoError {
+        let name = excerpt(&self.columns.names[column]);
+        let part = format!("column `{}`", name.trim_matches('"'));
+        self.at.invalid_part(part, excerpt(self.text(column)), needed)
+    }
+
+    /// The cell without blanks around it.
+    pub(crate) fn text(&self, column: usize) -> &'a str {
+        self.cells.get(column).unwrap_or_default()
+    }
+
+    pub(crate) fn number(&self, column: usize) -> Result<f64> {
+        finite(self.text(column)).ok_or_else(|| self.invalid(column, "a finite number"))
+    }
+
+    /// A finite number, or an empty cell.
+    pub(crate) fn number_if_any(&self, column: usize) -> Result<Option<f64>> {
+        Ok(self.numbers_if_any([column])?.map(|[x]| x))
+    }
+
+    pub(crate) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for (number, column) in numbers.iter_mut().zip(columns) {
+            *number = self.number(column)?;
+        }
+        Ok(numbers)
+    }
+
+    pub(crate) fn vector(&self, columns: [usize; 3]) -> Result<DVec3> {
+        self.numbers(columns).map(DVec3::from_array)
+    }
+
+    /// Finite numbers, or empty cells throughout.
+    pub(crate) fn numbers_if_any<const N: usize>(&self, columns: [usize; N]) -> Result<Option<[f64; N]>> {
+        let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
+        if is_empty { Ok(None) } else { self.numbers(columns).map(Some) }
+    }
+
+    pub(crate) fn taxel(&self, column: usize) -> Result<TaxelId> {
+        let id = self.text(column).parse().map(TaxelId);
+        id.map_err(|_| self.invalid(column, "the number of a taxel, 0 to 4294967295"))
+    }
+
+    /// A rotation from the columns `qx,qy,qz,qw`.
+    ///
+    /// Tables print rounded digits, so a length up to [`UNIT_TOLERANCE`] from 1 is scaled to 1;
+    /// anything else is not meant as a rotation. (glTF has a narrower rule of its own, and graphs
+    /// of g2o are scaled with a remark.)
+    pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat> {
+        let q = DQuat::from_array(self.numbers(columns)?);
+        let off = (q.length() - 1.0).abs();
+        if off.is_nan() || off > UNIT_TOLERANCE {
+            return Err(self.invalid(columns[3], format!("a unit quaternion: length 1, not {}", q.length())));
+        }
+        Ok(q.normalize())
+    }
+
+    /// The same, or nothing where all four cells are empty.
+    pub(crate) fn rotation_if_any(&self, columns: [usize; 4]) -> Result<Option<DQuat>> {
+        let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
+        if is_empty { Ok(None) } else { self.rotation(columns).map(Some) }
+    }
+}
+
+/// How far a quaternion may be from unit length: three decimals are enough to mean a rotation.
+const UNIT_TOLERANCE: f64 = 1e-3;

@@ -8,9 +8,9 @@ use crate::{
     id::IdVec,
     io::{
         IoError,
-        file::source::{Source, kind},
+        file::source::{Source, file_kind},
         gltf::read_animation,
-        table::csv_table::Table,
+        table::Table,
     },
     skin::{Link, LinkId, Motion, MotionFrame, link_names},
 };
@@ -54,7 +54,7 @@ pub fn read_motion(
     animation: Option<&str>,
     links: &IdVec<LinkId, Link>,
 ) -> Result<MotionFile, IoError> {
-    if matches!(kind(path).as_str(), "glb" | "gltf") {
+    if matches!(file_kind(path).as_str(), "glb" | "gltf") {
         let (motion, unused) = read_animation(path, animation, links)?;
         return Ok(MotionFile { motion, unused });
     }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::{
     io::{
         error::Result,
-        table::csv_table::{Columns, Row},
+        table::{Row, columns::Columns},
     },
     skin::TaxelId,
 };

@@ -18,7 +18,7 @@ use crate::{
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Contacts")]
 pub(super) struct ContactsArgs {
-    /// Also find contact regions and follow them from frame to frame: a table, .csv or .jsonl
+    /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<PathBuf>,
     /// A region holds a taxel above this, in the unit of the channel [default: the noise of the first

@@ -1,0 +1,160 @@
+//! Contacts of recordings: those found in them, written frame by frame, and those simulated.
+
+use std::{
+    fs::File,
+    io::{self, Write},
+    path::Path,
+};
+
+use crate::{
+    io::{
+        IoError,
+        file::{replace::Replacement, source::file_kind},
+        table::writer::{TableWriter, write_table},
+    },
+    map::SkinMap,
+    signal::{ContactEvent, ContactRegion, Touch},
+    skin::Skin,
+};
+
+/// Columns of the table of regions.
+const COLUMNS: [&str; 22] = [
+    "frame",
+    "time",
+    "track",
+    "event",
+    "patch",
+    "link",
+    "taxels",
+    "area",
+    "force",
+    "x",
+    "y",
+    "z",
+    "nx",
+    "ny",
+    "nz",
+    "u",
+    "v",
+    "major",
+    "minor",
+    "angle",
+    "peak_taxel_id",
+    "peak",
+];
+
+/// Writes the contacts of a recording frame by frame.
+///
+/// `frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,peak_taxel_id,peak`:
+/// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
+/// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
+/// says how the contact was in the frame before. SI units; decimals are the shortest that read back
+/// as the same `f64`.
+///
+/// Nothing appears in the file's place before [`RegionWriter::finish`].
+pub struct RegionWriter<'a> {
+    map: &'a SkinMap,
+    table: TableWriter<Destination>,
+}
+
+/// The file that is to be replaced, as something to write to.
+struct Destination(Replacement);
+
+impl Write for Destination {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut file: &File = self.0.file();
+        file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl<'a> RegionWriter<'a> {
+    /// Starts a file of contacts on this map.
+    ///
+    /// # Errors
+    /// If the file is no `.csv`, or cannot be created.
+    pub fn create(path: &Path, map: &'a SkinMap) -> Result<Self, IoError> {
+        if file_kind(path) != "csv" {
+            return Err(IoError::UnknownKind { path: path.into(), known: ".csv" });
+        }
+        let file = Destination(Replacement::open(path)?);
+        Ok(Self { map, table: TableWriter::new(path, file, COLUMNS) })
+    }
+
+    /// Writes the contacts of one frame.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    ///
+    /// # Panics
+    /// If a contact is not one on this map.
+    pub fn write(&mut self, frame: u64, time: f64, regions: &[ContactRegion]) -> Result<(), IoError> {
+        let Self { map, table } = self;
+        for region in regions {
+            let patch = &map.patches[region.patch];
+            table.whole(frame);
+            table.numbers([time]);
+            table.whole(region.track);
+            table.cell(match region.event {
+                ContactEvent::Onset => "onset",
+                ContactEvent::Move => "move",
+                ContactEvent::Release => "release",
+            });
+            table.cell(&patch.name);
+            table.cell(&map.links[region.link].name);
+            table.whole(region.taxels.len() as u64);
+            table.numbers([region.area, region.force]);
+            table.numbers(region.centre.to_array().into_iter().chain(region.normal.to_array()));
+            table.numbers([region.map.x, region.map.y, region.major, region.minor, region.angle]);
+            table.whole(patch.taxels.ids[region.peak_taxel].0);
+            table.numbers([region.peak]);
+            table.end_row()?;
+        }
+        Ok(())
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn finish(self) -> Result<(), IoError> {
+        self.table.finish()?.0.finish()
+    }
+}
+
+/// Writes what truly happens in a simulated recording: a row for each frame in which something is
+/// touched.
+///
+/// `frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z`: `x,y,z` the centre
+/// of pressure and `sphere_*` the centre of the sphere in the frame of the link, in m; `force` of
+/// the whole contact, in N; `taxels` the number of working taxels that feel it.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+///
+/// # Panics
+/// If a touch names a patch that `skin` does not have.
+pub fn write_touches(path: &Path, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
+    const HEADER: [&str; 13] = [
+        "frame", "time", "press", "patch", "link", "x", "y", "z", "force", "taxels", "sphere_x", "sphere_y",
+        "sphere_z",
+    ];
+    write_table(path, &HEADER, |table| {
+        for touch in touches {
+            let patch = &skin.patches[touch.patch];
+            table.whole(touch.frame as u64);
+            table.decimals([touch.time]);
+            table.whole(touch.press as u64);
+            table.cell(&patch.name);
+            table.cell(&skin.links[patch.link].name);
+            table.decimals(touch.centre.to_array().into_iter().chain([touch.force]));
+            table.whole(touch.taxels as u64);
+            table.decimals(touch.sphere.to_array());
+            table.end_row()?;
+        }
+        Ok(())
+    })
+}

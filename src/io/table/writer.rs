@@ -1,0 +1,149 @@
+//! Tables as text: the one way in which numbers and texts are written to them.
+//!
+//! Every function appends a cell and the comma behind it; [`end_row`] turns the last comma into the
+//! end of a line.
+
+use std::{
+    fs::File,
+    io::{BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use crate::io::{
+    error::Result,
+    file::{cannot_write, replace_file},
+};
+
+/// Bytes of rows that are kept before they are written.
+const KEPT: usize = 1 << 16;
+
+/// Appends a number: the shortest digits that read back as the same bits, as `1.0` and `1e-7`.
+#[inline]
+pub(crate) fn push_number(text: &mut Vec<u8>, number: f64) {
+    text.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
+    text.push(b',');
+}
+
+/// Appends a number in the shortest digits, as `1`; below `least`, and from 1e17 on, with an exponent:
+/// without one 1e-300 would be 300 zeros.
+pub(crate) fn push_decimal(text: &mut Vec<u8>, number: f64, least: f64) {
+    let is_plain = number == 0.0 || !number.is_finite() || (least..1e17).contains(&number.abs());
+    // Writing to memory cannot fail.
+    let _ = if is_plain { write!(text, "{number},") } else { write!(text, "{number:e},") };
+}
+
+/// Appends a whole number.
+#[inline]
+pub(crate) fn push_whole(text: &mut Vec<u8>, mut number: u64) {
+    let mut digits = [b','; 21];
+    let mut first = digits.len() - 1;
+    loop {
+        first -= 1;
+        digits[first] = b'0' + (number % 10) as u8;
+        number /= 10;
+        if number == 0 {
+            break;
+        }
+    }
+    text.extend_from_slice(&digits[first..]);
+}
+
+/// Appends a text, in quotes where it would else be several cells.
+pub(crate) fn push_cell(text: &mut Vec<u8>, cell: &str) {
+    if cell.contains([',', '"', '\n', '\r']) {
+        text.push(b'"');
+        for part in cell.split_inclusive('"') {
+            text.extend_from_slice(part.as_bytes());
+            if part.ends_with('"') {
+                text.push(b'"');
+            }
+        }
+        text.push(b'"');
+    } else {
+        text.extend_from_slice(cell.as_bytes());
+    }
+    text.push(b',');
+}
+
+/// Ends a row of at least one cell.
+pub(crate) fn end_row(text: &mut Vec<u8>) {
+    text.pop();
+    text.push(b'\n');
+}
+
+/// Rows on their way to a file.
+pub(crate) struct TableWriter<W> {
+    path: PathBuf,
+    output: W,
+    pub(crate) text: Vec<u8>,
+}
+
+impl<W: Write> TableWriter<W> {
+    /// Begins a table with the names of its columns; errors call it `path`.
+    pub(crate) fn new<'n>(path: &Path, output: W, names: impl IntoIterator<Item = &'n str>) -> Self {
+        let mut text = Vec::new();
+        names.into_iter().for_each(|name| push_cell(&mut text, name));
+        end_row(&mut text);
+        Self { path: path.into(), output, text }
+    }
+
+    /// Appends numbers, plain down to 1e-20.
+    pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        numbers.into_iter().for_each(|x| push_decimal(&mut self.text, x, 1e-20));
+    }
+
+    pub(crate) fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        numbers.into_iter().for_each(|x| push_number(&mut self.text, x));
+    }
+
+    pub(crate) fn whole(&mut self, number: impl Into<u64>) {
+        push_whole(&mut self.text, number.into());
+    }
+
+    pub(crate) fn cell(&mut self, cell: &str) {
+        push_cell(&mut self.text, cell);
+    }
+
+    /// Appends a number, or an empty cell.
+    pub(crate) fn number_if_any(&mut self, number: Option<f64>) {
+        match number {
+            Some(number) => push_number(&mut self.text, number),
+            None => self.empty(1),
+        }
+    }
+
+    /// Appends cells without content.
+    pub(crate) fn empty(&mut self, cells: usize) {
+        self.text.extend(std::iter::repeat_n(b',', cells));
+    }
+
+    pub(crate) fn end_row(&mut self) -> Result<()> {
+        end_row(&mut self.text);
+        if self.text.len() >= KEPT { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.output.write_all(&self.text).map_err(cannot_write(&self.path))?;
+        self.text.clear();
+        Ok(())
+    }
+
+    /// Ends the table.
+    pub(crate) fn finish(mut self) -> Result<W> {
+        self.flush()?;
+        Ok(self.output)
+    }
+}
+
+/// Writes a table as a file, whole or not at all.
+pub(crate) fn write_table(
+    path: &Path,
+    header: &[&str],
+    rows: impl FnOnce(&mut TableWriter<&mut BufWriter<&File>>) -> Result<()>,
+) -> Result<()> {
+    replace_file(path, |out| {
+        let mut table = TableWriter::new(path, out, header.iter().copied());
+        rows(&mut table)?;
+        table.finish().map(drop)
+    })
+}
