@@ -97,11 +97,9 @@ fn a_broken_line_is_named_and_the_next_one_read() {
 
 #[test]
 fn headers_without_a_position_or_with_a_name_twice_are_refused() {
-    for (header, place) in [
-        ("", "the names of the columns"),
-        ("x,y\n", "a column `z`"),
-        ("x,y,z,x\n", "line 1, column 4"),
-    ] {
+    for (header, place) in
+        [("", "the names of the columns"), ("x,y\n", "a column `z`"), ("x,y,z,x\n", "line 1, column 4")]
+    {
         let found = message(read_contacts(Path::new("-"), header.as_bytes()));
         assert!(found.contains(place), "{place:?} is named in {found:?}");
     }

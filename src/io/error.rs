@@ -66,8 +66,21 @@ pub enum IoError {
         path: PathBuf,
         /// Which element of the file.
         element: String,
-        /// What it uses: a glTF extension by its name, anything else in words.
-        feature: String,
+        /// What it uses.
+        feature: Feature,
+    },
+    /// The file has no animation of the name that was asked for, or without a name not exactly one.
+    #[error("{}: animations: found {known:?}; needed: {}", path.display(), wanted.as_ref().map_or_else(
+        || "exactly one, or the name of one of them".to_owned(),
+        |name| format!("one called {name:?}"),
+    ))]
+    Animation {
+        /// The file.
+        path: PathBuf,
+        /// The name that was asked for.
+        wanted: Option<String>,
+        /// The names that the file has.
+        known: Vec<String>,
     },
     /// The file is not a map; it may be a skin.
     #[error("{}: found no mesh with extras.dermatome; needed: a map, as dermatome writes it", path.display())]
@@ -83,4 +96,31 @@ pub enum IoError {
         /// Extensions that are known.
         known: &'static str,
     },
+}
+
+/// Something that is valid in a file, but not read here.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Feature {
+    /// An extension of glTF, by its name.
+    #[error("{0}")]
+    Extension(String),
+    /// An animation of glTF that scales.
+    #[error("animated scale")]
+    AnimatedScale,
+    /// An animation of glTF that turns what is scaled unevenly.
+    #[error("animated rotation below an uneven scale")]
+    RotationBelowUnevenScale,
+    /// An OFF file that is binary, or has vertices of other than three coordinates: its first line.
+    #[error("{0}")]
+    OffVariant(String),
+    /// Anything else, in words.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl From<&str> for Feature {
+    fn from(feature: &str) -> Self {
+        Self::Other(feature.to_owned())
+    }
 }

@@ -55,17 +55,20 @@ mod readings;
 mod table;
 
 pub(crate) use self::gltf::as_in_map_file;
-pub use self::gltf::{read_map, write_map, write_pyramids};
+pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
-pub use error::IoError;
-pub use file::replace::{StagedFiles, abandon_files, replace_file};
+pub use error::{Feature, IoError};
+pub use file::{
+    replace::{StagedFiles, abandon_files, replace_file},
+    source::file_kind,
+};
 pub use image::{
     exr::write_images,
     frame::{FrameContent, write_frame, write_raw_frame},
 };
 pub use mesh::{
     flat::write_flat,
-    formats::{read_draft, read_draft_with, write_skin},
+    formats::{draft_from_bytes, read_draft, read_draft_with, skin_to_bytes, write_skin},
     parts::{ReadParts, read_faces},
     skin_csv::triangles_path,
 };
@@ -82,6 +85,5 @@ pub use table::{
     contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places},
     lookups::{LookupPlace, LookupRow, LookupWriter},
     motion::{MotionFile, read_motion},
-    regions::RegionWriter,
-    touches::write_touches,
+    region_writer::{RegionWriter, write_touches},
 };

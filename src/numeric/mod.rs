@@ -10,12 +10,6 @@ mod order;
 mod random;
 mod symmetric_eigen;
 
-/// The nearest `f32`, which may be infinite: files and images hold no wider floats.
-#[expect(clippy::cast_possible_truncation, reason = "the one place where floats are narrowed")]
-pub(crate) const fn narrow(x: f64) -> f32 {
-    x as f32
-}
-
 pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use csr::Csr;

@@ -122,7 +122,8 @@ impl Draft {
 
 impl Sheet {
     /// The name to show: that of the file, or `patch` if it has none.
-    pub(super) fn title(&self) -> &str {
+    #[must_use]
+    pub fn title(&self) -> &str {
         if self.name.is_empty() { "patch" } else { &self.name }
     }
 

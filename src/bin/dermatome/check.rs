@@ -107,8 +107,7 @@ fn sentence(finding: &Finding, draft: &Draft) -> String {
 /// The sheet whose vertices a finding counts; `None` if it counts something else, or its name is not
 /// unique.
 fn sheet_of<'a>(finding: &Finding, draft: &'a Draft) -> Option<&'a Sheet> {
-    let title = |sheet: &Sheet| if sheet.name.is_empty() { "patch".to_owned() } else { sheet.name.clone() };
-    let mut sheets = draft.sheets.iter().filter(|sheet| title(sheet) == finding.patch);
+    let mut sheets = draft.sheets.iter().filter(|sheet| sheet.title() == finding.patch);
     let sheet = sheets.next().filter(|_| sheets.next().is_none());
     sheet.filter(|_| matches!(finding.kind.elements(), "vertices" | "edges"))
 }

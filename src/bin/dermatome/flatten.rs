@@ -28,8 +28,7 @@ use crate::{
 pub(crate) struct Args {
     /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt, with one connected sheet
     mesh: PathBuf,
-    /// Output file: .obj, .ply, .off or .glb with texture coordinates, or .npz with V, F and UV in f64;
-    /// where the mesh is
+    /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
     /// cut, V has the vertices of the seam once for each of their places; may be given twice
     #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<PathBuf>,

@@ -16,7 +16,7 @@ use crate::{
         },
         file::{
             replace::replace_file,
-            source::{kind, unfit},
+            source::{file_kind, unfit},
         },
     },
     map::SkinMap,
@@ -117,7 +117,7 @@ impl RecordingWriter {
             features: Map::new(),
         };
         let parts: Vec<_> = layout.atlas.iter().flat_map(|atlas| atlas.parts_of(layout.level)).collect();
-        if kind(path) == "npy" {
+        if file_kind(path) == "npy" {
             let [part] = &parts[..] else {
                 let needed = "one image: one patch and one level";
                 return Err(unfit(path, "the recording", format!("{} images", parts.len()), needed));
@@ -261,7 +261,7 @@ impl RecordingWriter {
     /// If the disk is full.
     pub fn finish(self) -> Result<(), IoError> {
         self.writer.finish()?;
-        if kind(&self.path) == "npy" {
+        if file_kind(&self.path) == "npy" {
             return Ok(());
         }
         let path = self.path.with_extension("features.json");

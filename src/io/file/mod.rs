@@ -6,5 +6,5 @@ pub(super) mod replace;
 pub(super) mod source;
 
 pub(super) use lines::{LONGEST, LineLocation, Lines, finite};
-pub(super) use replace::{cannot_write, replace_file, write_file};
-pub(super) use source::{Source, excerpt, invalid, kind, stem, unfit};
+pub(super) use replace::{cannot_write, replace_file, write_file, write_to};
+pub(super) use source::{Source, excerpt, file_kind, invalid, stem, unfit};

@@ -4,7 +4,7 @@ use std::{
     cell::RefCell,
     collections::BTreeSet,
     fs::{self, File, OpenOptions},
-    io::{self, BufWriter, Write as _},
+    io::{self, BufWriter, Write},
     mem,
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
@@ -39,6 +39,15 @@ pub(crate) fn write_file(
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), IoError> {
     replace_file(path, |file| write(file).map_err(cannot_write(path)))
+}
+
+/// Writes where nothing but the output can fail; errors call it `path`.
+pub(crate) fn write_to(
+    output: &mut dyn Write,
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), IoError> {
+    write(output).map_err(cannot_write(path))
 }
 
 pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::io::IoError;
+use crate::io::{Feature, IoError};
 
 /// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so
 /// below this size no count of elements passes the 32 bits of an id.
@@ -19,6 +19,7 @@ const MAX_EXCERPT: usize = 60;
 pub(crate) struct Source {
     path: PathBuf,
     bytes: Vec<u8>,
+    is_file: bool,
 }
 
 impl Source {
@@ -33,17 +34,22 @@ impl Source {
         if !about.is_file() {
             return Err(fail(io::Error::other("it is not a regular file")));
         }
-        let found = format!("{} bytes", about.len());
-        if about.len() == 0 {
-            return Err(invalid(path, "file", found, "some content"));
-        }
-        if about.len() > MAX_BYTES {
-            return Err(invalid(path, "file", found, format!("at most {MAX_BYTES} bytes")));
-        }
+        check_length(path, about.len())?;
         let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
         // The limit holds for a file that grows meanwhile, too.
         File::open(path).and_then(|f| f.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
-        Ok(Self { path: path.into(), bytes })
+        Ok(Self { path: path.into(), bytes, is_file: true })
+    }
+
+    /// Bytes of memory, whose kind follows from the extension of `name`.
+    pub(crate) fn from_bytes(name: &Path, bytes: Vec<u8>) -> Result<Self, IoError> {
+        check_length(name, bytes.len() as u64)?;
+        Ok(Self { path: name.into(), bytes, is_file: false })
+    }
+
+    /// Whether it lies in a folder, where it may name other files.
+    pub(crate) fn is_file(&self) -> bool {
+        self.is_file
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -83,13 +89,24 @@ impl Source {
         invalid(&self.path, element, found, needed)
     }
 
-    pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<String>) -> IoError {
+    pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<Feature>) -> IoError {
         IoError::Unsupported { path: self.path.clone(), element: element.into(), feature: feature.into() }
     }
 }
 
+/// Refuses what is empty, or too long to count its elements with 32 bits.
+fn check_length(path: &Path, length: u64) -> Result<(), IoError> {
+    let found = format!("{length} bytes");
+    match length {
+        0 => Err(invalid(path, "file", found, "some content")),
+        1..=MAX_BYTES => Ok(()),
+        _ => Err(invalid(path, "file", found, format!("at most {MAX_BYTES} bytes"))),
+    }
+}
+
 /// The kind of a file: its extension in lower case, empty without one.
-pub(crate) fn kind(path: &Path) -> String {
+#[must_use]
+pub fn file_kind(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 

@@ -9,8 +9,7 @@ use crate::{
     io::{
         IoError,
         arrays::write::{npy::Elements, writer::ArrayWriter},
-        file::{kind, unfit, write_file},
-        gltf,
+        file::{file_kind, unfit, write_file},
     },
     mesh::TriMesh,
 };
@@ -21,20 +20,14 @@ use crate::{
 /// |---|---|---|
 /// | `npz` | `V` (n x 3, `f64`), with `F` (m x 3, `i64`) | `UV` (n x 2, `f64`), in m |
 /// | `obj` | `v`, shortest decimals | `vt`, in m, upwards |
-/// | `ply` | `x y z`, doubles | `s t`, doubles, in m, upwards |
-/// | `off` | `STOFF`, shortest decimals | two more numbers in each line of a vertex, in m, upwards |
-/// | `glb`, `gltf` | `f32` | `TEXCOORD_0`, from 0 to 1 in the square around the map, downwards as glTF has it; `extras.dermatome_flat` holds `origin` and `size` in m |
 ///
 /// # Errors
 /// If the mesh is broken, the map does not fit it, or the file cannot be written.
 pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    let write = match kind(path).as_str() {
+    let write = match file_kind(path).as_str() {
         "npz" => write_npz,
         "obj" => write_obj,
-        "ply" => write_ply,
-        "off" => write_off,
-        "glb" | "gltf" => gltf::write_flat,
-        _ => return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz, ply, off, glb, gltf" }),
+        _ => return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz" }),
     };
     mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
     if uv.len() != mesh.positions.len() {
@@ -55,42 +48,6 @@ fn write_obj(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result
         for &corners in &mesh.triangles {
             let [a, b, c] = corners.map(|v| v.index() + 1);
             writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
-        }
-        Ok(())
-    })
-}
-
-fn write_off(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    write_file(path, |file| {
-        writeln!(file, "STOFF\n{} {} 0", mesh.positions.len(), mesh.triangles.len())?;
-        for (p, uv) in mesh.positions.iter().zip(uv) {
-            writeln!(file, "{:?} {:?} {:?} {:?} {:?}", p.x, p.y, p.z, uv.x, uv.y)?;
-        }
-        for [a, b, c] in &mesh.triangles {
-            writeln!(file, "3 {a} {b} {c}")?;
-        }
-        Ok(())
-    })
-}
-
-fn write_ply(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
-    let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
-    write_file(path, |file| {
-        writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
-        for name in ["x", "y", "z", "s", "t"] {
-            writeln!(file, "property double {name}")?;
-        }
-        writeln!(file, "element face {faces}\nproperty list uchar uint vertex_indices\nend_header")?;
-        for (p, uv) in mesh.positions.iter().zip(uv) {
-            for x in [p.x, p.y, p.z, uv.x, uv.y] {
-                file.write_all(&x.to_le_bytes())?;
-            }
-        }
-        for corners in &mesh.triangles {
-            file.write_all(&[3])?;
-            for v in corners {
-                file.write_all(&v.raw().to_le_bytes())?;
-            }
         }
         Ok(())
     })

@@ -1,11 +1,11 @@
 //! Skins in all formats: which extension is read and written by which file.
 
-use std::path::Path;
+use std::{io::Write, path::Path};
 
 use crate::{
     io::{
         IoError, ReadParts,
-        file::{Source, kind, unfit},
+        file::{Source, file_kind, replace_file, unfit},
         gltf,
         mesh::{icub, npz, obj, off, ply, robotskin, skin_csv, stl},
     },
@@ -51,22 +51,38 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
 /// # Errors
 /// As [`read_draft`], or if texture coordinates are not finite numbers.
 pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> {
-    let read = match kind(path).as_str() {
-        "glb" | "gltf" => return gltf::read_gltf(Source::open(path)?, parts),
-        "obj" => return obj::read(&Source::open(path)?, parts),
-        "npz" => return npz::read(path),
-        "json" => robotskin::read,
-        "off" => off::read,
-        "ply" => ply::read,
-        "stl" => stl::read,
-        "csv" => skin_csv::read,
-        "txt" => icub::read,
+    // A file of an unknown kind is not opened.
+    let read = reader_of(path)?;
+    read(Source::open(path)?, parts)
+}
+
+/// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may
+/// name no other files.
+///
+/// # Errors
+/// As [`read_draft`].
+pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result<Draft, IoError> {
+    reader_of(name)?(Source::from_bytes(name, bytes)?, parts)
+}
+
+type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
+
+fn reader_of(path: &Path) -> Result<Reader, IoError> {
+    Ok(match file_kind(path).as_str() {
+        "glb" | "gltf" => gltf::read_gltf,
+        "obj" => |source, parts| obj::read(&source, parts),
+        "npz" => |source, _| npz::read(&source),
+        "json" => |source, _| robotskin::read(&source),
+        "off" => |source, _| off::read(&source),
+        "ply" => |source, _| ply::read(&source),
+        "stl" => |source, _| stl::read(&source),
+        "csv" => |source, _| skin_csv::read(&source),
+        "txt" => |source, _| icub::read(&source),
         _ => {
             let known = "glb, gltf, json, obj, off, ply, stl, csv, npz, txt";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
-    };
-    read(&Source::open(path)?)
+    })
 }
 
 /// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
@@ -93,19 +109,45 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
 /// If the skin breaks a promise of its type, a number in it does not fit the format, or the file
 /// cannot be written; an older file stays as it was.
 pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
-    let write = match kind(path).as_str() {
+    if file_kind(path) == "csv" {
+        check(path, skin)?;
+        return skin_csv::write(path, skin);
+    }
+    let write = writer_of(path)?;
+    check(path, skin)?;
+    replace_file(path, |file| write(file, path, skin))
+}
+
+/// The content of a file that [`write_skin`] writes, but for CSV, which is two files; its kind follows
+/// from the extension of `name`.
+///
+/// # Errors
+/// If the skin breaks a promise of its type, or a number in it does not fit the format.
+pub fn skin_to_bytes(name: &Path, skin: &Skin) -> Result<Vec<u8>, IoError> {
+    let write = writer_of(name)?;
+    check(name, skin)?;
+    let mut bytes = Vec::new();
+    write(&mut bytes, name, skin)?;
+    Ok(bytes)
+}
+
+type Writer = fn(&mut dyn Write, &Path, &Skin) -> Result<(), IoError>;
+
+fn writer_of(path: &Path) -> Result<Writer, IoError> {
+    Ok(match file_kind(path).as_str() {
         "glb" | "gltf" => gltf::write_skin,
         "json" => robotskin::write,
         "obj" => obj::write,
         "off" => off::write,
         "ply" => ply::write,
         "stl" => stl::write,
-        "csv" => skin_csv::write,
         _ => {
             let known = "glb, gltf, json, obj, off, ply, stl, csv";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
-    };
-    skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))?;
-    write(path, skin)
+    })
+}
+
+fn check(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))
 }

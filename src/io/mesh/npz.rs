@@ -8,16 +8,17 @@ use crate::{
     io::{
         IoError,
         arrays::read::whole::{NumberArray, read_number_arrays},
-        file::{invalid, source::stem},
+        file::{Source, invalid},
     },
     skin::{Draft, Sheet, TaxelId},
 };
 
 /// Reads `V` (n x 3), `F` (m x 3, or m x 4 for quadrangles, counted from 0), `N` (n x 3, normals) and
 /// `ids` (n); `vertices`, `faces` and `normals` mean the same, and everything but `V` may be missing.
-pub(crate) fn read(path: &Path) -> Result<Draft, IoError> {
+pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
+    let path = source.path();
     let names = ["V", "vertices", "F", "faces", "N", "normals", "ids"];
-    let mut arrays = read_number_arrays(path, &names)?;
+    let mut arrays = read_number_arrays(source, &names)?;
     let mut take = |names: [&str; 2]| {
         let place = arrays.iter().position(|array| names.contains(&array.name.as_str()));
         place.map(|place| arrays.swap_remove(place))
@@ -25,7 +26,7 @@ pub(crate) fn read(path: &Path) -> Result<Draft, IoError> {
     let Some(vertices) = take(["V", "vertices"]) else {
         return Err(invalid(path, "file", "no array V", "V of shape (n, 3), and F of shape (m, 3)"));
     };
-    let mut sheet = Sheet { name: stem(path), positions: vectors(path, &vertices)?, ..Sheet::default() };
+    let mut sheet = Sheet { name: source.stem(), positions: vectors(path, &vertices)?, ..Sheet::default() };
     let count = sheet.positions.len();
     if let Some(normals) = take(["N", "normals"]) {
         sheet.normals = Some(vectors(path, &normals)?);

@@ -12,7 +12,7 @@ use crate::{
     io::{
         ReadParts,
         error::Result,
-        file::{LineLocation, Source, excerpt, finite, write_file},
+        file::{LineLocation, Source, excerpt, finite, write_to},
     },
     skin::{Draft, Sheet, Skin},
 };
@@ -294,8 +294,8 @@ fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3> {
 }
 
 /// Writes one `o` per patch, positions in the world, and normals. Ids, areas and links are lost.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
-    write_file(path, |file| {
+pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
+    write_to(output, path, |file| {
         let mut before = 0;
         for patch in &skin.patches {
             let patch = skin.in_world(patch);

@@ -15,7 +15,8 @@ use crate::{
     io::{
         IoError,
         error::Result,
-        file::{Source, excerpt, unfit, write_file},
+        file::{Source, excerpt, unfit, write_to},
+        mesh::all_triangles,
     },
     skin::{Draft, Presence, Sheet, Skin, TaxelId},
 };
@@ -270,7 +271,7 @@ fn read_strips(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Resul
 
 /// Writes a PLY file, binary little endian, positions in the world, all else as [`read`] knows it.
 /// Patch and link names are lost, and densities too unless every patch has them.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
+pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
     let patches: Vec<_> = skin.patches.iter().map(|patch| skin.in_world(patch)).collect();
     let vertices: usize = patches.iter().map(|p| p.mesh.positions.len()).sum();
     let faces: usize = patches.iter().map(|p| p.mesh.triangles.len()).sum();
@@ -279,7 +280,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     }
     let has_density = patches.iter().all(|p| p.taxels.densities.is_some());
     let has_presence = patches.iter().flat_map(|p| &p.taxels.presence).any(|&p| p != Presence::Present);
-    write_file(path, |file| {
+    write_to(output, path, |file| {
         writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
         for name in VERTEX_PROPERTIES {
             let kind = match name {
@@ -307,17 +308,13 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
                 }
             }
         }
-        let mut before = 0;
-        for patch in &patches {
-            for corners in &patch.mesh.triangles {
-                file.write_all(&[3])?;
-                for v in corners {
-                    #[expect(clippy::cast_possible_truncation, reason = "vertices fit into 32 bits")]
-                    let corner = (before + v.index()) as u32;
-                    file.write_all(&corner.to_le_bytes())?;
-                }
+        for corners in all_triangles(skin) {
+            file.write_all(&[3])?;
+            for corner in corners {
+                #[expect(clippy::cast_possible_truncation, reason = "vertices fit into 32 bits")]
+                let corner = corner as u32;
+                file.write_all(&corner.to_le_bytes())?;
             }
-            before += patch.mesh.positions.len();
         }
         Ok(())
     })

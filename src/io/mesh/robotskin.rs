@@ -1,6 +1,6 @@
 //! JSON of robotskinlib, version 2: one rigid body of skin with its taxels, faces and frame.
 
-use std::{borrow::Cow, io::Write as _, path::Path};
+use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::{
     io::{
         error::Result,
-        file::{Source, excerpt, stem, write_file},
+        file::{Source, excerpt, stem, write_to},
     },
     mesh::{is_rotation, rotation_defect},
     skin::{Draft, Link, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
@@ -218,7 +218,7 @@ fn nearest_rotation(mut matrix: DMat3) -> DMat3 {
 }
 
 /// Writes a robotskinlib file: one body with all taxels. Areas and densities are lost.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
+pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
     let (frame, patches) = framed(skin);
     let mut taxels = Vec::new();
     let mut faces = Vec::new();
@@ -242,7 +242,7 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     let info = Info { file_version: "2".into(), kind: "rigid_body", name, ..Info::default() };
     let (n_taxels, n_faces) = (Some(taxels.len()), Some(faces.len()));
     let body = Body { n_taxels, n_faces, parent_frames: vec![frame], taxels, faces };
-    write_file(path, |out| {
+    write_to(output, path, |out| {
         serde_json::to_writer_pretty(&mut *out, &File { info, skin: body })?;
         out.write_all(b"\n")
     })

@@ -8,8 +8,9 @@ use crate::{
     id::VertexId,
     io::{
         error::Result,
-        file::{Source, excerpt, unfit, write_file},
+        file::{Source, excerpt, unfit, write_to},
     },
+    numeric::narrow,
     skin::{Draft, Patch, Sheet, Skin},
 };
 
@@ -147,7 +148,7 @@ impl Solid {
 }
 
 /// Writes a binary STL file of all patches, positions in the world, rounded to `f32`.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
+pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
     let count: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
     let Ok(count) = u32::try_from(count) else {
         return Err(unfit(path, "skin", format!("{count} triangles"), format!("at most {}", u32::MAX)));
@@ -157,28 +158,24 @@ pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     for patch in &skin.patches {
         add_facets(path, &skin.in_world(patch), &mut bytes)?;
     }
-    write_file(path, |file| file.write_all(&bytes))
+    write_to(output, path, |file| file.write_all(&bytes))
 }
 
 fn add_facets(path: &Path, patch: &Patch, bytes: &mut Vec<u8>) -> Result<()> {
     for face in patch.mesh.triangles.ids() {
-        let corners = patch.mesh.corners(face).map(narrow);
+        let corners = patch.mesh.corners(face).map(rounded);
         if !corners.iter().flatten().all(|x| x.is_finite()) {
             let element = format!("patch {:?}, face {face}", patch.name);
             let found = format!("{:?}", patch.mesh.corners(face));
             return Err(unfit(path, element, found, "coordinates within the range of f32"));
         }
-        let normal = narrow(patch.mesh.face_cross(face).normalize_or_zero());
+        let normal = rounded(patch.mesh.face_cross(face).normalize_or_zero());
         bytes.extend([normal].iter().chain(&corners).flatten().flat_map(|x| x.to_le_bytes()));
         bytes.extend([0; 2]);
     }
     Ok(())
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the format stores f32; what does not fit becomes infinite"
-)]
-fn narrow(x: DVec3) -> [f32; 3] {
-    x.to_array().map(|x| x as f32)
+fn rounded(x: DVec3) -> [f32; 3] {
+    x.to_array().map(narrow)
 }

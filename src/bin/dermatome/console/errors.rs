@@ -10,8 +10,18 @@ use std::{
 
 use clap::error::ErrorKind;
 use dermatome::{
-    Error, atlas::AtlasError, calib::CalibError, contact::ContactError, cut::CutError, flatten::FlattenError,
-    image::ImageError, io::IoError, map::MapError, plot::PlotError, signal::SignalError, skin::SkinError,
+    Error,
+    atlas::AtlasError,
+    calib::CalibError,
+    contact::ContactError,
+    cut::CutError,
+    flatten::FlattenError,
+    image::ImageError,
+    io::{Feature, IoError},
+    map::MapError,
+    plot::PlotError,
+    signal::SignalError,
+    skin::SkinError,
 };
 
 use crate::{
@@ -316,15 +326,17 @@ fn plot_help(error: &PlotError) -> &'static str {
 }
 
 /// How to remove the need for a glTF extension, which has a name, or without anything else that is not read.
-fn unsupported_help(feature: &str) -> &'static str {
+fn unsupported_help(feature: &Feature) -> &'static str {
     match feature {
-        "KHR_draco_mesh_compression" => "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`",
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+        Feature::Extension(name) if name == "KHR_draco_mesh_compression" => {
+            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`"
+        }
+        Feature::Extension(name) if name.ends_with("meshopt_compression") => {
             "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
         }
-        "animated scale" => "animate translations and rotations alone",
-        "animated rotation below an uneven scale" => "apply the scale to the mesh, or scale all axes alike",
-        _ if feature.contains("OFF") => "write it as text, with three coordinates a vertex",
+        Feature::AnimatedScale => "animate translations and rotations alone",
+        Feature::RotationBelowUnevenScale => "apply the scale to the mesh, or scale all axes alike",
+        Feature::OffVariant(_) => "write it as text, with three coordinates a vertex",
         _ => {
             "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
              its buffers"
@@ -347,7 +359,7 @@ fn io_help(error: &IoError) -> String {
             Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
             None => format!("name a file that ends in one of: {known}"),
         },
-        IoError::Invalid { element, .. } if element == "animations" => {
+        IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several".into()
         }
         _ => "correct the file, or export it again from the program that wrote it".into(),

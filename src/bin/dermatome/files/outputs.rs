@@ -115,10 +115,7 @@ pub(crate) fn is_same(a: &Path, b: &Path) -> bool {
     place(a) == place(b)
 }
 
-/// The kind of a file: its extension in lower case, empty without one.
-pub(crate) fn kind(path: &Path) -> String {
-    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
-}
+pub(crate) use dermatome::io::file_kind as kind;
 
 /// A table is written to a .csv: under any other name it would be read as something else.
 pub(crate) fn check_table(path: &Path) -> anyhow::Result<()> {

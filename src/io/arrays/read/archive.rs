@@ -3,14 +3,51 @@
 
 use std::{
     fs::File,
-    io::{self, BufReader, Read, Seek, SeekFrom},
+    io::{self, BufReader, Cursor, Read, Seek, SeekFrom},
     path::Path,
+    sync::Arc,
 };
 
 use flate2::{Crc, bufread::DeflateDecoder};
 use zip::{CompressionMethod, ZipArchive};
 
 use crate::io::{IoError, arrays::read::npy::NpyHeader, file::source::invalid};
+
+/// Where the bytes of a file are; errors call it `path`.
+#[derive(Clone, Copy)]
+pub(in crate::io) struct Storage<'a> {
+    pub(in crate::io) path: &'a Path,
+    /// The content, if it is in memory.
+    pub(in crate::io) bytes: Option<&'a Arc<[u8]>>,
+}
+
+trait ReadSeek: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> ReadSeek for T {}
+
+impl<'a> Storage<'a> {
+    /// A file on disk.
+    pub(in crate::io) const fn disk(path: &'a Path) -> Self {
+        Self { path, bytes: None }
+    }
+
+    /// The bytes of a regular file, and their number.
+    fn open(self) -> io::Result<(Box<dyn ReadSeek>, u64)> {
+        if let Some(bytes) = self.bytes {
+            return Ok((Box::new(Cursor::new(Arc::clone(bytes))), bytes.len() as u64));
+        }
+        let file = File::open(self.path)?;
+        let about = file.metadata()?;
+        if !about.is_file() {
+            return Err(io::Error::other("it is not a regular file"));
+        }
+        Ok((Box::new(file), about.len()))
+    }
+
+    fn unreadable(self) -> impl Fn(io::Error) -> IoError {
+        move |source| IoError::Read { path: self.path.into(), source }
+    }
+}
 
 /// An array of a file.
 pub(in crate::io) struct StoredArray {
@@ -51,9 +88,9 @@ impl StoredArray {
     }
 
     /// Its elements, from the first on.
-    pub(in crate::io) fn open(&self, path: &Path) -> Result<Box<dyn Read + Send>, IoError> {
-        let mut input = self.place.open(path)?;
-        NpyHeader::read(path, &self.element(), &mut input)?;
+    pub(in crate::io) fn open(&self, storage: Storage<'_>) -> Result<Box<dyn Read + Send>, IoError> {
+        let mut input = self.place.open(storage)?;
+        NpyHeader::read(storage.path, &self.element(), &mut input)?;
         Ok(input)
     }
 }
@@ -64,12 +101,12 @@ fn element(name: &str) -> String {
 }
 
 impl Place {
-    fn open(&self, path: &Path) -> Result<Box<dyn Read + Send>, IoError> {
-        self.bytes(path).map_err(|source| IoError::Read { path: path.into(), source })
+    fn open(&self, storage: Storage<'_>) -> Result<Box<dyn Read + Send>, IoError> {
+        self.bytes(storage).map_err(storage.unreadable())
     }
 
-    fn bytes(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
-        let mut file = File::open(path)?;
+    fn bytes(&self, storage: Storage<'_>) -> io::Result<Box<dyn Read + Send>> {
+        let (mut file, _) = storage.open()?;
         file.seek(SeekFrom::Start(self.start))?;
         let file = BufReader::with_capacity(1 << 18, file.take(self.stored));
         let (left, sum) = (self.size, Crc::new());
@@ -85,27 +122,16 @@ impl Place {
 }
 
 /// The array of a `.npy`, which has no more and no fewer elements than its shape says.
-pub(in crate::io) fn find_array(path: &Path) -> Result<StoredArray, IoError> {
-    let (_, length) = open(path)?;
+pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoError> {
+    let (_, length) = storage.open().map_err(storage.unreadable())?;
     let place = Place { start: 0, stored: length, size: length, packing: Packing::Alone };
-    array_at(path, String::new(), place)
-}
-
-/// A regular file, and its length.
-fn open(path: &Path) -> Result<(File, u64), IoError> {
-    let fail = |source| IoError::Read { path: path.into(), source };
-    let file = File::open(path).map_err(fail)?;
-    let about = file.metadata().map_err(fail)?;
-    if about.is_file() {
-        Ok((file, about.len()))
-    } else {
-        Err(fail(io::Error::other("it is not a regular file")))
-    }
+    array_at(storage, String::new(), place)
 }
 
 /// The arrays of an `.npz`, of which none has more or fewer elements than its shape says.
-pub(in crate::io) fn list_arrays(path: &Path) -> Result<Vec<StoredArray>, IoError> {
-    let (file, length) = open(path)?;
+pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray>, IoError> {
+    let path = storage.path;
+    let (file, length) = storage.open().map_err(storage.unreadable())?;
     let broken = |error: zip::result::ZipError| match error {
         zip::result::ZipError::Io(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             IoError::Read { path: path.into(), source }
@@ -134,14 +160,15 @@ pub(in crate::io) fn list_arrays(path: &Path) -> Result<Vec<StoredArray>, IoErro
             let found = format!("{stored} bytes from byte {start} on, of {size}");
             return Err(invalid(path, element, found, format!("bytes of a file of {length}")));
         }
-        arrays.push(array_at(path, name, Place { start, stored, size, packing })?);
+        arrays.push(array_at(storage, name, Place { start, stored, size, packing })?);
     }
     Ok(arrays)
 }
 
 /// The array at a place, if the elements that its shape promises are there, no more and no fewer.
-fn array_at(path: &Path, name: String, place: Place) -> Result<StoredArray, IoError> {
-    let header = NpyHeader::read(path, &element(&name), &mut place.open(path)?)?;
+fn array_at(storage: Storage<'_>, name: String, place: Place) -> Result<StoredArray, IoError> {
+    let path = storage.path;
+    let header = NpyHeader::read(path, &element(&name), &mut place.open(storage)?)?;
     let needed = header.total_bytes();
     if needed == Some(place.size) {
         return Ok(StoredArray { name, header, place });

@@ -1,6 +1,7 @@
 //! `.npz`: a zip archive of `.npy` arrays, stored without compression, the same bytes every time.
 
 use std::{
+    fmt::Write as _,
     fs::File,
     io::{self, BufWriter, Seek, SeekFrom, Write},
     path::Path,
@@ -29,9 +30,28 @@ impl Archive<'_, '_> {
             .compression_method(CompressionMethod::Stored)
             .last_modified_time(zip::DateTime::default())
             .large_file(bytes >= LARGE_ENTRY);
-        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.start_file(format!("{}.npy", entry_name(name)), options)?;
         write(&mut self.0)
     }
+}
+
+/// The name of an array as that of a file: control characters and backslashes, and slashes that lead out
+/// of the folder where the archive is unpacked, as `%2F`.
+fn entry_name(name: &str) -> String {
+    let leaves = name.starts_with('/') || name.split('/').any(|part| part == "..");
+    let is_odd = |c: char| c.is_control() || c == '\\' || leaves && c == '/';
+    let mut encoded = String::with_capacity(name.len());
+    for c in name.chars() {
+        match c {
+            c if is_odd(c) => {
+                for byte in c.encode_utf8(&mut [0; 4]).bytes() {
+                    let _ = write!(encoded, "%{byte:02X}");
+                }
+            }
+            c => encoded.push(c),
+        }
+    }
+    encoded
 }
 
 /// Writes an archive; the file is replaced whole or not at all.
@@ -84,5 +104,22 @@ impl<W: Seek> Seek for Latch<W> {
             }
         }
         Ok(self.at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::entry_name;
+
+    #[test]
+    fn names_stay_in_the_folder() {
+        for (name, entry) in [
+            ("left/palm.L0.values", "left/palm.L0.values"),
+            ("/etc/x", "%2Fetc%2Fx"),
+            ("../x\0", "..%2Fx%00"),
+            ("a\\b", "a%5Cb"),
+        ] {
+            assert_eq!(entry_name(name), entry);
+        }
     }
 }

@@ -19,7 +19,7 @@ use crate::io::{
     },
     file::{
         replace::{Replacement, spool_for},
-        source::{kind, unfit},
+        source::{file_kind, unfit},
     },
 };
 
@@ -64,7 +64,7 @@ pub(crate) struct ArrayId(usize);
 impl ArrayWriter {
     /// Starts a `.npy` or an `.npz`.
     pub(crate) fn create(path: &Path) -> Result<Self, IoError> {
-        let target = match kind(path).as_str() {
+        let target = match file_kind(path).as_str() {
             "npy" => Target::Npy { file: Replacement::open(path)?, header_bytes: 0 },
             "npz" => Target::Npz { spool: None },
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".npy, .npz" }),
@@ -283,7 +283,7 @@ mod tests {
     fn record(path: &Path, frames: u32, width: usize) -> Result<(), IoError> {
         let mut writer = ArrayWriter::create(path)?;
         let values = writer.growing("values", ElementType::F32, &[2, width])?;
-        let more = match kind(path).as_str() {
+        let more = match file_kind(path).as_str() {
             "npz" => Some(writer.growing("valid", ElementType::U8, &[])?),
             _ => None,
         };
