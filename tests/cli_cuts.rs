@@ -151,6 +151,25 @@ fn repair_splits_crowded_edges_into_sheets() {
     let info: serde_json::Value = serde_json::from_slice(&repaired).unwrap();
     let faces: Vec<_> = info["patches"].as_array().unwrap().iter().map(|p| &p["faces"]).collect();
     assert_eq!(faces, [2, 2], "each plane is a sheet");
+    // The same as triangles of an .stl, which is repaired by default.
+    let corners = |face: &str| {
+        let vertices: Vec<&str> = cross.lines().filter_map(|line| line.strip_prefix("v ")).collect();
+        let corner = |k: &str| format!("vertex {}\n", vertices[k.parse::<usize>().unwrap() - 1]);
+        format!(
+            "facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n",
+            face.split(' ').map(corner).collect::<String>()
+        )
+    };
+    let stl: String = cross.lines().filter_map(|line| line.strip_prefix("f ")).map(corners).collect();
+    fs::write(path.join("cross.stl"), format!("solid s\n{stl}endsolid s\n")).unwrap();
+    dermatome(path, "info cross.stl").assert().success().stderr(contains("smoothly"));
+    // Two such parts, and none that is valid.
+    let again = &cross[..cross.find("f ").unwrap()];
+    let two = format!("o a\n{cross}o b\n{again}f 7 8 9\nf 8 7 10\nf 7 8 11\nf 8 7 12\n");
+    fs::write(path.join("two.obj"), two).unwrap();
+    let refused = dermatome(path, "info two.obj").assert().code(2).get_output().stderr.clone();
+    let refused = String::from_utf8(refused).unwrap();
+    assert!(refused.contains("--repair") && !refused.contains("--keep-going"), "{refused}");
     // The third face at the edge is a copy of the first.
     fs::write(path.join("twice.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\nf 3 1 2\n")
         .unwrap();
@@ -161,7 +180,7 @@ fn repair_splits_crowded_edges_into_sheets() {
     dermatome(path, "build bow.obj -o M").assert().success().stderr(contains("touched in a point"));
 }
 
-/// Four faces at an edge around whose ends all of them hang together: two have to go.
+/// Four faces at an edge that are all connected around its ends: two are dropped.
 #[test]
 fn faces_that_cannot_be_split_off_are_dropped() {
     let folder = tempfile::tempdir().unwrap();
@@ -172,7 +191,7 @@ fn faces_that_cannot_be_split_off_are_dropped() {
     dermatome(folder.path(), "info book.obj --repair")
         .assert()
         .success()
-        .stderr(contains("2 faces were dropped at edges of more than two"));
+        .stderr(contains("2 faces were dropped at edges shared by more than two"));
 }
 
 /// A map is a skin too: its map is the same but for the rounding of the file's numbers.

@@ -12,7 +12,7 @@ use dermatome::{
     pyramid::{
         CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
     },
-    skin::{LinkId, Patch, Presence, TaxelId},
+    skin::{LinkId, Patch, Presence, TaxelError, TaxelId},
 };
 use glam::DVec3;
 use proptest::prelude::*;
@@ -564,7 +564,7 @@ fn bad_patches_are_refused_by_name() {
 
     let mut empty = patch(shapes::square());
     empty.taxels.densities = Some(vec![0.0; 4].into());
-    assert_eq!(coarsen(&empty), PyramidError::Density { vertex: VertexId::new(0), found: 0.0 });
+    assert_eq!(coarsen(&empty), TaxelError::Density { vertex: VertexId::new(0), found: 0.0 }.into());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::{
     cut::CutError,
     id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, TriMesh},
+    mesh::{Adjacency, Halfedge, Topology, TriMesh},
     numeric::DisjointSets,
 };
 
@@ -119,24 +119,15 @@ pub(crate) fn seam_length(mesh: &TriMesh, edges: &[[VertexId; 2]]) -> f64 {
 
 /// Whether a mesh is one disk without holes.
 pub(crate) fn is_plain_disk(mesh: &TriMesh) -> bool {
-    Adjacency::new(mesh).is_ok_and(|adjacency| {
-        adjacency.euler_characteristic() == 1
-            && adjacency.boundary_loops().len() == 1
-            && adjacency.component_count() == 1
-    })
+    Adjacency::new(mesh).map(|adjacency| adjacency.topology()).is_ok_and(|t| t.is_disk() && t.loops == 1)
 }
 
 /// Refuses a mesh that is not one disk with holes. `vertex` is one of the seam, to name it.
 pub(super) fn check_disk(mesh: &TriMesh, vertex: VertexId) -> Result<(), CutError> {
-    let adjacency = Adjacency::new(mesh)?;
-    let components = adjacency.component_count();
-    if components != 1 {
-        return Err(CutError::Disconnects { vertex, components });
+    let topology = Adjacency::new(mesh)?.topology();
+    match topology {
+        _ if topology.is_disk() => Ok(()),
+        Topology { components: 1, euler, loops } => Err(CutError::NotADisk { euler, loops }),
+        Topology { components, .. } => Err(CutError::Disconnects { vertex, components }),
     }
-    let (euler, loops) = (adjacency.euler_characteristic(), adjacency.boundary_loops().len());
-    let holes_explain = i64::try_from(loops).is_ok_and(|n| euler == 2 - n);
-    if loops == 0 || !holes_explain {
-        return Err(CutError::NotADisk { euler, loops });
-    }
-    Ok(())
 }

@@ -9,7 +9,7 @@ use crate::{
         magnification::Magnification,
     },
     id::VertexId,
-    mesh::{Adjacency, FlatTriangle, TriMesh, loop_length, mean_edge_length},
+    mesh::{Adjacency, FlatTriangle, Topology, TriMesh, loop_length, mean_edge_length},
     numeric::argsort,
 };
 
@@ -147,12 +147,12 @@ impl Disk {
             return Err(FlattenError::NotADisk { euler: 0, loops: 0, components: 0 });
         }
         let adjacency = Adjacency::new(mesh)?;
-        let loops = adjacency.boundary_loops();
-        let (euler, components) = (adjacency.euler_characteristic(), adjacency.component_count());
-        let holes_explain = i64::try_from(loops.len()).is_ok_and(|n| euler == 2 - n);
-        if components != 1 || loops.is_empty() || !holes_explain {
-            return Err(FlattenError::NotADisk { euler, loops: loops.len(), components });
+        let topology = adjacency.topology();
+        if !topology.is_disk() {
+            let Topology { components, loops, euler } = topology;
+            return Err(FlattenError::NotADisk { euler, loops, components });
         }
+        let loops = adjacency.boundary_loops();
         // The longest first; loops of equal length stay in the order of their smallest vertices.
         let lengths: Vec<f64> = loops.iter().map(|walk| -loop_length(mesh, walk)).collect();
         let loops = argsort(&lengths).into_iter().map(|k| loops[k].clone()).collect();

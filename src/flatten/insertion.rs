@@ -16,7 +16,7 @@ use glam::DVec2;
 use crate::{
     flatten::{energy::elements::Uv, fillers::Fillers},
     id::{IdVec, VertexId},
-    mesh::{TriMesh, angle},
+    mesh::{TriMesh, angle, clip},
     pyramid::{Level, PyramidError, Removal, RemovalLog},
 };
 
@@ -251,7 +251,7 @@ impl RingMap {
         }
         let mut kernel = vec![lo, DVec2::new(hi.x, lo.y), hi, DVec2::new(lo.x, hi.y)];
         for (a, b) in self.edges() {
-            kernel = clip(&kernel, a, b);
+            kernel = left_of(&kernel, a, b);
         }
         let centre = centroid(&kernel)?;
         // From the middle towards the wanted place as far as the faces allow.
@@ -277,19 +277,11 @@ fn mean_value_weights(ring: &[DVec2]) -> impl Iterator<Item = f64> {
 }
 
 /// The part of a convex polygon on the left of the line from `a` to `b`.
-fn clip(polygon: &[DVec2], a: DVec2, b: DVec2) -> Vec<DVec2> {
-    let side = |p: DVec2| (b - a).perp_dot(p - a);
+fn left_of(polygon: &[DVec2], a: DVec2, b: DVec2) -> Vec<DVec2> {
+    let side = |p: &DVec2| (b - a).perp_dot(*p - a);
+    let crossing = |p: &DVec2, q: &DVec2| *p + (*q - *p) * (side(p) / (side(p) - side(q)));
     let mut kept = Vec::with_capacity(polygon.len() + 1);
-    for (k, &q) in polygon.iter().enumerate() {
-        let p = polygon[(k + polygon.len() - 1) % polygon.len()];
-        let (at_p, at_q) = (side(p), side(q));
-        if (at_p >= 0.0) != (at_q >= 0.0) {
-            kept.push(p + (q - p) * (at_p / (at_p - at_q)));
-        }
-        if at_q >= 0.0 {
-            kept.push(q);
-        }
-    }
+    clip(polygon, |p| side(p) >= 0.0, crossing, &mut kept);
     kept
 }
 

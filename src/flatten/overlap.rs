@@ -4,8 +4,6 @@
 //! This is the only judge of overlap, for the solver that must prevent it and for the measures of
 //! [`Distortion`](crate::flatten::Distortion).
 
-use std::collections::BTreeSet;
-
 use glam::DVec2;
 
 use crate::{
@@ -16,8 +14,7 @@ use crate::{
         energy::elements::Uv,
     },
     id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges, loops_of},
-    numeric::DisjointSets,
+    mesh::{TriMesh, boundary_edges, face_components, loops_of},
 };
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
@@ -42,7 +39,7 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let faces = || mesh.triangles.iter().copied();
     let outer = loops_of(&edges).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
     crossings
-        + outer.saturating_sub(component_count(mesh))
+        + outer.saturating_sub(face_components(&mesh.triangles, mesh.positions.len()).count)
         + count_branch_points(faces(), &on_boundary, uv)
         + count_angle_excess(faces(), &on_boundary, uv)
 }
@@ -70,15 +67,6 @@ pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
 pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
     keeps_holes(domain, uv) && !boundary_crosses_itself(&edges, uv)
-}
-
-fn component_count(mesh: &TriMesh) -> usize {
-    let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
-    for &[a, b, c] in &mesh.triangles {
-        sets.join(a, b);
-        sets.join(b, c);
-    }
-    mesh.triangles.iter().map(|corners| sets.root(corners[0])).collect::<BTreeSet<_>>().len()
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {

@@ -333,7 +333,7 @@ impl SkinMap {
     /// Checks that this is a map: the only place that judges one, in time linear in its size.
     ///
     /// Links come after their parents and have rigid poses, patches have names of their own and
-    /// links that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels
+    /// links and joints that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels
     /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
     /// positions are finite and within 1e12 m, one per vertex, or per place of a vertex on a map that
     /// is cut, not all the same nor all mirrored, `from_coarser` and the `to_finest` of the next level
@@ -342,7 +342,7 @@ impl SkinMap {
     /// # Errors
     /// The first broken rule, with patch, level and element.
     pub fn validate(&self) -> Result<(), MapError> {
-        check_patches(&self.links, self.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))?;
+        check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
         self.patches.iter().try_for_each(PatchMap::validate)
     }
 }

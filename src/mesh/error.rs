@@ -5,6 +5,11 @@ use crate::id::{FaceId, VertexId};
 /// Most faces of a mesh: a [`crate::mesh::Halfedge`] packs its face with two bits for the side.
 pub(crate) const MAX_FACES: usize = 1 << 30;
 
+/// The error of more vertices or faces than can be counted.
+pub(crate) fn too_many(vertices: usize, faces: usize) -> Option<MeshError> {
+    (vertices >= u32::MAX as usize || faces > MAX_FACES).then_some(MeshError::TooMany { vertices, faces })
+}
+
 /// Why a list of triangles is not an oriented manifold mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -71,4 +76,17 @@ pub enum MeshError {
         /// The vertex.
         vertex: VertexId,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{id::FaceId, mesh::Halfedge};
+
+    #[test]
+    fn faces_that_are_accepted_have_halfedges() {
+        assert_eq!(too_many(3, MAX_FACES), None);
+        assert!(too_many(3, MAX_FACES + 1).is_some(), "below the number that 32 bits count");
+        assert_eq!(Halfedge::new(FaceId::new(MAX_FACES - 1), 2).face(), FaceId::new(MAX_FACES - 1));
+    }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     id::VertexId,
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length, triangle_cross},
 };
 
 /// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
@@ -46,16 +46,35 @@ const SLIT: f64 = 0.1;
 /// of its rim: a cap of a tube bends it by 90.
 const BEND: f64 = 0.5;
 
-/// Closes the holes that `which` says, with triangles between their own vertices.
-///
-/// Each hole gets its triangulation of least area (barequet1995), without edges that
-/// the mesh already has; a hole that has none stays open. The longest loop is the outer boundary
-/// and stays, unless the surface is closed but for it. Returns the loops closed. Time grows with the
-/// cube of the edges of a hole.
+/// A hole, and the triangles between its vertices that close it.
+#[derive(Debug, Clone)]
+pub(crate) struct Filling {
+    /// The boundary loop, faces on the left.
+    pub(crate) hole: Vec<VertexId>,
+    pub(crate) triangles: Vec<[VertexId; 3]>,
+}
+
+/// Closes the holes that `which` says; returns how many.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold.
-pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<Vec<Vec<VertexId>>, MeshError> {
+pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, MeshError> {
+    let fillings = fillings(mesh, which)?;
+    for &t in fillings.iter().flat_map(|filling| &filling.triangles) {
+        mesh.triangles.push(t);
+    }
+    Ok(fillings.len())
+}
+
+/// The holes that `which` says, with their triangulations of least area (barequet1995) without edges that
+/// the mesh already has; a hole that has none stays open.
+///
+/// The longest loop is the outer boundary and no hole, unless the surface is closed but for it. Time
+/// grows with the cube of the edges of a hole.
+///
+/// # Errors
+/// If the mesh is not an oriented manifold.
+pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>, MeshError> {
     let adjacency = Adjacency::new(mesh)?;
     let mut loops = adjacency.boundary_loops();
     let is_only = loops.len() == 1;
@@ -66,27 +85,17 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<Vec<Vec
     }
     loops.retain(|walk| walk.len() <= which.most_edges());
     let mut inside = HashMap::new();
-    for (face, corners) in mesh.triangles.enumerate() {
+    for (face, corners) in mesh.triangles.enumerate().filter(|_| !loops.is_empty()) {
         let at_rim = |&side: &usize| adjacency.twin(Halfedge::new(face, side)).is_none();
         inside.extend((0..3).filter(at_rim).map(|side| (corners[side], *corners)));
     }
-    let is_wanted = |walk: &Vec<VertexId>, fill: &Vec<[VertexId; 3]>| {
-        which != FillHoles::PinHoles || is_only || is_pin_hole(mesh, &inside, walk, fill)
+    let filling = |hole: Vec<VertexId>| {
+        let triangles = least_area(mesh, &adjacency, &hole)?;
+        let is_wanted =
+            which != FillHoles::PinHoles || is_only || is_pin_hole(mesh, &inside, &hole, &triangles);
+        is_wanted.then_some(Filling { hole, triangles })
     };
-    let fills: Vec<_> = loops
-        .iter()
-        .map(|walk| least_area(mesh, &adjacency, walk).filter(|fill| is_wanted(walk, fill)))
-        .collect();
-    let mut closed = Vec::new();
-    for (walk, fill) in loops.into_iter().zip(fills) {
-        if let Some(fill) = fill {
-            for t in fill {
-                mesh.triangles.push(t);
-            }
-            closed.push(walk);
-        }
-    }
-    Ok(closed)
+    Ok(loops.into_iter().filter_map(filling).collect())
 }
 
 /// Whether a hole is no slit, and its triangles continue the surface along half of its rim.
@@ -98,10 +107,7 @@ fn is_pin_hole(
     walk: &[VertexId],
     fill: &[[VertexId; 3]],
 ) -> bool {
-    let cross = |t: &[VertexId; 3]| {
-        let [a, b, c] = t.map(|v| mesh.positions[v]);
-        (b - a).cross(c - a)
-    };
+    let cross = |t: &[VertexId; 3]| triangle_cross(t.map(|v| mesh.positions[v]));
     let area: f64 = fill.iter().map(|t| 0.5 * cross(t).length()).sum();
     let rim = loop_length(mesh, walk);
     if 4.0 * PI * area < SLIT * rim * rim {

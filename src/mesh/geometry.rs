@@ -1,4 +1,4 @@
-//! Angles, cotangents and lengths of triangles, and which poses are rigid.
+//! Angles and lengths of triangles, polygons in the plane, and which poses are rigid.
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
@@ -31,6 +31,26 @@ pub(crate) fn cotangent(at: DVec3, b: DVec3, c: DVec3) -> f64 {
 pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
     let next = walk.iter().cycle().skip(1);
     walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
+}
+
+/// Writes the part of a convex polygon whose corners are to `keep` into `kept`. `crossing` gives the
+/// corner on the side between two corners of which one is kept.
+pub(crate) fn clip<P: Copy>(
+    polygon: &[P],
+    keep: impl Fn(&P) -> bool,
+    crossing: impl Fn(&P, &P) -> P,
+    kept: &mut Vec<P>,
+) {
+    kept.clear();
+    let before = polygon.iter().cycle().skip(polygon.len().saturating_sub(1));
+    for (before, corner) in before.zip(polygon) {
+        if keep(before) != keep(corner) {
+            kept.push(crossing(before, corner));
+        }
+        if keep(corner) {
+            kept.push(*corner);
+        }
+    }
 }
 
 /// The smallest rectangle around places, `(min, max)`; the origin without a finite one.

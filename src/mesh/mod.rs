@@ -17,19 +17,23 @@ pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::{
     boundary::{boundary_edges, boundary_loops, edges, loops_of},
+    components::{Part, face_components, separate},
     edges::Edges,
     halfedge::Halfedge,
     halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},
     rings::Rings,
+    topology::Topology,
     vertex_corners::VertexCorners,
 };
 pub use error::MeshError;
+pub(crate) use error::too_many;
 pub use fill_holes::FillHoles;
-pub(crate) use fill_holes::fill_holes;
+pub(crate) use fill_holes::{fill_holes, fillings};
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{
-    angle, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect,
+    angle, clip, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect,
 };
-pub(crate) use tri_mesh::smallest_first;
 pub use tri_mesh::{SurfacePoint, TriMesh};
-pub(crate) use triangle_map::{FlatTriangle, SingularValues, SymmetricDirichlet, signed_area};
+pub(crate) use triangle_map::{
+    FlatTriangle, SingularValues, SymmetricDirichlet, signed_area, triangle_cross,
+};

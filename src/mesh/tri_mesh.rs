@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{MeshError, error::MAX_FACES},
+    mesh::{MeshError, error::too_many, triangle_cross},
 };
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
@@ -33,9 +33,9 @@ impl TriMesh {
     /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to
     /// judge.
     pub fn validate(&self) -> Result<(), MeshError> {
-        let (vertices, faces) = (self.positions.len(), self.triangles.len());
-        if vertices >= u32::MAX as usize || faces > MAX_FACES {
-            return Err(MeshError::TooMany { vertices, faces });
+        let vertices = self.positions.len();
+        if let Some(error) = too_many(vertices, self.triangles.len()) {
+            return Err(error);
         }
         for (vertex, p) in self.positions.enumerate() {
             if !p.is_finite() {
@@ -66,8 +66,7 @@ impl TriMesh {
     #[inline]
     #[must_use]
     pub fn face_cross(&self, face: FaceId) -> DVec3 {
-        let [a, b, c] = self.corners(face);
-        (b - a).cross(c - a)
+        triangle_cross(self.corners(face))
     }
 
     /// Area of `face`, in m^2.
@@ -131,15 +130,4 @@ pub struct SurfacePoint {
     pub face: FaceId,
     /// Weights of the face's corners, non-negative, sum 1.
     pub barycentric: [f64; 3],
-}
-
-/// The same triangle, the same way round, from its smallest corner on.
-pub(crate) fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
-    if a < b && a < c {
-        [a, b, c]
-    } else if b < c {
-        [b, c, a]
-    } else {
-        [c, a, b]
-    }
 }

@@ -1,7 +1,13 @@
-//! How a triangle is mapped from space to the plane: its own layout, the Jacobian of the map, and
-//! its signed singular values.
+//! The normal of a triangle, and how it is mapped from space to the plane: its own layout, the Jacobian
+//! of the map, and its signed singular values.
 
 use glam::{DMat2, DVec2, DVec3};
+
+/// The normal of a triangle, twice as long as its area, in m^2.
+#[inline]
+pub(crate) fn triangle_cross([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
 
 /// Signed area of a triangle of the plane, positive if it runs counter-clockwise.
 pub(crate) fn signed_area([a, b, c]: [DVec2; 3]) -> f64 {
@@ -68,8 +74,8 @@ impl FlatTriangle {
 /// Signed singular values of a map, and the directions the energies are built from.
 ///
 /// `J = (s1 + s2)/2 rotation + (s1 - s2)/2 reflection`, with `rotation = [c, -s; s, c]` and
-/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (Smith, de Goes and Kim 2019
-/// build the eigensystem of any isotropic energy from these two).
+/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (smith2019 builds the
+/// eigensystem of any isotropic energy from these two).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SingularValues {
     /// Larger singular value, non-negative.

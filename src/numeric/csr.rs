@@ -2,6 +2,8 @@
 
 use std::ops::{Index, Range};
 
+use crate::parallel::par_rows;
+
 /// One list of items for each of some things: the faces around a vertex, the entries of a row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Csr<T> {
@@ -44,6 +46,25 @@ impl<T> Csr<T> {
             items[*slot as usize] = item;
             *slot += 1;
         }
+        Self { starts, items }
+    }
+
+    /// Lists of these lengths, which `fill` writes in parallel; it takes the number of the list.
+    ///
+    /// # Panics
+    /// If there are more than 2^32 items.
+    pub(crate) fn filled(lengths: &[u32], fill: impl Fn(usize, &mut [T]) + Sync) -> Self
+    where
+        T: Send + Clone + Default,
+    {
+        let mut starts = Vec::with_capacity(lengths.len() + 1);
+        let mut end = 0_u32;
+        starts.push(end);
+        for &length in lengths {
+            end = end.checked_add(length).expect("more than 2^32 items");
+            starts.push(end);
+        }
+        let items = par_rows(&starts, fill);
         Self { starts, items }
     }
 

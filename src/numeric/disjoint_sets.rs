@@ -43,6 +43,28 @@ impl Parity for Relation {
     }
 }
 
+/// Which set each thing is in; sets are numbered in the order of their smallest members.
+#[derive(Debug, Clone)]
+pub(crate) struct Labels<I> {
+    /// The number of the set of each.
+    pub(crate) of: IdVec<I, usize>,
+    /// How many sets there are.
+    pub(crate) count: usize,
+}
+
+impl<I: Id> Labels<I> {
+    /// The smallest member of each set.
+    pub(crate) fn firsts(&self) -> Vec<I> {
+        let mut firsts = Vec::with_capacity(self.count);
+        for (member, &label) in self.of.enumerate() {
+            if label == firsts.len() {
+                firsts.push(member);
+            }
+        }
+        firsts
+    }
+}
+
 /// Disjoint sets of `I`; each is named by its root, its smallest member.
 ///
 /// The order of joins does not show in the roots. Without parity a member takes as much memory as
@@ -73,6 +95,18 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
             relation = relation.then(both);
             member = grandparent;
         }
+    }
+
+    /// The sets, numbered.
+    pub(crate) fn labels(&mut self) -> Labels<I> {
+        let (mut of, mut count) = (IdVec::<I, usize>::default(), 0);
+        for member in (0..self.parents.len()).map(I::new) {
+            // The root is the smallest member, so it has its number already.
+            let root = self.find(member).0;
+            of.push(if root == member { count } else { of[root] });
+            count += usize::from(root == member);
+        }
+        Labels { of, count }
     }
 }
 
@@ -135,6 +169,9 @@ mod tests {
         }
         let roots: Vec<_> = (0..6).map(|k| sets.root(v(k)).index()).collect();
         assert_eq!(roots, [0, 0, 2, 3, 2, 2]);
+        let labels = sets.labels();
+        assert_eq!((&*labels.of, labels.count), (&[0, 0, 1, 2, 1, 1][..], 3));
+        assert_eq!(labels.firsts(), [0, 2, 3].map(v));
     }
 
     #[test]

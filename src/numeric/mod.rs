@@ -13,10 +13,10 @@ mod symmetric_eigen;
 pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use csr::Csr;
-pub(crate) use disjoint_sets::{DisjointSets, Relation};
+pub(crate) use disjoint_sets::{DisjointSets, Labels, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use morton::{along_curve, morton};
-pub(crate) use order::{argsort, median, nth_smallest, order_by};
+pub(crate) use order::{argsort, chains, median, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 

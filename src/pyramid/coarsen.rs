@@ -158,22 +158,13 @@ fn open_levels(
 
 fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<(), PyramidError> {
     let needed = mesh.positions.len();
-    let densities = taxels.densities.as_ref();
-    let lengths = [
-        ("ids", taxels.ids.len()),
-        ("areas", taxels.areas.len()),
-        ("presence", taxels.presence.len()),
-        ("densities", densities.map_or(needed, |values| values.len())),
-    ];
+    let lengths =
+        [("ids", taxels.ids.len()), ("areas", taxels.areas.len()), ("presence", taxels.presence.len())];
     if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != needed) {
         return Err(PyramidError::Length { what, found, needed });
     }
     if let Some((vertex, &found)) = taxels.areas.enumerate().find(|(_, a)| !a.is_finite() || **a < 0.0) {
         return Err(PyramidError::Area { vertex, found });
-    }
-    let mut densities = densities.into_iter().flat_map(IdVec::enumerate);
-    if let Some((vertex, &found)) = densities.find(|(_, rho)| !rho.is_finite() || **rho <= 0.0) {
-        return Err(PyramidError::Density { vertex, found });
     }
     taxels.check_demands(needed)?;
     match options.ratio {

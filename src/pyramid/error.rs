@@ -27,15 +27,7 @@ pub enum PyramidError {
         /// Its area, in m^2.
         found: f64,
     },
-    /// A density that is not positive or not a number.
-    #[error("vertex {vertex} has a density of {found} per m^2; a positive number is needed")]
-    Density {
-        /// The vertex.
-        vertex: VertexId,
-        /// Its density, in 1/m^2.
-        found: f64,
-    },
-    /// Weights or acuities out of range, or not one per vertex.
+    /// Densities, weights or acuities out of range, or not one per vertex.
     #[error(transparent)]
     Taxels(#[from] TaxelError),
     /// A ratio that shrinks too little to make levels.

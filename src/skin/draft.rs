@@ -4,11 +4,8 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::MeshError,
-    skin::{
-        Covariance, Joints, Link, LinkId, Motion, Presence, Remark, RemarkKind, SkinError, TaxelError,
-        TaxelId,
-    },
+    mesh::{MeshError, too_many},
+    skin::{Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId},
 };
 
 /// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
@@ -32,9 +29,9 @@ pub struct Draft {
 
 /// One sheet of triangles with their taxels, as written.
 ///
-/// The optional arrays are either absent or as long as `positions`, that of the texture as
-/// `triangles`. Nothing else is guaranteed:
-/// corners may be out of range, positions not finite, vertices unused or duplicated, winding mixed.
+/// The optional arrays should be as long as `positions`, those of the texture and the materials as
+/// `triangles`. Nothing is guaranteed before the draft is assembled: arrays may be shorter, corners
+/// out of range, positions not finite, vertices unused or duplicated, winding mixed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
     /// Name of the patch.
@@ -111,12 +108,11 @@ impl Draft {
             && self.sheets.iter().any(|s| !s.positions.is_empty())
     }
 
-    /// *Heuristic*: a warning about the largest sheet, if its size makes no sense in metres.
-    pub(super) fn doubtful_unit(&self) -> Option<Remark> {
+    /// *Heuristic*: the largest sheet and its size (m), if that makes no sense in metres.
+    pub(super) fn doubtful_unit(&self) -> Option<(&Sheet, f64)> {
         let extents = self.sheets.iter().map(|sheet| (sheet, sheet.extent()));
         let largest = extents.max_by(|a, b| a.1.total_cmp(&b.1));
-        let (sheet, extent) = largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())?;
-        Some(Remark { patch: sheet.title().to_owned(), kind: RemarkKind::DoubtfulUnit { extent } })
+        largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())
     }
 }
 
@@ -140,8 +136,8 @@ impl Sheet {
             return Err(SkinError::Taxels { patch: patch(), source });
         }
         let refuse = |source| Err(SkinError::Mesh { patch: patch(), source });
-        if self.is_too_large() {
-            return refuse(MeshError::TooMany { vertices: needed, faces: self.triangles.len() });
+        if let Some(error) = too_many(needed, self.triangles.len()) {
+            return refuse(error);
         }
         if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
             let position = self.positions[v].to_array();
@@ -171,8 +167,13 @@ impl Sheet {
 
     /// The first optional array that has not one entry per vertex, and its length.
     pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
-        if let Some(texture) = self.texture.as_ref().filter(|t| t.len() != self.triangles.len()) {
-            return Some(("texture", texture.len()));
+        let of_faces = [
+            ("texture", self.texture.as_ref().map(Vec::len)),
+            ("materials", self.materials.as_ref().map(Vec::len)),
+        ];
+        let mut given = of_faces.into_iter().filter_map(|(what, n)| Some((what, n?)));
+        if let Some(wrong) = given.find(|&(_, n)| n != self.triangles.len()) {
+            return Some(wrong);
         }
         let lengths = [
             ("numbers", self.numbers.as_ref().map(Vec::len)),
@@ -191,13 +192,12 @@ impl Sheet {
         given.find(|&(_, n)| n != self.positions.len())
     }
 
-    /// Whether vertices or corners of faces are more than 32-bit ids can number.
-    pub(super) const fn is_too_large(&self) -> bool {
-        self.positions.len() >= u32::MAX as usize || self.triangles.len() >= (u32::MAX / 3) as usize
-    }
-
-    /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay.
+    /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay; a sheet
+    /// with an array of another length, which is refused later, stays whole.
     fn retained(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
+        if self.wrong_length().is_some() {
+            return self.clone();
+        }
         if self.triangles.is_empty() {
             let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| keep(self, v)).collect();
             return self.select(&kept);

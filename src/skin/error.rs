@@ -3,17 +3,11 @@
 use crate::{
     id::{FaceId, VertexId},
     mesh::MeshError,
-    skin::{LinkId, TaxelError},
+    skin::{
+        LinkId, TaxelError,
+        sentence::{count, first_few},
+    },
 };
-
-/// The first of some faces, and how many there are.
-fn listed(faces: &[FaceId]) -> String {
-    /// Faces that are named at most.
-    const NAMED: usize = 12;
-    let named: Vec<String> = faces.iter().take(NAMED).map(ToString::to_string).collect();
-    let more = if faces.len() > NAMED { format!(", ... ({} in all)", faces.len()) } else { String::new() };
-    named.join(", ") + &more
-}
 
 /// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or
 /// the patch of the skin, numbers them.
@@ -46,7 +40,7 @@ pub enum SkinError {
     #[error(
         "patch {patch:?}: {} more than two faces, the first joins vertices {} and {}; \
          a skin is a sheet, with one or two faces at each edge",
-        if edges.len() == 1 { "1 edge has".to_owned() } else { format!("{} edges have", edges.len()) },
+        count(edges.len(), "edge has", "edges have"),
         edges[0][0], edges[0][1]
     )]
     NonManifoldEdges {
@@ -55,10 +49,23 @@ pub enum SkinError {
         /// The ends of every such edge; at least one.
         edges: Vec<[VertexId; 2]>,
     },
+    /// Edges where more than two faces meet even after repair.
+    #[error(
+        "patch {patch:?}: repair stopped after {rounds} rounds of dropping faces, and {} more than two faces still, \
+         the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), edges[0][0], edges[0][1]
+    )]
+    RepairGaveUp {
+        /// Name of the patch.
+        patch: String,
+        /// How often faces were dropped.
+        rounds: usize,
+        /// The ends of every such edge; at least one.
+        edges: Vec<[VertexId; 2]>,
+    },
     /// A sheet with one side only, like a Möbius strip.
     #[error(
         "patch {patch:?} cannot be wound consistently: the closed strip of the faces {} contradicts itself at the edge \
-         between vertices {} and {}", listed(faces), edge[0], edge[1]
+         between vertices {} and {}", first_few(faces), edge[0], edge[1]
     )]
     NotOrientable {
         /// Name of the patch.
@@ -82,7 +89,7 @@ pub enum SkinError {
         /// Number of pieces; zero for a patch without faces.
         found: usize,
     },
-    /// A patch hangs on a link that does not exist.
+    /// A patch is attached to a link that does not exist.
     #[error("patch {patch:?} is attached to link {link}, which does not exist")]
     UnknownLink {
         /// Name of the patch.
@@ -143,6 +150,8 @@ pub enum SkinError {
     Several {
         /// What is wrong with each; at least two.
         errors: Vec<SkinError>,
+        /// How many other patches are valid.
+        valid: usize,
     },
     /// Triangles that are none: every one has two corners at one place, or all on a line.
     #[error(

@@ -27,8 +27,8 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`; `weld`,
-//! `normals`, `tangents` (what assembling and checking share); `triangulate`; `assemble`; `check`.
+//! In reading order: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`,
+//! `sentence`; `weld`, `normals` (what assembling and checking share); `triangulate`; `assemble`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
 //! is right (sizes beyond 10 m are reported), or that the outside is right where neither normals
@@ -44,23 +44,23 @@ mod motion;
 mod normals;
 mod patch;
 mod remark;
+mod sentence;
 mod weld;
-mod tangents;
 mod taxels;
 
 pub use crate::numeric::Covariance;
 pub use assemble::{AssembleOptions, Assembled, assemble, joining_gap};
-pub use check::{Finding, FindingKind, check};
+pub use check::{Elements, Finding, FindingKind, Severity, check};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
 pub(crate) use link::named_links;
 pub use link::{Link, LinkId, link_names, world_pose};
 pub(crate) use motion::{Curve, Track};
 pub use motion::{Motion, MotionFrame};
+pub(crate) use normals::{in_tangent_plane, tangents_along};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
-pub(crate) use tangents::{in_tangent_plane, tangents_along};
 pub(crate) use taxels::scaled_joints;
 pub use taxels::{Joints, Presence, TaxelError, TaxelId, Taxels};
-pub use weld::options::Weld;
+pub use weld::Weld;

@@ -1,7 +1,8 @@
-//! Normals of taxels: which of the file's are reliable, and those of the faces.
+//! Normals and tangents of taxels: which of the file's normals are reliable, those of the faces, and the
+//! x axes of the taxels' frames in the tangent planes.
 //!
 //! *Heuristic*: thresholds were chosen on real covers and on placeholders that vendors write.
-//! Shared by assembling, checking and triangulating.
+//! Shared by assembling, checking, triangulating, reading and mapping.
 
 use glam::DVec3;
 
@@ -157,4 +158,43 @@ pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
 fn face_direction(mesh: &TriMesh, face: FaceId) -> DVec3 {
     let [a, b, c] = mesh.corners(face);
     (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero()
+}
+
+/// A direction less than 0.06 degrees (as a sine) from the normal has no direction in the tangent
+/// plane: rounding alone would decide.
+const LEAST_SINE: f64 = 1e-3;
+
+/// The unit vector of `direction`, of any length, in the tangent plane of a unit normal; `None` for
+/// a direction that is zero or along the normal.
+pub(crate) fn in_tangent_plane(direction: DVec3, normal: DVec3) -> Option<DVec3> {
+    let unit = direction.normalize_or_zero();
+    let tangent = unit - unit.dot(normal) * normal;
+    (tangent.length() > LEAST_SINE).then(|| tangent.normalize())
+}
+
+/// The directions, one per vertex and of any length, in the tangent planes of unit normals, as unit
+/// vectors; and how many had to be replaced since they are zero or along the normal.
+///
+/// What replaces them is the mean direction of the neighbours; without one, a direction that
+/// follows from the normal alone.
+pub(crate) fn tangents_along(
+    mesh: &TriMesh,
+    normals: &IdVec<VertexId, DVec3>,
+    directions: &IdVec<VertexId, DVec3>,
+) -> (IdVec<VertexId, DVec3>, usize) {
+    let found: IdVec<VertexId, Option<DVec3>> =
+        directions.enumerate().map(|(v, &direction)| in_tangent_plane(direction, normals[v])).collect();
+    let missing = found.iter().filter(|tangent| tangent.is_none()).count();
+    let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, found.len());
+    if missing > 0 {
+        for corners in &mesh.triangles {
+            let sum: DVec3 = corners.iter().filter_map(|&v| found[v]).sum();
+            corners.iter().for_each(|&v| around[v] += sum);
+        }
+    }
+    let tangent = |(v, found): (VertexId, &Option<DVec3>)| {
+        let replaced = || in_tangent_plane(around[v], normals[v]);
+        found.or_else(replaced).unwrap_or_else(|| normals[v].any_orthonormal_vector())
+    };
+    (found.enumerate().map(tangent).collect(), missing)
 }

@@ -7,7 +7,7 @@ use glam::DAffine3;
 use crate::{
     id::{IdVec, define_id},
     mesh::{Adjacency, TriMesh, is_rigid},
-    skin::{Link, LinkId, Motion, SkinError, Taxels, link::before_parents, world_pose},
+    skin::{Link, LinkId, Motion, SkinError, TaxelError, Taxels, link::before_parents, world_pose},
 };
 
 define_id!(
@@ -43,7 +43,7 @@ impl Patch {
         let patch = || self.name.clone();
         let adjacency =
             Adjacency::new(&self.mesh).map_err(|source| SkinError::Mesh { patch: patch(), source })?;
-        let found = adjacency.component_count();
+        let found = adjacency.topology().components;
         if found != 1 {
             return Err(SkinError::Components { patch: patch(), found });
         }
@@ -98,24 +98,31 @@ impl Skin {
     /// # Errors
     /// The first broken promise, with the patch's name.
     pub fn validate(&self) -> Result<(), SkinError> {
-        check_patches(&self.links, self.patches.iter().map(|patch| (patch.name.as_str(), patch.link)))?;
+        check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
         self.patches.iter().try_for_each(Patch::validate)
     }
 }
 
-/// Checks the links, and that patches have names of their own and links that exist.
+/// Checks the links, and that patches have names of their own, and links and joints that exist.
 ///
 /// # Errors
 /// The first broken rule.
 pub(crate) fn check_patches<'a>(
     links: &IdVec<LinkId, Link>,
-    patches: impl Iterator<Item = (&'a str, LinkId)>,
+    patches: impl Iterator<Item = (&'a str, LinkId, &'a Taxels)>,
 ) -> Result<(), SkinError> {
     check_links(links)?;
     let mut names = HashSet::new();
-    for (name, link) in patches {
+    for (name, link, taxels) in patches {
         if link.index() >= links.len() {
             return Err(SkinError::UnknownLink { patch: name.to_owned(), link });
+        }
+        let mut joints = taxels.joints.iter().flat_map(IdVec::enumerate);
+        let unknown = joints
+            .find_map(|(v, all)| Some((v, all.iter().find(|j| j.1 > 0.0 && j.0.index() >= links.len())?.0)));
+        if let Some((vertex, link)) = unknown {
+            let source = TaxelError::UnknownJoint { vertex, link, links: links.len() };
+            return Err(SkinError::Taxels { patch: name.to_owned(), source });
         }
         if !names.insert(name) {
             return Err(SkinError::DuplicateName { patch: name.to_owned() });

@@ -4,7 +4,10 @@ use std::fmt;
 
 use crate::{
     id::{FaceId, VertexId},
-    skin::SkinError,
+    skin::{
+        SkinError,
+        sentence::{across, coincident, count, edge_list, first_few, length},
+    },
 };
 
 /// One change or doubt about a sheet or patch; `Display` makes a sentence of it.
@@ -56,11 +59,11 @@ remark_kinds! {
         /// The faces.
         faces: Vec<FaceId>,
     } => "{} dropped, with the same corners as an earlier one: {}", count(faces.len(), "face was", "faces were"), first_few(faces);
-    /// Repair: faces were dropped at edges of more than two, which cannot be split into sheets.
+    /// Repair: faces were dropped at edges shared by more than two, where the sheets cannot be separated.
     ExtraFacesDropped {
         /// The faces.
         faces: Vec<FaceId>,
-    } => "{} dropped at edges of more than two, around whose ends all of them hang together: {}",
+    } => "{} dropped at edges shared by more than two faces, where the sheets cannot be separated: {}",
         count(faces.len(), "face was", "faces were"), first_few(faces);
     /// Repair: edges of more than two faces were split into sheets.
     EdgesParted {
@@ -202,7 +205,7 @@ remark_kinds! {
         holes: usize,
         /// Longest boundary loop that counts as a hole, in edges.
         max_edges: usize,
-    } => "{} of at most {max_edges} edges", count(*holes, "hole was filled", "holes were filled, each");
+    } => "{} of at most {max_edges} edges", count(*holes, "hole was filled,", "holes were filled, each");
     /// Something in the file was ignored; the words are those of its reader.
     PassedOver {
         /// What was ignored.
@@ -287,39 +290,4 @@ fn turned(faces: usize, of: usize, outside: OutsideFrom) -> String {
             "the winding was not consistent: {faces} of {of} faces were turned over; the outside follows {outside}"
         )
     }
-}
-
-/// A number of things, with the words for one and for several.
-fn count(number: usize, one: &str, several: &str) -> String {
-    format!("{number} {}", if number == 1 { one } else { several })
-}
-
-/// The words for taxels at one place, up to `distance` (m) apart, as a remark and as a finding.
-pub(super) fn coincident(taxels: usize, distance: f64) -> String {
-    let beside = if distance > 0.0 { format!(" (up to {distance:.1e} m beside it)") } else { String::new() };
-    format!("{} where another one lies{beside}", count(taxels, "taxel lies", "taxels lie"))
-}
-
-/// A size in m of what CAD and scanners wrote in millimetres.
-fn across(extent: f64) -> String {
-    if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") }
-}
-
-/// A length in m, in mm where that is readable.
-fn length(metres: f64) -> String {
-    if (1e-6..1e3).contains(&metres) { format!("{:.3} mm", 1e3 * metres) } else { format!("{metres:.3e} m") }
-}
-
-/// `1-5, 5-9 and 4 more`: the first few edges of a list.
-fn edge_list(edges: &[[VertexId; 2]]) -> String {
-    first_few(&edges.iter().map(|[a, b]| format!("{a}-{b}")).collect::<Vec<_>>())
-}
-
-/// `1, 5, 9 and 4 more`: the first few of a list, for a sentence.
-fn first_few<T: fmt::Display>(items: &[T]) -> String {
-    /// Enough to find the place in the file; a terminal line holds no more.
-    const SHOWN: usize = 8;
-    let shown: Vec<String> = items.iter().take(SHOWN).map(ToString::to_string).collect();
-    let rest = items.len() - shown.len();
-    if rest == 0 { shown.join(", ") } else { format!("{} and {rest} more", shown.join(", ")) }
 }

@@ -374,6 +374,16 @@ pub enum TaxelError {
         /// Links and weights found.
         found: Joints,
     },
+    /// A joint that does not exist.
+    #[error("vertex {vertex} follows link {link}, but there are {links} links")]
+    UnknownJoint {
+        /// The vertex.
+        vertex: VertexId,
+        /// The link it follows.
+        link: LinkId,
+        /// How many links there are.
+        links: usize,
+    },
     /// A matrix that is not the covariance of a position.
     #[error(
         "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \

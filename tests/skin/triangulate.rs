@@ -12,8 +12,8 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     pipeline, report,
     skin::{
-        self, AssembleOptions, Assembled, Draft, Finding, FindingKind, Patch, Presence, Remark, RemarkKind,
-        Sheet, SkinError, TaxelId, Taxels,
+        self, AssembleOptions, Assembled, Draft, Patch, Presence, Remark, RemarkKind, Sheet, SkinError,
+        TaxelId, Taxels,
     },
 };
 use glam::{DAffine3, DQuat, DVec3};
@@ -22,6 +22,7 @@ use proptest::prelude::*;
 use crate::{
     common::data,
     drafts::{assemble, draft_of, kinds, only, topology},
+    elements, found_in,
 };
 
 /// The taxels of a shape alone, numbered from 0.
@@ -40,10 +41,6 @@ fn taxels_of(mesh: &TriMesh) -> Sheet {
 
 fn with_normals(mesh: &TriMesh) -> Sheet {
     Sheet { normals: Some(Vec::from(Taxels::from(mesh).normals)), ..taxels_of(mesh) }
-}
-
-fn check(draft: &Draft) -> Vec<Finding> {
-    skin::check(draft, &AssembleOptions::default())
 }
 
 /// The taxels that were merged with another one.
@@ -109,7 +106,7 @@ fn shaken(mesh: &TriMesh, amount: f64) -> TriMesh {
 }
 
 #[test]
-fn shapes_without_their_triangles_are_themselves_again() {
+fn shapes_are_recovered_from_their_vertices() {
     for (name, mesh) in [
         ("lattice", shapes::lattice(12, 9, 0.005)),
         ("cap", shapes::cap(2000, 0.1, 1.9)),
@@ -195,7 +192,7 @@ fn no_edge_is_longer_than_the_gap() {
 
 /// One mouth of a sleeve used to get a ring of slivers across it, and a thin one a lid.
 #[test]
-fn the_mouths_of_sleeves_stay_open() {
+fn the_ends_of_tubes_stay_open() {
     for (around, along, cone) in [(12, 20, 0.0), (24, 12, 0.5), (36, 20, 0.0), (40, 20, -0.3)] {
         // Columns are 5 mm apart, rows too.
         let radius = 0.005 * f64::from(around) / TAU;
@@ -244,7 +241,7 @@ fn a_square_lattice_is_cut_along_one_diagonal_everywhere() {
 }
 
 #[test]
-fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
+fn taxels_at_one_place_are_merged_into_one_that_reads() {
     let mesh = shapes::lattice(6, 6, 0.005);
     let mut sheet = taxels_of(&mesh);
     let copies = [3, 3, 17];
@@ -263,7 +260,7 @@ fn taxels_at_one_place_are_one_and_the_one_that_reads_stays() {
 /// Dead taxels that a calibration left where it began, up to its rounding: more than the spacing
 /// looks at.
 #[test]
-fn a_heap_of_almost_equal_places_is_one_place() {
+fn many_taxels_at_almost_one_place_are_merged() {
     let mut positions = shapes::lattice(6, 6, 0.005).positions.to_vec();
     let noise = |k| 1e-10 * DVec3::new(scatter(k), scatter(k + 30), scatter(k + 60));
     let at = positions[14];
@@ -287,7 +284,7 @@ fn dense_taxels_beside_sparse_ones_are_not_merged() {
 
 /// Copies rounded to `f32` used to stay, and the file of such a skin could not be read back.
 #[test]
-fn the_smallest_skin_with_a_rounded_copy_is_the_skin_without() {
+fn a_rounded_copy_changes_nothing_in_the_smallest_skin() {
     let corners = [DVec3::ZERO, 0.01 * DVec3::X, DVec3::new(0.005, 0.0087, 0.0)];
     for beside in [1e-17, 4e-9, 1e-5] {
         let [a, b, c] = corners;
@@ -320,7 +317,7 @@ fn empty_slots_are_left_out_and_a_taxel_at_the_origin_stays() {
 }
 
 #[test]
-fn placeholder_normals_are_replaced_and_believable_ones_kept() {
+fn placeholder_normals_are_replaced_and_reliable_ones_kept() {
     let mesh = bent(20, 10, 0.0065, 0.03);
     let constant = Sheet { normals: Some(vec![DVec3::Z; 200]), ..taxels_of(&mesh) };
     let random =
@@ -341,7 +338,7 @@ fn placeholder_normals_are_replaced_and_believable_ones_kept() {
 }
 
 #[test]
-fn some_wrong_normals_do_no_harm() {
+fn some_wrong_normals_change_no_topology() {
     let mesh = shapes::cap(1500, 0.1, 1.2);
     let mut normals = Vec::from(Taxels::from(&mesh).normals);
     for k in (0..normals.len()).step_by(17) {
@@ -356,7 +353,7 @@ fn some_wrong_normals_do_no_harm() {
 /// What a file without normals becomes, one with normals of either side becomes too: they were
 /// believed taxel by taxel once, and the skin fell into shreds.
 #[test]
-fn normals_that_point_to_either_side_tear_nothing() {
+fn normals_with_random_signs_change_no_face() {
     for mesh in [shapes::cap(500, 0.1, 0.595), bent(40, 12, 0.0065, 40.0 * 0.0065 / (TAU * 300.0 / 360.0))] {
         let truth = Vec::from(Taxels::from(&mesh).normals);
         let expected = faces(&meshed(taxels_of(&mesh)));
@@ -394,7 +391,7 @@ fn fold(degrees: f64) -> Sheet {
 }
 
 #[test]
-fn right_normals_do_not_tear_the_skin_at_a_sharp_edge() {
+fn a_sharp_edge_with_correct_normals_stays_closed() {
     for degrees in [45.0, 89.0, 90.0, 91.0, 100.0] {
         let assembled = meshed(fold(degrees));
         let patch = only(&assembled);
@@ -405,7 +402,7 @@ fn right_normals_do_not_tear_the_skin_at_a_sharp_edge() {
 
 /// Its neighbourhoods are as thick as wide, and were called a cloud whatever the normals said.
 #[test]
-fn normals_tell_a_thin_tube_from_a_cloud() {
+fn a_thin_tube_with_normals_is_no_cloud() {
     let tube = shapes::tube(8, 12, 0.005 * 8.0 / TAU, 0.005 * 11.0);
     let tube = meshed(with_normals(&tube));
     assert_eq!(topology(&only(&tube).mesh), (0, 2));
@@ -414,7 +411,7 @@ fn normals_tell_a_thin_tube_from_a_cloud() {
 /// Such a pair looks like the two sides of a thin part, and once turned a whole corner of a noisy
 /// skin over.
 #[test]
-fn a_taxel_almost_above_another_turns_nobody_over() {
+fn a_taxel_almost_above_another_turns_no_face_over() {
     let mesh = shaken(&shapes::lattice(10, 10, 0.005), 0.0004);
     for corner in [0, 5, 44] {
         let mut positions = mesh.positions.to_vec();
@@ -475,7 +472,7 @@ fn modules(around: u32, along: u32, radius: f64, degrees: f64) -> Sheet {
 }
 
 #[test]
-fn modules_round_an_arm_become_a_skin() {
+fn modules_around_an_arm_become_one_disk() {
     // Neighbours are 37.5 degrees apart.
     let sheet = modules(8, 4, 0.032, 300.0);
     let positions = sheet.positions.clone();
@@ -514,7 +511,7 @@ fn module_normals(patch: &Patch) -> BTreeMap<u32, DVec3> {
 }
 
 #[test]
-fn the_parts_of_the_icub_become_sound_skins() {
+fn the_parts_of_the_icub_become_valid_skins() {
     for (part, taxels, pieces) in
         [("left_arm", 350, 4), ("left_forearm_V2", 148, 2), ("left_hand_V2_1", 48, 1), ("torso", 447, 1)]
     {
@@ -546,7 +543,7 @@ fn the_parts_of_the_icub_become_sound_skins() {
 }
 
 #[test]
-fn what_is_no_surface_is_refused_by_name() {
+fn points_on_no_surface_are_refused() {
     let cloud: Vec<DVec3> = (0..3000)
         .map(|k| DVec3::new(scatter(k), (k as f64 * 0.569_840_290_998).fract(), (k as f64 * 0.4301).fract()))
         .collect();
@@ -569,7 +566,7 @@ fn what_is_no_surface_is_refused_by_name() {
 }
 
 #[test]
-fn a_sheet_of_one_taxel_does_not_stop_the_others() {
+fn a_sheet_of_one_taxel_is_left_out() {
     let lone = Sheet { name: "lone".into(), ..bare(&[DVec3::ONE]) };
     let mut draft = draft_of(taxels_of(&shapes::lattice(6, 6, 0.005)));
     draft.sheets.push(lone.clone());
@@ -583,7 +580,7 @@ fn a_sheet_of_one_taxel_does_not_stop_the_others() {
 
 /// The resolution was a part of the box, and most taxels fell into one cell.
 #[test]
-fn a_coordinate_that_stands_for_none_merges_nothing() {
+fn sentinel_coordinates_merge_no_taxels() {
     let mut positions = shapes::lattice(30, 30, 0.005).positions.to_vec();
     positions.push(DVec3::splat(1e10));
     let assembled = meshed(bare(&positions));
@@ -621,28 +618,17 @@ fn dense_and_sparse_skin_join() {
 }
 
 #[test]
-fn check_says_that_taxels_are_bare_and_finds_what_else_is_wrong() {
+fn bare_taxels_are_a_note_and_their_faults_are_findings() {
     let mut sheet = taxels_of(&shapes::lattice(6, 6, 0.005));
-    let found: Vec<FindingKind> = check(&draft_of(sheet.clone())).iter().map(|f| f.kind).collect();
-    assert_eq!(found, [FindingKind::Bare], "and nothing is wrong with that");
+    assert_eq!(found_in(&draft_of(sheet.clone())), ["bare"], "and nothing is wrong with that");
     let lone: Vec<DVec3> = (0..30).map(|k| 0.01 * f64::from(k) * DVec3::X).collect();
-    let found_in = |positions: &[DVec3]| {
-        check(&draft_of(bare(positions))).into_iter().map(|f| f.kind).collect::<Vec<_>>()
-    };
-    assert_eq!(found_in(&lone), [FindingKind::Bare, FindingKind::NoSkin], "what assembly refuses is told");
-    let islands = check(&draft_of(two_islands(2.8)));
-    assert_eq!(islands[1].kind, FindingKind::BarePieces, "{islands:?}");
+    assert_eq!(found_in(&draft_of(bare(&lone))), ["bare", "no-skin"], "what assembly refuses");
+    assert_eq!(found_in(&draft_of(two_islands(2.8))), ["bare", "bare-pieces"]);
     sheet.positions[5] = sheet.positions[4];
-    let found: Vec<FindingKind> = check(&draft_of(sheet.clone())).iter().map(|f| f.kind).collect();
-    assert_eq!(found, [FindingKind::Bare, FindingKind::DuplicatePosition]);
+    assert_eq!(found_in(&draft_of(sheet.clone())), ["bare", "duplicate-position"]);
     sheet.positions[5] += DVec3::X * 4e-9;
-    let found = check(&draft_of(sheet));
-    assert_eq!((found[1].kind, found[1].elements.as_slice()), (FindingKind::DuplicatePosition, &[5][..]));
-    assert_eq!(
-        check(&Draft::default())[0].kind,
-        FindingKind::NoTriangles,
-        "nothing at all is something else"
-    );
+    assert_eq!(elements(&draft_of(sheet), "duplicate-position"), [5]);
+    assert_eq!(found_in(&Draft::default()), ["no-triangles"], "a draft without taxels is not bare");
 }
 
 #[test]
@@ -660,7 +646,7 @@ proptest! {
 
     /// The order in a file is nobody's intention.
     #[test]
-    fn the_order_of_taxels_changes_their_names_alone(
+    fn the_order_of_taxels_changes_no_face(
         order in Just((0_usize..400).collect::<Vec<_>>()).prop_shuffle(),
         modules in any::<bool>(),
     ) {
@@ -677,7 +663,7 @@ proptest! {
 
     /// A place that is written twice, to other digits or in another frame, is one place.
     #[test]
-    fn copies_beside_taxels_change_nothing(
+    fn copies_of_taxels_change_no_face(
         // Powers of ten of the spacing; the first stands for none.
         decade in -20.0..-2.0_f64,
         copies in prop::collection::vec((0_usize..400, -1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64), 1..300),
@@ -707,7 +693,7 @@ proptest! {
     }
 
     #[test]
-    fn frame_and_unit_change_nothing(
+    fn frame_and_unit_change_no_face(
         axis in (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..1.0_f64),
         angle in 0.0..TAU,
         shift in -10.0..10.0_f64,
@@ -723,7 +709,7 @@ proptest! {
 
     /// Whatever it is, it ends, and what comes out is sound: `assemble` validates it.
     #[test]
-    fn any_heap_of_taxels_is_a_skin_or_refused(
+    fn any_taxels_become_a_valid_skin_or_are_refused(
         places in prop::collection::vec((0_i32..12, 0_i32..12, 0_i32..3), 0..120),
         thin in prop::sample::select(vec![0.0, 1e-12, 0.3, 1.0]),
         unit in prop::sample::select(vec![1e-200, 1e-3, 1e100, 1e308]),
@@ -755,7 +741,7 @@ proptest! {
 /// Taxels on both sides of a foil, and three close together on pads far apart: none was rounded to
 /// another's place.
 #[test]
-fn close_taxels_that_are_no_copies_stay() {
+fn close_taxels_on_two_sides_are_not_merged() {
     let grid =
         || (0..12).flat_map(|i| (0..12).map(move |j| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.02));
     let back = grid().map(|p| p - DVec3::Z * 9e-5);
@@ -765,8 +751,7 @@ fn close_taxels_that_are_no_copies_stay() {
     let pads = bare(&grid().flat_map(|p| corners.map(|c| 2.5 * p + 9e-4 * c)).collect::<Vec<_>>());
     for sheet in [foil, pads] {
         let taxels = sheet.positions.len();
-        let findings = check(&draft_of(sheet));
-        let merged = findings.iter().find(|f| f.kind == FindingKind::DuplicatePosition);
-        assert_eq!(merged, None, "of {taxels} taxels");
+        let found = found_in(&draft_of(sheet));
+        assert!(!found.contains(&"duplicate-position".to_owned()), "of {taxels} taxels");
     }
 }

@@ -16,7 +16,7 @@ mod triangulate;
 
 pub use error::DelaunayError;
 pub use region::triangulate_region;
-pub use triangulate::triangulate;
+pub use triangulate::{smallest_first, triangulate};
 
 /// On which side of the line from `a` to `b` the point `c` lies, exactly: 1 on the left, so that the three
 /// run counter-clockwise, -1 on the right, 0 on the line; NaN if one is not finite

@@ -46,11 +46,15 @@ pub fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
     Ok(triangles)
 }
 
-/// The same triangle, the same way round, from its smallest corner on.
-pub(super) fn smallest_first(mut corners: [usize; 3]) -> [usize; 3] {
-    let smallest = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
-    corners.rotate_left(smallest);
-    corners
+/// The corners of a triangle in their order, from the smallest on.
+pub fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
 }
 
 /// The points as `spade` takes them, all different.
@@ -127,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_triangulation_is_named() {
+    fn invalid_points_are_refused() {
         let p = DVec2::new;
         let twice = [p(0., 0.), p(1., 0.), p(0., 1.), p(1., 0.)];
         assert!(matches!(triangulate(&twice), Err(DelaunayError::Coincident { first: 1, second: 3, .. })));

@@ -94,8 +94,7 @@ fn longest_axis(rows: &[u32], coordinates: &[DVec3]) -> usize {
     let (lo, hi) = rows.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &i| {
         (lo.min(coordinates[i as usize]), hi.max(coordinates[i as usize]))
     });
-    let size = hi - lo;
-    if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
+    (hi - lo).max_position()
 }
 
 /// Approximate minimum degree order of the rows (amestoy1996).

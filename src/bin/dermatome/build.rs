@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let assemble = AssembleOptions {
         fill_holes: args.coarsen.fill_holes(),
         keep_going: args.keep_going,
-        ..args.read.options()
+        ..args.read.options(&args.skin)
     };
     let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);

@@ -2,7 +2,10 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::skin::{Draft, Finding, FindingKind, Sheet, check};
+use dermatome::{
+    id::VertexId,
+    skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check},
+};
 
 use serde_json::{Value, json};
 
@@ -14,9 +17,10 @@ use crate::{
     options::{Common, ReadArgs},
 };
 
-/// List everything that is wrong with a skin; exit code 1 if there is anything.
+/// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
 ///
-/// That taxels are bare is a note on standard error, and is nothing wrong.
+/// Errors are what `build` refuses; warnings what it takes, though it is probably not what was meant; notes
+/// are nothing wrong. That taxels are bare is a note on standard error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
@@ -33,9 +37,20 @@ const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = args.read.read(&args.file, false)?;
-    let findings = check(&draft, &args.read.options());
-    let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
+    let options = args.read.options(&args.file);
+    let findings = check(&draft, &options);
+    let (notes, mut findings): (Vec<_>, Vec<_>) =
+        findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note(common, found));
+    let mut is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
+    if !is_refused && let Err(reason) = assemble(&draft, &options) {
+        is_refused = true;
+        findings.push(Finding {
+            patch: String::new(),
+            kind: FindingKind::NoSkin { reason },
+            elements: Elements::Whole,
+        });
+    }
     if args.json {
         print_json("dermatome.check/1", &as_json(&findings, &draft))?;
     } else if findings.is_empty() {
@@ -43,102 +58,101 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         print(&findings.iter().map(|f| sentence(f, &draft)).collect::<String>())?;
     }
-    Ok(if findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if is_refused { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 fn as_json(findings: &[Finding], draft: &Draft) -> Value {
     let object = |finding: &Finding| {
-        let Finding { kind, patch, elements, message } = finding;
         let mut object = json!({
-            "kind": kind.to_string(), "patch": patch, "elements": elements, "message": message,
-            "mended_by": cure(*kind),
+            "kind": finding.kind.to_string(), "severity": finding.severity().to_string(), "patch": finding.patch,
+            "elements": finding.elements.numbers(), "message": finding.message(), "mended_by": cure(&finding.kind),
         });
-        if let Some(sheet) = sheet_of(finding, draft) {
-            object["file_vertices"] = json!(sheet.numbers.as_ref().map(|all| named(finding, all)));
-            object["taxels"] = json!(
-                sheet
-                    .ids
-                    .as_ref()
-                    .map(|ids| named(finding, ids))
-                    .map(|ids| { ids.into_iter().map(|id| id.0).collect::<Vec<_>>() })
-            );
+        if let Some((sheet, vertices)) = vertices_of(finding, draft) {
+            object["file_vertices"] = json!(sheet.numbers.as_ref().map(|all| named(&vertices, all)));
+            let ids = sheet.ids.as_ref().map(|ids| named(&vertices, ids));
+            object["taxels"] = json!(ids.map(|ids| ids.iter().map(|id| id.0).collect::<Vec<_>>()));
         }
         object
     };
     json!({ "findings": findings.iter().map(object).collect::<Vec<_>>() })
 }
 
-/// What mends a finding; `None`: the file has to be corrected.
-const fn cure(kind: FindingKind) -> Option<&'static str> {
+/// What mends a finding; `None`: nothing need be done, or the file has to be corrected.
+const fn cure(kind: &FindingKind) -> Option<&'static str> {
     match kind {
-        FindingKind::DuplicateFace | FindingKind::NonManifoldEdge | FindingKind::NotOrientable => {
+        FindingKind::DuplicateFace | FindingKind::NonManifoldEdge { .. } | FindingKind::NotOrientable => {
             Some("--repair")
         }
         FindingKind::NonManifoldVertex
         | FindingKind::RepeatedCorner
         | FindingKind::ZeroAreaFace
-        | FindingKind::InconsistentWinding
-        | FindingKind::WindingAgainstNormals
-        | FindingKind::SeveralComponents
-        | FindingKind::IsolatedTaxel
+        | FindingKind::InconsistentWinding { .. }
+        | FindingKind::WindingAgainstNormals { .. }
+        | FindingKind::SeveralComponents { .. }
+        | FindingKind::IsolatedTaxel { .. }
         | FindingKind::NormalNotUnit
         | FindingKind::UnusableTangent
         | FindingKind::ConstantNormals
         | FindingKind::UnrelatedNormals
         | FindingKind::InwardNormal
         | FindingKind::AreaNotPositive => Some("reading"),
-        FindingKind::DoubtfulUnit => Some("--unit"),
-        FindingKind::PinHole => Some("--fill-holes"),
-        FindingKind::ClosedPatch | FindingKind::Handle => Some("--cut"),
+        FindingKind::DoubtfulUnit { .. } => Some("--unit"),
+        FindingKind::PinHole { .. } => Some("--fill-holes"),
         _ => None,
     }
 }
 
-/// A finding in a line: what, how many, where, and what mends it.
+/// A finding in a line: how bad it is, what, how many, where, and what mends it.
 fn sentence(finding: &Finding, draft: &Draft) -> String {
-    let mended = match cure(finding.kind) {
+    let mended = match cure(&finding.kind) {
         None => String::new(),
         Some("reading") => "; reading it mends it".into(),
         Some(option) => format!("; {option} mends it"),
     };
-    line(&finding.to_string()) + &elements(finding, draft) + &mended + "\n"
+    line(&format!("{}: {finding}", finding.severity())) + &elements(finding, draft) + &mended + "\n"
 }
 
-/// The sheet whose vertices a finding counts; `None` if it counts something else, or its name is not
-/// unique.
-fn sheet_of<'a>(finding: &Finding, draft: &'a Draft) -> Option<&'a Sheet> {
+/// The vertices, or ends of edges, of a finding and the sheet that they are of; `None` if it is about
+/// something else, or the name of the sheet is not unique.
+fn vertices_of<'a>(finding: &Finding, draft: &'a Draft) -> Option<(&'a Sheet, Vec<VertexId>)> {
     let mut sheets = draft.sheets.iter().filter(|sheet| sheet.title() == finding.patch);
-    let sheet = sheets.next().filter(|_| sheets.next().is_none());
-    sheet.filter(|_| matches!(finding.kind.elements(), "vertices" | "edges"))
+    let sheet = sheets.next().filter(|_| sheets.next().is_none())?;
+    match &finding.elements {
+        Elements::Vertices(vertices) => Some((sheet, vertices.clone())),
+        Elements::Edges(edges) => Some((sheet, edges.concat())),
+        _ => None,
+    }
 }
 
-/// What `values` holds for the vertices of a finding.
-fn named<T: Copy>(finding: &Finding, values: &[T]) -> Vec<T> {
-    let value = |&v: &u64| values.get(usize::try_from(v).ok()?).copied();
-    finding.elements.iter().filter_map(value).collect()
+/// What `values` holds for some vertices.
+fn named<T: Copy>(vertices: &[VertexId], values: &[T]) -> Vec<T> {
+    vertices.iter().filter_map(|v| values.get(v.index()).copied()).collect()
 }
 
 /// ` [faces 3, 5, 8 and 4 more]`, or nothing for a finding about a whole sheet; vertices as the file
 /// numbers them, and the ids of their taxels where it has some.
 fn elements(finding: &Finding, draft: &Draft) -> String {
-    let noun = finding.kind.elements();
-    if noun.is_empty() {
-        return String::new();
-    }
-    let size = if noun == "edges" { 2 } else { 1 };
-    let count = finding.elements.len() / size;
-    let few = |numbers: &[u64]| -> String {
-        let of_element = |element: &[u64]| element.iter().map(u64::to_string).collect::<Vec<_>>().join("-");
+    let (noun, size) = match &finding.elements {
+        Elements::Whole => return String::new(),
+        Elements::Vertices(_) => ("vertices", 1),
+        Elements::Faces(_) => ("faces", 1),
+        Elements::Edges(_) => ("edges", 2),
+        Elements::Links(_) => ("links", 1),
+    };
+    let few = |numbers: &[u32]| -> String {
+        let of_element = |element: &[u32]| element.iter().map(u32::to_string).collect::<Vec<_>>().join("-");
         numbers.chunks(size).take(SHOWN).map(of_element).collect::<Vec<_>>().join(", ")
     };
+    let count = finding.elements.len();
     let rest = if count > SHOWN { format!(" and {} more", count - SHOWN) } else { String::new() };
-    let sheet = sheet_of(finding, draft);
-    let numbers = sheet.and_then(|sheet| sheet.numbers.as_ref());
-    let numbers = numbers.map(|all| named(finding, all).into_iter().map(u64::from).collect());
-    let mut text = format!(" [{noun} {}{rest}", few(&numbers.unwrap_or_else(|| finding.elements.clone())));
-    if let Some(ids) = sheet.and_then(|sheet| sheet.ids.as_ref()) {
-        let ids: Vec<u64> = named(finding, ids).into_iter().map(|id| id.0.into()).collect();
-        text += &format!("; taxels {}", few(&ids));
+    let vertices = vertices_of(finding, draft);
+    let in_file =
+        |(sheet, vertices): &(&Sheet, Vec<VertexId>)| Some(named(vertices, sheet.numbers.as_ref()?));
+    let numbers = vertices.as_ref().and_then(in_file).unwrap_or_else(|| finding.elements.numbers());
+    let mut text = format!(" [{noun} {}{rest}", few(&numbers));
+    let of_taxels = |(sheet, vertices): &(&Sheet, Vec<VertexId>)| Some(named(vertices, sheet.ids.as_ref()?));
+    if let Some(ids) = vertices.as_ref().and_then(of_taxels) {
+        text += &format!("; taxels {}", few(&ids.iter().map(|id| id.0).collect::<Vec<_>>()));
     }
     text + "]"
 }

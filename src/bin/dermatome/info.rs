@@ -28,7 +28,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(), common)?;
+    let skin =
+        read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(&args.file), common)?;
     let rows = skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();

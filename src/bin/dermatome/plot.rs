@@ -139,7 +139,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
         (None, None) => {
-            let (read, all) = (args.read.options(), PatchArgs::default());
+            let (read, all) = (args.read.options(&args.map), PatchArgs::default());
             let skin = read_skin(&args.map, &args.read, &all, &read, common)?;
             plot_skin(&skin, &options).map_err(Error::from)?
         }

@@ -31,16 +31,10 @@ pub(crate) fn components(
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         sets.join(edge.from, edge.to);
     }
-    let mut of_taxel = IdVec::<VertexId, usize>::default();
-    let mut components: Vec<Component> = Vec::new();
-    for v in taxels.ids() {
-        // The root is the first taxel of its component.
-        let root = sets.root(v);
-        if root == v {
-            components.push(Component { taxels: Vec::new(), fixed: false, gauge: v });
-        }
-        let number = if root == v { components.len() - 1 } else { of_taxel[root] };
-        of_taxel.push(number);
+    let of_taxel = sets.labels();
+    let empty = |gauge| Component { taxels: Vec::new(), fixed: false, gauge };
+    let mut components: Vec<Component> = of_taxel.firsts().into_iter().map(empty).collect();
+    for (v, &number) in of_taxel.of.enumerate() {
         let component = &mut components[number];
         component.taxels.push(v);
         component.fixed |= taxels[v].fixed;
@@ -48,5 +42,5 @@ pub(crate) fn components(
             component.gauge = v;
         }
     }
-    (components, of_taxel)
+    (components, of_taxel.of)
 }

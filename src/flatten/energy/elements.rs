@@ -177,7 +177,7 @@ impl CornerSlots {
             };
             around.map(|column| slot(column).unwrap_or(FIXED))
         };
-        let slots = corners.corners.iter().map(slots_of).collect();
+        let slots = corners.all().iter().map(slots_of).collect();
         Self { corners, slots, held: net.held.clone() }
     }
 

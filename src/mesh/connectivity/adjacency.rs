@@ -1,4 +1,4 @@
-//! Who borders whom in a mesh that rests.
+//! The neighbours in a mesh that does not change.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -6,12 +6,12 @@ use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{
         Halfedge, MeshError, TriMesh,
-        connectivity::{edges::pair_halfedges, rings::Rings},
+        connectivity::{edges::pair_halfedges, rings::Rings, topology::Topology},
     },
     numeric::DisjointSets,
 };
 
-/// Who borders whom in an oriented manifold mesh with boundary.
+/// The neighbours of every vertex and face of an oriented manifold mesh with boundary.
 ///
 /// One-rings run counter-clockwise seen from outside. The ring of a boundary vertex is an open
 /// chain: its first entry is the next vertex along the boundary loop, its last the previous one.
@@ -89,8 +89,8 @@ impl Adjacency {
         Ok(Self::with_starts(mesh)?.0)
     }
 
-    /// The same, and where the ring of each vertex starts: at the halfedge along the boundary if
-    /// there is one, else at any.
+    /// The adjacency of a mesh, and where the ring of each vertex starts: at the halfedge along the
+    /// boundary if there is one, else at any.
     pub(super) fn with_starts(mesh: &TriMesh) -> Result<(Self, IdVec<VertexId, Halfedge>), MeshError> {
         mesh.validate()?;
         let vertices = mesh.positions.len();
@@ -178,7 +178,7 @@ impl Adjacency {
     #[must_use]
     pub fn euler_characteristic(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).expect("counts fit into 63 bits");
-        count(self.rings.vertices()) - count(self.rings.neighbours.len() / 2) + count(self.twins.len())
+        count(self.rings.vertices()) - count(self.rings.edges()) + count(self.twins.len())
     }
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.
@@ -187,12 +187,14 @@ impl Adjacency {
         self.rings.boundary_loops()
     }
 
-    pub(crate) fn component_count(&self) -> usize {
+    /// What the surface is up to deformation.
+    pub(crate) fn topology(&self) -> Topology {
         let mut sets = DisjointSets::<FaceId>::new(self.twins.len());
         for face in self.twins.ids() {
             let smaller = self.neighbours(face).into_iter().flatten().filter(|other| *other < face);
             smaller.for_each(|other| sets.join(face, other));
         }
-        self.twins.ids().filter(|&face| sets.root(face) == face).count()
+        let (euler, loops) = (self.euler_characteristic(), self.boundary_loops().len());
+        Topology { components: sets.labels().count, loops, euler }
     }
 }

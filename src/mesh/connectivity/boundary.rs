@@ -3,6 +3,7 @@
 use crate::{
     id::VertexId,
     mesh::{TriMesh, connectivity::edges::each_edge},
+    numeric::chains,
 };
 
 /// Every undirected edge once, smaller vertex first, sorted.
@@ -34,26 +35,15 @@ pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
     loops_of(&boundary_edges(mesh))
 }
 
-/// The same of [`boundary_edges`].
+/// The loops of directed edges, which must be sorted.
 pub(crate) fn loops_of(edges: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
-    let mut used = vec![false; edges.len()];
-    let mut loops = Vec::new();
-    for first in 0..edges.len() {
-        let (mut walk, mut at) = (Vec::new(), first);
-        while at < edges.len() && !used[at] {
-            used[at] = true;
-            walk.push(edges[at][0]);
-            let end = edges[at][1];
-            at = edges.partition_point(|e| e[0] < end);
-            if edges.get(at).is_none_or(|e| e[0] != end) {
-                break;
-            }
-        }
-        if !walk.is_empty() {
-            loops.push(walk);
-        }
-    }
-    loops
+    let next = |k: usize| {
+        let end = edges[k][1];
+        let place = edges.partition_point(|edge| edge[0] < end);
+        edges.get(place).is_some_and(|edge| edge[0] == end).then_some(place)
+    };
+    let vertices = |walk: Vec<usize>| walk.into_iter().map(|k| edges[k][0]).collect();
+    chains(edges.len(), next).into_iter().map(vertices).collect()
 }
 
 #[cfg(test)]
@@ -66,7 +56,7 @@ mod tests {
         for mesh in [shapes::fan(5), shapes::lattice(7, 6, 1.0), shapes::tube(5, 4, 1.0, 2.0)] {
             let adjacency = Adjacency::new(&mesh).unwrap();
             assert_eq!(boundary_loops(&mesh), adjacency.boundary_loops());
-            assert_eq!(edges(&mesh).len(), adjacency.rings.neighbours.len() / 2);
+            assert_eq!(edges(&mesh).len(), adjacency.rings.edges());
         }
     }
 

@@ -3,6 +3,7 @@
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Halfedge, MeshError},
+    numeric::Csr,
 };
 
 /// Visits the halfedges along every undirected edge of `triangles`, whose corners must all be below
@@ -57,24 +58,18 @@ pub(crate) fn each_edge(
 
 /// The halfedges along every edge, kept; see [`each_edge`] for their order.
 #[derive(Debug, Clone)]
-pub(crate) struct Edges {
-    halfedges: Vec<Halfedge>,
-    starts: Vec<usize>,
-}
+pub(crate) struct Edges(Csr<Halfedge>);
 
 impl Edges {
     /// Groups the halfedges of `triangles`, whose corners must all be below `vertices`.
     pub(crate) fn new(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices: usize) -> Self {
-        let mut edges = Self { halfedges: Vec::with_capacity(3 * triangles.len()), starts: vec![0] };
-        each_edge(triangles, vertices, |along| {
-            edges.halfedges.extend_from_slice(along);
-            edges.starts.push(edges.halfedges.len());
-        });
-        edges
+        let mut edges = Csr::with_capacity(0, 3 * triangles.len());
+        each_edge(triangles, vertices, |along| edges.push(along.iter().copied()));
+        Self(edges)
     }
 
     pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[Halfedge]> {
-        self.starts.windows(2).map(|range| &self.halfedges[range[0]..range[1]])
+        self.0.iter()
     }
 }
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::rings::Rings},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::rings::Rings, triangle_cross},
 };
 
 /// Two vertices with more neighbours than this are taken for neighbours without looking: between
@@ -117,8 +117,7 @@ impl HalfedgeMesh {
     /// Vector normal to `face` whose length is twice its area, in m^2.
     #[inline]
     pub(crate) fn face_cross(&self, face: FaceId, positions: &IdVec<VertexId, DVec3>) -> DVec3 {
-        let [a, b, c] = self.faces[face].corners.map(|v| positions[v]);
-        (b - a).cross(c - a)
+        triangle_cross(self.faces[face].corners.map(|v| positions[v]))
     }
 
     /// Removes `vertex`, whose neighbours are `ring`: the faces of its `star`, each named by the

@@ -2,16 +2,17 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    parallel::{par_ids, par_rows},
+    mesh::connectivity::boundary::loops_of,
+    numeric::Csr,
+    parallel::par_ids,
 };
 
-/// The one-rings of an oriented manifold that rests, in the order of [`crate::mesh::Adjacency`].
-/// Several sweeps read them, and a walk from face to face waits for each.
+/// The one-rings of an oriented manifold that does not change, in the order of
+/// [`crate::mesh::Adjacency`]. Several sweeps read them, and a walk from face to face would wait for
+/// memory at each.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rings {
-    /// Where each ring starts; one more entry than vertices.
-    pub(super) starts: Vec<u32>,
-    pub(super) neighbours: Vec<VertexId>,
+    neighbours: Csr<VertexId>,
     pub(crate) on_boundary: IdVec<VertexId, bool>,
 }
 
@@ -22,20 +23,18 @@ impl Rings {
         degrees: &IdVec<VertexId, u32>,
         fill: impl Fn(VertexId, &mut [VertexId]) + Sync,
     ) -> Self {
-        let mut starts = Vec::with_capacity(degrees.len() + 1);
-        let mut end = 0_u32;
-        starts.push(end);
-        for &degree in degrees {
-            end = end.checked_add(degree).expect("more than 2^32 neighbours");
-            starts.push(end);
-        }
-        let neighbours = par_rows(&starts, |row, ring| fill(VertexId::new(row), ring));
-        Self { starts, neighbours, on_boundary }
+        let neighbours = Csr::filled(degrees, |row, ring| fill(VertexId::new(row), ring));
+        Self { neighbours, on_boundary }
     }
 
     #[inline]
     pub(crate) fn of(&self, v: VertexId) -> &[VertexId] {
-        &self.neighbours[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
+        &self.neighbours[v.index()]
+    }
+
+    /// Number of edges.
+    pub(super) fn edges(&self) -> usize {
+        self.neighbours.items().len() / 2
     }
 
     pub(crate) fn vertices(&self) -> usize {
@@ -49,21 +48,7 @@ impl Rings {
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.
     pub(crate) fn boundary_loops(&self) -> Vec<Vec<VertexId>> {
-        let mut seen = IdVec::<VertexId, bool>::filled(false, self.vertices());
-        let mut loops = Vec::new();
-        for v in self.on_boundary.ids() {
-            if !self.on_boundary[v] || seen[v] {
-                continue;
-            }
-            let mut walk = Vec::new();
-            let mut at = v;
-            while !seen[at] {
-                seen[at] = true;
-                walk.push(at);
-                at = self.of(at)[0];
-            }
-            loops.push(walk);
-        }
-        loops
+        let on_boundary = self.on_boundary.enumerate().filter(|(_, is_on)| **is_on);
+        loops_of(&on_boundary.map(|(v, _)| [v, self.of(v)[0]]).collect::<Vec<_>>())
     }
 }

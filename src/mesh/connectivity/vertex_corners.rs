@@ -3,43 +3,32 @@
 use crate::{
     id::{FaceId, VertexId},
     mesh::Halfedge,
+    numeric::Csr,
 };
 
 /// The corners around each vertex, in the order of their faces, for any set of triangles, manifold
 /// or not. A corner is named by the halfedge that leaves it.
 #[derive(Debug, Clone)]
-pub(crate) struct VertexCorners {
-    /// Where the corners of each vertex start; one more entry than vertices.
-    starts: Vec<u32>,
-    /// The corners of all vertices, one vertex after the other.
-    pub(crate) corners: Vec<Halfedge>,
-}
+pub(crate) struct VertexCorners(Csr<Halfedge>);
 
 impl VertexCorners {
     /// Lists the corners of the first `vertices` vertices; those of others are left out.
     pub(crate) fn new(triangles: impl Iterator<Item = [VertexId; 3]> + Clone, vertices: usize) -> Self {
-        let mut starts = vec![0_u32; vertices + 1];
-        for v in triangles.clone().flatten().filter(|v| v.index() < vertices) {
-            starts[v.index() + 1] += 1;
-        }
-        for i in 0..vertices {
-            starts[i + 1] += starts[i];
-        }
-        let mut cursor = starts.clone();
-        let mut corners = vec![Halfedge::NONE; starts[vertices] as usize];
-        for (face, t) in triangles.enumerate() {
-            for (side, v) in t.into_iter().enumerate().filter(|(_, v)| v.index() < vertices) {
-                let at = &mut cursor[v.index()];
-                corners[*at as usize] = Halfedge::new(FaceId::new(face), side);
-                *at += 1;
-            }
-        }
-        Self { starts, corners }
+        let corners = triangles.enumerate().flat_map(|(face, t)| {
+            let face = FaceId::new(face);
+            [0, 1, 2].map(|side| (t[side].index(), Halfedge::new(face, side)))
+        });
+        Self(Csr::from_pairs(vertices, corners.filter(move |&(v, _)| v < vertices)))
     }
 
     #[inline]
     pub(crate) fn of(&self, v: VertexId) -> &[Halfedge] {
-        &self.corners[self.range(v)]
+        &self.0[v.index()]
+    }
+
+    /// The corners of all vertices, one vertex after the other.
+    pub(crate) fn all(&self) -> &[Halfedge] {
+        self.0.items()
     }
 
     /// The faces around `v`, smallest id first.
@@ -48,10 +37,10 @@ impl VertexCorners {
         self.of(v).iter().map(|h| h.face())
     }
 
-    /// Where the corners of `v` are in `corners`.
+    /// Where the corners of `v` are among those of all vertices.
     #[inline]
     pub(crate) fn range(&self, v: VertexId) -> std::ops::Range<usize> {
-        self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize
+        self.0.range(v.index())
     }
 }
 
@@ -69,6 +58,6 @@ mod tests {
             assert!(corners.faces(v).is_sorted(), "faces of {v}");
             assert_eq!(corners.of(v).len(), if v.index() == 0 { 5 } else { 2 });
         }
-        assert_eq!(corners.corners.len(), 9, "corners of other vertices are left out");
+        assert_eq!(corners.all().len(), 9, "corners of other vertices are left out");
     }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, triangle_cross},
 };
 
 /// A pixel that no face covers.
@@ -96,10 +96,10 @@ struct Plane {
 
 impl Plane {
     /// `None` if the face is seen edge-on.
-    fn new([a, b, c]: [DVec3; 3]) -> Option<Self> {
-        let normal = (b - a).cross(c - a);
+    fn new(corners: [DVec3; 3]) -> Option<Self> {
+        let normal = triangle_cross(corners);
         let slope = -normal.truncate() / normal.z;
-        slope.is_finite().then_some(Self { through: a, slope })
+        slope.is_finite().then_some(Self { through: corners[0], slope })
     }
 
     fn at(&self, place: DVec2) -> f64 {

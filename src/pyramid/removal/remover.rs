@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, HalfedgeMesh, diagonals},
+    mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross},
     pyramid::{
         Removal, RemovalLog,
         removal::{
@@ -202,8 +202,7 @@ impl Remover<'_> {
                 (a, b) == (i, i + 1) || (b, c) == (i, i + 1) || (c, a) == (i, 0) && i == last
             };
             triangles.iter().find(has_side).is_some_and(|t| {
-                let [a, b, c] = t.map(|i| self.positions[ring[usize::from(i)]]);
-                folds_over((b - a).cross(c - a), beyond)
+                folds_over(triangle_cross(t.map(|i| self.positions[ring[usize::from(i)]])), beyond)
             })
         })
     }

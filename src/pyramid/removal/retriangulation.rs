@@ -2,7 +2,8 @@
 //! filling.
 
 use crate::{
-    mesh::{HalfedgeMesh, MAX_RING, diagonals, smallest_first},
+    delaunay::smallest_first,
+    mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross},
     pyramid::removal::star::{Limits, Star, folds_over, small},
 };
 
@@ -141,10 +142,7 @@ impl Filler {
 
     /// Whether two of the filling's triangles that share a diagonal turn away from each other.
     fn folds(&self, star: &Star) -> bool {
-        let cross = |t: [u8; 3]| {
-            let [a, b, c] = t.map(|i| star.offsets[usize::from(i)]);
-            (b - a).cross(c - a)
-        };
+        let cross = |t: [u8; 3]| triangle_cross(t.map(|i| star.offsets[usize::from(i)]));
         self.triangles.iter().any(|&above| {
             let [i, k, j] = above;
             let below = self.triangles.iter().filter(|t| [(i, k), (k, j)].contains(&(t[0], t[2])));
@@ -157,7 +155,7 @@ impl Filler {
 /// the flattened star, turned away from the star's normal, or folded over a face beyond the ring.
 fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
     let (a, b, c) = (star.offsets[i], star.offsets[k], star.offsets[j]);
-    let cross = (b - a).cross(c - a);
+    let cross = triangle_cross([a, b, c]);
     let squared = cross.length_squared();
     let along = cross.dot(star.normal);
     let least = limits.min_cos_turn.powi(2) * squared * star.normal.length_squared();

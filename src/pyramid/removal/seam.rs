@@ -9,8 +9,9 @@
 
 use crate::{
     cut::CutMesh,
+    delaunay::smallest_first,
     id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, smallest_first},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh},
     pyramid::{Removal, RemovalLog, removal::star::small},
 };
 

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     id::{IdVec, VertexId},
-    mesh::{Halfedge, HalfedgeMesh, MAX_RING},
+    mesh::{Halfedge, HalfedgeMesh, MAX_RING, triangle_cross},
 };
 
 #[expect(clippy::cast_possible_truncation, reason = "ring positions and fillings are below MAX_RING")]
@@ -184,8 +184,7 @@ impl Star {
         positions: &IdVec<VertexId, DVec3>,
     ) {
         let (Some(t), Some(last)) = (triangle, self.ring.len().checked_sub(1)) else { return };
-        let [a, b, c] = t.map(|i| positions[whole.ring[usize::from(i)]]);
-        self.beyond[last] = (b - a).cross(c - a);
+        self.beyond[last] = triangle_cross(t.map(|i| positions[whole.ring[usize::from(i)]]));
     }
 
     fn outside(&self, surface: &HalfedgeMesh, i: usize) -> Halfedge {

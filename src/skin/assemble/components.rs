@@ -5,14 +5,14 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{Part, TriMesh, separate},
     skin::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
         normals::mean_directions,
         weld::{
-            options::WeldOptions,
-            welded_mesh::WeldedMesh,
+            WeldOptions,
+            welded_mesh::{MOST_ROUNDS, WeldedMesh},
             winding::{Winding, one_sided_strip},
         },
     },
@@ -36,9 +36,9 @@ pub(super) struct Components<'a> {
 }
 
 /// One patch to be: its taxels, as the sheet numbers them, and its faces.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub(super) struct Component {
-    pub vertices: Vec<VertexId>,
+    pub vertices: IdVec<VertexId, VertexId>,
     pub mesh: TriMesh,
     /// How many of its faces are wound against the file.
     pub turned: usize,
@@ -62,7 +62,12 @@ impl<'a> Components<'a> {
             })
             .collect();
         if !crowded.is_empty() {
-            return Err(SkinError::NonManifoldEdges { patch: patch(), edges: crowded });
+            let (patch, edges) = (patch(), crowded);
+            return Err(if surface.is_given_up {
+                SkinError::RepairGaveUp { patch, rounds: MOST_ROUNDS, edges }
+            } else {
+                SkinError::NonManifoldEdges { patch, edges }
+            });
         }
         let winding = Winding::new(&surface.mesh, &surface.edges);
         if let Some(&edge) = winding.conflicting_edges.first() {
@@ -80,14 +85,14 @@ impl<'a> Components<'a> {
             }
         }
         let cleared = clear_zero_area(&mut mesh);
-        let mut component: IdVec<FaceId, Option<usize>> = winding.component.map(|&c| Some(c));
+        let mut component: IdVec<FaceId, Option<usize>> = winding.components.of.map(|&c| Some(c));
         for &face in &cleared.dropped {
             component[face] = None;
         }
         report_faces(repeated, &cleared, &file_faces, remarks);
         let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &taxel, &copied));
         let tangents = sheet.tangents.as_deref().map(|t| mean_directions(t, &taxel, &copied));
-        let (turned, count) = (winding.reversed, winding.components);
+        let (turned, count) = (winding.reversed, winding.components.count);
         let this = Self { sheet, in_file, normals, tangents, mesh, component, count, turned };
         this.report_taxels(&taxel, remarks);
         Ok(this)
@@ -125,28 +130,15 @@ impl<'a> Components<'a> {
 
     /// The taxels and faces of each component that has any, in the order of the file.
     pub(super) fn split(&self) -> Vec<Component> {
-        let mut components = vec![Component::default(); self.count];
-        let mut of_vertex = IdVec::<VertexId, Option<usize>>::filled(None, self.mesh.positions.len());
-        for (face, t) in self.mesh.triangles.enumerate() {
-            if let Some(component) = self.component[face] {
-                t.iter().for_each(|&v| of_vertex[v] = Some(component));
+        let mut turned = vec![0; self.count];
+        for (component, is_turned) in self.component.iter().zip(&self.turned) {
+            if let Some(component) = *component {
+                turned[component] += usize::from(*is_turned);
             }
         }
-        let mut local = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.mesh.positions.len());
-        for (v, &component) in of_vertex.enumerate() {
-            if let Some(component) = component {
-                components[component].vertices.push(v);
-                local[v] = components[component].mesh.positions.push(self.mesh.positions[v]);
-            }
-        }
-        for (face, t) in self.mesh.triangles.enumerate() {
-            if let Some(component) = self.component[face] {
-                components[component].mesh.triangles.push(t.map(|v| local[v]));
-                components[component].turned += usize::from(self.turned[face]);
-            }
-        }
-        components.retain(|c| !c.vertices.is_empty());
-        components
+        let parts = separate(&self.mesh, &self.component, self.count).into_iter().zip(turned);
+        let components = parts.map(|(Part { vertices, mesh }, turned)| Component { vertices, mesh, turned });
+        components.filter(|component| !component.vertices.is_empty()).collect()
     }
 }
 

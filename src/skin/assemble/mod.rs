@@ -1,19 +1,289 @@
 //! Assembling: a draft becomes a skin, and every repair is reported.
 //!
-//! In reading order: `options`; `components` and `zero_area` (the faces of a sheet that hang
-//! together), `patch` with `outward` (a patch of each), `names`; `assemble` takes these steps for every
-//! sheet. `joining_gap` tries other options.
+//! [`assemble`] takes these steps for every sheet: `components` and `zero_area` (the faces that are
+//! connected), `patch` with `outward` (a patch of each).
 
-#[expect(clippy::module_inception, reason = "the file is named after what it does")]
-mod assemble;
 mod components;
-mod joining_gap;
-mod names;
-mod options;
 mod outward;
 mod patch;
 pub(in crate::skin) mod zero_area;
 
-pub use self::assemble::assemble;
-pub use joining_gap::joining_gap;
-pub use options::{AssembleOptions, Assembled};
+use std::collections::{HashMap, HashSet};
+
+use glam::{DAffine3, DVec3};
+
+use crate::{
+    mesh::FillHoles,
+    skin::{
+        Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
+        assemble::{components::Components, patch::patch_of},
+        check_links,
+        triangulate::triangulate_taxels,
+        weld::{Weld, WeldOptions},
+    },
+};
+
+/// How a draft is assembled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AssembleOptions {
+    /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20.
+    /// What is longer spans a real gap, and a boundary stays there.
+    pub gap: f64,
+    /// Which holes are filled; the longest loop of a patch is its outer boundary and stays, but for a
+    /// pin-hole of a closed body.
+    pub fill_holes: FillHoles,
+    /// Which vertices at one place are one taxel.
+    pub weld: Weld,
+    /// Drop faces with the corners of an earlier one, split edges with more than two faces into solids
+    /// that touch there or sheets that continue each other, and cut surfaces with one side open.
+    pub repair: bool,
+    /// Where the outside of bare taxels is, as a direction in the frame of their link, for components
+    /// of which neither normals nor anything else of the file tells it.
+    pub outside: Option<DVec3>,
+    /// Leave out the sheets that cannot be repaired, instead of refusing the draft.
+    pub keep_going: bool,
+}
+
+impl AssembleOptions {
+    pub(in crate::skin) const fn welding(&self) -> WeldOptions {
+        WeldOptions { weld: self.weld, repair: self.repair }
+    }
+}
+
+impl Default for AssembleOptions {
+    fn default() -> Self {
+        Self {
+            gap: 2.5,
+            fill_holes: FillHoles::None,
+            weld: Weld::Auto,
+            repair: false,
+            outside: None,
+            keep_going: false,
+        }
+    }
+}
+
+/// A skin, and what had to be done to get it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assembled {
+    /// The skin.
+    pub skin: Skin,
+    /// What was changed or left out, sheet by sheet.
+    pub remarks: Vec<Remark>,
+}
+
+/// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every
+/// change is reported.
+///
+/// - **Bare taxels**, a draft without any triangle, are joined first: by the triangles of the
+///   Delaunay triangulations in their tangent planes whose edges are no longer than the gap
+///   ([`AssembleOptions::gap`]). Taxels closer than a fiftieth of the spacing become one. The result
+///   does not depend on the order of the taxels, but for which diagonal a square gets.
+/// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
+///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
+///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
+///   cut ([`Weld`](crate::skin::Weld)).
+/// - **Fans** of faces that touch in a vertex get a copy of it each. If asked for, faces with the
+///   corners of an earlier one are dropped and edges with more than two faces split into sheets.
+/// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary
+///   and flipped away elsewhere, so that no slit opens. Taxels without a face are left out.
+/// - **Patches** are the components joined across edges, in the order of their first faces: `name`,
+///   `name.1`, ...
+/// - **Winding** is made consistent; the outside is where the taxels' normals point if these are
+///   reliable (unit vectors, not constant on a curved part, on the whole along the faces), else the
+///   outside of a closed surface, else where most faces of the file have it.
+/// - **Holes** are filled, if asked for.
+/// - **Tangents** are projected to the tangent planes of the normals; one that says nothing is
+///   replaced by the mean of its neighbours', and where most say nothing there are none.
+/// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come
+///   from the faces. Missing ids count from 1 through the skin. Sheets without a link get one at
+///   the origin.
+///
+/// ```
+/// use dermatome::skin::{AssembleOptions, Draft, RemarkKind, Sheet, assemble};
+/// use glam::DVec3;
+///
+/// // Two triangles with six vertices, as an STL file has them: two are welded.
+/// let [a, b, c, d] = [DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::Y];
+/// let positions = vec![a, b, c, a, c, d];
+/// let sheet = Sheet { positions, triangles: vec![[0, 1, 2], [3, 4, 5]], ..Sheet::default() };
+/// let draft = Draft { sheets: vec![sheet], ..Draft::default() };
+/// let assembled = assemble(&draft, &AssembleOptions::default())?;
+/// assert_eq!(assembled.remarks[0].kind, RemarkKind::Welded { vertices: 6, taxels: 4 });
+/// assert_eq!(assembled.remarks[0].to_string(), "patch: 6 vertices were welded into 4 taxels");
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+///
+/// # Errors
+/// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out
+/// of range, bare taxels cannot be joined, more than two faces meet at an edge, a sheet
+/// has only one side, or there is no face at all.
+pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
+    let triangulated =
+        if draft.is_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
+    let draft = triangulated.as_ref().unwrap_or(draft);
+    check_links(&draft.links)?;
+    let mut assembly = Assembly::new(draft);
+    for sheet in &draft.sheets {
+        assembly.add(sheet, draft.links.len(), options);
+    }
+    let Assembly { skin, mut remarks, mut errors, .. } = assembly;
+    if options.keep_going && !skin.patches.is_empty() {
+        let left_out = |(patch, reason)| Remark { patch, kind: RemarkKind::PatchLeftOut { reason } };
+        remarks.extend(errors.drain(..).map(left_out));
+    }
+    let mut errors: Vec<SkinError> = errors.into_iter().map(|(_, reason)| reason).collect();
+    if errors.len() > 1 {
+        return Err(SkinError::Several { errors, valid: skin.patches.len() });
+    }
+    if let Some(error) = errors.pop() {
+        return Err(error);
+    }
+    if skin.patches.is_empty() {
+        let faces = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
+        return Err(if faces > 0 { SkinError::NoArea { faces } } else { SkinError::NoTriangles });
+    }
+    skin.validate()?;
+    Ok(Assembled { skin, remarks })
+}
+
+/// A skin that grows sheet by sheet.
+struct Assembly {
+    skin: Skin,
+    remarks: Vec<Remark>,
+    /// Why some sheets, by their names, are not a valid skin.
+    errors: Vec<(String, SkinError)>,
+    names: Names,
+    /// The id of the next taxel that has none.
+    next_id: u32,
+    /// The link of sheets that have none.
+    origin: Option<LinkId>,
+}
+
+impl Assembly {
+    fn new(draft: &Draft) -> Self {
+        let mut remarks = draft.remarks.clone();
+        remarks.extend(draft.doubtful_unit().map(|(sheet, extent)| Remark {
+            patch: sheet.title().to_owned(),
+            kind: RemarkKind::DoubtfulUnit { extent },
+        }));
+        Self {
+            skin: Skin {
+                links: draft.links.clone(),
+                animations: draft.animations.clone(),
+                ..Skin::default()
+            },
+            remarks,
+            errors: Vec::new(),
+            names: Names::new(&draft.sheets),
+            next_id: 1,
+            origin: None,
+        }
+    }
+
+    /// Adds the patches of a sheet of a draft with this many links, and what was done or is wrong.
+    fn add(&mut self, sheet: &Sheet, links: usize, options: &AssembleOptions) {
+        let mut kinds = Vec::new();
+        let valid = sheet.validate(links);
+        let components = match valid.and_then(|()| Components::new(sheet, options.welding(), &mut kinds)) {
+            Ok(components) => components,
+            Err(reason) => return self.errors.push((sheet.title().to_owned(), reason)),
+        };
+        self.remark(sheet.title(), kinds.drain(..));
+        let first = self.skin.patches.len();
+        for component in components.split() {
+            let link = sheet.link.unwrap_or_else(|| self.origin());
+            let (name, holes) = (self.names.next(sheet.title()), options.fill_holes);
+            match patch_of(&components, component, name, link, holes, &mut self.next_id, &mut kinds) {
+                Ok(patch) => {
+                    self.remark(&patch.name, kinds.drain(..));
+                    self.skin.patches.push(patch);
+                }
+                Err(reason) => self.errors.push((sheet.title().to_owned(), reason)),
+            }
+        }
+        let renamed = renamed(sheet, &(*self.skin.patches)[first..]);
+        self.remark(sheet.title(), renamed);
+    }
+
+    fn remark(&mut self, patch: &str, kinds: impl IntoIterator<Item = RemarkKind>) {
+        self.remarks.extend(kinds.into_iter().map(|kind| Remark { patch: patch.to_owned(), kind }));
+    }
+
+    /// A link at the origin of the world.
+    fn origin(&mut self) -> LinkId {
+        let link = || Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY };
+        *self.origin.get_or_insert_with(|| self.skin.links.push(link()))
+    }
+}
+
+/// Whether a sheet fell into several patches, or its name was taken.
+fn renamed(sheet: &Sheet, patches: &[Patch]) -> Option<RemarkKind> {
+    match patches {
+        [patch] if patch.name == sheet.title() => None,
+        [patch] => Some(RemarkKind::Renamed { name: patch.name.clone() }),
+        [] => None,
+        _ => Some(RemarkKind::Components { patches: patches.iter().map(|p| p.name.clone()).collect() }),
+    }
+}
+
+/// Gives every patch a unique name.
+#[derive(Debug)]
+struct Names {
+    /// Names of sheets: a component of another sheet must not take them.
+    of_sheets: HashSet<String>,
+    taken: HashSet<String>,
+    /// The last number given to a component, by the name of its sheet.
+    last: HashMap<String, usize>,
+}
+
+impl Names {
+    fn new(sheets: &[Sheet]) -> Self {
+        let of_sheets = sheets.iter().map(|s| s.title().to_owned()).collect();
+        Self { of_sheets, taken: HashSet::new(), last: HashMap::new() }
+    }
+
+    /// The next free one of `name`, `name.1`, `name.2`, ...
+    fn next(&mut self, name: &str) -> String {
+        if self.taken.insert(name.to_owned()) {
+            return name.to_owned();
+        }
+        let last = self.last.entry(name.to_owned()).or_insert(0);
+        loop {
+            *last += 1;
+            let numbered = format!("{name}.{last}");
+            if !self.of_sheets.contains(&numbered) && self.taken.insert(numbered.clone()) {
+                return numbered;
+            }
+        }
+    }
+}
+
+/// Trials on more taxels would be felt: 20 000 take a second.
+const MOST_TAXELS: usize = 20_000;
+
+/// Gaps that are tried.
+const WIDER: [f64; 6] = [3.0, 3.5, 4.0, 5.0, 6.0, 8.0];
+
+/// The smallest of some gaps wider than [`AssembleOptions::gap`] that leaves fewer patches, and how
+/// many.
+///
+/// `assembled` is what `options` made of `draft`. `None` if no wider gap helps, and without trial
+/// for drafts with triangles, for bare sheets that are one patch each, and for more than 20 000
+/// taxels. The gap is found by trying some.
+#[must_use]
+pub fn joining_gap(draft: &Draft, assembled: &Assembled, options: &AssembleOptions) -> Option<(f64, usize)> {
+    let is_split = |r: &Remark| matches!(r.kind, RemarkKind::Components { .. });
+    let taxels: usize = draft.sheets.iter().map(|s| s.positions.len()).sum();
+    if !draft.is_bare() || taxels > MOST_TAXELS || !assembled.remarks.iter().any(is_split) {
+        return None;
+    }
+    WIDER.into_iter().filter(|&gap| gap > options.gap).find_map(|gap| {
+        let patches = assemble(draft, &AssembleOptions { gap, fill_holes: FillHoles::None, ..*options })
+            .ok()?
+            .skin
+            .patches
+            .len();
+        (patches < assembled.skin.patches.len()).then_some((gap, patches))
+    })
+}

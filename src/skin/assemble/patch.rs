@@ -7,14 +7,14 @@ use crate::{
     id::{IdVec, VertexId},
     mesh::{FillHoles, TriMesh, fill_holes},
     skin::{
-        LinkId, Patch, Presence, RemarkKind, Sheet, SkinError, TaxelError, TaxelId, Taxels,
+        LinkId, Patch, Presence, RemarkKind, SkinError, TaxelError, TaxelId, Taxels,
         assemble::{
             components::{Component, Components},
             outward::{choose_normals, turn_outward},
         },
         normals::NormalConsensus,
         tangents_along,
-        taxels::{is_positive, is_weight},
+        taxels::is_positive,
     },
 };
 
@@ -25,14 +25,14 @@ use crate::{
 pub(super) fn patch_of(
     components: &Components<'_>,
     mut component: Component,
-    (name, link): (String, LinkId),
+    name: String,
+    link: LinkId,
     holes: FillHoles,
     next_id: &mut u32,
     remarks: &mut Vec<RemarkKind>,
 ) -> Result<Patch, SkinError> {
-    let sheet = components.sheet;
     let normals = components.normals.as_ref().map(|normals| {
-        let given: IdVec<VertexId, DVec3> = component.vertices.iter().map(|&v| normals[v]).collect();
+        let given = component.vertices.map(|&v| normals[v]);
         let quality = NormalConsensus::of(&component.mesh, &given).quality();
         (given, quality)
     });
@@ -41,31 +41,36 @@ pub(super) fn patch_of(
     let own = mesh.triangles.len();
     if holes != FillHoles::None {
         let filled = fill_holes(&mut mesh, holes);
-        let count = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?.len();
+        let count = filled.map_err(|source| SkinError::Mesh { patch: name.clone(), source })?;
         if count > 0 {
             remarks.push(RemarkKind::HolesFilled { holes: count, max_edges: holes.most_edges() });
         }
     }
     let normals = choose_normals(&mesh, normals, remarks);
-    let given = components.tangents.as_ref().map(|all| vertices.iter().map(|&v| all[v]).collect());
+    let given = components.tangents.as_ref().map(|all| vertices.map(|&v| all[v]));
     let tangents = given.and_then(|given| choose_tangents(&mesh, &normals, &given, remarks));
-    let vertices: Vec<VertexId> = vertices.iter().map(|&v| components.in_file[v]).collect();
-    let areas = areas(sheet, &vertices, &mesh, remarks);
-    let ids = match &sheet.ids {
-        Some(ids) => vertices.iter().map(|v| ids[v.index()]).collect(),
-        None => vertices.iter().map(|_| count_on(next_id)).collect(),
+    let in_file = vertices.map(|&v| components.in_file[v]);
+    let file = components.sheet.select(&in_file.iter().map(|v| v.index()).collect::<Vec<_>>());
+    let taxels = Taxels {
+        ids: file.ids.unwrap_or_else(|| in_file.iter().map(|_| count_on(next_id)).collect()).into(),
+        normals,
+        tangents,
+        areas: areas(file.areas.as_deref(), &in_file, &mesh, remarks),
+        densities: file.densities.map(IdVec::from),
+        weights: file.weights.map(IdVec::from),
+        acuities: None,
+        presence: file.presence.unwrap_or_else(|| vec![Presence::Present; in_file.len()]).into(),
+        covariances: file.covariances.map(IdVec::from),
+        joints: file.joints.map(IdVec::from),
     };
-    let presence = match &sheet.presence {
-        Some(presence) => vertices.iter().map(|v| presence[v.index()]).collect(),
-        None => IdVec::filled(Presence::Present, vertices.len()),
-    };
-    let demands = densities_and_weights(sheet, &vertices);
-    let [densities, weights] = demands.map_err(|source| SkinError::Taxels { patch: name.clone(), source })?;
-    let covariances = sheet.covariances.as_ref().map(|c| vertices.iter().map(|v| c[v.index()]).collect());
-    let joints = sheet.joints.as_ref().map(|all| vertices.iter().map(|v| all[v.index()]).collect());
-    let acuities = None;
-    let taxels =
-        Taxels { ids, normals, tangents, areas, densities, weights, acuities, presence, covariances, joints };
+    taxels.check_demands(in_file.len()).map_err(|error| {
+        let source = match error {
+            TaxelError::Density { vertex, found } => TaxelError::Density { vertex: in_file[vertex], found },
+            TaxelError::Weight { vertex, found } => TaxelError::Weight { vertex: in_file[vertex], found },
+            other => other,
+        };
+        SkinError::Taxels { patch: name.clone(), source }
+    })?;
     let filled = mesh.triangles.len() - own;
     Ok(Patch { name, link, mesh, filled, taxels })
 }
@@ -89,39 +94,17 @@ fn choose_tangents(
     Some(tangents)
 }
 
-/// The densities and the weights of the file, if it has them; errors count its vertices.
-fn densities_and_weights(
-    sheet: &Sheet,
-    vertices: &[VertexId],
-) -> Result<[Option<IdVec<VertexId, f64>>; 2], TaxelError> {
-    let first = |values: &Option<Vec<f64>>, is_good: fn(f64) -> bool| {
-        let mut all = values.iter().flat_map(|all| vertices.iter().map(|&v| (v, all[v.index()])));
-        all.find(|x| !is_good(x.1))
-    };
-    if let Some((vertex, found)) = first(&sheet.densities, is_positive) {
-        return Err(TaxelError::Density { vertex, found });
-    }
-    if let Some((vertex, found)) = first(&sheet.weights, is_weight) {
-        return Err(TaxelError::Weight { vertex, found });
-    }
-    let of = |values: &Option<Vec<f64>>| {
-        values.as_ref().map(|all| vertices.iter().map(|v| all[v.index()]).collect())
-    };
-    Ok([of(&sheet.densities), of(&sheet.weights)])
-}
-
 /// The areas of the file where they are positive, else those of the faces.
 fn areas(
-    sheet: &Sheet,
-    vertices: &[VertexId],
+    given: Option<&[f64]>,
+    in_file: &IdVec<VertexId, VertexId>,
     mesh: &TriMesh,
     remarks: &mut Vec<RemarkKind>,
 ) -> IdVec<VertexId, f64> {
     let mut areas = mesh.positive_vertex_areas();
-    let Some(given) = &sheet.areas else { return areas };
+    let Some(given) = given else { return areas };
     let mut replaced = Vec::new();
-    for (area, &v) in areas.iter_mut().zip(vertices) {
-        let found = given[v.index()];
+    for ((area, &found), &v) in areas.iter_mut().zip(given).zip(in_file) {
         if is_positive(found) {
             *area = found;
         } else {

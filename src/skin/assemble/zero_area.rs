@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
+    mesh::{TriMesh, triangle_cross},
 };
 
 /// A face lower than this share of its longest side has no area. Positions in `f32` move the middle
@@ -19,7 +19,7 @@ const FLATTEST: f64 = 1e-5;
 /// 0 without area.
 pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    let height = (b - a).cross(c - a).length() / longest;
+    let height = triangle_cross([a, b, c]).length() / longest;
     // Edges too short or too long for their squares: 0/0.
     if height.is_nan() { 0.0 } else { height }
 }

@@ -1,115 +1,305 @@
-//! Findings: kinds, names and what their numbers count.
+//! Findings: what is wrong with a draft, how bad it is and where, as data.
 
 use std::fmt;
 
-/// Kinds of findings, in the order of the report. `Display` gives the name in words and in JSON, like
-/// `non-manifold-edge`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
-pub enum FindingKind {
-    /// Neither triangles nor taxels.
-    NoTriangles,
-    /// Taxels without triangles, which are meshed when they are read; nothing wrong.
-    Bare,
-    /// Taxels without triangles that cannot be meshed.
-    NoSkin,
-    /// Taxels without triangles that fall into pieces, or are left out, when they are meshed.
-    BarePieces,
-    /// A link comes before its parent.
-    LinkOrder,
-    /// A sheet hangs on a link that does not exist.
-    UnknownLink,
-    /// More than 32-bit numbers count.
-    TooLarge,
-    /// A sheet so large that the file is hardly in metres.
-    DoubtfulUnit,
-    /// An array has not one entry per vertex.
-    ArrayLength,
-    /// A position is NaN or infinite.
-    NotFinite,
-    /// A face names a vertex that does not exist.
-    CornerOutOfRange,
-    /// A face uses one taxel twice.
-    RepeatedCorner,
-    /// Several faces have the same three corners.
-    DuplicateFace,
-    /// A face whose corners lie on a line.
-    ZeroAreaFace,
-    /// A face more than fifty times longer than high.
-    SliverFace,
-    /// More than two faces meet at an edge.
-    NonManifoldEdge,
-    /// Several fans of faces touch in a vertex.
-    NonManifoldVertex,
-    /// A piece has one side only.
-    NotOrientable,
-    /// Faces are wound against their neighbours.
-    InconsistentWinding,
-    /// Faces are wound against the taxels' normals.
-    WindingAgainstNormals,
-    /// A sheet has several components, which share no edge.
-    SeveralComponents,
-    /// A piece without boundary: it must be cut before it can be flattened.
-    ClosedPatch,
-    /// A piece with handles: it must be cut before it can be flattened.
-    Handle,
-    /// A hole of three or four edges.
-    PinHole,
-    /// Two boundaries so close that they look like an unjoined seam.
-    Gap,
-    /// A taxel without a face.
-    IsolatedTaxel,
-    /// Several taxels at one place.
-    DuplicatePosition,
-    /// Several taxels with one id.
-    DuplicateId,
-    /// Several taxels with a placeholder id.
-    PlaceholderId,
-    /// A normal that is not a unit vector.
-    NormalNotUnit,
-    /// A tangent that is not a unit vector, or is parallel to the normal.
-    UnusableTangent,
-    /// Normals that are all the same on a curved piece.
-    ConstantNormals,
-    /// Normals that have nothing to do with the faces.
-    UnrelatedNormals,
-    /// A normal that points to the inside.
-    InwardNormal,
-    /// A receptive area that is not positive.
-    AreaNotPositive,
-    /// A density that is not positive.
-    DensityNotPositive,
-    /// A weight that is negative or not a number, or weights that are all zero.
-    WeightUnusable,
+use crate::{
+    id::{FaceId, VertexId},
+    skin::{
+        LinkId, SkinError,
+        sentence::{coincident, count},
+    },
+};
+
+/// One thing that is wrong with a draft; `Display` makes a sentence of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// Name of the sheet; empty if it concerns the whole draft.
+    pub patch: String,
+    /// What kind of thing.
+    pub kind: FindingKind,
+    /// The elements concerned, numbered as in the sheet.
+    pub elements: Elements,
 }
 
-impl FindingKind {
-    /// What [`Finding::elements`] counts: `vertices`, `faces`, `edges` (two numbers each, their
-    /// vertices) or `links`; empty if the finding is about the whole sheet.
+/// The elements that a finding is about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Elements {
+    /// The whole sheet or draft.
+    Whole,
+    /// Some vertices.
+    Vertices(Vec<VertexId>),
+    /// Some faces.
+    Faces(Vec<FaceId>),
+    /// Some edges, by the vertices at their ends.
+    Edges(Vec<[VertexId; 2]>),
+    /// Some links.
+    Links(Vec<LinkId>),
+}
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// [`crate::skin::assemble`] refuses the draft.
+    Error,
+    /// The draft can be assembled, but the result is probably not what was meant.
+    Warning,
+    /// Nothing is wrong.
+    Note,
+}
+
+macro_rules! finding_kinds {
+    ($n:ident; $($(#[$doc:meta])* $severity:ident $variant:ident $({ $($(#[$meaning:meta])* $field:ident: $type:ty,)* })? => $text:literal $(, $argument:expr)*;)*) => {
+        /// Kinds of findings. `Display` gives the name in words and in JSON, like `non-manifold-edge`.
+        #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
+        pub enum FindingKind {
+            $($(#[$doc])* $variant $({ $($(#[$meaning])* $field: $type,)* })?,)*
+        }
+
+        impl FindingKind {
+            /// How bad it is.
+            #[must_use]
+            pub const fn severity(&self) -> Severity {
+                match self {
+                    $(Self::$variant $({ $($field: _),* })? => Severity::$severity,)*
+                }
+            }
+
+            const fn variant(&self) -> &'static str {
+                match self {
+                    $(Self::$variant $({ $($field: _),* })? => stringify!($variant),)*
+                }
+            }
+
+            /// The sentence about this number of elements.
+            fn message(&self, $n: usize) -> String {
+                match self {
+                    $(Self::$variant $({ $($field),* })? => format!($text $(, $argument)*),)*
+                }
+            }
+        }
+    };
+}
+
+finding_kinds! { n;
+    /// Neither triangles nor taxels.
+    Error NoTriangles => "{}", SkinError::NoTriangles;
+    /// Taxels without triangles, which are joined when they are read.
+    Note Bare => "its taxels have no triangles: reading it as a skin joins them";
+    /// Taxels without triangles that cannot be joined.
+    Error NoSkin {
+        /// Why.
+        reason: SkinError,
+    } => "{reason}";
+    /// Taxels without triangles fall into pieces when they are joined.
+    Warning BarePieces {
+        /// The names of the pieces.
+        patches: Vec<String>,
+    } => "joined, its taxels fall into {} that share no edge", count(patches.len(), "piece", "pieces");
+    /// Taxels without triangles that are left out when others are joined.
+    Warning BareLeftOut => "{} left out, without a place in a triangle", count(n, "taxel is", "taxels are");
+    /// A sheet of taxels without triangles that cannot be joined, among others that can.
+    Warning BareSheetLeftOut {
+        /// Why.
+        reason: SkinError,
+    } => "left out: {reason}";
+    /// A link comes before its parent.
+    Error LinkOrder => "{}", count(n, "link comes before its parent", "links come before their parents");
+    /// A sheet is attached to a link that does not exist.
+    Error UnknownLink {
+        /// The link.
+        link: LinkId,
+        /// How many links there are.
+        links: usize,
+    } => "it is attached to link {link}, but there {}", if *links == 1 { "is 1 link".to_owned() } else { format!("are {links} links") };
+    /// More vertices or faces than 32-bit numbers count.
+    Error TooLarge => "it has more vertices or faces than 32-bit numbers count; nothing else was looked at";
+    /// A sheet so large that the file is probably not in metres.
+    Warning DoubtfulUnit {
+        /// Longest side of the box around the taxels, without outliers, in m.
+        extent: f64,
+    } => "{}", crate::skin::RemarkKind::DoubtfulUnit { extent: *extent };
+    /// An array has not one entry per vertex.
+    Error ArrayLength {
+        /// Which array.
+        what: &'static str,
+        /// Its entries.
+        found: usize,
+        /// How many are needed.
+        needed: usize,
+    } => "the array of {what} has {} for {}; nothing else was looked at",
+        count(*found, "entry", "entries"), count(*needed, "vertex", "vertices");
+    /// A position is NaN or infinite.
+    Error NotFinite => "{} a coordinate that is NaN or infinite", count(n, "vertex has", "vertices have");
+    /// A face names a vertex that does not exist.
+    Error CornerOutOfRange {
+        /// How many vertices there are.
+        vertices: usize,
+    } => "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
+    /// A face uses one taxel twice.
+    Warning RepeatedCorner => "{} one taxel twice", count(n, "face uses", "faces use");
+    /// Several faces have the same three corners.
+    Error DuplicateFace => "{} the same corners as an earlier face", count(n, "face has", "faces have");
+    /// A face whose corners lie on a line.
+    Warning ZeroAreaFace => "{} no area: {} corners lie on a line", count(n, "face has", "faces have"), its(n);
+    /// A face more than fifty times longer than high.
+    Warning SliverFace {
+        /// Length over height of the thinnest.
+        aspect: f64,
+    } => "{} more than 50 times longer than high, the thinnest {aspect:.0} times", count(n, "face is", "faces are");
+    /// More than two faces meet at an edge.
+    Error NonManifoldEdge {
+        /// The largest number of faces at one.
+        most: usize,
+    } => "{} more than two faces, one has {most}; a sheet has one or two",
+        count(n, "edge (pair of vertices) has", "edges (pairs of vertices) have");
+    /// Several fans of faces touch in a vertex.
+    Warning NonManifoldVertex =>
+        "at {} several fans of faces touch in a point; the faces around a taxel must form one fan",
+        count(n, "vertex", "vertices");
+    /// A component has one side only.
+    Error NotOrientable => "a piece has one side only: at {} its faces cannot be wound the same way",
+        count(n, "edge (pair of vertices)", "edges (pairs of vertices)");
+    /// Faces are wound against their neighbours.
+    Warning InconsistentWinding {
+        /// How many faces there are.
+        of: usize,
+    } => "{n} of {} wound against most faces of {} piece", count(*of, "face is", &format!("faces {}", are(n))), its(n);
+    /// Faces are wound against the taxels' normals.
+    Warning WindingAgainstNormals {
+        /// How many faces there are.
+        of: usize,
+    } => "{n} of {} wound against the taxels' normals", count(*of, "face is", &format!("faces {}", are(n)));
+    /// A sheet has several components, which share no edge.
+    Warning SeveralComponents {
+        /// The faces of the smallest.
+        least: usize,
+        /// The faces of the largest.
+        most: usize,
+    } => "it falls into {n} pieces of {least} to {most} faces that share no edge; listed is the first face of each";
+    /// A component without boundary: its map is cut open.
+    Note ClosedPatch => "{} no boundary: {} map is cut open along a seam; listed is {}",
+        count(n, "piece has", "pieces have"), its(n), first_face(n);
+    /// A component with handles: its map is cut open.
+    Note Handle {
+        /// How many handles they have together.
+        handles: usize,
+    } => "{} {}, like that of a cup: {} map is cut open along a seam; listed is {}",
+        count(n, "piece has", "pieces have"), count(*handles, "handle", "handles"), its(n), first_face(n);
+    /// A pin-hole, see [`crate::mesh::FillHoles::PinHoles`].
+    Warning PinHole {
+        /// How many.
+        holes: usize,
+    } => "{} in a smooth surface, of at most five edges: faces are missing there; listed are the vertices",
+        count(*holes, "pin-hole", "pin-holes");
+    /// Two boundaries so close that they look like an unjoined seam.
+    Warning Gap {
+        /// The smallest distance, in m.
+        nearest: f64,
+    } => "{} within half the local spacing of a boundary {} not joined with, the nearest at {:.3} mm: a seam that \
+          was not closed, or a part laid over another",
+        count(n, "boundary vertex lies", "boundary vertices lie"), if n == 1 { "it is" } else { "they are" }, 1e3 * nearest;
+    /// A taxel without a face.
+    Warning IsolatedTaxel {
+        /// How many taxels there are.
+        of: usize,
+    } => "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
+    /// Several taxels at one place.
+    Warning DuplicatePosition {
+        /// The largest distance between them, in m; 0 where they coincide exactly.
+        distance: f64,
+    } => "{}", coincident(n, *distance);
+    /// Several taxels with one id.
+    Warning DuplicateId {
+        /// How many ids.
+        ids: usize,
+    } => "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
+    /// Several taxels with a placeholder id.
+    Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
+    /// A normal that is not a unit vector.
+    Warning NormalNotUnit => "{} a normal that is not a unit vector", count(n, "vertex has", "vertices have");
+    /// A tangent that is not a unit vector, or is parallel to the normal.
+    Warning UnusableTangent => "{} a tangent that is not a unit vector or is parallel to the normal",
+        count(n, "vertex has", "vertices have");
+    /// Normals that are all the same on a curved component.
+    Warning ConstantNormals => "the normals of {} are all the same although their piece is curved: placeholders",
+        count(n, "taxel", "taxels");
+    /// Normals that have nothing to do with the faces.
+    Warning UnrelatedNormals => "{} not fit the faces around {}, inward or outward",
+        count(n, "normal does", "normals do"), if n == 1 { "it" } else { "them" };
+    /// A normal that points to the inside.
+    Warning InwardNormal => "{} inwards, against most normals of {} piece",
+        count(n, "normal points", "normals point"), its(n);
+    /// A receptive area that is not positive.
+    Warning AreaNotPositive => "{} a receptive area that is not positive", count(n, "vertex has", "vertices have");
+    /// A density that is not positive.
+    Error DensityNotPositive => "{} a density that is not positive", count(n, "vertex has", "vertices have");
+    /// A weight that is negative or not a number.
+    Error WeightUnusable => "{} a weight that is negative or not a number", count(n, "vertex has", "vertices have");
+    /// Weights that are all zero.
+    Error NoWeight => "the weight is 0 at {}", if n == 1 { "the only vertex".to_owned() } else { format!("all {n} vertices") };
+}
+
+/// The possessive of one thing or of several.
+const fn its(n: usize) -> &'static str {
+    if n == 1 { "its" } else { "their" }
+}
+
+const fn first_face(n: usize) -> &'static str {
+    if n == 1 { "its first face" } else { "the first face of each" }
+}
+
+const fn are(n: usize) -> &'static str {
+    if n == 1 { "is" } else { "are" }
+}
+
+impl Finding {
+    /// A finding about a whole sheet.
+    pub(super) fn whole(sheet: &str, kind: FindingKind) -> Self {
+        Self { patch: sheet.to_owned(), kind, elements: Elements::Whole }
+    }
+
+    /// Whether the draft cannot be assembled because of it, or only the result is doubtful.
     #[must_use]
-    pub const fn elements(self) -> &'static str {
+    pub const fn severity(&self) -> Severity {
+        self.kind.severity()
+    }
+
+    /// A sentence that says what was found.
+    #[must_use]
+    pub fn message(&self) -> String {
+        self.kind.message(self.elements.len())
+    }
+}
+
+impl Elements {
+    /// How many elements.
+    #[must_use]
+    pub const fn len(&self) -> usize {
         match self {
-            Self::NoTriangles
-            | Self::Bare
-            | Self::NoSkin
-            | Self::BarePieces
-            | Self::UnknownLink
-            | Self::TooLarge
-            | Self::DoubtfulUnit
-            | Self::ArrayLength => "",
-            Self::LinkOrder => "links",
-            Self::NonManifoldEdge | Self::NotOrientable => "edges",
-            Self::CornerOutOfRange
-            | Self::RepeatedCorner
-            | Self::DuplicateFace
-            | Self::ZeroAreaFace
-            | Self::SliverFace
-            | Self::InconsistentWinding
-            | Self::WindingAgainstNormals
-            | Self::SeveralComponents
-            | Self::ClosedPatch
-            | Self::Handle => "faces",
-            _ => "vertices",
+            Self::Whole => 0,
+            Self::Vertices(vertices) => vertices.len(),
+            Self::Faces(faces) => faces.len(),
+            Self::Edges(edges) => edges.len(),
+            Self::Links(links) => links.len(),
+        }
+    }
+
+    /// Whether it is the whole sheet or draft.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Their numbers, counted from 0; an edge has two, those of its vertices.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<u32> {
+        match self {
+            Self::Whole => Vec::new(),
+            Self::Vertices(vertices) => vertices.iter().map(|v| v.raw()).collect(),
+            Self::Faces(faces) => faces.iter().map(|f| f.raw()).collect(),
+            Self::Edges(edges) => edges.iter().flatten().map(|v| v.raw()).collect(),
+            Self::Links(links) => links.iter().map(|link| link.raw()).collect(),
         }
     }
 }
@@ -118,7 +308,7 @@ impl FindingKind {
 impl fmt::Display for FindingKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut name = String::new();
-        for c in format!("{self:?}").chars() {
+        for c in self.variant().chars() {
             if c.is_ascii_uppercase() && !name.is_empty() {
                 name.push('-');
             }
@@ -128,33 +318,52 @@ impl fmt::Display for FindingKind {
     }
 }
 
-/// One thing that is wrong with a draft.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finding {
-    /// What kind of thing.
-    pub kind: FindingKind,
-    /// Name of the sheet; empty if it concerns the whole draft.
-    pub patch: String,
-    /// The elements concerned, as the file numbers them from 0; [`FindingKind::elements`] says what
-    /// they count.
-    pub elements: Vec<u64>,
-    /// A sentence that says what was found.
-    pub message: String,
-}
-
-impl Finding {
-    pub(super) fn of_sheet(kind: FindingKind, sheet: &str, message: String) -> Self {
-        Self { kind, patch: sheet.to_owned(), elements: Vec::new(), message }
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Note => "note",
+        })
     }
 }
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, patch, message, .. } = self;
-        if patch.is_empty() {
-            write!(f, "{kind}: {message}")
-        } else {
-            write!(f, "{patch}: {kind}: {message}")
+        if !self.patch.is_empty() {
+            write!(f, "{}: ", self.patch)?;
+        }
+        write!(f, "{}: {}", self.kind, self.message())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_agree_with_the_number_of_elements() {
+        let of = |kind: FindingKind, n: usize| {
+            let elements = Elements::Vertices((0..n).map(VertexId::new).collect());
+            Finding { patch: String::new(), kind, elements }.to_string()
+        };
+        for (kind, one, two) in [
+            (FindingKind::RepeatedCorner, "1 face uses", "2 faces use"),
+            (FindingKind::NonManifoldVertex, "at 1 vertex several", "at 2 vertices several"),
+            (
+                FindingKind::NotOrientable,
+                "at 1 edge (pair of vertices) its",
+                "at 2 edges (pairs of vertices) its",
+            ),
+            (FindingKind::InconsistentWinding { of: 3 }, "1 of 3 faces is wound", "2 of 3 faces are wound"),
+            (FindingKind::ClosedPatch, "1 piece has no boundary: its", "2 pieces have no boundary: their"),
+            (FindingKind::Gap { nearest: 0.0 }, "1 boundary vertex lies", "2 boundary vertices lie"),
+            (FindingKind::InwardNormal, "1 normal points", "2 normals point"),
+            (FindingKind::IsolatedTaxel { of: 9 }, "1 of 9 taxels belongs to", "2 of 9 taxels belong to"),
+            (FindingKind::LinkOrder, "1 link comes before its", "2 links come before their"),
+        ] {
+            let found = [of(kind.clone(), 1), of(kind, 2)];
+            assert!(found[0].contains(one) && found[1].contains(two), "{found:?}");
         }
     }
 }

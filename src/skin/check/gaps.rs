@@ -9,7 +9,7 @@ use crate::{
     id::{IdVec, VertexId},
     skin::check::{
         FindingKind,
-        report::{Report, Subject, numbers},
+        report::{Report, Subject},
     },
 };
 
@@ -71,13 +71,8 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
             narrowest = narrowest.min(distance);
         }
     }
-    report.add(FindingKind::Gap, numbers(close.iter().map(|&v| subject.surface.in_file(v).raw())), |n| {
-        format!(
-            "{n} boundary vertices lie within half the local spacing of a boundary they are not joined with, \
-             the nearest at {:.3} mm: a seam that was not closed, or a part laid over another",
-            1e3 * narrowest
-        )
-    });
+    let close = close.into_iter().map(|v| subject.surface.in_file(v));
+    report.add_vertices(FindingKind::Gap { nearest: narrowest }, close);
 }
 
 /// The boundary edges in a tree over their boxes.

@@ -1,7 +1,5 @@
 //! Faces and normals: slivers, winding, placeholders.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 
 use crate::{
@@ -12,9 +10,10 @@ use crate::{
         assemble::zero_area::{has_no_area, slenderness},
         check::{
             FindingKind,
-            report::{Report, Subject, numbers},
+            report::{Report, Subject},
         },
         normals::{NormalConsensus, NormalQuality, surface_normals},
+        weld::welded_mesh::duplicate_faces,
     },
 };
 
@@ -26,22 +25,9 @@ const SLIVER: f64 = 0.02;
 pub(super) fn check_faces(subject: &Subject<'_>, report: &mut Report<'_>) {
     let surface = &subject.surface;
     let mesh = &surface.mesh;
-    report.add(FindingKind::RepeatedCorner, numbers(surface.repeated.iter().map(|f| f.raw())), |n| {
-        format!("{n} faces use one taxel twice")
-    });
-    let in_file = |f: FaceId| surface.file_faces[f].raw();
-    let mut first: HashMap<[VertexId; 3], FaceId> = HashMap::with_capacity(mesh.triangles.len());
-    let mut again = Vec::new();
-    for (face, &corners) in mesh.triangles.enumerate() {
-        let mut sorted = corners;
-        sorted.sort_unstable();
-        if *first.entry(sorted).or_insert(face) != face {
-            again.push(in_file(face));
-        }
-    }
-    report.add(FindingKind::DuplicateFace, numbers(again), |n| {
-        format!("{n} faces have the same corners as an earlier face")
-    });
+    report.add_faces(FindingKind::RepeatedCorner, surface.repeated.iter().copied());
+    let in_file = |f: FaceId| surface.file_faces[f];
+    report.add_faces(FindingKind::DuplicateFace, duplicate_faces(mesh).into_iter().map(in_file));
     let (mut flat, mut slivers, mut thinnest) = (Vec::new(), Vec::new(), f64::INFINITY);
     for face in mesh.triangles.ids() {
         let corners = mesh.corners(face);
@@ -53,36 +39,26 @@ pub(super) fn check_faces(subject: &Subject<'_>, report: &mut Report<'_>) {
             thinnest = thinnest.min(slenderness);
         }
     }
-    report.add(FindingKind::ZeroAreaFace, numbers(flat), |n| {
-        format!("{n} faces have no area: their corners lie on a line")
-    });
-    report.add(FindingKind::SliverFace, numbers(slivers), |n| {
-        format!(
-            "{n} faces are more than {:.0} times longer than high, the thinnest {:.0} times",
-            1.0 / SLIVER,
-            1.0 / thinnest
-        )
-    });
+    report.add_faces(FindingKind::ZeroAreaFace, flat);
+    report.add_faces(FindingKind::SliverFace { aspect: 1.0 / thinnest }, slivers);
 }
 
 pub(super) fn check_winding(subject: &Subject<'_>, report: &mut Report<'_>) {
     let winding = &subject.winding;
     let mesh = &subject.surface.mesh;
-    let mut faces = vec![0_usize; winding.components];
-    let mut against = vec![0_usize; winding.components];
-    for (face, &piece) in winding.component.enumerate() {
+    let mut faces = vec![0_usize; winding.components.count];
+    let mut against = vec![0_usize; winding.components.count];
+    for (face, &piece) in winding.components.of.enumerate() {
         faces[piece] += 1;
         against[piece] += usize::from(winding.reversed[face]);
     }
-    let in_file = |f: FaceId| subject.surface.file_faces[f].raw();
     let fewer = mesh.triangles.ids().filter(|&f| {
-        let piece = winding.component[f];
+        let piece = winding.components.of[f];
         let most_against = 2 * against[piece] > faces[piece];
         winding.reversed[f] != most_against
     });
-    report.add(FindingKind::InconsistentWinding, numbers(fewer.map(in_file)), |n| {
-        format!("{n} of {} faces are wound against most faces of their piece", mesh.triangles.len())
-    });
+    let kind = FindingKind::InconsistentWinding { of: mesh.triangles.len() };
+    report.add_faces(kind, fewer.map(|f| subject.surface.file_faces[f]));
 }
 
 /// Notes faces wound against the normals, and normals that are not worth the name.
@@ -92,30 +68,27 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Some(normals) = &subject.normals else { return };
     // The mesh with every piece wound like its first face, then outward.
     let mut wound = mesh.clone();
-    let mut consensus = vec![NormalConsensus::default(); winding.components];
+    let mut consensus = vec![NormalConsensus::default(); winding.components.count];
     for face in mesh.triangles.ids() {
         if winding.reversed[face] {
             wound.triangles[face].swap(1, 2);
         }
         let at_corners = wound.triangles[face].map(|v| normals[v]);
-        consensus[winding.component[face]].add(wound.face_cross(face), at_corners);
+        consensus[winding.components.of[face]].add(wound.face_cross(face), at_corners);
     }
     let qualities: Vec<NormalQuality> = consensus.iter().map(NormalConsensus::quality).collect();
     let mut turned = Vec::new();
     for face in mesh.triangles.ids() {
-        let of_piece = qualities[winding.component[face]];
+        let of_piece = qualities[winding.components.of[face]];
         if of_piece == NormalQuality::Inward {
             wound.triangles[face].swap(1, 2);
         }
         let is_turned = winding.reversed[face] != (of_piece == NormalQuality::Inward);
         if is_turned && !matches!(of_piece, NormalQuality::Unreliable(_)) {
-            turned.push(subject.surface.file_faces[face].raw());
+            turned.push(subject.surface.file_faces[face]);
         }
     }
-    report.add(FindingKind::WindingAgainstNormals, numbers(turned), |n| {
-        format!("{n} of {} faces are wound against the taxels' normals", mesh.triangles.len())
-    });
-
+    report.add_faces(FindingKind::WindingAgainstNormals { of: mesh.triangles.len() }, turned);
     check_directions(subject, normals, &wound, &qualities, report);
 }
 
@@ -127,16 +100,16 @@ fn check_directions(
     qualities: &[NormalQuality],
     report: &mut Report<'_>,
 ) {
-    let in_file = |v| subject.surface.in_file(v).raw();
+    let in_file = |v| subject.surface.in_file(v);
     let outward = surface_normals(wound);
-    let [mut constant, mut unrelated, mut inward] = [const { Vec::<u32>::new() }; 3];
+    let [mut constant, mut unrelated, mut inward] = [const { Vec::<VertexId>::new() }; 3];
     let mut seen = outward.map(|_| false);
     for (face, corners) in wound.triangles.enumerate() {
         for &v in corners {
             if std::mem::replace(&mut seen[v], true) {
                 continue;
             }
-            match qualities[subject.winding.component[face]] {
+            match qualities[subject.winding.components.of[face]] {
                 NormalQuality::Unreliable(UnreliableNormals::Constant) => constant.push(in_file(v)),
                 NormalQuality::Unreliable(UnreliableNormals::Unrelated) => unrelated.push(in_file(v)),
                 NormalQuality::Outward | NormalQuality::Inward if normals[v].dot(outward[v]) < 0.0 => {
@@ -149,13 +122,7 @@ fn check_directions(
     for list in [&mut constant, &mut unrelated, &mut inward] {
         list.sort_unstable();
     }
-    report.add(FindingKind::ConstantNormals, numbers(constant), |n| {
-        format!("the normals of {n} taxels are all the same although their piece is curved: placeholders")
-    });
-    report.add(FindingKind::UnrelatedNormals, numbers(unrelated), |n| {
-        format!("the normals of {n} taxels do not fit the faces around them, inward or outward")
-    });
-    report.add(FindingKind::InwardNormal, numbers(inward), |n| {
-        format!("the normals of {n} taxels point inwards, against most normals of their piece")
-    });
+    report.add_vertices(FindingKind::ConstantNormals, constant);
+    report.add_vertices(FindingKind::UnrelatedNormals, unrelated);
+    report.add_vertices(FindingKind::InwardNormal, inward);
 }

@@ -8,7 +8,7 @@ use crate::{
         Presence, Sheet, TaxelId,
         check::{
             FindingKind,
-            report::{Report, Subject, numbers},
+            report::{Report, Subject},
         },
         in_tangent_plane,
         normals::is_unit,
@@ -19,16 +19,12 @@ use crate::{
 /// Notes positions and corners that are not valid; says which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {
     let finite: Vec<bool> = sheet.positions.iter().map(|p| p.is_finite()).collect();
-    let not_finite = (0_u64..).zip(&finite).filter(|&(_, &ok)| !ok).map(|(v, _)| v);
-    report.add(FindingKind::NotFinite, not_finite.collect(), |n| {
-        format!("{n} vertices have a coordinate that is NaN or infinite")
-    });
+    let not_finite = (0..finite.len()).filter(|&v| !finite[v]).map(VertexId::new);
+    report.add_vertices(FindingKind::NotFinite, not_finite);
     let vertices = sheet.positions.len();
-    let out_of_range = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
-    let outside = (0_u64..).zip(&sheet.triangles).filter(|(_, t)| out_of_range(t)).map(|(face, _)| face);
-    report.add(FindingKind::CornerOutOfRange, outside.collect(), |n| {
-        format!("{n} faces name vertices that do not exist; there are {vertices}")
-    });
+    let is_outside = |&f: &usize| sheet.triangles[f].iter().any(|&v| v as usize >= vertices);
+    let outside = (0..sheet.triangles.len()).filter(is_outside).map(FaceId::new);
+    report.add_faces(FindingKind::CornerOutOfRange { vertices }, outside);
     let is_usable = |t: &[u32; 3]| t.iter().all(|&v| finite.get(v as usize).copied().unwrap_or(false));
     sheet.triangles.iter().map(is_usable).collect()
 }
@@ -45,10 +41,8 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     }
     let is_slot = |v: VertexId| sheet.presence.as_ref().is_some_and(|p| p[v.index()] != Presence::Present);
     let is_isolated = |v: VertexId| !in_file[v] && !is_slot(v);
-    let isolated = in_file.ids().filter(|&v| is_isolated(v)).map(VertexId::raw);
-    report.add(FindingKind::IsolatedTaxel, numbers(isolated), |n| {
-        format!("{n} of {vertices} taxels belong to no face")
-    });
+    let isolated = in_file.ids().filter(|&v| is_isolated(v));
+    report.add_vertices(FindingKind::IsolatedTaxel { of: vertices }, isolated);
 
     // Copies that are one taxel of a split seam are healthy; a second taxel at the same place is
     // not.
@@ -61,12 +55,10 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
         let earlier = *first.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert(v);
         let is_copy = surface.place[v] == surface.place[earlier] && in_file[v] && in_file[earlier];
         if earlier != v && !is_copy {
-            again.push(v.raw());
+            again.push(v);
         }
     }
-    report.add(FindingKind::DuplicatePosition, numbers(again), |n| {
-        format!("{n} taxels lie exactly where an earlier taxel lies")
-    });
+    report.add_vertices(FindingKind::DuplicatePosition { distance: 0.0 }, again);
 }
 
 /// Notes ids that more than one taxel has.
@@ -89,13 +81,9 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     let shared = |id: TaxelId| owners.get(&id).map_or(0, |owner| owner.1) > 1;
     let (placeholders, repeated): (Vec<_>, Vec<_>) =
         taxels.iter().filter(|(_, id)| shared(*id)).partition(|(_, id)| TaxelId::PLACEHOLDERS.contains(id));
-    report.add(FindingKind::PlaceholderId, numbers(placeholders.iter().map(|(v, _)| v.raw())), |n| {
-        format!("{n} taxels have a placeholder id: 0 or {}", u32::MAX)
-    });
-    let different = repeated.iter().map(|(_, id)| id).collect::<HashSet<_>>().len();
-    report.add(FindingKind::DuplicateId, numbers(repeated.iter().map(|(v, _)| v.raw())), |n| {
-        format!("{n} taxels share {different} ids: readings cannot tell them apart")
-    });
+    report.add_vertices(FindingKind::PlaceholderId, placeholders.into_iter().map(|&(v, _)| v));
+    let ids = repeated.iter().map(|(_, id)| id).collect::<HashSet<_>>().len();
+    report.add_vertices(FindingKind::DuplicateId { ids }, repeated.into_iter().map(|&(v, _)| v));
 }
 
 /// Notes normals, areas and densities of taxels with a face that are out of range.
@@ -103,43 +91,30 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
     let mut used = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());
     surface.mesh.triangles.iter().flatten().for_each(|&v| used[v] = true);
-    let of_skin: Vec<u32> =
-        surface.taxel.ids().filter(|&v| used[surface.taxel[v]]).map(VertexId::raw).collect();
-    let mut note = |kind, is_wrong: &dyn Fn(usize) -> bool, what: &str| {
-        let wrong = of_skin.iter().copied().filter(|&v| is_wrong(v as usize));
-        report.add(kind, numbers(wrong), |n| format!("{n} {what}"));
+    let of_skin: Vec<VertexId> = surface.taxel.ids().filter(|&v| used[surface.taxel[v]]).collect();
+    let mut note = |kind, is_wrong: &dyn Fn(usize) -> bool| {
+        report.add_vertices(kind, of_skin.iter().copied().filter(|&v| is_wrong(v.index())));
     };
     if let Some(normals) = &sheet.normals {
-        let is_wrong = |v: usize| !is_unit(normals[v]);
-        note(FindingKind::NormalNotUnit, &is_wrong, "vertices have a normal that is not a unit vector");
+        note(FindingKind::NormalNotUnit, &|v| !is_unit(normals[v]));
     }
     if let Some(tangents) = &sheet.tangents {
         let is_along = |v: usize| {
             let normal = sheet.normals.as_ref().map(|normals| normals[v]).filter(|&n| is_unit(n));
             normal.is_some_and(|n| in_tangent_plane(tangents[v], n.normalize()).is_none())
         };
-        let is_wrong = |v: usize| !is_unit(tangents[v]) || is_along(v);
-        let what = "vertices have a tangent that is not a unit vector or is parallel to the normal";
-        note(FindingKind::UnusableTangent, &is_wrong, what);
+        note(FindingKind::UnusableTangent, &|v| !is_unit(tangents[v]) || is_along(v));
     }
     if let Some(areas) = &sheet.areas {
-        let is_wrong = |v: usize| !is_positive(areas[v]);
-        note(FindingKind::AreaNotPositive, &is_wrong, "vertices have a receptive area that is not positive");
+        note(FindingKind::AreaNotPositive, &|v| !is_positive(areas[v]));
     }
     if let Some(densities) = &sheet.densities {
-        let is_wrong = |v: usize| !is_positive(densities[v]);
-        note(FindingKind::DensityNotPositive, &is_wrong, "vertices have a density that is not positive");
+        note(FindingKind::DensityNotPositive, &|v| !is_positive(densities[v]));
     }
     if let Some(weights) = &sheet.weights {
-        let is_wrong = |v: usize| !is_weight(weights[v]);
-        note(
-            FindingKind::WeightUnusable,
-            &is_wrong,
-            "vertices have a weight that is negative or not a number",
-        );
-        let is_zero = |v: usize| weights[v] == 0.0;
-        if (0..weights.len()).all(is_zero) {
-            note(FindingKind::WeightUnusable, &is_zero, "vertices have the weight 0: all of them");
+        note(FindingKind::WeightUnusable, &|v| !is_weight(weights[v]));
+        if weights.iter().all(|w| *w == 0.0) {
+            note(FindingKind::NoWeight, &|_| true);
         }
     }
 }

@@ -1,160 +1,89 @@
 //! Manifoldness, components, boundary loops and handles.
 
 use crate::{
-    id::{IdVec, VertexId},
-    numeric::{DisjointSets, order_by},
+    id::{FaceId, VertexId},
+    mesh::{FillHoles, Halfedge, Part, Topology, TriMesh, fillings, loops_of, separate},
     skin::check::{
-        FindingKind,
-        report::{Report, Subject, numbers},
+        Elements, FindingKind,
+        report::{Report, Subject},
     },
 };
 
-/// A hole of at most this many edges is not a missing taxel: that would leave at least five.
-const PIN_HOLE_EDGES: usize = 4;
-
-/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether loops
-/// can be counted.
+/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether every edge
+/// has at most two faces.
 pub(super) fn check_manifold(subject: &Subject<'_>, report: &mut Report<'_>) -> bool {
     let Subject { surface, winding, .. } = subject;
-    let (mesh, edges) = (&surface.mesh, &surface.edges);
-    let ends = |ends: [VertexId; 2]| ends.map(|v| u64::from(surface.in_file(v).raw()));
-    let mut crowded = Vec::new();
-    let mut most = 0;
-    for uses in edges.iter().filter(|uses| uses.len() > 2) {
-        crowded.extend(ends([uses[0].start(mesh), uses[0].end(mesh)]));
-        most = most.max(uses.len());
-    }
-    let is_manifold = crowded.is_empty();
-    report.add(FindingKind::NonManifoldEdge, crowded, |n| {
-        format!(
-            "{n} edges (pairs of vertices) have more than two faces, one has {most}; a sheet has one or two"
-        )
-    });
-    report.add(FindingKind::NonManifoldVertex, numbers(surface.touching.iter().map(|v| v.raw())), |n| {
-        format!("at {n} vertices several fans of faces touch in a point; the faces around a taxel must form one fan")
-    });
-    let conflicting_edges = winding.conflicting_edges.iter().copied().flat_map(ends).collect();
-    report.add(FindingKind::NotOrientable, conflicting_edges, |n| {
-        format!("a piece has one side only: at {n} edges (pairs of vertices) its faces cannot be wound the same way")
-    });
-    is_manifold
+    let in_file = |ends: [VertexId; 2]| ends.map(|v| surface.in_file(v));
+    let crowded: Vec<_> = surface.edges.iter().filter(|uses| uses.len() > 2).collect();
+    let most = crowded.iter().map(|uses| uses.len()).max().unwrap_or(0);
+    let ends = crowded.iter().map(|uses| [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)]);
+    report.add(FindingKind::NonManifoldEdge { most }, Elements::Edges(ends.map(in_file).collect()));
+    report.add_vertices(FindingKind::NonManifoldVertex, surface.touching.iter().copied());
+    let conflicts = winding.conflicting_edges.iter().copied().map(in_file).collect();
+    report.add(FindingKind::NotOrientable, Elements::Edges(conflicts));
+    crowded.is_empty()
 }
 
 pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { surface, winding, .. } = subject;
-    if winding.components > 1 {
-        let mut sizes = vec![0_usize; winding.components];
-        winding.component.iter().for_each(|&c| sizes[c] += 1);
-        let (least, most) = (sizes.iter().min().unwrap_or(&0), sizes.iter().max().unwrap_or(&0));
-        let firsts = first_faces(subject).into_iter().map(|f| surface.file_faces[f].raw());
-        report.add(FindingKind::SeveralComponents, numbers(firsts), |n| {
-            format!(
-                "it falls into {n} pieces of {least} to {most} faces that share no edge; \
-                 listed is the first face of each"
-            )
-        });
+    if winding.components.count > 1 {
+        let mut sizes = vec![0_usize; winding.components.count];
+        winding.components.of.iter().for_each(|&c| sizes[c] += 1);
+        let (least, most) =
+            (sizes.iter().min().copied().unwrap_or(0), sizes.iter().max().copied().unwrap_or(0));
+        let firsts = winding.components.firsts().into_iter().map(|f| surface.file_faces[f]);
+        report.add_faces(FindingKind::SeveralComponents { least, most }, firsts);
     }
-}
-
-fn first_faces(subject: &Subject<'_>) -> Vec<crate::id::FaceId> {
-    let mut firsts = Vec::with_capacity(subject.winding.components);
-    for (face, &piece) in subject.winding.component.enumerate() {
-        if piece == firsts.len() {
-            firsts.push(face);
-        }
-    }
-    firsts
-}
-
-/// One boundary loop.
-#[derive(Debug, Clone)]
-struct Loop {
-    piece: usize,
-    vertices: Vec<VertexId>,
-    /// In m.
-    length: f64,
-}
-
-/// The boundary loops of a manifold sheet, by their smallest vertices.
-fn boundary_loops(subject: &Subject<'_>) -> Vec<Loop> {
-    let Subject { surface, winding, .. } = subject;
-    let (mesh, edges) = (&surface.mesh, &surface.edges);
-    let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
-    let mut boundary = Vec::new();
-    for h in edges.iter().filter(|uses| uses.len() == 1).map(|uses| uses[0]) {
-        let (a, b, piece) = (h.start(mesh), h.end(mesh), winding.component[h.face()]);
-        sets.join(a, b);
-        boundary.push((a, mesh.positions[a].distance(mesh.positions[b]), piece));
-        boundary.push((b, 0.0, piece));
-    }
-    let order = order_by(boundary.len(), &|a, b| boundary[a].0.cmp(&boundary[b].0));
-    let mut place = IdVec::<VertexId, usize>::filled(usize::MAX, mesh.positions.len());
-    let mut loops: Vec<Loop> = Vec::new();
-    for (v, length, piece) in order.into_iter().map(|k| boundary[k]) {
-        let at = &mut place[sets.root(v)];
-        if *at == usize::MAX {
-            *at = loops.len();
-            loops.push(Loop { piece, vertices: Vec::new(), length: 0.0 });
-        }
-        let this = &mut loops[*at];
-        this.length += length;
-        if this.vertices.last() != Some(&v) {
-            this.vertices.push(v);
-        }
-    }
-    loops
-}
-
-/// Vertices minus edges plus faces of each piece.
-fn euler_characteristics(subject: &Subject<'_>) -> Vec<i64> {
-    let Subject { surface, winding, .. } = subject;
-    let edges = &surface.edges;
-    let mut euler = vec![0_i64; winding.components];
-    let mut seen = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());
-    for (face, t) in surface.mesh.triangles.enumerate() {
-        let new: i64 = t.iter().map(|&v| i64::from(!std::mem::replace(&mut seen[v], true))).sum();
-        euler[winding.component[face]] += new + 1;
-    }
-    edges.iter().for_each(|uses| euler[winding.component[uses[0].face()]] -= 1);
-    euler
 }
 
 /// Notes pin-holes, closed pieces and handles of a manifold sheet.
 pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
-    let (pieces, loops) = (subject.winding.components, boundary_loops(subject));
-    let mut count = vec![0_i64; pieces];
-    let mut longest: Vec<Option<&Loop>> = vec![None; pieces];
-    for this in &loops {
-        count[this.piece] += 1;
-        if longest[this.piece].is_none_or(|l| this.length > l.length) {
-            longest[this.piece] = Some(this);
+    let Subject { surface, winding, .. } = subject;
+    let TriMesh { positions, triangles } = &surface.mesh;
+    let pieces = Topology::of_components(triangles, &surface.edges, &winding.components, positions.len());
+    let firsts: Vec<FaceId> =
+        winding.components.firsts().into_iter().map(|face| surface.file_faces[face]).collect();
+    let those = |is_one: &dyn Fn(&Topology) -> bool| -> Vec<FaceId> {
+        pieces.iter().zip(&firsts).filter(|(piece, _)| is_one(piece)).map(|(_, &first)| first).collect()
+    };
+    let is_orientable = winding.conflicting_edges.is_empty();
+    if is_orientable {
+        let holes = pin_holes(subject);
+        let vertices = holes.iter().flatten().map(|&v| surface.in_file(v));
+        report.add_vertices(FindingKind::PinHole { holes: holes.len() }, vertices);
+    }
+    report.add_faces(FindingKind::ClosedPatch, those(&|piece| piece.loops == 0));
+    if is_orientable {
+        let handles = |piece: &Topology| usize::try_from(piece.twice_handles() / 2).unwrap_or(0);
+        let kind = FindingKind::Handle { handles: pieces.iter().map(handles).sum() };
+        report.add_faces(kind, those(&|piece| handles(piece) > 0));
+    }
+}
+
+/// The pin-holes of an orientable manifold sheet.
+fn pin_holes(subject: &Subject<'_>) -> Vec<Vec<VertexId>> {
+    let Subject { surface, winding, .. } = subject;
+    let along = |uses: &[Halfedge]| {
+        let &[h] = uses else { return None };
+        let [a, b] = [h.start(&surface.mesh), h.end(&surface.mesh)];
+        Some(if winding.reversed[h.face()] { [b, a] } else { [a, b] })
+    };
+    let mut edges: Vec<[VertexId; 2]> = surface.edges.iter().filter_map(along).collect();
+    edges.sort_unstable();
+    if loops_of(&edges).iter().all(|walk| walk.len() > FillHoles::PinHoles.most_edges()) {
+        return Vec::new();
+    }
+    let mut wound = surface.mesh.clone();
+    for (t, _) in wound.triangles.iter_mut().zip(&winding.reversed).filter(|(_, reversed)| **reversed) {
+        t.swap(1, 2);
+    }
+    let pieces = separate(&wound, &winding.components.of.map(|&c| Some(c)), winding.components.count);
+    let mut holes = Vec::new();
+    for Part { vertices, mesh } in &pieces {
+        // Corners that rounding put at one place can leave a piece that is no manifold.
+        for filling in fillings(mesh, FillHoles::PinHoles).unwrap_or_default() {
+            holes.push(filling.hole.into_iter().map(|v| vertices[v]).collect());
         }
     }
-    let is_outer = |l: &Loop| longest[l.piece].is_some_and(|outer| std::ptr::eq(outer, l));
-    let holes: Vec<&Loop> =
-        loops.iter().filter(|l| l.vertices.len() <= PIN_HOLE_EDGES && !is_outer(l)).collect();
-    let vertices = holes.iter().flat_map(|l| l.vertices.iter().map(|&v| subject.surface.in_file(v).raw()));
-    report.add(FindingKind::PinHole, numbers(vertices), |_| {
-        let count = holes.len();
-        format!("{count} holes have three or four edges: faces are missing there; listed are their vertices")
-    });
-    let firsts = first_faces(subject);
-    let file_face = |piece: usize| subject.surface.file_faces[firsts[piece]].raw();
-    let closed = (0..pieces).filter(|&p| count[p] == 0).map(file_face);
-    report.add(FindingKind::ClosedPatch, numbers(closed), |n| {
-        format!("{n} pieces have no boundary: their map is cut open along a seam; listed is the first face of each")
-    });
-    if subject.winding.conflicting_edges.is_empty() {
-        let euler = euler_characteristics(subject);
-        // Euler's formula for an orientable surface: V - E + F = 2 - 2 handles - loops.
-        let handles = |p: usize| (2 - count[p] - euler[p]) / 2;
-        let with_handles = (0..pieces).filter(|&p| handles(p) > 0);
-        let total: i64 = (0..pieces).map(handles).sum();
-        report.add(FindingKind::Handle, numbers(with_handles.map(file_face)), |n| {
-            format!(
-                "{n} pieces have {total} handles, like that of a cup: their map is cut open along a seam; \
-                 listed is the first face of each"
-            )
-        });
-    }
+    holes
 }

@@ -8,11 +8,12 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
+    delaunay::smallest_first,
     id::VertexId,
-    mesh::smallest_first,
     parallel::par_collect,
-    skin::triangulate::{delaunay_star::DelaunayStar, points::point_cloud::PointCloud},
+    skin::triangulate::{delaunay_star::DelaunayStar, neighbours::PointCloud},
 };
 
 /// Circumradii that differ by less than this part are equal, as those of the triangles of a square
@@ -78,10 +79,13 @@ fn tangent_star(star: &mut DelaunayStar, v: VertexId, cloud: &PointCloud<'_>) ->
     for &w in neighbours.of(v) {
         let d = (positions[w] - positions[v]) / spacing;
         let length = d.length();
-        if normals[w].dot(n) > SAME_SIDE && d.dot(n).abs() <= STEEPEST * length {
+        if (!is_on(Heuristic::SameSide) || normals[w].dot(n) > SAME_SIDE)
+            && (!is_on(Heuristic::NotAcross) || d.dot(n).abs() <= STEEPEST * length)
+        {
             candidates.push(w);
             unrolled.push(length * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
         }
     }
-    star.around(unrolled, 0.5 * WIDEST * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
+    let widest = if is_on(Heuristic::WideCircles) { WIDEST } else { 1.0 };
+    star.around(unrolled, 0.5 * widest * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
 }

@@ -2,6 +2,8 @@
 
 use glam::DVec2;
 
+use crate::mesh::clip;
+
 /// A point is on a circle if it is this close to it, over the square of its distance: the corners
 /// of a square are on one circle in any frame.
 const ON_CIRCLE: f64 = 1e-7;
@@ -62,20 +64,12 @@ impl DelaunayStar {
         if !self.cell.iter().any(is_cut) || self.cell.iter().all(is_cut) {
             return;
         }
-        self.cut.clear();
-        let next = self.cell.iter().cycle().skip(1);
-        for (&a, &b) in self.cell.iter().zip(next) {
-            let crossing = || {
-                let (s, t) = (beyond(&a), beyond(&b));
-                a.at.lerp(b.at, (s / (s - t)).clamp(0.0, 1.0))
-            };
-            match (is_cut(&a), is_cut(&b)) {
-                (false, false) => self.cut.push(a),
-                (false, true) => self.cut.extend([a, Corner { at: crossing(), side: Some(k) }]),
-                (true, false) => self.cut.push(Corner { at: crossing(), side: a.side }),
-                (true, true) => {}
-            }
-        }
+        let crossing = |a: &Corner, b: &Corner| {
+            let (s, t) = (beyond(a), beyond(b));
+            let at = a.at.lerp(b.at, (s / (s - t)).clamp(0.0, 1.0));
+            Corner { at, side: if is_cut(a) { a.side } else { Some(k) } }
+        };
+        clip(&self.cell, |c| !is_cut(c), crossing, &mut self.cut);
         std::mem::swap(&mut self.cell, &mut self.cut);
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    skin::triangulate::points::point_cloud::PointCloud,
+    skin::triangulate::neighbours::PointCloud,
 };
 
 /// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge,

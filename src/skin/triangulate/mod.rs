@@ -4,31 +4,243 @@
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
-//! 1. `points/unique_points`, with `coincident` and `kd_tree`: each position once, in an order of its
+//! 1. `unique_points`, with `coincident` and `kd_tree`: each position once, in an order of its
 //!    own;
-//! 2. `points/neighbours`: the local spacing and who may be joined;
-//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992),
-//!    (konig2009);
-//! 4. `candidates`, with `delaunay_star`, for each point of the
-//!    `points/point_cloud`: triangles by the votes
-//!    of their corners;
+//! 2. `neighbours`: the local spacing and who may be joined;
+//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992, konig2009);
+//! 4. `candidates`, with `delaunay_star`: triangles by the votes of their corners;
 //! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
 //! 6. `repair`: small holes, touching fans, isolated taxels;
-//! 7. `orient_outward`: which side is outside;
-//! 8. `triangulate_taxels`: these steps, sheet by sheet, with their remarks.
+//! 7. `orient_outward`: which side is outside.
+//!
+//! `triangulate_taxels` takes these steps sheet by sheet and reports in remarks what it did.
 //!
 //! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the
 //! spacing and no normals tell them apart, they are joined.
 
+mod ablation;
 mod candidates;
+mod coincident;
 mod delaunay_star;
 mod growing_mesh;
+mod kd_tree;
+mod neighbours;
 mod normals;
 mod orient_normals;
 mod orient_outward;
-mod points;
 mod repair;
-mod triangulate_taxels;
+mod unique_points;
 
-pub(super) use points::unique_points::UniquePoints;
-pub(super) use triangulate_taxels::triangulate_taxels;
+pub(super) use unique_points::UniquePoints;
+
+use glam::DVec3;
+
+use crate::{
+    delaunay::smallest_first,
+    id::{FaceId, IdVec, VertexId},
+    numeric::median,
+    skin::{
+        Draft, Remark, RemarkKind, Sheet, SkinError,
+        triangulate::{
+            ablation::{Heuristic, is_on},
+            candidates::candidates,
+            growing_mesh::GrowingMesh,
+            neighbours::{Neighbours, PointCloud},
+            normals::PointNormals,
+            orient_normals::orient_normals,
+            orient_outward::{Outside, orient_outward},
+            repair::{attach_isolated, fill_small_holes, remove_extra_fans},
+        },
+    },
+};
+
+/// Gaps that make sense: below 1 nothing is joined, and work grows with the square.
+const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
+
+/// A sheet whose median neighbourhood is at least this thick is a cloud: a noise of a third of the
+/// spacing reaches 0.1, random points in a ball 0.5.
+const THICKEST: f64 = 0.25;
+
+/// Fewer than one in this many opposing normals is not reported.
+const FEW: usize = 20;
+
+/// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
+/// done. `gap` and `outside` are those of [`crate::skin::AssembleOptions`].
+///
+/// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer
+///   than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing are
+///   left out. Thermal pads and dead taxels have a place, and stay. Taxels keep the order of the
+///   file; arrays move with them.
+/// - The **spacing** is the distance to the third nearest taxel, smoothed.
+/// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares,
+///   turned to one side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit vectors along the planes of the
+///   neighbourhoods, not all the same on a curved part), keep the sides of a thin part apart, lead
+///   the tree, stand in where a sharp edge or a strip has no plane, and tell the outside.
+/// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least
+///   two corners agree, then those of one corner that fit between them; a square is cut along one
+///   diagonal by the place of its corners. Edges are no longer than `gap` times the spacing at
+///   their ends. The mesh is an oriented manifold: a face that would give an edge a third face, or
+///   overlap in the tangent plane of a corner, is not taken.
+/// - The **outside** of components whose normals do not tell it, two thirds of them, is away from
+///   the centre of the sheet.
+///
+/// The result does not depend on the order of the taxels, up to the order of their names, nor on
+/// frame and unit, except for which diagonal a square gets. Time and memory are near-linear.
+///
+/// # Errors
+/// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
+/// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is
+/// left out, with a remark.
+pub(super) fn triangulate_taxels(
+    draft: &Draft,
+    gap: f64,
+    outside: Option<DVec3>,
+) -> Result<Draft, SkinError> {
+    for sheet in &draft.sheets {
+        sheet.validate(draft.links.len())?;
+    }
+    if !GAPS.contains(&gap) {
+        return Err(SkinError::Gap { found: gap });
+    }
+    let mut result = Draft { sheets: Vec::new(), ..draft.clone() };
+    let mut refused = None;
+    for sheet in &draft.sheets {
+        let mut kinds = Vec::new();
+        if sheet.positions.is_empty() {
+            result.sheets.push(sheet.clone());
+        } else {
+            match triangulate_sheet(sheet, gap, outside, &mut kinds) {
+                Ok(sheet) => result.sheets.push(sheet),
+                Err(reason) => {
+                    let taxels = sheet.positions.len();
+                    kinds.push(RemarkKind::SheetLeftOut { taxels, reason: reason.clone() });
+                    refused.get_or_insert(reason);
+                }
+            }
+        }
+        let remark = |kind| Remark { patch: sheet.title().to_owned(), kind };
+        result.remarks.extend(kinds.into_iter().map(remark));
+    }
+    match refused {
+        Some(why) if result.sheets.iter().all(|s| s.triangles.is_empty()) => Err(why),
+        _ => Ok(result),
+    }
+}
+
+fn triangulate_sheet(
+    sheet: &Sheet,
+    gap: f64,
+    outside: Option<DVec3>,
+    remarks: &mut Vec<RemarkKind>,
+) -> Result<Sheet, SkinError> {
+    let patch = || sheet.title().to_owned();
+    let points = UniquePoints::new(sheet);
+    let positions = &points.positions;
+    let places = positions.len();
+    if places < 3 {
+        return Err(SkinError::TooFewPlaces { patch: patch(), found: places });
+    }
+    let mut neighbours = Neighbours::new(positions, gap);
+    let mut normals = PointNormals::new(&points, &mut neighbours);
+    if normals.thickness > THICKEST && !normals.has_file() {
+        return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
+    }
+    orient_normals(&mut normals, positions, &neighbours);
+    if is_on(Heuristic::BadPlanes) {
+        normals.replace_bad_planes(&neighbours);
+    }
+    let cloud = PointCloud { positions, normals: &normals.normal, neighbours: &neighbours, gap };
+    let mut triangles = grow(&cloud);
+    if triangles.is_empty() {
+        return Err(SkinError::NoFace { patch: patch(), places });
+    }
+    let outside = orient_outward(&mut triangles, positions, &normals.file, outside);
+    let (mut result, left_out) = sheet_of(&points, &triangles);
+    if normals.refused.is_some() {
+        result.normals = None;
+    }
+    remarks.push(RemarkKind::Triangulated {
+        taxels: result.positions.len(),
+        triangles: triangles.len(),
+        gap,
+        longest: gap * points.unit * median(neighbours.spacing.iter().copied()).unwrap_or(0.0),
+    });
+    report(&points, &normals, &outside, remarks);
+    if !left_out.is_empty() {
+        remarks.push(RemarkKind::LeftOut { vertices: left_out });
+    }
+    Ok(result)
+}
+
+/// Joins the taxels: first triangles for which two or three of their corners vote, then those of
+/// one vote that close what is left open, and last whatever attaches an isolated taxel.
+fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
+    let candidates = candidates(cloud);
+    let (agreed, doubtful) = candidates.split_at(candidates.partition_point(|c| c.votes > 1));
+    let mut mesh = GrowingMesh::new(cloud);
+    for candidate in agreed {
+        mesh.try_insert(candidate.corners);
+    }
+    for adjacent in [2, 1] {
+        for candidate in doubtful.iter().filter(|_| is_on(Heuristic::OneVote)) {
+            if mesh.adjacent_faces(candidate.corners) >= adjacent {
+                mesh.try_insert(candidate.corners);
+            }
+        }
+    }
+    if is_on(Heuristic::SmallHoles) {
+        fill_small_holes(&mut mesh, cloud);
+    }
+    remove_extra_fans(&mut mesh, cloud);
+    if is_on(Heuristic::AttachIsolated) {
+        attach_isolated(&mut mesh, cloud);
+    }
+    mesh.into_triangles()
+}
+
+fn report(
+    points: &UniquePoints<'_>,
+    normals: &PointNormals,
+    outside: &Outside,
+    remarks: &mut Vec<RemarkKind>,
+) {
+    let UniquePoints { merged, distance, absent, .. } = points;
+    if *absent > 0 {
+        remarks.push(RemarkKind::EmptySlots { slots: *absent });
+    }
+    if !merged.is_empty() {
+        remarks.push(RemarkKind::Merged { vertices: merged.clone(), distance: *distance });
+    }
+    if let Some(reason) = normals.refused {
+        remarks.push(RemarkKind::NormalsIgnored { reason });
+    }
+    let &Outside { centre, arbitrary, opposed, normals: of } = outside;
+    if opposed > of / FEW {
+        remarks.push(RemarkKind::NormalsOpposed { opposed, of });
+    }
+    if centre > 0 {
+        remarks.push(RemarkKind::OutsideFromCentre { components: centre });
+    }
+    if arbitrary > 0 {
+        remarks.push(RemarkKind::OutsideFromAxis { components: arbitrary });
+    }
+}
+
+/// The taxels that have a face, in the order of the file, with their faces; and the taxels left
+/// out.
+fn sheet_of(points: &UniquePoints<'_>, triangles: &IdVec<FaceId, [VertexId; 3]>) -> (Sheet, Vec<VertexId>) {
+    let mut used = vec![false; points.sheet.positions.len()];
+    for &v in triangles.iter().flatten() {
+        used[points.taxel[v]] = true;
+    }
+    let unused = points.taxel.iter().filter(|&&k| !used[k]);
+    let mut left_out: Vec<VertexId> = unused.map(|&k| VertexId::new(k)).collect();
+    left_out.sort_unstable();
+    let kept: Vec<usize> = (0..used.len()).filter(|&k| used[k]).collect();
+    let mut number = vec![0_u32; used.len()];
+    (0..).zip(&kept).for_each(|(new, &k)| number[k] = new);
+    let faces = triangles.iter().map(|t| smallest_first(t.map(|v| number[points.taxel[v]])));
+    let mut sheet = Sheet { triangles: faces.collect(), ..points.sheet.select(&kept) };
+    sheet.triangles.sort_unstable();
+    (sheet, left_out)
+}

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    numeric::DisjointSets,
+    mesh::{face_components, triangle_cross},
 };
 
 /// Smallest mean cosine between the faces and the directions away from a centre that decides: it is
@@ -88,22 +88,22 @@ pub(super) fn orient_outward(
     file: &IdVec<VertexId, DVec3>,
     direction: Option<DVec3>,
 ) -> Outside {
-    let (of_face, count) = number_components(triangles, positions.len());
-    let mut components = vec![Component::default(); count];
+    let pieces = face_components(triangles, positions.len());
+    let mut components = vec![Component::default(); pieces.count];
     let mut sheet = Component::default();
     // Twice the vector area, and the centroid.
     let face = |t: &[VertexId; 3]| {
         let [a, b, c] = t.map(|v| positions[v]);
-        ((b - a).cross(c - a), (a + b + c) / 3.0)
+        (triangle_cross([a, b, c]), (a + b + c) / 3.0)
     };
     let mut taxels: IdVec<VertexId, (DVec3, Option<usize>)> =
         IdVec::filled((DVec3::ZERO, None), positions.len());
     for (f, t) in triangles.enumerate() {
         let (cross, middle) = face(t);
         for &v in t {
-            taxels[v] = (taxels[v].0 + cross, Some(of_face[f]));
+            taxels[v] = (taxels[v].0 + cross, Some(pieces.of[f]));
         }
-        for component in [&mut components[of_face[f]], &mut sheet] {
+        for component in [&mut components[pieces.of[f]], &mut sheet] {
             component.area += cross.length();
             component.moment += cross.length() * middle;
             component.direction += cross;
@@ -111,7 +111,7 @@ pub(super) fn orient_outward(
     }
     for (f, t) in triangles.enumerate() {
         let (cross, middle) = face(t);
-        let component = &mut components[of_face[f]];
+        let component = &mut components[pieces.of[f]];
         component.from_sheet += cross.dot((middle - sheet.centre()).normalize_or_zero());
         component.from_own += cross.dot((middle - component.centre()).normalize_or_zero());
     }
@@ -125,31 +125,10 @@ pub(super) fn orient_outward(
     let mut outside = Outside::default();
     let turn: Vec<bool> =
         components.iter().map(|component| component.is_inside_out(direction, &mut outside)).collect();
-    for (t, &component) in triangles.iter_mut().zip(&of_face) {
+    for (t, &component) in triangles.iter_mut().zip(&pieces.of) {
         if turn[component] {
             t.swap(1, 2);
         }
     }
     outside
-}
-
-/// The component of every face, and how many there are.
-fn number_components(
-    triangles: &IdVec<FaceId, [VertexId; 3]>,
-    vertices: usize,
-) -> (IdVec<FaceId, usize>, usize) {
-    let mut sets = DisjointSets::<VertexId>::new(vertices);
-    for &[a, b, c] in triangles {
-        sets.join(a, b);
-        sets.join(a, c);
-    }
-    let mut number = IdVec::<VertexId, Option<usize>>::filled(None, vertices);
-    let mut count = 0;
-    let of_face = triangles.map(|t| {
-        *number[sets.root(t[0])].get_or_insert_with(|| {
-            count += 1;
-            count - 1
-        })
-    });
-    (of_face, count)
 }

@@ -2,12 +2,13 @@
 //!
 //! *Heuristic*: greedy, the smallest circumcircle first.
 
+use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{FaceId, VertexId},
-    numeric::{argsort, order_by},
+    numeric::{argsort, chains, order_by},
     skin::triangulate::{
         growing_mesh::{GrowingMesh, Opening},
-        points::point_cloud::PointCloud,
+        neighbours::PointCloud,
     },
 };
 
@@ -41,20 +42,12 @@ fn boundary_loops(mesh: &GrowingMesh<'_>, cloud: &PointCloud<'_>) -> Vec<Vec<Ver
     let mut steps: Vec<Step> = cloud.positions.ids().flat_map(openings).collect();
     steps.sort_unstable();
     let next = |step: Step| steps.binary_search_by_key(&(step.from, step.at), |s| (s.at, s.to)).ok();
-    let mut seen = vec![false; steps.len()];
-    let mut loops = Vec::new();
-    for start in 0..steps.len() {
-        let mut rim = Vec::new();
-        let mut at = Some(start);
-        while let Some(k) = at.filter(|&k| !std::mem::replace(&mut seen[k], true)) {
-            rim.push(steps[k].at);
-            at = next(steps[k]);
-        }
-        if rim.len() > 2 {
-            loops.push(rim);
-        }
-    }
-    loops
+    let rim = |walk: Vec<usize>| walk.into_iter().map(|k| steps[k].at).collect();
+    chains(steps.len(), |k| next(steps[k]))
+        .into_iter()
+        .map(rim)
+        .filter(|rim: &Vec<_>| rim.len() > 2)
+        .collect()
 }
 
 /// Cuts ears off a hole, the smallest circumcircle first, until it is filled or none fits.
@@ -97,7 +90,7 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
 pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut non_manifold: Vec<VertexId> =
         cloud.positions.ids().filter(|&v| mesh.openings(v).len() > 1).collect();
-    for &v in &non_manifold {
+    for &v in non_manifold.iter().filter(|_| is_on(Heuristic::JoinFans)) {
         for Opening { from, to } in mesh.openings(v) {
             if mesh.openings(v).len() > 1 {
                 mesh.try_insert([v, from, to]);
@@ -126,7 +119,10 @@ pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>
     let mut isolated: Vec<VertexId> = cloud.positions.ids().filter(|&v| !mesh.is_used(v)).collect();
     loop {
         let before = isolated.len();
-        isolated.retain(|&v| !join_to_boundary(mesh, v, cloud) && !split_a_face(mesh, v, cloud));
+        isolated.retain(|&v| {
+            !join_to_boundary(mesh, v, cloud)
+                && !(is_on(Heuristic::SplitFace) && split_a_face(mesh, v, cloud))
+        });
         // An attached taxel may be the boundary that another one needs.
         if isolated.len() == before {
             return;

@@ -14,10 +14,10 @@ use crate::{
     skin::{
         Sheet,
         weld::{
+            Weld, WeldOptions,
             crowded::{Content, is_turned, pairs},
             fans::join,
             opening::kept_open,
-            options::{Weld, WeldOptions},
         },
     },
 };
@@ -42,13 +42,15 @@ impl<'a> JoinedFaces<'a> {
         mesh: &'a TriMesh,
         edges: &Edges,
         file_faces: &'a IdVec<FaceId, FaceId>,
-        (options, is_welded): (WeldOptions, bool),
+        options: WeldOptions,
     ) -> Self {
         let content = if options.repair { Content::of(mesh, edges) } else { Content::Faces };
         let (open, one_sided) = (Vec::new(), BTreeSet::new());
         let mut joined = Self { sheet, mesh, file_faces, options, open, content, one_sided };
         // Vertices of one id are one taxel, at several places of a map: only the map is cut there.
-        if is_welded && options.weld == Weld::Auto && sheet.ids.is_none() {
+        let corners = |face: FaceId| sheet.triangles[file_faces[face].index()].map(VertexId::from);
+        let is_welded = || mesh.triangles.enumerate().any(|(face, t)| *t != corners(face));
+        if options.weld == Weld::Auto && sheet.ids.is_none() && is_welded() {
             let (is_cut, in_file) = (|uses: &[Halfedge]| joined.is_cut_in_file(uses), |h| joined.in_file(h));
             joined.open = kept_open(mesh, edges, is_cut, in_file);
         }

@@ -7,9 +7,9 @@
 //! pieces (a cube six), or slits that change no topology, and both are welded.
 
 use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, Halfedge, TriMesh},
-    numeric::DisjointSets,
+    id::{FaceId, VertexId},
+    mesh::{Edges, Halfedge, Topology, TriMesh},
+    numeric::{DisjointSets, Labels},
     skin::weld::fans::{join, split_fans},
 };
 
@@ -28,8 +28,6 @@ pub(in crate::skin) fn kept_open(
     }
     let mut welded = DisjointSets::<FaceId>::new(mesh.triangles.len());
     let mut pieces = DisjointSets::<FaceId>::new(mesh.triangles.len());
-    let mut has_cut = vec![false; mesh.triangles.len()];
-    let mut is_crowded = vec![false; mesh.triangles.len()];
     for uses in edges.iter() {
         let cut = is_cut(uses);
         for other in &uses[1..] {
@@ -38,91 +36,50 @@ pub(in crate::skin) fn kept_open(
                 pieces.join(uses[0].face(), other.face());
             }
         }
-        has_cut[uses[0].face().index()] |= cut;
-        is_crowded[uses[0].face().index()] |= uses.len() > 2;
     }
-    // Of the root of each component: whether it is cut, and still one piece.
-    let mut candidates = IdVec::<FaceId, bool>::filled(false, mesh.triangles.len());
-    for face in mesh.triangles.ids().filter(|face| has_cut[face.index()]) {
-        candidates[welded.root(face)] = true;
+    // Of each component whether it is cut, still one piece, and without edges of more than two faces.
+    let components = welded.labels();
+    let mut candidates = vec![false; components.count];
+    for uses in edges.iter().filter(|uses| is_cut(uses)) {
+        candidates[components.of[uses[0].face()]] = true;
     }
-    for face in mesh.triangles.ids() {
-        let root = welded.root(face);
-        if pieces.root(face) != root || is_crowded[face.index()] {
-            candidates[root] = false;
-        }
+    for uses in edges.iter().filter(|uses| uses.len() > 2) {
+        candidates[components.of[uses[0].face()]] = false;
+    }
+    for (face, &component) in components.of.enumerate() {
+        candidates[component] &= pieces.root(face) == welded.root(face);
     }
     if candidates.iter().all(|&c| !c) {
         return Vec::new();
     }
-    let component = mesh.triangles.ids().map(|face| welded.root(face)).collect::<IdVec<FaceId, _>>();
-    let closed = Topology::of(mesh, edges, &component, |_| true, &in_file);
-    let open = Topology::of(mesh, edges, &component, |uses| !is_cut(uses), &in_file);
-    let stays = |root: FaceId| {
-        let (closed, open) = (closed[root], open[root]);
-        let is_opened = closed.loops == 0 || closed.handles() > 0 || open.loops < closed.loops;
-        candidates[root] && open.handles() == 0 && open.loops > 0 && is_opened
+    let closed = topologies(mesh, edges, &components, |_| true, &in_file);
+    let open = topologies(mesh, edges, &components, |uses| !is_cut(uses), &in_file);
+    let stays = |&component: &usize| {
+        let (closed, open) = (closed[component], open[component]);
+        let is_opened = closed.loops == 0 || closed.twice_handles() > 0 || open.loops < closed.loops;
+        candidates[component] && open.is_disk() && is_opened
     };
-    let kept: Vec<bool> = component.iter().map(|&root| stays(root)).collect();
+    let kept: Vec<bool> = components.of.iter().map(stays).collect();
     if kept.iter().any(|&k| k) { kept } else { Vec::new() }
 }
 
-/// The Euler characteristic and the number of boundary loops of a component.
-#[derive(Debug, Clone, Copy, Default)]
-struct Topology {
-    euler: i64,
-    loops: i64,
-}
-
-impl Topology {
-    /// Of every component, at its root, with the faces joined across the edges for which `is_joined`
-    /// holds.
-    fn of(
-        mesh: &TriMesh,
-        edges: &Edges,
-        component: &IdVec<FaceId, FaceId>,
-        is_joined: impl Fn(&[Halfedge]) -> bool,
-        in_file: impl Fn(Halfedge) -> VertexId,
-    ) -> IdVec<FaceId, Self> {
-        let mut fans = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
-        for uses in edges.iter().filter(|uses| is_joined(uses)) {
-            uses[1..].iter().for_each(|&other| join(mesh, &mut fans, uses[0], other));
-        }
-        let split = split_fans(mesh, &mut fans, in_file);
-        let mut triangles = mesh.triangles.clone();
-        for (corner, name) in split.corners {
-            triangles[corner.face()][corner.side()] = name;
-        }
-        let vertices = mesh.positions.len() + split.copied.len();
-        let mut topology = IdVec::<FaceId, Self>::filled(Self::default(), triangles.len());
-        let mut seen = IdVec::<VertexId, bool>::filled(false, vertices);
-        for (face, t) in triangles.enumerate() {
-            let new: i64 = t.iter().map(|&v| i64::from(!std::mem::replace(&mut seen[v], true))).sum();
-            topology[component[face]].euler += new + 1;
-        }
-        // The loops are the sets of vertices along boundary edges.
-        let mut rims = DisjointSets::<VertexId>::new(vertices);
-        let mut boundary = Vec::new();
-        let ends = |h: Halfedge| [triangles[h.face()][h.side()], triangles[h.face()][h.next().side()]];
-        for uses in Edges::new(&triangles, vertices).iter() {
-            let root = component[uses[0].face()];
-            topology[root].euler -= 1;
-            if let &[h] = uses {
-                let [a, b] = ends(h);
-                rims.join(a, b);
-                boundary.push((a, root));
-            }
-        }
-        let mut counted = IdVec::<VertexId, bool>::filled(false, vertices);
-        for (v, root) in boundary {
-            let rim = rims.root(v);
-            topology[root].loops += i64::from(!std::mem::replace(&mut counted[rim], true));
-        }
-        topology
+/// The topology of every component, with its faces joined across the edges for which `is_joined` holds.
+fn topologies(
+    mesh: &TriMesh,
+    edges: &Edges,
+    components: &Labels<FaceId>,
+    is_joined: impl Fn(&[Halfedge]) -> bool,
+    in_file: impl Fn(Halfedge) -> VertexId,
+) -> Vec<Topology> {
+    let mut fans = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
+    for uses in edges.iter().filter(|uses| is_joined(uses)) {
+        uses[1..].iter().for_each(|&other| join(mesh, &mut fans, uses[0], other));
     }
-
-    /// Twice the number of handles, by Euler's formula; a one-sided component has an odd number.
-    const fn handles(self) -> i64 {
-        2 - self.loops - self.euler
+    let split = split_fans(mesh, &mut fans, in_file);
+    let mut triangles = mesh.triangles.clone();
+    for (corner, name) in split.corners {
+        triangles[corner.face()][corner.side()] = name;
     }
+    let vertices = mesh.positions.len() + split.copied.len();
+    Topology::of_components(&triangles, &Edges::new(&triangles, vertices), components, vertices)
 }

@@ -15,16 +15,16 @@ use crate::{
     skin::{
         Sheet, TaxelId,
         weld::{
+            Weld, WeldOptions,
             crowded::{Content, pairs},
             fans::split_fans,
             joined_faces::{JoinedFaces, fans},
-            options::{Weld, WeldOptions},
         },
     },
 };
 
 /// Dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
-const MOST_ROUNDS: usize = 16;
+pub(in crate::skin) const MOST_ROUNDS: usize = 16;
 
 /// The triangles of one sheet after welding.
 ///
@@ -58,6 +58,8 @@ pub(in crate::skin) struct WeldedMesh {
     pub one_sided: Vec<[VertexId; 2]>,
     /// How many edges the file cuts open, which stayed so.
     pub cut: usize,
+    /// Whether repair stopped after many rounds, with edges of more than two faces left.
+    pub is_given_up: bool,
 }
 
 impl WeldedMesh {
@@ -66,16 +68,21 @@ impl WeldedMesh {
     /// On request, faces are dropped where sheets are connected around both ends of an edge of more
     /// than two faces, so that it cannot be split: all but the first two that belong together.
     pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
+        Self::repaired(sheet, options, usable, MOST_ROUNDS)
+    }
+
+    fn repaired(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool, rounds: usize) -> Self {
         let mut dropped = BTreeSet::new();
-        for _ in 0..MOST_ROUNDS {
+        for round in 0.. {
             let this = Self::without(sheet, options, |face| usable(face) && !dropped.contains(&face));
             let extra = if options.repair { this.extra_faces() } else { Vec::new() };
-            if extra.is_empty() {
-                return Self { dropped: dropped.into_iter().collect(), ..this };
+            if extra.is_empty() || round == rounds {
+                let is_given_up = !extra.is_empty();
+                return Self { dropped: dropped.into_iter().collect(), is_given_up, ..this };
             }
             dropped.extend(extra);
         }
-        Self::without(sheet, options, usable)
+        unreachable!("the last round returns")
     }
 
     /// The faces to drop at edges that still have more than two.
@@ -124,6 +131,7 @@ impl WeldedMesh {
             parted: Vec::new(),
             one_sided: Vec::new(),
             cut: 0,
+            is_given_up: false,
         };
         this.split(sheet, options);
         this
@@ -131,8 +139,7 @@ impl WeldedMesh {
 
     /// Gives every fan of faces a vertex of its own.
     fn split(&mut self, sheet: &Sheet, options: WeldOptions) {
-        let is_welded = self.place.enumerate().any(|(v, &first)| v != first);
-        let joined = JoinedFaces::new(sheet, &self.mesh, &self.edges, &self.file_faces, (options, is_welded));
+        let joined = JoinedFaces::new(sheet, &self.mesh, &self.edges, &self.file_faces, options);
         let mut fans = fans(&self.mesh, &self.edges, &joined);
         let split = split_fans(&self.mesh, &mut fans, |h| joined.in_file(h));
         self.parted = joined.parted(&self.edges);
@@ -169,23 +176,24 @@ impl WeldedMesh {
     }
 }
 
-/// Drops faces with the same three corners as an earlier one; returns them.
-fn drop_duplicates(mesh: &mut TriMesh, file_faces: &mut IdVec<FaceId, FaceId>) -> Vec<FaceId> {
+/// Faces with the same three corners as an earlier one.
+pub(in crate::skin) fn duplicate_faces(mesh: &TriMesh) -> Vec<FaceId> {
     let mut first = HashMap::with_capacity(mesh.triangles.len());
-    let (mut triangles, mut kept, mut dropped) = (IdVec::default(), IdVec::default(), Vec::new());
-    for (face, &corners) in mesh.triangles.enumerate() {
+    let mut is_again = |(face, &corners): (FaceId, &[VertexId; 3])| {
         let mut sorted = corners;
         sorted.sort_unstable();
-        if *first.entry(sorted).or_insert(face) == face {
-            triangles.push(corners);
-            kept.push(file_faces[face]);
-        } else {
-            dropped.push(file_faces[face]);
-        }
-    }
-    if !dropped.is_empty() {
-        (mesh.triangles, *file_faces) = (triangles, kept);
-    }
+        (*first.entry(sorted).or_insert(face) != face).then_some(face)
+    };
+    mesh.triangles.enumerate().filter_map(&mut is_again).collect()
+}
+
+/// Drops duplicate faces; returns them as the file numbers them.
+fn drop_duplicates(mesh: &mut TriMesh, file_faces: &mut IdVec<FaceId, FaceId>) -> Vec<FaceId> {
+    let dropped: BTreeSet<FaceId> = duplicate_faces(mesh).into_iter().collect();
+    let kept: Vec<FaceId> = mesh.triangles.ids().filter(|face| !dropped.contains(face)).collect();
+    let dropped = dropped.into_iter().map(|face| file_faces[face]).collect();
+    mesh.triangles = kept.iter().map(|&face| mesh.triangles[face]).collect();
+    *file_faces = kept.iter().map(|&face| file_faces[face]).collect();
     dropped
 }
 
@@ -223,4 +231,25 @@ fn weld<'a>(
         taxel = taxel.map(|&v| sets.root(v));
     }
     taxel
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// A tetrahedron with a flap that continues one of its faces: the face on the other side of the edge
+    /// is connected with that face around both ends, so it must go.
+    #[test]
+    fn a_repair_that_stops_says_so() {
+        let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Y];
+        let triangles = vec![[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 2, 3], [1, 3, 2]];
+        let sheet = Sheet { positions, triangles, ..Sheet::default() };
+        let options = WeldOptions { weld: Weld::Auto, repair: true };
+        let whole = WeldedMesh::repaired(&sheet, options, |_| true, MOST_ROUNDS);
+        assert!(!whole.is_given_up && !whole.dropped.is_empty(), "{:?}", whole.dropped);
+        let stopped = WeldedMesh::repaired(&sheet, options, |_| true, 0);
+        assert!(stopped.is_given_up && stopped.edges.iter().any(|uses| uses.len() > 2));
+    }
 }

@@ -5,16 +5,14 @@ use std::collections::VecDeque;
 use crate::{
     id::{FaceId, IdVec, VertexId},
     mesh::{Edges, Halfedge, TriMesh},
-    numeric::{DisjointSets, Relation},
+    numeric::{DisjointSets, Labels, Relation},
 };
 
 /// The components of a mesh across edges, and which faces to turn so that each is wound one way.
 #[derive(Debug)]
 pub(in crate::skin) struct Winding {
     /// The component of every face, numbered in the order of their first faces.
-    pub component: IdVec<FaceId, usize>,
-    /// Number of components.
-    pub components: usize,
+    pub components: Labels<FaceId>,
     /// Whether each face is wound against the first face of its component.
     pub reversed: IdVec<FaceId, bool>,
     /// Edges whose two faces cannot be wound consistently: the component has only one side.
@@ -41,16 +39,9 @@ impl Winding {
                 let _ = faces.join(uses[0].face(), other.face(), relation);
             }
         }
-        let (mut component, mut reversed) = (IdVec::<FaceId, usize>::default(), IdVec::default());
-        let mut components = 0;
-        for face in mesh.triangles.ids() {
-            // The root is the first face of its component.
-            let (root, relation) = faces.root(face);
-            component.push(if root == face { components } else { component[root] });
-            components += usize::from(root == face);
-            reversed.push(relation.is_reversed());
-        }
-        Self { component, components, reversed, conflicting_edges }
+        // The root is the first face of its component.
+        let reversed = mesh.triangles.ids().map(|face| faces.root(face).1.is_reversed()).collect();
+        Self { components: faces.labels(), reversed, conflicting_edges }
     }
 }
 

@@ -170,9 +170,25 @@ fn library_help(error: &Error) -> String {
 
 fn skin_help(error: &SkinError) -> &'static str {
     match error {
-        SkinError::Several { .. } => {
-            "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists the \
-             findings of all"
+        SkinError::Several { errors, valid } => {
+            let is_repaired = |e: &SkinError| {
+                matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. })
+            };
+            match (errors.iter().any(is_repaired), *valid > 0) {
+                (true, true) => {
+                    "--repair splits edges of more than two faces and surfaces with one side; \
+                     `dermatome build --keep-going` maps the other patches; `dermatome check` lists the findings of all"
+                }
+                (true, false) => {
+                    "--repair splits edges of more than two faces and surfaces with one side; `dermatome check` lists \
+                     the findings of all"
+                }
+                (false, true) => {
+                    "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists \
+                     the findings of all"
+                }
+                (false, false) => CHECK,
+            }
         }
         SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } => {
             "give the taxels triangles, or normals that distinguish the sides of thin parts; check for mixed units"

@@ -16,17 +16,17 @@ const PARALLEL: usize = 20_000;
 ///
 /// Unlike a grid it stays fast where the spacing of taxels varies by orders of magnitude.
 #[derive(Debug)]
-pub(in crate::skin::triangulate) struct KdTree {
+pub(super) struct KdTree {
     points: Vec<(DVec3, VertexId)>,
     /// The axis along which the middle point of its range splits.
     axes: Vec<u8>,
 }
 
 /// Squared distance and id of a point that was found.
-pub(in crate::skin::triangulate) type Neighbour = (f64, VertexId);
+pub(super) type Neighbour = (f64, VertexId);
 
 impl KdTree {
-    pub(in crate::skin::triangulate) fn new(positions: &IdVec<VertexId, DVec3>) -> Self {
+    pub(super) fn new(positions: &IdVec<VertexId, DVec3>) -> Self {
         let mut points: Vec<_> = positions.enumerate().map(|(v, &p)| (p, v)).collect();
         let mut axes = vec![0; points.len()];
         split(&mut points, &mut axes);
@@ -35,7 +35,7 @@ impl KdTree {
 
     /// Writes the `count` points nearest to `at` within `radius` into `found`, nearest first, ties
     /// by id, without `excluded`.
-    pub(in crate::skin::triangulate) fn nearest(
+    pub(super) fn nearest(
         &self,
         at: DVec3,
         excluded: VertexId,

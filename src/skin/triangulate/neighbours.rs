@@ -1,14 +1,16 @@
-//! The spacing of taxels, and which of them may be joined.
+//! The spacing of taxels and which of them may be joined: the point cloud before there are triangles.
 //!
 //! *Heuristic*: the constants are measured on lattices, on iCub and CySkin layouts.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
+    mesh::triangle_cross,
     parallel::{par_collect, par_ids},
-    skin::triangulate::points::kd_tree::{KdTree, Neighbour},
+    skin::triangulate::kd_tree::{KdTree, Neighbour},
 };
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
@@ -26,7 +28,7 @@ const DENSEST: f64 = 10.0;
 
 /// The taxels within the gap of each taxel, and the local spacing.
 #[derive(Debug)]
-pub(in crate::skin::triangulate) struct Neighbours {
+pub(super) struct Neighbours {
     /// Local distance between taxels; positive.
     pub spacing: IdVec<VertexId, f64>,
     /// Nearest first.
@@ -36,7 +38,7 @@ pub(in crate::skin::triangulate) struct Neighbours {
 impl Neighbours {
     /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at
     /// least two taxels, all at different places.
-    pub(in crate::skin::triangulate) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
+    pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
         let tree = KdTree::new(positions);
         let spacing = spacing(&tree, positions);
         let count = positions.len();
@@ -68,21 +70,19 @@ impl Neighbours {
         });
         missed.par_sort_unstable_by(|(v, a), (w, b)| v.cmp(w).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
         // What a taxel has missed is farther away than everything it found.
-        missed.into_iter().for_each(|(v, (_, w))| lists[v.index()].push(w));
+        let missed = missed.into_iter().filter(|_| is_on(Heuristic::SymmetricNeighbours));
+        missed.for_each(|(v, (_, w))| lists[v.index()].push(w));
         Self { spacing, lists }
     }
 
     /// The pairs for which `keep` holds; it must be symmetric.
-    pub(in crate::skin::triangulate) fn filtered(
-        &self,
-        keep: impl Fn(VertexId, VertexId) -> bool + Sync,
-    ) -> Self {
+    pub(super) fn filtered(&self, keep: impl Fn(VertexId, VertexId) -> bool + Sync) -> Self {
         let kept = |v: VertexId| self.of(v).iter().copied().filter(|&w| keep(v, w)).collect();
         Self { spacing: self.spacing.clone(), lists: par_ids(self.spacing.len(), kept).into() }
     }
 
     /// The neighbours of `v`, nearest first.
-    pub(in crate::skin::triangulate) fn of(&self, v: VertexId) -> &[VertexId] {
+    pub(super) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.lists[v.index()]
     }
 }
@@ -113,7 +113,7 @@ fn max_neighbours(gap: f64) -> usize {
 }
 
 /// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
-pub(in crate::skin::triangulate) fn distance_around(nearest: &[Neighbour]) -> f64 {
+pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
     nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.0.sqrt())
 }
 
@@ -130,10 +130,42 @@ fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId,
         distances.extend(range.map(|k| own_and_nearest(VertexId::new(k), &mut found)));
     });
     let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = distances.into_iter().unzip();
+    if !is_on(Heuristic::SmoothSpacing) {
+        return own.into();
+    }
     par_ids(positions.len(), |v: VertexId| {
         let mut around = [own[v.index()]; SMOOTHING + 1];
         around.iter_mut().zip(nearest[v.index()]).for_each(|(s, w)| *s = own[w.index()]);
         around.sort_unstable_by(f64::total_cmp);
         around[SMOOTHING / 2]
     })
+}
+
+/// What is known about the taxels before there are triangles.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PointCloud<'a> {
+    pub positions: &'a IdVec<VertexId, DVec3>,
+    /// Unit normals; those of neighbours point to the same side.
+    pub normals: &'a IdVec<VertexId, DVec3>,
+    pub neighbours: &'a Neighbours,
+    /// Longest edge allowed, over the spacing.
+    pub gap: f64,
+}
+
+impl PointCloud<'_> {
+    pub(super) fn is_within_gap(&self, v: VertexId, w: VertexId) -> bool {
+        let spacing = 0.5 * (self.neighbours.spacing[v] + self.neighbours.spacing[w]);
+        self.positions[v].distance(self.positions[w]) <= self.gap * spacing
+    }
+
+    /// Unit normal of a triangle; zero if it has no area.
+    pub(super) fn normal(&self, t: [VertexId; 3]) -> DVec3 {
+        triangle_cross(t.map(|v| self.positions[v])).normalize_or_zero()
+    }
+
+    pub(super) fn circumradius(&self, t: [VertexId; 3]) -> f64 {
+        let [a, b, c] = t.map(|v| self.positions[v]);
+        let (x, y, z) = (b - a, c - b, a - c);
+        x.length() * y.length() * z.length() / (2.0 * x.cross(y).length())
+    }
 }

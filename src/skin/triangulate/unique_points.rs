@@ -7,7 +7,7 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::morton,
     parallel::par_map,
-    skin::{Presence, Sheet, triangulate::points::coincident::first_at_place},
+    skin::{Presence, Sheet, triangulate::coincident::first_at_place},
 };
 
 /// The positions of the taxels of a sheet, each once.

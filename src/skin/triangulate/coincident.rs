@@ -7,11 +7,12 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, median},
     parallel::par_collect,
-    skin::triangulate::points::{
+    skin::triangulate::{
         kd_tree::{KdTree, Neighbour},
         neighbours::distance_around,
     },
@@ -40,7 +41,7 @@ const CELLS: usize = 8;
 /// length of 1, in m.
 ///
 /// The relation does not depend on the order of the taxels, and is transitive.
-pub(in crate::skin::triangulate) fn first_at_place(
+pub(super) fn first_at_place(
     positions: &IdVec<VertexId, DVec3>,
     normals: &IdVec<VertexId, DVec3>,
     unit: f64,
@@ -58,7 +59,7 @@ pub(in crate::skin::triangulate) fn first_at_place(
             sets.join(first, v);
         }
     }
-    let merge_distance = MOST_APART / unit;
+    let merge_distance = if is_on(Heuristic::MergeClose) { MOST_APART / unit } else { 0.0 };
     for [a, b] in close_pairs(&firsts.map(|&v| positions[v]), resolution, merge_distance) {
         let [a, b] = [firsts[a], firsts[b]];
         let is_rounding = positions[a].distance(positions[b]) < resolution;

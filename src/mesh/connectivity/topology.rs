@@ -1,0 +1,92 @@
+//! Components, boundary loops and the Euler characteristic: what a surface is up to deformation.
+
+use crate::{
+    id::{FaceId, IdVec, VertexId},
+    mesh::{Halfedge, connectivity::edges::Edges},
+    numeric::{DisjointSets, Labels},
+};
+
+/// The numbers that tell surfaces apart that cannot be deformed into each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Topology {
+    pub(crate) components: usize,
+    pub(crate) loops: usize,
+    /// Vertices minus edges plus faces.
+    pub(crate) euler: i64,
+}
+
+impl Topology {
+    /// Of each component of `triangles`, whose faces may be wound in any way; each vertex must have one
+    /// fan of faces. `edges` are those of the triangles, `components` the component of each face.
+    pub(crate) fn of_components(
+        triangles: &IdVec<FaceId, [VertexId; 3]>,
+        edges: &Edges,
+        components: &Labels<FaceId>,
+        vertices: usize,
+    ) -> Vec<Self> {
+        let mut topologies = vec![Self { components: 1, loops: 0, euler: 0 }; components.count];
+        let mut is_seen = IdVec::<VertexId, bool>::filled(false, vertices);
+        for (face, t) in triangles.enumerate() {
+            let new: i64 = t.iter().map(|&v| i64::from(!std::mem::replace(&mut is_seen[v], true))).sum();
+            topologies[components.of[face]].euler += new + 1;
+        }
+        // The loops are the sets of vertices along edges of one face.
+        let mut rims = DisjointSets::<VertexId>::new(vertices);
+        let mut on_rim = Vec::new();
+        let start = |h: Halfedge| triangles[h.face()][h.side()];
+        for uses in edges.iter() {
+            let component = components.of[uses[0].face()];
+            topologies[component].euler -= 1;
+            if let &[h] = uses {
+                rims.join(start(h), start(h.next()));
+                on_rim.push((start(h), component));
+            }
+        }
+        let mut is_counted = IdVec::<VertexId, bool>::filled(false, vertices);
+        for (v, component) in on_rim {
+            let is_new = !std::mem::replace(&mut is_counted[rims.root(v)], true);
+            topologies[component].loops += usize::from(is_new);
+        }
+        topologies
+    }
+
+    /// Whether it is one disk, with holes or without: it has a boundary and no handle.
+    pub(crate) fn is_disk(&self) -> bool {
+        self.components == 1 && self.loops > 0 && self.twice_handles() == 0
+    }
+
+    /// Twice the number of handles, by Euler's formula `V - E + F = 2 - 2 handles - loops` of each
+    /// component; a surface with one side may have an odd number.
+    pub(crate) fn twice_handles(&self) -> i64 {
+        let count = |n: usize| i64::try_from(n).expect("counts fit into 63 bits");
+        2 * count(self.components) - count(self.loops) - self.euler
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Adjacency, TriMesh, face_components, shapes};
+
+    #[test]
+    fn the_topology_does_not_depend_on_the_winding() {
+        for mesh in [shapes::fan(5), shapes::tube(5, 4, 1.0, 2.0), shapes::torus(8, 6, 2.0, 0.5)] {
+            let expected = Adjacency::new(&mesh).unwrap().topology();
+            let TriMesh { positions, mut triangles } = mesh;
+            triangles.iter_mut().step_by(3).for_each(|t| t.swap(0, 1));
+            let edges = Edges::new(&triangles, positions.len());
+            let components = face_components(&triangles, positions.len());
+            let found = Topology::of_components(&triangles, &edges, &components, positions.len());
+            assert_eq!(found, [expected]);
+        }
+    }
+
+    #[test]
+    fn a_disk_has_a_boundary_and_no_handle() {
+        let of = |mesh: &TriMesh| Adjacency::new(mesh).unwrap().topology();
+        assert!(of(&shapes::fan(5)).is_disk());
+        assert!(of(&shapes::tube(5, 4, 1.0, 2.0)).is_disk(), "a disk with a hole");
+        let torus = of(&shapes::torus(8, 6, 2.0, 0.5));
+        assert_eq!((torus.is_disk(), torus.twice_handles()), (false, 2));
+    }
+}
