@@ -379,6 +379,74 @@ fn imports(code: &str) -> (String, Vec<Vec<String>>) {
     (own + rest, found)
 }
 
+/// The crates that the project is built on, and the crate of ours that is the door of some.
+const FOUNDATIONS: &[(&str, Option<&str>)] = &[
+    ("spade", Some("delaunay")),
+    ("obvhs", Some("bvh")),
+    ("glam", None),
+    ("gltf", None),
+    ("exr", None),
+    ("faer", Some("sparse")),
+    ("rayon", None),
+];
+
+/// Whether a manifest lists a crate for more than tests.
+fn depends_on(manifest: &str, name: &str) -> bool {
+    let manifest = fs::read_to_string(manifest).unwrap();
+    let sections = manifest.split("\n[").filter(|section| section.starts_with("dependencies]"));
+    sections.flat_map(str::lines).any(|line| line.split('=').next().is_some_and(|key| key.trim() == name))
+}
+
+/// Whether code uses a crate of ours, which the library names as a module.
+fn uses_member(code: &str, member: &str) -> bool {
+    let named = |path: &Vec<String>| path.len() > 1 && path[0] == "crate" && path[1] == member;
+    imports(code).1.iter().any(named) || code.contains(&format!("crate::{member}::"))
+}
+
+/// Every crate that the project is built on is used where users pass: `build`, `lookup` and `render` reach
+/// a file that does.
+#[test]
+fn foundations_are_reached_by_build_lookup_or_render() {
+    let sources = sources();
+    let files = Files::new(&sources);
+    let is_start = |s: &&Source| {
+        s.is_command()
+            && s.module.get(1).is_some_and(|name| ["build", "lookup", "render"].contains(&name.as_str()))
+    };
+    let mut open: Vec<&Source> = sources.iter().filter(is_start).collect();
+    let mut reached: BTreeMap<&str, &Source> = BTreeMap::new();
+    while let Some(source) = open.pop() {
+        if reached.insert(&source.path, source).is_some() {
+            continue;
+        }
+        let named = files.named_by(source);
+        open.extend(sources.iter().filter(|other| named.contains(other.path.as_str())));
+        for at in places(&source.code, "dermatome").filter(|_| source.is_command()) {
+            let library = paths(&source.code[at..]).into_iter().filter(|path| path.len() > 1);
+            open.extend(library.filter_map(|path| files.resolve(&[], &path[1..], 0)));
+        }
+    }
+    for (outside, door) in FOUNDATIONS {
+        let (is_used, manifest) = match door {
+            None => (reached.values().any(|s| uses_crate(&s.code, outside)), "Cargo.toml".to_owned()),
+            Some(member) => {
+                let folder = fs::read_dir(format!("crates/{member}/src")).unwrap();
+                let mut texts = folder.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
+                let opens = |text: String| {
+                    uses_crate(&without_comments_and_strings(before_unit_tests(&text)).0, outside)
+                };
+                let is_reached = reached.values().any(|s| uses_member(&s.code, member));
+                (is_reached && texts.any(opens), format!("crates/{member}/Cargo.toml"))
+            }
+        };
+        assert!(is_used, "{outside} is not used by what `build`, `lookup` and `render` reach");
+        assert!(depends_on(&manifest, outside), "{outside} is not in {manifest}");
+    }
+    assert!(
+        uses_member("use crate::{bvh::BoxTree, id::Id};", "bvh") && !uses_member("use crate::id::Id;", "bvh")
+    );
+}
+
 /// The files that `start` imports, those that they import, and so on.
 fn reached_from<'a>(start: &'a str, graph: &BTreeMap<&'a str, BTreeSet<&'a str>>) -> BTreeSet<&'a str> {
     let (mut seen, mut open) = (BTreeSet::new(), vec![start]);
