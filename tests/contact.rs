@@ -1,4 +1,4 @@
-//! Laws of the contact room: the answer is that of brute force, for any shape, pose, order and
+//! Laws of contact lookup: the answer is that of brute force, for any shape, pose, order and
 //! number of threads.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
@@ -79,7 +79,7 @@ fn posed(poses: impl IntoIterator<Item = (LinkId, DAffine3)>) -> Motion {
     motion
 }
 
-// ---- brute force, written without a look at the room ----
+// ---- brute force, written independently ----
 
 /// The nearest distance on level 0 of those patches that `contact` may touch, in m.
 fn brute(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>, contact: &Query) -> f64 {
@@ -548,7 +548,7 @@ fn a_level_that_does_not_exist_has_no_cell() {
 // ---- refusals ----
 
 #[test]
-fn a_contact_that_is_nowhere_is_named() {
+fn queries_that_are_not_finite_are_refused() {
     let map = robot(
         [shapes::square(), shapes::square(), shapes::triangle(), shapes::fan(5)],
         [DAffine3::IDENTITY; 3],

@@ -215,7 +215,7 @@ fn posing_a_blended_patch_allocates_nothing() {
 
 /// Vertices between links that are too far apart are named, and no link moves.
 #[test]
-fn a_patch_torn_too_far_moves_nothing() {
+fn a_vertex_moved_too_far_is_refused() {
     let mut map = robot();
     let half = [(LinkId::new(1), 0.1), (LinkId::new(2), 0.9), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
     map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
@@ -233,7 +233,7 @@ fn a_patch_torn_too_far_moves_nothing() {
 }
 
 #[test]
-fn wrong_joints_are_named() {
+fn invalid_joints_are_refused() {
     let mut map = robot();
     let (patch, link) = (PatchId::new(0), LinkId::new(1));
     let good: Joints = mesh(&map, 0).positions.map(|_| [(link, 1.0), (link, 0.0), (link, 0.0), (link, 0.0)]);

@@ -120,7 +120,7 @@ fn bounds_are_near_the_largest_error() {
 }
 
 #[test]
-fn an_index_of_level_0_alone_says_so() {
+fn coarse_levels_need_an_index_with_levels() {
     let map = robot(shape(1), shape(1));
     let index = ContactIndex::new(&map).unwrap();
     assert_eq!(

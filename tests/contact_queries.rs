@@ -148,7 +148,7 @@ proptest! {
     /// Every place of a map leads to its point of the surface, and from there back, on every level;
     /// seams and holes included.
     #[test]
-    fn the_way_back_is_the_inverse(
+    fn map_index_is_the_inverse_of_cells(
         (is_atlas, patch) in prop_oneof![3 => (Just(false), 0_usize..3), 2 => (Just(true), 0_usize..2)],
         faces in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0, prop::bool::ANY), 40),
     ) {
@@ -200,7 +200,7 @@ proptest! {
 
     /// Whatever presses, the readings add up to its force.
     #[test]
-    fn forces_are_kept(
+    fn readings_add_up_to_the_force(
         at in any::<prop::sample::Index>(),
         offset in prop::array::uniform3(-0.01_f64..0.01),
         radius in 0.001_f64..0.03,
@@ -312,7 +312,7 @@ fn frames_of_another_map_are_refused() {
 
 /// Off the map the nearest place is answered, and where sheets overlap each of them.
 #[test]
-fn places_off_the_map_and_on_two_sheets() {
+fn places_off_the_map_and_on_overlaps_are_answered() {
     let mut map = SkinMap::flat(shapes::lattice(10, 10, 0.01), 1e-3);
     let (patch, level) = (PatchId::new(0), LevelId::new(0));
     // Fold the right half of the map over the left one.
@@ -371,7 +371,7 @@ fn taxels_without_a_face_are_found() {
 
 /// A map may have a coarse level anywhere, here above another patch, on which it is the nearest.
 #[test]
-fn levels_beside_their_skin_are_searched() {
+fn levels_away_from_their_skin_are_searched() {
     let mut skin = Skin::default();
     let link = skin.links.push(Link { name: "link".into(), parent: None, pose: DAffine3::IDENTITY });
     for (k, name) in ["lifted", "other"].into_iter().enumerate() {
@@ -398,7 +398,7 @@ fn levels_beside_their_skin_are_searched() {
 }
 
 #[test]
-fn what_an_index_was_made_without_is_named() {
+fn questions_that_the_index_is_not_made_for_are_refused() {
     let map = robot();
     let index = ContactIndex::new(&map).unwrap();
     let level = LevelId::new(0);
@@ -413,7 +413,7 @@ fn what_an_index_was_made_without_is_named() {
 
 /// A hand follows its arm, from the pose that it has in the map.
 #[test]
-fn motions_move_links_and_what_hangs_from_them() {
+fn motions_move_links_and_their_children() {
     let mut map = robot();
     map.links[LinkId::new(1)].parent = Some(LinkId::new(0));
     let mut index = ContactIndex::new(&map).unwrap();

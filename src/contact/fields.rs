@@ -53,7 +53,7 @@ impl ContactIndex {
         self.each_points(&query, level, radius, |id, points, centre| {
             found.clear();
             points.within(centre, radius, &mut found);
-            hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
+            hits.extend(found.iter().map(|&(field, away)| self.field_hit(&query, id, level, field, away)));
             radius
         })?;
         hits.sort_unstable_by_key(|hit| (hit.patch, hit.field));
@@ -84,7 +84,7 @@ impl ContactIndex {
             };
             found.clear();
             points.nearest(q, count, farthest(&hits), &mut found);
-            hits.extend(found.iter().map(|&found| self.field_hit(&query, (id, level), points, found)));
+            hits.extend(found.iter().map(|&(field, away)| self.field_hit(&query, id, level, field, away)));
             let key = |hit: &FieldHit| (hit.patch, hit.field);
             hits.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(key(a).cmp(&key(b))));
             hits.truncate(count);
@@ -118,12 +118,14 @@ impl ContactIndex {
     fn field_hit(
         &self,
         query: &Query,
-        (id, level): (PatchId, LevelId),
-        points: &PointTree,
-        (field, distance): (VertexId, f64),
+        id: PatchId,
+        level: LevelId,
+        field: VertexId,
+        distance: f64,
     ) -> FieldHit {
         let patch = &self.patches[id];
-        let (here, normal) = (points.point(field), patch.normals[patch.origins[level.index()][field]]);
+        let (points, origins) = (&patch.fields[level.index()], &patch.origins[level.index()]);
+        let (here, normal) = (points.point(field), patch.normals[origins[field]]);
         let (position, normal) = self.links.answered(patch.link, query, here, normal);
         let taxel = patch.cells.taxel(level, field);
         FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position, normal }

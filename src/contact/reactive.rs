@@ -36,9 +36,6 @@ pub struct Reactive {
     pub normal: DVec3,
 }
 
-/// How far the skin of the patches searched so far is at least from the contact, in m.
-struct Least(f64);
-
 impl ContactIndex {
     /// The point of a level nearest to a query, which searches that level alone: several times
     /// faster than [`ContactIndex::locate`], and as exact as its `error` says. On patches without
@@ -51,20 +48,12 @@ impl ContactIndex {
     pub fn reactive(&self, query: impl Into<Query>, level: LevelId) -> Result<Reactive, ContactError> {
         let query = query.into();
         self.links.check(0, &query)?;
-        self.answer_reactive(&query, level)
-    }
-
-    /// The same as [`Self::reactive`] for a query that has been checked.
-    pub(in crate::contact) fn answer_reactive(
-        &self,
-        query: &Query,
-        level: LevelId,
-    ) -> Result<Reactive, ContactError> {
         if !self.options.levels && level.index() > 0 {
             return Err(ContactError::NotIndexed { what: "levels" });
         }
-        let (mut best, mut least) = (None, Least(f64::INFINITY));
-        self.each_patch(query, f64::INFINITY, |id, q| {
+        // `least`: no skin of the patches searched so far is nearer to the query, in m.
+        let (mut best, mut least) = (None, f64::INFINITY);
+        self.each_patch(&query, f64::INFINITY, |id, q| {
             let before = Best::squared(best.as_ref()).sqrt();
             let (tree, coarse) = self.patches[id].on_level(level);
             Search::new(tree, id, q).run(&mut best);
@@ -75,13 +64,13 @@ impl ContactIndex {
                 (Some(coarse), Some(best)) => around(coarse, best.face, away),
                 (Some(coarse), None) => coarse.most,
             };
-            least.0 = least.0.min(before.min(away) - around);
+            least = least.min(before.min(away) - around);
             away
         });
         let Some(best) = best else { return Err(ContactError::NoSkin) };
         let patch = &self.patches[best.patch];
         let (tree, coarse) = patch.on_level(level);
-        let (distance, position, normal) = self.placed(tree, patch.link, query, &best);
+        let (distance, position, normal) = self.placed(tree, patch.link, &query, &best);
         let face = coarse.map_or(0.0, |coarse| coarse.deviation(best.face).face);
         Ok(Reactive {
             level: patch.nearest_level(level),
@@ -89,14 +78,14 @@ impl ContactIndex {
             link: patch.link,
             point: SurfacePoint { face: best.face, barycentric: best.closest.barycentric },
             distance,
-            error: face.max(distance.abs() - least.0).max(0.0),
+            error: face.max(distance.abs() - least).max(0.0),
             position,
             normal,
         })
     }
 }
 
-/// How much nearer the skin may be to a contact whose nearest face of a level is `face`, at this
+/// How much nearer the skin may be to a query whose nearest face of a level is `face`, at this
 /// distance, in m.
 fn around(level: &CoarseLevel, face: FaceId, away: f64) -> f64 {
     if away <= level.near { level.deviation(face).around } else { level.most }

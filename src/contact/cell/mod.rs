@@ -171,7 +171,7 @@ impl PatchCells {
             taxel: TaxelId::default(),
             weights: FieldWeights::none(),
         };
-        cell.field = self.rows.add(at.face, above, (rows, at.barycentric), &mut cell.weights);
+        cell.field = self.rows.add(at.face, above, rows, at.barycentric, &mut cell.weights);
         cell.taxel = cells.taxels[cell.field];
         cell
     }

@@ -56,7 +56,7 @@ impl Union {
     const LEN: u32 = 36;
     /// All three rows lie in one face, and have three fields.
     const ONE_FACE: u64 = 1 << 40;
-    /// Some product of a weight and a share that is not zero may be.
+    /// A weight is so small that its product with a share may round to zero.
     const TINY: u64 = 1 << 41;
 
     fn new(rows: [&Row; 3]) -> Self {
@@ -161,7 +161,8 @@ impl Rows {
         &self,
         face: FaceId,
         above: usize,
-        (rows, shares): ([&Row; 3], [f64; 3]),
+        rows: [&Row; 3],
+        shares: [f64; 3],
         sums: &mut FieldWeights,
     ) -> VertexId {
         self.unions[face.index() * self.above + above].add(rows, shares, sums)

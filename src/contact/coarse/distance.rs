@@ -52,9 +52,9 @@ pub(super) struct Corner {
     distance: f64,
 }
 
-/// Takes a face and a distance (m) no point of a part is farther from the face than; the last argument
-/// says that the part is not cut any further. Returns whether the part must not be cut, since its bound
-/// changes nothing.
+/// `offer(face, bound, is_last) -> stop`: `bound` is an upper bound (m) of the distances of the points of a
+/// part from `face`, `is_last` says that the part is not cut any further; `stop` that it need not be, since its
+/// bound changes nothing.
 pub(super) type Offer<'a> = &'a mut dyn FnMut(FaceId, f64, bool) -> bool;
 
 impl Target<'_> {
