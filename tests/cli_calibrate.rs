@@ -198,7 +198,7 @@ fn an_older_table_of_triangles_goes_with_its_taxels() {
     let folder = folder.path();
     fs::write(folder.join("e.csv"), TRIANGLE).unwrap();
     fs::write(folder.join("k.csv"), "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,0,1,0\n").unwrap();
-    fs::write(folder.join("k.triangles.csv"), "a,b,c\n0,1,2\n").unwrap();
+    fs::write(folder.join("k.triangles.csv"), "row0,row1,row2\n0,1,2\n").unwrap();
     let words = ["calibrate", "e.csv", "-o", "k.csv"];
     dermatome(folder, "")
         .args(words)

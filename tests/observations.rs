@@ -370,7 +370,7 @@ fn calibrated_taxels_go_into_tables_and_skins() {
 
     let triangles = &simulation.mesh.triangles;
     write_triangles(&at("t.csv"), &found.ids, triangles).unwrap();
-    assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), (triangles.to_vec(), None));
+    assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), triangles.to_vec());
     write_truth(&at("truth.csv"), &found.ids, &simulation.truth).unwrap();
     let truth = read_truth(&at("truth.csv")).unwrap();
     assert_eq!(truth[499].0, TaxelId(499));
@@ -409,18 +409,10 @@ fn headers_of_truth_and_triangles_are_checked() {
     let (_folder, path) = file("t.csv", "foo\n");
     let refused = read_triangles(&path, &ids).unwrap_err().to_string();
     assert!(refused.contains("columns id0,id1,id2 (ids of taxels) or row0,row1,row2"), "{refused}");
-    // The names of the columns say what the numbers are; old names are read with a remark.
-    for (text, remark) in [
-        ("id2,id1,id0\n3,2,1\n", None),
-        ("row0,row1,row2\n0,1,2\n", None),
-        ("k,j,i\n3,2,1\n", Some("id0,id1,id2 now")),
-        ("a,b,c\n0,1,2\n", Some("row0,row1,row2 now")),
-    ] {
+    // The names of the columns say what the numbers are.
+    for text in ["id2,id1,id0\n3,2,1\n", "row0,row1,row2\n0,1,2\n"] {
         let (_folder, path) = file("t.csv", text);
-        let (triangles, said) = read_triangles(&path, &ids).unwrap();
-        assert_eq!(triangles, [[0, 1, 2].map(VertexId::new)], "{text:?}");
-        assert_eq!(said.is_some(), remark.is_some(), "{text:?}: {said:?}");
-        assert!(said.unwrap_or_default().contains(remark.unwrap_or_default()));
+        assert_eq!(read_triangles(&path, &ids).unwrap(), [[0, 1, 2].map(VertexId::new)], "{text:?}");
     }
 }
 

@@ -223,7 +223,7 @@ fn the_command_refuses_bad_weights() {
         let [a, b, c] = weights;
         let rows = format!("id,x,y,z,weight\n1,0,0,0,{a}\n2,0.01,0,0,{b}\n3,0,0.01,0,{c}\n");
         fs::write(path.join("s.csv"), rows).unwrap();
-        fs::write(path.join("s.triangles.csv"), "a,b,c\n0,1,2\n").unwrap();
+        fs::write(path.join("s.triangles.csv"), "row0,row1,row2\n0,1,2\n").unwrap();
     };
     for (weights, what) in [
         (["1", "-2", "1"], "vertex 1 has a weight of -2"),

@@ -46,8 +46,8 @@ pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
     map: PathBuf,
-    /// The readings: text with a line of taxel ids, .csv, .npy or .npz; `-`: text or CSV on standard
-    /// input
+    /// The readings: text with a line of taxel ids, .csv (`time,ID,ID,...` or `time,taxel_id,value`),
+    /// .npy or .npz; `-`: text or CSV on standard input
     #[arg(value_name = "READINGS")]
     readings: PathBuf,
     /// A folder, a .npy, a .npz, or `-` for raw frames on standard output

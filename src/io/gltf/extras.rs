@@ -20,8 +20,7 @@ pub(super) struct LevelExtras {
     /// Level 0's vertices in terms of this level.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direct: Option<RowsExtras>,
-    /// Number of the accessor of the level-0 vertex that each vertex is; levels 1 and up. Absent in
-    /// older files.
+    /// Number of the accessor of the level-0 vertex that each vertex is; levels 1 and up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origins: Option<usize>,
     /// Where the map is cut: number of the accessor of the vertex of the uncut level that each vertex
@@ -45,8 +44,8 @@ pub(super) struct FrameExtras {
     pub origin: [f64; 2],
     /// Width and height, in m.
     pub size: [f64; 2],
-    /// Width and height of the image, in pixels; without it, one pixel per millimetre.
-    pub pixels: Option<[u32; 2]>,
+    /// Width and height of the image, in pixels.
+    pub pixels: [u32; 2],
 }
 
 /// A prolongation, as numbers of two accessors with three components a row.

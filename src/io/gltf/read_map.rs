@@ -37,15 +37,11 @@ use crate::{
 const ROUNDED: f64 = 1e-6;
 /// How far texture coordinates may leave the unit square: by rounding, not in a wrapped texture.
 const OUTSIDE: f64 = 1e-6;
-/// Metres per pixel of a map that does not tell its pixels.
-const PIXEL: f64 = 1e-3;
-
 /// Reads a map that [`crate::io::write_map`] wrote, or another program with the same names and
 /// extras.
 ///
-/// Rows of weights are scaled to sum 1 in `f64` again; where the file does not name the taxel at
-/// the centre of a field, it is the one whose `direct` weight in it is 1; taxels without `_PRESENT`
-/// are present, and without `TANGENT` have no tangents; the distortion is measured anew.
+/// Rows of weights are scaled to sum 1 in `f64` again; taxels without `_PRESENT` are present, and
+/// without `TANGENT` have no tangents; the distortion is measured anew.
 ///
 /// # Errors
 /// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
@@ -153,13 +149,16 @@ fn read_patch(
         let coarser = sizes.get(number.index() + 1).copied().unwrap_or_default();
         let from_coarser = rows("up", extras.up, coarser)?;
         let to_finest = rows("direct", extras.direct, sizes[number.index()])?;
-        let origins = match (extras.origins, &to_finest) {
-            (Some(accessor), _) => {
+        let origins = match extras.origins {
+            Some(accessor) => {
                 let origins = document.accessor(accessor, &name("origins"))?.integers::<1>()?;
                 origins.into_iter().map(|[v]| VertexId::from(v)).collect()
             }
-            (None, Some(rows)) => guess_origins(document, &name("direct"), &levels, number, rows)?,
-            (None, None) => levels[number].level.mesh.positions.ids().collect(),
+            None if number.index() == 0 => levels[number].level.mesh.positions.ids().collect(),
+            None => {
+                let needed = "the accessor of the level-0 vertex that each vertex is";
+                return Err(document.invalid(name("origins"), "none", needed));
+            }
         };
         check_places(document, &name("origins"), &levels, number, &origins)?;
         let level = &mut levels[number].level;
@@ -321,14 +320,7 @@ fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<Vert
 
 fn read_frame(extras: &FrameExtras) -> ImageFrame {
     let (origin, size) = (DVec2::from_array(extras.origin), DVec2::from_array(extras.size));
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "`as` saturates; the rasteriser refuses images that large"
-    )]
-    let pixels = |length: f64| (length / PIXEL).round().max(1.0) as u32;
-    let size_px = extras.pixels.unwrap_or([pixels(size.x), pixels(size.y)]);
-    ImageFrame { origin, size, size_px }
+    ImageFrame { origin, size, size_px: extras.pixels }
 }
 
 fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usize) -> Result<Prolongation> {
@@ -363,37 +355,6 @@ fn check_places(
         Some((v, at)) => {
             let found = format!("vertex {v} at {at}");
             Err(document.invalid(name, found, format!("the place of its taxel, {}", finest[origins[v]])))
-        }
-    }
-}
-
-/// The level-0 vertex that each vertex of a level is, for files that do not say: the row of
-/// `to_finest` with weight 1 there. If rounding or taxels at one position give it to several, the one
-/// at the vertex's position; if several still, the first.
-fn guess_origins(
-    document: &Document,
-    name: &str,
-    levels: &IdVec<LevelId, MapLevel>,
-    number: LevelId,
-    to_finest: &Prolongation,
-) -> Result<IdVec<VertexId, VertexId>> {
-    let here = &levels[number].level.mesh.positions;
-    let finest = &levels[LevelId::new(0)].level.mesh.positions;
-    let mut found = IdVec::<VertexId, Option<VertexId>>::filled(None, here.len());
-    for ((taxel, fields), weights) in to_finest.indices.enumerate().zip(&to_finest.weights) {
-        for (&field, _) in fields.iter().zip(weights).filter(|(_, w)| **w == 1.0) {
-            let Some(&centre) = here.get(field) else { continue };
-            let is_there = |v: VertexId| finest.get(v) == Some(&centre);
-            if found[field].is_none_or(|before| is_there(taxel) && !is_there(before)) {
-                found[field] = Some(taxel);
-            }
-        }
-    }
-    match found.iter().position(Option::is_none) {
-        None => Ok(found.into_iter().flatten().collect()),
-        Some(field) => {
-            let needed = "a row with weight 1: its centre is a taxel";
-            Err(document.invalid(name, format!("no centre of field {field}"), needed))
         }
     }
 }

@@ -194,7 +194,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         map: map.map(|map| FrameExtras {
             origin: map.frame.origin.to_array(),
             size: map.frame.size.to_array(),
-            pixels: Some(map.frame.size_px),
+            pixels: map.frame.size_px,
         }),
         up: level.from_coarser.as_ref().map(|rows| add_rows(writer, rows)),
         direct: level.to_finest.as_ref().map(|rows| add_rows(writer, rows)),

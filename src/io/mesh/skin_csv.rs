@@ -21,7 +21,7 @@ use crate::{
             writer::{TableWriter, write_table},
         },
     },
-    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Remark, RemarkKind, Sheet, Skin, TaxelId},
+    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
 };
 
 /// Columns of the table of taxels.
@@ -259,10 +259,6 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) ->
         draft.sheets[sheet].triangles.push(homes.map(|home| home.1));
         Ok(())
     })?;
-    if let Some(what) = corners.remark {
-        let file = source.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
-        draft.remarks.push(Remark { patch: file, kind: RemarkKind::PassedOver { what } });
-    }
     Ok(())
 }
 

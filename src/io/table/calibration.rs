@@ -120,14 +120,11 @@ pub fn write_inliers(
 }
 
 /// Reads triangles between taxels that are named by their ids (`id0,id1,id2`) or rows
-/// (`row0,row1,row2`, counted from 0); with a remark about names of columns that were in use once.
+/// (`row0,row1,row2`, counted from 0).
 ///
 /// # Errors
 /// The first cell that names no taxel, by line and column.
-pub fn read_triangles(
-    path: &Path,
-    ids: &IdVec<VertexId, TaxelId>,
-) -> Result<(Vec<[VertexId; 3]>, Option<String>), IoError> {
+pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
     let taxels = Taxels::new(ids.len(), ids.iter().copied());
     let mut triangles = Vec::new();
     let source = Source::open(path)?;
@@ -137,8 +134,7 @@ pub fn read_triangles(
         triangles.push(corners.rows_of(row, &taxels)?.map(VertexId::new));
         Ok(())
     })?;
-    let remark = corners.remark.map(|remark| format!("{}: {remark}", path.display()));
-    Ok((triangles, remark))
+    Ok(triangles)
 }
 
 /// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left

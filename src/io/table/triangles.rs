@@ -16,33 +16,19 @@ pub(in crate::io) const BY_ID: [&str; 3] = ["id0", "id1", "id2"];
 /// Corners named by the rows of their taxels, counted from 0.
 pub(in crate::io) const BY_ROW: [&str; 3] = ["row0", "row1", "row2"];
 
-/// The same by the names that older tables have: ids, then rows.
-const OLD: [[&str; 3]; 2] = [["i", "j", "k"], ["a", "b", "c"]];
-
 /// How a table names the corners of its triangles.
 pub(in crate::io) struct Corners {
     by_id: bool,
     /// The names of the columns, and where they are.
     pub(in crate::io) names: [&'static str; 3],
     pub(in crate::io) columns: [usize; 3],
-    /// What to say about an older header.
-    pub(in crate::io) remark: Option<String>,
 }
 
 impl Corners {
     pub(in crate::io) fn new(columns: &Columns) -> Result<Self> {
-        let [ids, rows] = OLD;
-        let known = [(true, BY_ID, false), (false, BY_ROW, false), (true, ids, true), (false, rows, true)];
-        for (by_id, names, is_old) in known {
+        for (by_id, names) in [(true, BY_ID), (false, BY_ROW)] {
             if names.iter().any(|name| columns.find(name).is_some()) {
-                let columns = columns.need_vector(names)?;
-                let (now, what) = if by_id { (BY_ID, "ids") } else { (BY_ROW, "rows") };
-                let remark = format!(
-                    "the columns {} are read as {what} of taxels; their names are {} now",
-                    names.join(","),
-                    now.join(",")
-                );
-                return Ok(Self { by_id, names, columns, remark: is_old.then_some(remark) });
+                return Ok(Self { by_id, names, columns: columns.need_vector(names)? });
             }
         }
         let needed =

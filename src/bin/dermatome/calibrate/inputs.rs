@@ -51,18 +51,11 @@ impl Inputs {
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
         let triangles = triangles.transpose().map_err(Error::from)?;
-        if let Some((_, Some(remark))) = &triangles {
-            note(common, remark);
-        }
         let truth = args.truth.as_ref().map(|path| {
             let mut poses: HashMap<_, Pose> = read_truth(path)?.into_iter().collect();
             poses.values_mut().for_each(|pose| pose.position *= metres);
             Ok(Truth { path: path.clone(), poses })
         });
-        Ok(Self {
-            observations,
-            triangles: triangles.map(|(triangles, _)| triangles),
-            truth: truth.transpose().map_err(|e: IoError| Error::from(e))?,
-        })
+        Ok(Self { observations, triangles, truth: truth.transpose().map_err(|e: IoError| Error::from(e))? })
     }
 }
