@@ -57,8 +57,96 @@ pub enum Error {
 }
 
 impl Error {
+    /// What went wrong as one word in snake case, for programs that tell errors apart.
+    ///
+    /// It is the name of the variant of the module's error: [`FlattenError::NotADisk`] is
+    /// `not_a_disk`. Messages may change from version to version, kinds do not. An error in a patch has
+    /// the kind of its source; of several errors, that of the first.
+    ///
+    /// [`FlattenError::NotADisk`]: crate::flatten::FlattenError::NotADisk
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match self {
+            Self::Mesh(e) => e.kind(),
+            Self::Skin(e) => e.kind(),
+            Self::Calib(e) => e.kind(),
+            Self::Cut(e) => e.kind(),
+            Self::Pyramid(e) => e.kind(),
+            Self::Flatten(e) => e.kind(),
+            Self::Map(e) => e.kind(),
+            Self::Signal(e) => e.kind(),
+            Self::Contact(e) => e.kind(),
+            Self::Atlas(e) => e.kind(),
+            Self::Image(e) => e.kind(),
+            Self::Io(e) => e.kind(),
+            Self::Plot(e) => e.kind(),
+            Self::Patch { source, .. } => source.kind(),
+            Self::Several(errors) => errors.first().map_or_else(|| variant_name(self), Self::kind),
+        }
+    }
+
     /// The same error, saying which patch it is about.
     pub(crate) fn in_patch(self, patch: &str) -> Self {
         Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
+    }
+}
+
+macro_rules! kinds {
+    ($($error:ty),* $(,)?) => {
+        $(impl $error {
+            /// What went wrong as one word in snake case, the name of the variant; see
+            /// [`Error::kind`](crate::Error::kind).
+            #[must_use]
+            pub fn kind(&self) -> String {
+                variant_name(self)
+            }
+        })*
+    };
+}
+
+kinds!(
+    crate::mesh::MeshError,
+    crate::skin::SkinError,
+    crate::calib::CalibError,
+    crate::cut::CutError,
+    crate::pyramid::PyramidError,
+    crate::flatten::FlattenError,
+    crate::map::MapError,
+    crate::signal::SignalError,
+    crate::contact::ContactError,
+    crate::atlas::AtlasError,
+    crate::image::ImageError,
+    crate::io::IoError,
+    crate::plot::PlotError,
+);
+
+/// The name of the variant of an enum whose `Debug` is derived, in snake case.
+fn variant_name(error: &impl std::fmt::Debug) -> String {
+    let text = format!("{error:?}");
+    let name = text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+    let mut words = String::new();
+    for (k, c) in name.char_indices() {
+        if c.is_uppercase() && k > 0 {
+            words.push('_');
+        }
+        words.extend(c.to_lowercase());
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{calib::CalibError, skin::TaxelId};
+
+    #[test]
+    fn kinds_are_variants_in_snake_case() {
+        let one = || Error::from(CalibError::Undetermined { id: TaxelId(3) });
+        assert_eq!(one().kind(), "undetermined");
+        assert_eq!(Error::from(CalibError::Empty { taxels: 0, observations: 0 }).kind(), "empty");
+        let sparse = CalibError::Sparse(crate::sparse::SparseError::Singular { rows: 2 });
+        assert_eq!(sparse.kind(), "sparse");
+        assert_eq!(CalibError::NoInitialValue { id: TaxelId(3) }.kind(), "no_initial_value");
+        assert_eq!(Error::Several(vec![one().in_patch("palm"), one()]).kind(), "undetermined");
     }
 }

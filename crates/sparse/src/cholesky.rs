@@ -21,9 +21,8 @@ use glam::{DMat2, DVec2, DVec3};
 
 use crate::{
     Matrix, Pattern, SparseError,
-    lower::Lower,
+    lower::{Complex, Finite, Lower, complex},
     ordering::order_rows,
-    scalar::{Complex, Finite, complex},
 };
 
 /// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`]

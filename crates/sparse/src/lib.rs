@@ -19,7 +19,6 @@ mod lu;
 mod matrix;
 mod ordering;
 mod pattern;
-mod scalar;
 mod selected_inverse;
 
 pub use block_system::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem};

@@ -1,8 +1,9 @@
-//! The lower triangle of a matrix, as faer reads it.
+//! The lower triangle of a matrix, as faer reads it, and the numbers that faer computes with.
 
 use faer::sparse::SymbolicSparseColMatRef;
+use glam::DVec2;
 
-use crate::{Pattern, SparseError, scalar::Finite};
+use crate::{Pattern, SparseError};
 
 /// The lower triangle of a pattern, blocks expanded, column by column as faer reads it.
 #[derive(Debug)]
@@ -61,5 +62,29 @@ impl Lower {
             }
         }
         Ok(values)
+    }
+}
+
+pub(crate) type Complex = faer::c64;
+
+/// The complex number with real part `z.x` and imaginary part `z.y`.
+pub(crate) fn complex(z: DVec2) -> Complex {
+    Complex::new(z.x, z.y)
+}
+
+/// Numbers that can be asked whether they are finite.
+pub(crate) trait Finite {
+    fn finite(&self) -> bool;
+}
+
+impl Finite for f64 {
+    fn finite(&self) -> bool {
+        self.is_finite()
+    }
+}
+
+impl Finite for Complex {
+    fn finite(&self) -> bool {
+        self.re.is_finite() && self.im.is_finite()
     }
 }

@@ -15,7 +15,7 @@ use glam::DVec2;
 
 use crate::{
     Matrix, SparseError,
-    scalar::{Complex, Finite, complex},
+    lower::{Complex, Finite, complex},
 };
 
 /// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in

@@ -71,7 +71,7 @@ impl Pattern {
 
     /// Number of entries, the diagonal and both triangles.
     #[must_use]
-    pub fn entries(&self) -> usize {
+    pub(crate) fn entries(&self) -> usize {
         self.columns.len()
     }
 

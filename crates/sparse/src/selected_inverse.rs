@@ -50,8 +50,7 @@ impl Panel {
 impl SelectedInverse {
     /// Entry (`a`, `b`) of block (`row`, `column`) of the inverse; `None` outside the pattern of
     /// the factor.
-    #[must_use]
-    pub fn entry(&self, row: usize, column: usize, a: usize, b: usize) -> Option<f64> {
+    pub(crate) fn entry(&self, row: usize, column: usize, a: usize, b: usize) -> Option<f64> {
         let i = *self.positions.get(self.size * row + a)? as usize;
         let j = *self.positions.get(self.size * column + b)? as usize;
         let (later, earlier) = (i.max(j), i.min(j));

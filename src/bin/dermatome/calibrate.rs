@@ -27,7 +27,7 @@ use crate::{
     console::{
         errors::advise,
         notes::note,
-        print::{print, print_json, print_table},
+        print::{print, print_json, print_table, say},
         progress,
     },
     options::Common,
@@ -65,7 +65,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     results::write(&outputs, &found, &inputs, args, common)?;
     if !found.termination.is_converged() {
-        note(common, format_args!("{}: what was written is not a minimum (exit code 2)", found.termination));
+        // Also in a quiet run: an exit code that is not 0 needs its reason.
+        say(format_args!("warning: {}: what was written is not a minimum (exit code 2)", found.termination));
     }
     let summary = Summary::new(&found, truth);
     if args.json {
@@ -113,7 +114,9 @@ fn remark_free(found: &Calibration, common: &Common) {
         } else {
             note(
                 common,
-                format_args!("no contact determines where {these} is: taxel {gauge} keeps its start"),
+                format_args!(
+                    "no contact determines where {these} is: taxel {gauge} keeps its start, and covariances are about the centroid"
+                ),
             );
         }
     }

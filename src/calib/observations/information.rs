@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 
-use crate::numeric::symmetric_eigen;
+use crate::numeric::{Matrix6, symmetric_eigen};
 
 /// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what
 /// was exactly semi-definite.
@@ -134,6 +134,12 @@ impl<const N: usize> Information<N> {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
         }
         symmetric_eigen(&c).0.iter().filter(|&&x| x > RANK_TOLERANCE).count()
+    }
+}
+
+impl Information<6> {
+    pub(crate) fn matrix(&self) -> Matrix6 {
+        Matrix6::from_rows(&self.0)
     }
 }
 

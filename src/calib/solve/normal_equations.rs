@@ -94,7 +94,7 @@ impl<'o> Problem<'o> {
             }
             DisplacementMeasurement::Relative(m) => {
                 let e = error(self.convention, &m.pose, &poses[e.from], &poses[e.to]);
-                dot(e, Matrix6::from_rows(&m.information.0) * e)
+                dot(e, m.information.matrix() * e)
             }
         }
     }
@@ -114,7 +114,7 @@ impl<'o> Problem<'o> {
             }
             ContactMeasurement::Pose { offset, seen } => {
                 let e = error(self.convention, &seen.pose, &Pose::default(), &(*at * *offset));
-                dot(e, Matrix6::from_rows(&seen.information.0) * e)
+                dot(e, seen.information.matrix() * e)
             }
         }
     }
@@ -227,7 +227,7 @@ impl<'o> Problem<'o> {
         let turned = DMat3::from_quat(offset.rotation).transpose();
         let carried = Matrix6([[turned, -(turned * hat(offset.position))], [DMat3::ZERO, turned]]);
         let jacobian = by_frame * carried;
-        let omega = Matrix6::from_rows(&seen.information.0);
+        let omega = seen.information.matrix();
         let back = jacobian.transpose();
         (back * (omega * jacobian), back * (omega * e))
     }

@@ -86,7 +86,7 @@ impl EdgeTerm {
         to: &Pose,
     ) -> Self {
         let (e, j_from, j_to) = linearised(convention, &observed.pose, from, to);
-        let omega = Matrix6::from_rows(&observed.information.0);
+        let omega = observed.information.matrix();
         let weighted = omega * e;
         let (t_from, t_to) = (j_from.transpose(), j_to.transpose());
         let w_to = omega * j_to;
