@@ -4,15 +4,10 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
-    calib::{CalibError, Pose},
+    calib::{CalibError, Pose, pose::outer},
     id::{IdVec, VertexId},
     numeric::symmetric_eigen,
 };
-
-/// The matrix `a b'`.
-pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
-    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
-}
 
 /// Two sets of points about their centroids.
 pub(crate) struct Correlation {

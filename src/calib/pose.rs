@@ -3,8 +3,6 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::calib::align::outer;
-
 /// Angles below this use the series of a function of rotations: its closed form loses half of its
 /// digits there.
 const SMALL_ANGLE: f64 = 1e-2;
@@ -94,6 +92,11 @@ pub(crate) fn log(rotation: DQuat) -> DVec3 {
         2.0 * sine.atan2(q.w) / sine
     };
     factor * v
+}
+
+/// The matrix `a b'`.
+pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// The matrix of `x -> v x x`.

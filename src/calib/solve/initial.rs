@@ -9,8 +9,9 @@ use crate::{
     calib::{
         CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement,
         Initialization, Model, Observations, Pose, PoseMeasurement, Poses,
-        align::{Correlation, nearest_rotation, outer},
+        align::{Correlation, nearest_rotation},
         components,
+        pose::outer,
         solve::linear_system::{number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},

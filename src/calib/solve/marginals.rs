@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use crate::{
     calib::{
         BlockLayout, CalibError, FreeBody, LinearSystem, Model, PerObservation, Pose, Poses, Problem,
-        RigidMotion, align::outer, solve::gauge::induced_motion,
+        RigidMotion, pose::outer, solve::gauge::induced_motion,
     },
     id::{IdVec, VertexId},
     numeric::{Covariance, Twist, dot, symmetric_eigen},
