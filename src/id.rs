@@ -56,6 +56,13 @@ macro_rules! define_id {
             }
         }
 
+        impl From<$name> for u32 {
+            #[inline]
+            fn from(id: $name) -> Self {
+                id.0
+            }
+        }
+
         impl $crate::id::Id for $name {
             #[inline]
             fn new(index: usize) -> Self {

@@ -25,9 +25,6 @@ const DOORS: &[(&str, &[&str])] = &[
     ("dermatome_bvh", &["lib.rs"]),
     ("dermatome_delaunay", &["lib.rs"]),
     ("dermatome_sparse", &["lib.rs"]),
-    ("arrayvec", &["contact/search"]),
-    ("pulp", &["contact/search"]),
-    ("wide", &["contact/search"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "plot/picture/svg.rs"]),
@@ -53,9 +50,9 @@ const DOORS: &[(&str, &[&str])] = &[
 
 /// A source file.
 struct Source {
-    /// Its path in `src`, as `contact/search/bvh8.rs`.
+    /// Its path in `src`, as `contact/map_index/plane_grid.rs`.
     path: String,
-    /// Its module, as `["contact", "search", "bvh8"]`; in the command all begin with `bin`.
+    /// Its module, as `["contact", "map_index", "plane_grid"]`; in the command all begin with `bin`.
     module: Vec<String>,
     text: String,
     /// The text without comments, strings and unit tests.

@@ -4,7 +4,8 @@
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    contact::search::{LARGEST, Refitting},
+    bvh::Refitting,
+    contact::patch_bvh::LARGEST,
     id::{IdVec, VertexId},
     skin::{Joints, LinkId},
 };

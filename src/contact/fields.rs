@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    contact::{ContactError, ContactIndex, Query, search::PointTree},
+    bvh::PointTree,
+    contact::{ContactError, ContactIndex, Query},
     id::VertexId,
     pyramid::LevelId,
     skin::{LinkId, PatchId, TaxelId},
@@ -125,7 +126,7 @@ impl ContactIndex {
     ) -> FieldHit {
         let patch = &self.patches[id];
         let (points, origins) = (&patch.fields[level.index()], &patch.origins[level.index()]);
-        let (here, normal) = (points.point(field), patch.normals[origins[field]]);
+        let (here, normal) = (points.points()[field.index()], patch.normals[origins[field]]);
         let (position, normal) = self.links.answered(patch.link, query, here, normal);
         let taxel = patch.cells.taxel(level, field);
         FieldHit { patch: id, link: patch.link, level, field, taxel, distance, position, normal }

@@ -3,12 +3,12 @@
 use glam::{DAffine3, DVec3};
 
 use crate::{
-    bvh::{Aabb, BoxTree},
+    bvh::{Aabb, BoxTree, Start},
     contact::{
         ContactError, Hit, Query,
         links::Links,
         patch::IndexedPatch,
-        search::{Best, PatchBvh, Search, Start},
+        patch_bvh::{Best, PatchBvh},
     },
     id::{IdVec, VertexId},
     map::SkinMap,
@@ -148,7 +148,7 @@ impl ContactIndex {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
             let patch = &self.patches[id];
-            Search::new(&patch.tree, id, q).run(&mut best);
+            patch.tree.nearest(id, q, Start::Root, &mut best);
             Best::squared(best.as_ref()).sqrt()
         });
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
@@ -161,7 +161,7 @@ impl ContactIndex {
         let mut best = None;
         let mut search = |id: PatchId, q: DVec3, start: Start| {
             let patch = &self.patches[id];
-            if let Some(packet) = Search::new(&patch.tree, id, q).run_from(start, &mut best) {
+            if let Some(packet) = patch.tree.nearest(id, q, start, &mut best) {
                 cursor.0 = Some((id, packet));
             }
             Best::squared(best.as_ref()).sqrt()

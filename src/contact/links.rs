@@ -3,7 +3,7 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::{
-    contact::{ContactError, Query, search::LARGEST},
+    contact::{ContactError, Query, patch_bvh::LARGEST},
     id::IdVec,
     map::SkinMap,
     mesh::is_rigid,

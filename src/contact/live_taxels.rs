@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    contact::{Cell, search::PointTree},
+    bvh::PointTree,
+    contact::Cell,
     id::{IdVec, VertexId},
     map::{PatchMap, SkinMap},
     pyramid::LevelId,
@@ -55,7 +56,7 @@ impl Taxels {
         }
         let mut found = Vec::new();
         self.tree.nearest(at, 1, f64::INFINITY, &mut found);
-        found.first().map(|&(live, _)| self.ids[self.live[live]])
+        found.first().map(|&(live, _): &(VertexId, f64)| self.ids[self.live[live]])
     }
 }
 

@@ -54,14 +54,9 @@
 //!
 //! `query` (what is asked and answered), `links` (where the links are), `index` (one query), `patch` (what an
 //! index keeps of a patch), `blend` (patches that follow several links), `hits` (many queries),
-//! `crate::bvh` (which patches, by their boxes),
-//! `search/patch_bvh`, `search/tree`, `search/node8`, `search/triangle8`, `search/fit` (the tree),
-//! `search/lanes` (eight numbers at a time), `search/rounding` (the bound), `search/{descent,
-//! nearest}` (the walk), `search/{first_hit, within, points}` (other searches), `fields` and `rays`;
+//! `patch_bvh` (the mesh of a level in a tree; the trees are those of `crate::bvh`), `fields` and `rays`;
 //! `coarse` (levels with their own trees) and `reactive` (levels alone); `found` and `cell` (from a hit to the
 //! map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
-//!
-//! The module is the only one that uses pulp and wide.
 //!
 //! # Example
 //!
@@ -99,10 +94,10 @@ mod links;
 mod live_taxels;
 mod map_index;
 mod patch;
+mod patch_bvh;
 mod query;
 mod rays;
 mod reactive;
-mod search;
 #[cfg(test)]
 mod soup;
 

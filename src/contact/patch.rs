@@ -3,17 +3,18 @@
 use glam::DVec3;
 
 use crate::{
-    bvh::Aabb,
+    bvh::{Aabb, PointTree},
     contact::{
         ContactError, IndexOptions,
         blend::Blend,
         cell::PatchCells,
         coarse::{CoarseLevel, coarse_levels, mean_side},
         links::Links,
-        search::{PatchBvh, PointTree},
+        patch_bvh::PatchBvh,
     },
     id::{IdVec, VertexId},
     map::PatchMap,
+    mesh::TriMesh,
     pyramid::LevelId,
     skin::{Joints, LinkId, PatchId, Presence, scaled_joints},
 };
@@ -60,7 +61,7 @@ impl IndexedPatch {
             name: patch.name.clone(),
             link: patch.link,
             cells: PatchCells::new(patch)?,
-            fields: with_fields().map(|map| PointTree::of_mesh(&map.level.mesh)).collect(),
+            fields: with_fields().map(|map| vertex_tree(&map.level.mesh)).collect(),
             bounds: tree.bounds(),
             spacing: mean_side(mesh),
             origins: with_fields().map(|map| map.level.origins.clone()).collect(),
@@ -110,7 +111,8 @@ impl IndexedPatch {
         std::mem::swap(&mut self.normals, &mut blend.normals);
         let (positions, normals) = (&self.tree.mesh.positions, &self.normals);
         for (fields, origins) in self.fields.iter_mut().zip(&self.origins) {
-            fields.refit(|field| positions[origins[field]], |field| normals[origins[field]]);
+            let origin = |field: usize| origins[VertexId::new(field)];
+            fields.refit(|field| positions[origin(field)], |field| normals[origin(field)]);
         }
         self.fill_bounds();
     }
@@ -133,4 +135,13 @@ impl IndexedPatch {
         let above = self.nearest_level(level).index().checked_sub(1).and_then(|k| self.coarse.get(k));
         (above.map_or(&self.tree, |level| &level.tree), above)
     }
+}
+
+/// A tree over the vertices of a mesh, along its normals.
+fn vertex_tree(mesh: &TriMesh) -> PointTree {
+    let mut normals = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, mesh.positions.len());
+    for (face, corners) in mesh.triangles.enumerate() {
+        corners.iter().for_each(|&v| normals[v] += mesh.face_cross(face));
+    }
+    PointTree::new(&mesh.positions, |v| normals[VertexId::new(v)])
 }

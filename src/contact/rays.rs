@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::{
     bvh::Ray,
-    contact::{ContactError, ContactIndex, Hit, Query, search::Best},
+    contact::{ContactError, ContactIndex, Hit, Query, patch_bvh::Best},
+    id::FaceId,
     mesh::{Closest, Feature},
     skin::PatchId,
 };
@@ -47,7 +48,7 @@ impl ContactIndex {
                 let feature = Feature::at(found.barycentric);
                 let closest =
                     Closest { squared: 0.0, barycentric: found.barycentric, feature, is_flat: false };
-                let best = Best { patch: id, face: found.face, closest };
+                let best = Best { patch: id, face: FaceId::from(found.triangle), closest };
                 if first
                     .as_ref()
                     .is_none_or(|(distance, best)| (found.distance, id) < (*distance, best.patch))

@@ -3,11 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    contact::{
-        ContactError, ContactIndex, Query,
-        coarse::CoarseLevel,
-        search::{Best, Search},
-    },
+    bvh::Start,
+    contact::{ContactError, ContactIndex, Query, coarse::CoarseLevel, patch_bvh::Best},
     id::FaceId,
     mesh::SurfacePoint,
     pyramid::LevelId,
@@ -56,7 +53,7 @@ impl ContactIndex {
         self.each_patch(&query, f64::INFINITY, |id, q| {
             let before = Best::squared(best.as_ref()).sqrt();
             let (tree, coarse) = self.patches[id].on_level(level);
-            Search::new(tree, id, q).run(&mut best);
+            tree.nearest(id, q, Start::Root, &mut best);
             let found = best.as_ref().filter(|best| best.patch == id);
             let away = Best::squared(best.as_ref()).sqrt();
             let around = match (coarse, found) {

@@ -339,7 +339,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::fixed;
+    use crate::soup::fixed;
 
     /// Boxes of a size, far from the origin or not, in space or in the plane; some are points, many touch,
     /// and many are the same.

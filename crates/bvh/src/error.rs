@@ -10,8 +10,14 @@ pub enum BvhError {
         /// Which box.
         index: usize,
     },
-    /// More boxes than a tree can number.
-    #[error("{count} boxes are too many for a tree; at most {most} are possible")]
+    /// A vertex that is too far away to be searched for, or not finite.
+    #[error("vertex {vertex} is too far from the origin, or not finite")]
+    TooFar {
+        /// Which vertex.
+        vertex: usize,
+    },
+    /// More elements than a tree can number, or none where there must be one.
+    #[error("a tree over {count} elements is not possible; at most {most} are")]
     TooMany {
         /// How many there are.
         count: usize,

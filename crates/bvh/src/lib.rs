@@ -3,27 +3,45 @@
 //! | have | need | take |
 //! |---|---|---|
 //! | boxes | pairs that touch, those near a point or on a ray | [`BoxTree`] |
+//! | points | the nearest few, all in a sphere | [`PointTree`] |
+//! | triangles | the nearest one, all in a sphere, the first on a ray | [`TriangleTree`] |
 //!
 //! Coordinates are `f64` of any size and any origin. Inside, boxes are `f32`, rounded outwards: they only
 //! decide what is looked at. What is found is decided in `f64`, so answers are exact, and the same on
 //! every processor.
 //!
-//! This is the only crate that uses obvhs: it builds the [`BoxTree`], whose walks are ours.
+//! Files in reading order: `aabb`, `ray`, `scaling`; `box_tree`, whose topology is obvhs'; `tree`, `node8`,
+//! `packets`, `fit` (eight oriented boxes a node over packets of eight), `lanes` and `avx2` (eight numbers at
+//! a time), `rounding` (the bound), `descent` (the walk); `point_tree`, `triangle_tree` (the searches).
+//!
+//! Boxes have no side along which they are thin, so obvhs' surface-area heuristic serves them well. Points
+//! and triangles of a skin have: their tree is halved by count, with boxes along the mean normal, which is
+//! 1.2 to 1.8 times as fast for the nearest triangle as a tree of obvhs' topology with the same nodes.
+//!
+//! This is the only crate that uses obvhs, pulp and wide.
 
 mod aabb;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod box_tree;
+mod descent;
 mod error;
+mod fit;
+mod lanes;
+mod node8;
+mod packets;
+mod point_tree;
 mod ray;
+mod rounding;
 mod scaling;
+#[cfg(test)]
+mod soup;
+mod tree;
+mod triangle_tree;
 
 pub use aabb::Aabb;
 pub use box_tree::BoxTree;
 pub use error::BvhError;
+pub use point_tree::{Id, PointTree};
 pub use ray::{Meeting, Ray, meet};
-
-/// The same `cases` in every run.
-#[cfg(test)]
-fn fixed(cases: u32, seed: u64) -> proptest::prelude::ProptestConfig {
-    let rng_seed = proptest::test_runner::RngSeed::Fixed(seed);
-    proptest::prelude::ProptestConfig { cases, rng_seed, failure_persistence: None, ..Default::default() }
-}
+pub use triangle_tree::{Nearest, RayHit, Refitting, Start, TriangleTree};

@@ -112,7 +112,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(crate::fixed(2000, 22))]
+        #![proptest_config(crate::soup::fixed(2000, 22))]
 
         /// A ray at a point of the side that two triangles share meets one of them: no gap.
         #[test]

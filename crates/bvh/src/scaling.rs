@@ -16,13 +16,23 @@ pub(crate) struct Scaling {
     /// What makes lengths into the units of the tree, in which the radius is between 1/2 and 1: a power
     /// of two, so that it rounds nothing.
     pub(crate) scale: f64,
+    /// The box around everything.
+    pub(crate) bounds: Aabb,
 }
 
 impl Scaling {
     /// For what lies in `bounds`, none of it farther than `radius` from their centre.
     pub(crate) fn new(bounds: &Aabb, radius: f64) -> Self {
         let origin = if *bounds == Aabb::EMPTY { DVec3::ZERO } else { bounds.lo.midpoint(bounds.hi) };
-        Self { origin, scale: unit_scale(radius) }
+        Self { origin, scale: unit_scale(radius), bounds: *bounds }
+    }
+
+    /// For finite points; there may be none.
+    pub(crate) fn around(points: impl Iterator<Item = DVec3> + Clone) -> Self {
+        let bounds = Aabb::around(points.clone());
+        let centre = Self::new(&bounds, 0.0).origin;
+        let radius = points.map(|p| p.distance_squared(centre)).fold(0.0, f64::max).sqrt();
+        Self::new(&bounds, radius)
     }
 
     #[inline]

@@ -9,7 +9,8 @@
 use glam::DVec3;
 
 use crate::{
-    contact::search::{Best, PatchBvh, Search, Start},
+    bvh::Start,
+    contact::patch_bvh::{Best, PatchBvh},
     id::FaceId,
     mesh::closest_point,
     skin::PatchId,
@@ -73,7 +74,7 @@ impl Target<'_> {
     fn corner(&self, point: DVec3, near: Option<u32>) -> Corner {
         let mut best = None;
         let start = near.map_or(Start::Root, Start::Packet);
-        let packet = Search::new(self.tree, PatchId::new(0), point).run_from(start, &mut best);
+        let packet = self.tree.nearest(PatchId::new(0), point, start, &mut best);
         let (face, distance) = best.map_or((FaceId::default(), f64::INFINITY), |best: Best| {
             (best.face, best.closest.squared.sqrt())
         });

@@ -7,7 +7,7 @@ use distance::{DEEPEST, ROUND_UP, Target};
 use glam::DVec3;
 
 use crate::{
-    contact::{ContactError, search::PatchBvh},
+    contact::{ContactError, patch_bvh::PatchBvh},
     id::{FaceId, IdVec},
     map::PatchMap,
     mesh::TriMesh,
@@ -129,7 +129,7 @@ impl CoarseLevel {
                 let centre = corners.into_iter().sum::<DVec3>() / 3.0;
                 let radius = corners.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
                 let mut most = self.deviations[face].skin;
-                self.tree.each_around(centre, (radius + reach) * (1.0 + 1e-9), |other, _| {
+                self.tree.each_around(centre, (radius + reach) * (1.0 + 1e-9), |other| {
                     most = most.max(self.deviations[other].skin);
                 });
                 most

@@ -14,7 +14,7 @@ use crate::{
     contact::{
         Cell, ContactError, ContactIndex,
         cell::OwnFace,
-        search::{Best, LARGEST, check},
+        patch_bvh::{Best, LARGEST, check},
     },
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},

@@ -3,25 +3,25 @@
 
 use arrayvec::ArrayVec;
 
-use super::{
+use crate::{
     lanes::Lanes,
     node8::{Child, Node8, Target},
     tree::{DEPTH, STACK, Tree},
 };
 
 /// What is done with the packets of a walk.
-pub(super) trait Visitor<L: Lanes> {
+pub(crate) trait Visitor<L: Lanes> {
     /// Compares the contents of a packet with `point`, in the tree's frame and units, and lowers the
     /// bound if it can: squares above it are of no interest. Must be `#[inline(always)]`.
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32);
 }
 
 /// A walk down a tree.
-pub(super) struct Descent<'a, L: Lanes> {
-    pub(super) l: L,
-    pub(super) tree: &'a Tree,
-    pub(super) point: [f32; 3],
-    pub(super) bound: f32,
+pub(crate) struct Descent<'a, L: Lanes> {
+    pub(crate) l: L,
+    pub(crate) tree: &'a Tree,
+    pub(crate) point: [f32; 3],
+    pub(crate) bound: f32,
     /// Boxes to be opened: squared distance and child in one number. Distances are not negative, so
     /// their bits sort as they do.
     stack: ArrayVec<u64, STACK>,
@@ -29,13 +29,13 @@ pub(super) struct Descent<'a, L: Lanes> {
 
 /// A squared distance and a number in one word, which sorts by the distance.
 #[inline(always)]
-pub(super) fn entry(squared: f32, number: u32) -> u64 {
+pub(crate) fn entry(squared: f32, number: u32) -> u64 {
     u64::from(squared.to_bits()) << 32 | u64::from(number)
 }
 
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits")]
-pub(super) fn parts(entry: u64) -> (f32, u32) {
+pub(crate) fn parts(entry: u64) -> (f32, u32) {
     (f32::from_bits((entry >> 32) as u32), entry as u32)
 }
 
@@ -43,21 +43,21 @@ pub(super) fn parts(entry: u64) -> (f32, u32) {
 /// takes at most as much from another.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "the last factor is larger than the rounding")]
-pub(super) fn bound_of(squared: f32, slack: f64) -> f32 {
+pub(crate) fn bound_of(squared: f32, slack: f64) -> f32 {
     let reach = squared.sqrt() + 2.0 * slack as f32;
     reach * reach * (1.0 + 8.0 * f32::EPSILON)
 }
 
 impl<'a, L: Lanes> Descent<'a, L> {
     #[inline(always)]
-    pub(super) fn new(l: L, tree: &'a Tree, point: [f32; 3], bound: f32) -> Self {
+    pub(crate) fn new(l: L, tree: &'a Tree, point: [f32; 3], bound: f32) -> Self {
         Self { l, tree, point, bound, stack: ArrayVec::new() }
     }
 
     /// Visits every packet that may hold something within the bound; afterwards the bound is that of
     /// the nearest.
     #[inline(always)]
-    pub(super) fn run(&mut self, visitor: &mut impl Visitor<L>) {
+    pub(crate) fn run(&mut self, visitor: &mut impl Visitor<L>) {
         self.descend(visitor);
         self.drain(visitor);
     }
@@ -68,7 +68,7 @@ impl<'a, L: Lanes> Descent<'a, L> {
     /// No box has to be compared before it is known which comes next, so this is faster than the way
     /// down where the packet does hold the nearest.
     #[inline(always)]
-    pub(super) fn climb(&mut self, packet: u32, visitor: &mut impl Visitor<L>) {
+    pub(crate) fn climb(&mut self, packet: u32, visitor: &mut impl Visitor<L>) {
         let l = self.l;
         let tree = self.tree;
         visitor.visit(l, self.point, packet as usize, &mut self.bound);

@@ -17,10 +17,10 @@ const SLACK: f64 = 48.0 / 16_777_216.0;
 
 /// From this many radii away `f64` takes over: the slack is larger than what the faces of a flat patch
 /// differ by in their distance.
-pub(super) const FAR: f64 = 16.0;
+pub(crate) const FAR: f64 = 16.0;
 
 /// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
-pub(super) const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
+pub(crate) const FAR_ROUND_UP: f64 = 1.0 + 1e-14;
 
 /// Squares found in `f32` are compared with bounds enlarged by this, for the last roundings.
 const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
@@ -28,7 +28,7 @@ const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
 /// Upper bound of the squared `f32` distance computed for any face or box whose true distance is at
 /// most `distance`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding is part of ROUND_UP; clamped to finite")]
-pub(super) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
+pub(crate) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
     let reach = distance + slack;
     // Infinity would let the empty slots of nodes in.
     (reach * reach * ROUND_UP).min(f64::from(f32::MAX)) as f32
@@ -36,7 +36,7 @@ pub(super) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
 
 /// The most by which a distance found in `f32` exceeds the true one, seen from `reach` away from
 /// the centre of a scene of that `radius`, in the unit of both.
-pub(super) fn slack(reach: f64, radius: f64) -> f64 {
+pub(crate) fn slack(reach: f64, radius: f64) -> f64 {
     SLACK * (reach + radius)
 }
 

@@ -4,7 +4,7 @@ use std::arch::x86_64::{__m128, __m128i, __m256, __m256i, _CMP_LE_OQ};
 
 use pulp::{cast, x86::V3};
 
-use super::lanes::{LANES, Lanes};
+use crate::lanes::{LANES, Lanes};
 
 impl Lanes for V3 {
     type F = __m256;

@@ -7,14 +7,14 @@
 use wide::f32x8;
 
 /// Lanes: boxes of a node, triangles or points of a packet.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// One way to compute with eight numbers at a time.
 ///
 /// Everything that uses it down to the innermost function must be `#[inline(always)]`, and must not
 /// contain a closure: only what is inlined into [`Simd::run`] is compiled for the processor's
 /// instructions.
-pub(super) trait Lanes: Copy {
+pub(crate) trait Lanes: Copy {
     /// Eight numbers.
     type F: Copy;
     fn splat(self, x: f32) -> Self::F;
@@ -50,7 +50,7 @@ pub(super) trait Lanes: Copy {
 
 /// For every processor.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Plain;
+pub(crate) struct Plain;
 
 impl Lanes for Plain {
     type F = f32x8;
@@ -172,7 +172,7 @@ impl Lanes for Plain {
 
 /// The largest number of each of eight rows.
 #[inline(always)]
-pub(super) fn most_of_rows<L: Lanes>(l: L, mut rows: [L::F; LANES]) -> L::F {
+pub(crate) fn most_of_rows<L: Lanes>(l: L, mut rows: [L::F; LANES]) -> L::F {
     let zero = l.splat(0.0);
     for row in &mut rows {
         *row = l.sub(zero, *row);
@@ -181,7 +181,7 @@ pub(super) fn most_of_rows<L: Lanes>(l: L, mut rows: [L::F; LANES]) -> L::F {
 }
 
 /// What is computed with one way or another.
-pub(super) trait Kernel {
+pub(crate) trait Kernel {
     type Output;
     /// Must be `#[inline(always)]`.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
@@ -189,7 +189,7 @@ pub(super) trait Kernel {
 
 /// The best way that this processor has.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Simd {
+pub(crate) struct Simd {
     #[cfg(target_arch = "x86_64")]
     v3: Option<pulp::x86::V3>,
 }
@@ -211,7 +211,7 @@ impl<K: Kernel> pulp::NullaryFnOnce for Wrapped<K> {
 }
 
 impl Simd {
-    pub(super) fn detect() -> Self {
+    pub(crate) fn detect() -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             v3: pulp::x86::V3::try_new(),
@@ -220,7 +220,7 @@ impl Simd {
 
     /// The way of processors without any other.
     #[cfg(test)]
-    pub(super) fn plain() -> Self {
+    pub(crate) fn plain() -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             v3: None,
@@ -228,7 +228,7 @@ impl Simd {
     }
 
     #[inline(always)]
-    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = self.v3 {
             return v3.vectorize(Wrapped { kernel, v3 });

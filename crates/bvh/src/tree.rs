@@ -6,47 +6,51 @@
 
 use std::ops::Range;
 
+use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{lanes::LANES, node8::Node8};
+use crate::{
+    lanes::LANES,
+    node8::{Child, Node8, Target},
+};
 
 /// Primitives of one tree, at most: numbers of nodes and packets must stay clear of a child's top
 /// bit, and the tree of [`DEPTH`].
-pub(super) const MAX_PRIMITIVES: usize = 1 << 28;
+pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 
 /// Nodes on the longest way from the root of any tree to a packet: every node has an eighth of the
 /// primitives of the one above it, up to a packet. One more is spare.
-pub(super) const DEPTH: usize = 12;
+pub(crate) const DEPTH: usize = 12;
 
 /// Most entries on the stack of a walk: seven children stay behind in each node on the way. Stacks are
 /// `ArrayVec`s: arrays were cleared for each query, which took 25 of the 371 ns of a reactive answer.
-pub(super) const STACK: usize = 7 * DEPTH + 1;
+pub(crate) const STACK: usize = 7 * DEPTH + 1;
 
 /// If the normals of a part cancel to less than this share of its area, there is no direction in
 /// which it is thin.
-pub(super) const FLAT: f64 = 0.25;
+pub(crate) const FLAT: f64 = 0.25;
 
 /// A tree whose packets are numbered, and what is in them.
 #[derive(Debug, Clone)]
-pub(super) struct Tree {
+pub(crate) struct Tree {
     /// The root first; every node before those below it.
-    pub(super) nodes: Vec<Node8>,
+    pub(crate) nodes: Vec<Node8>,
     /// Primitives of each packet, ascending; the last one is repeated in empty lanes.
-    pub(super) packets: Vec<[u32; LANES]>,
+    pub(crate) packets: Vec<[u32; LANES]>,
     /// The node above each packet.
-    pub(super) owners: Vec<u32>,
+    pub(crate) owners: Vec<u32>,
 }
 
 /// A primitive as the tree sees it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Primitive {
-    pub(super) centre: DVec3,
+pub(crate) struct Primitive {
+    pub(crate) centre: DVec3,
     /// Normal of the skin there, as long as the area it stands for.
-    pub(super) area: DVec3,
+    pub(crate) area: DVec3,
 }
 
 /// The primitives of a packet, each once.
-pub(super) fn distinct(packet: &[u32; LANES]) -> impl Iterator<Item = u32> + '_ {
+pub(crate) fn distinct(packet: &[u32; LANES]) -> impl Iterator<Item = u32> + '_ {
     let repeated = |lane: usize| lane > 0 && packet[lane] == packet[lane - 1];
     (0..LANES).filter(move |&lane| !repeated(lane)).map(|lane| packet[lane])
 }
@@ -54,7 +58,7 @@ pub(super) fn distinct(packet: &[u32; LANES]) -> impl Iterator<Item = u32> + '_ 
 impl Tree {
     /// A tree over at least one and at most [`MAX_PRIMITIVES`], whose boxes are still to be [fitted](Self::fit).
     #[expect(clippy::cast_possible_truncation, reason = "fewer nodes and packets than MAX_PRIMITIVES")]
-    pub(super) fn new(primitives: &[Primitive]) -> Self {
+    pub(crate) fn new(primitives: &[Primitive]) -> Self {
         let mut order: Vec<u32> = (0..primitives.len() as u32).collect();
         let mut tree = Self { nodes: vec![Node8::default()], packets: Vec::new(), owners: Vec::new() };
         let mut open = vec![(0_usize, 0..primitives.len(), None)];
@@ -82,6 +86,40 @@ impl Tree {
             }
         }
         tree
+    }
+
+    /// A walk in `f64`, for the queries that need no eight lanes.
+    ///
+    /// Visits every packet whose key is not above a bound, the least key first where it can.
+    ///
+    /// `keys` gives a lower bound for what is in each child of a node, infinite where nothing can
+    /// be; `visit` handles a packet and returns the bound from then on. Nothing is allocated.
+    pub(crate) fn walk(
+        &self,
+        mut bound: f64,
+        keys: impl Fn(&Node8) -> [f64; LANES],
+        mut visit: impl FnMut(&[u32; LANES]) -> f64,
+    ) {
+        let mut stack = ArrayVec::<_, STACK>::new();
+        stack.push((0.0, Child::ROOT));
+        while let Some((key, at)) = stack.pop() {
+            if key > bound {
+                continue;
+            }
+            match at.target() {
+                Target::Packet(packet) => bound = visit(&self.packets[packet]),
+                Target::Node(index) => {
+                    let node = &self.nodes[index];
+                    let first = stack.len();
+                    for (lane, key) in keys(node).into_iter().enumerate() {
+                        if key <= bound && key < f64::INFINITY {
+                            stack.push((key, node.child(lane)));
+                        }
+                    }
+                    stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+                }
+            }
+        }
     }
 }
 
@@ -198,12 +236,9 @@ impl Moments {
 mod tests {
     use super::*;
     use crate::{
-        contact::search::{
-            fit::{Points, put},
-            lanes::Simd,
-            node8::{Child, Target},
-        },
-        mesh::{TriMesh, shapes},
+        fit::{Points, put},
+        lanes::Simd,
+        soup::sheet,
     };
 
     /// Primitives below a child, all of whose corners must lie in its boxes.
@@ -225,13 +260,11 @@ mod tests {
 
     #[test]
     fn each_primitive_is_below_the_root_once_and_inside_of_all_boxes_above_it() {
-        let stacked = |n: usize| {
-            TriMesh::from_arrays(shapes::triangle().positions.iter().copied().collect(), &vec![[0, 1, 2]; n])
-        };
-        for mesh in
-            [shapes::triangle(), shapes::fan(8), shapes::cap(40_000, 0.5, 1.9), stacked(9), stacked(5000)]
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let cap = sheet(140, 140, |p| DVec3::new(p.x, p.y, -0.005 * (p - 70.0).length_squared()) / 100.0);
+        for corners in
+            [vec![triangle], sheet(2, 2, |p| p.extend(0.1)), cap, vec![triangle; 9], vec![triangle; 5000]]
         {
-            let corners: Vec<_> = mesh.triangles.ids().map(|f| mesh.corners(f)).collect();
             let primitive = |id: u32| {
                 let [a, b, c] = corners[id as usize];
                 Primitive { centre: (a + b + c) / 3.0, area: (b - a).cross(c - a) }

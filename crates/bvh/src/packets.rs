@@ -1,8 +1,8 @@
-//! Eight triangles side by side, and their squared distances to a point in `f32`.
+//! Eight triangles or points side by side, and their squared distances to a point in `f32`.
 
 use glam::DVec3;
 
-use super::{
+use crate::{
     fit::Points,
     lanes::{Kernel, LANES, Lanes},
 };
@@ -19,7 +19,7 @@ const SHORTEST_SQUARED: f32 = 1e-30;
 /// the coordinates.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
-pub(super) struct Triangle8 {
+pub(crate) struct Triangle8 {
     /// Start, `x`, `y` (three rows each), base and apex (two rows).
     rows: [[f32; LANES]; 12],
 }
@@ -27,7 +27,7 @@ pub(super) struct Triangle8 {
 impl Triangle8 {
     /// Squared distances of `q` to the triangles, wrong by less than the search's slack.
     #[inline(always)]
-    pub(super) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
+    pub(crate) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
         let (r, zero) = (&self.rows, l.splat(0.0));
         let p = [
             l.sub(l.splat(q[0]), l.load(&r[0])),
@@ -63,7 +63,7 @@ impl Triangle8 {
 /// Sets eight triangles by their corners, in the tree's units: the sum of their [normals](Normals).
 /// What rounding does to their frames moves their corners by a few units of the coordinates,
 /// however thin they are.
-pub(super) struct Framing<'a>(pub(super) &'a Points<3>, pub(super) &'a mut Triangle8);
+pub(crate) struct Framing<'a>(pub(crate) &'a Points<3>, pub(crate) &'a mut Triangle8);
 
 impl Kernel for Framing<'_> {
     type Output = DVec3;
@@ -103,7 +103,7 @@ impl Kernel for Framing<'_> {
 }
 
 /// The sum of the normals of eight triangles, each twice as long as its area.
-pub(super) struct Normals<'a>(pub(super) &'a Points<3>);
+pub(crate) struct Normals<'a>(pub(crate) &'a Points<3>);
 
 impl Kernel for Normals<'_> {
     type Output = DVec3;
@@ -189,22 +189,39 @@ fn to_side<L: Lanes>(l: L, [x, y]: [L::F; 2], [end_x, end_y]: [L::F; 2]) -> L::F
     l.mul_add(dx, dx, l.mul(dy, dy))
 }
 
+/// Up to eight points, side by side; empty lanes repeat the last one.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Point8 {
+    /// One row for each coordinate.
+    rows: [[f32; LANES]; 3],
+}
+
+impl Point8 {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
+    pub(crate) fn new(points: &[DVec3; LANES]) -> Self {
+        Self { rows: [0, 1, 2].map(|k: usize| points.map(|p| p[k] as f32)) }
+    }
+
+    /// Squared distances of `q` to the points, wrong by less than the search's slack.
+    #[inline(always)]
+    pub(crate) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
+        let x = l.sub(l.splat(q[0]), l.load(&self.rows[0]));
+        let y = l.sub(l.splat(q[1]), l.load(&self.rows[1]));
+        let z = l.sub(l.splat(q[2]), l.load(&self.rows[2]));
+        l.mul_add(x, x, l.mul_add(y, y, l.mul(z, z)))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
     use crate::{
-        contact::{
-            search::{
-                fit,
-                lanes::{Plain, Simd},
-                rounding::slack,
-            },
-            soup,
-        },
-        id::VertexId,
-        mesh::closest_point,
+        fit,
+        lanes::{Plain, Simd},
+        rounding::slack,
+        soup::{self, distance},
     };
 
     struct Distances<'a>(&'a Triangle8, DVec3);
@@ -225,10 +242,6 @@ mod tests {
         Simd::detect().run(Framing(&corners, &mut packet));
         let squared = [Distances(&packet, q).run(Plain), Simd::detect().run(Distances(&packet, q))];
         squared.map(|row| row.map(f32::sqrt))
-    }
-
-    fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
-        closest_point(q, corners, [0, 1, 2].map(VertexId::new)).squared.sqrt()
     }
 
     /// Coordinates that `f32` has exactly: above the inside, beside each side, beyond each corner.

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{
+use crate::{
     lanes::{Kernel, LANES, Lanes, Simd, most_of_rows},
     node8::{Around, Boxes, EMPTY, Node8, Target},
     tree::{FLAT, Tree},
@@ -11,12 +11,12 @@ use super::{
 
 /// Points of the primitives of a packet, in the tree's units: coordinate `c` of point `k` of every
 /// primitive is in `[k][c]`.
-pub(super) type Points<const N: usize> = [[[f32; LANES]; 3]; N];
+pub(crate) type Points<const N: usize> = [[[f32; LANES]; 3]; N];
 
 /// Sets the points of the primitive in one lane.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
-pub(super) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive: [DVec3; N]) {
+pub(crate) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive: [DVec3; N]) {
     for (point, p) in points.iter_mut().zip(primitive) {
         (point[0][lane], point[1][lane], point[2][lane]) = (p.x as f32, p.y as f32, p.z as f32);
     }
@@ -36,7 +36,7 @@ impl Tree {
     /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its
     /// points; those of the nodes above follow boxes some levels below, not those of their
     /// children, whose turned boxes would grow from level to level.
-    pub(super) fn fit<const N: usize>(
+    pub(crate) fn fit<const N: usize>(
         &mut self,
         simd: Simd,
         mut set: impl FnMut(usize, &[u32; LANES], &mut Points<N>) -> DVec3,

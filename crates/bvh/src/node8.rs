@@ -7,11 +7,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{
+use crate::Ray;
+use crate::{
     lanes::{Kernel, LANES, Lanes, most_of_rows},
     rounding::{FAR, slack},
 };
-use crate::bvh::Ray;
 
 /// Steps of a node's boxes along each axis: one more fits into a byte.
 const STEPS: f64 = 254.99;
@@ -24,41 +24,41 @@ const THINNEST: f64 = 1e-7;
 const MARGIN: f32 = 16.0 / 16_777_216.0;
 
 /// Boxes along the axes of a node, one a lane.
-pub(super) struct Boxes {
-    pub(super) lo: [[f32; LANES]; 3],
-    pub(super) hi: [[f32; LANES]; 3],
+pub(crate) struct Boxes {
+    pub(crate) lo: [[f32; LANES]; 3],
+    pub(crate) hi: [[f32; LANES]; 3],
 }
 
 /// Boxes around nothing.
-pub(super) const EMPTY: Boxes =
+pub(crate) const EMPTY: Boxes =
     Boxes { lo: [[f32::INFINITY; LANES]; 3], hi: [[f32::NEG_INFINITY; LANES]; 3] };
 
 /// The lanes' numbers.
 const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Where a child of a node leads: to a node or to a packet.
-pub(super) enum Target {
+pub(crate) enum Target {
     Node(usize),
     Packet(usize),
 }
 
 /// A node or (top bit) a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Child(pub(super) u32);
+pub(crate) struct Child(pub(crate) u32);
 
 /// Children that are packets have this bit.
 const PACKET: u32 = 1 << 31;
 
 impl Child {
-    pub(super) const ROOT: Self = Self(0);
+    pub(crate) const ROOT: Self = Self(0);
 
     #[inline(always)]
-    pub(super) fn packet(packet: u32) -> Self {
+    pub(crate) fn packet(packet: u32) -> Self {
         Self(PACKET | packet)
     }
 
     #[inline(always)]
-    pub(super) fn target(self) -> Target {
+    pub(crate) fn target(self) -> Target {
         if self.0 & PACKET == 0 {
             Target::Node(self.0 as usize)
         } else {
@@ -70,29 +70,29 @@ impl Child {
 /// Up to eight boxes, in whole steps of a frame of their own.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
-pub(super) struct Node8 {
+pub(crate) struct Node8 {
     /// Columns of the way from the tree's frame into steps of the node's: three axes and the shift.
     /// The fourth row has the squared steps along the three axes.
     frame: [[f32; 4]; 4],
     lo: [[u8; LANES]; 3],
     hi: [[u8; LANES]; 3],
-    pub(super) first_node: u32,
-    pub(super) first_packet: u32,
+    pub(crate) first_node: u32,
+    pub(crate) first_packet: u32,
     /// The node above; the root's is the root.
-    pub(super) above: u32,
+    pub(crate) above: u32,
     /// The first `nodes` children are nodes, the others up to `count` are packets.
-    pub(super) nodes: u8,
-    pub(super) count: u8,
+    pub(crate) nodes: u8,
+    pub(crate) count: u8,
 }
 
 impl Node8 {
     /// A node below another one, whose boxes and children are still to be set.
-    pub(super) fn below(above: u32) -> Self {
+    pub(crate) fn below(above: u32) -> Self {
         Self { above, ..Self::default() }
     }
 
     /// A node without boxes, whose children begin at `first_node` and `first_packet`.
-    pub(super) fn new(
+    pub(crate) fn new(
         above: u32,
         [first_node, first_packet]: [u32; 2],
         nodes: u8,
@@ -119,7 +119,7 @@ impl Node8 {
     }
 
     /// Its axes: rows of about unit length, about at right angles.
-    pub(super) fn axes(&self) -> DMat3 {
+    pub(crate) fn axes(&self) -> DMat3 {
         let step = self.step();
         DMat3::from_diagonal(step) * DMat3::from_cols(self.column(0), self.column(1), self.column(2))
     }
@@ -128,7 +128,7 @@ impl Node8 {
     /// are rounded outwards.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
-    pub(super) fn fit<L: Lanes>(&mut self, l: L, axes: &DMat3, lo: [L::F; 3], hi: [L::F; 3]) {
+    pub(crate) fn fit<L: Lanes>(&mut self, l: L, axes: &DMat3, lo: [L::F; 3], hi: [L::F; 3]) {
         let (least, most) = extent(l, &lo, &hi);
         let (least, most) = (DVec3::from(least.map(f64::from)), DVec3::from(most.map(f64::from)));
         let step = ((most - least) / STEPS).max(DVec3::splat(THINNEST));
@@ -147,7 +147,7 @@ impl Node8 {
     }
 
     #[inline(always)]
-    pub(super) fn child(&self, lane: usize) -> Child {
+    pub(crate) fn child(&self, lane: usize) -> Child {
         #[expect(clippy::cast_possible_truncation, reason = "below eight")]
         let lane = lane as u32;
         let nodes = u32::from(self.nodes);
@@ -160,7 +160,7 @@ impl Node8 {
 
     /// One bit for the lane of a child.
     #[inline(always)]
-    pub(super) fn lane_bit(&self, child: Child) -> u32 {
+    pub(crate) fn lane_bit(&self, child: Child) -> u32 {
         let lane = if child.0 & PACKET == 0 {
             child.0 - self.first_node
         } else {
@@ -169,20 +169,20 @@ impl Node8 {
         1 << (lane & 7)
     }
 
-    pub(super) fn children(&self) -> impl DoubleEndedIterator<Item = Child> + ExactSizeIterator + use<> {
+    pub(crate) fn children(&self) -> impl DoubleEndedIterator<Item = Child> + ExactSizeIterator + use<> {
         let node = *self;
         (0..usize::from(node.count)).map(move |lane| node.child(lane))
     }
 
     /// One bit for each lane in use.
     #[inline(always)]
-    pub(super) fn used(&self) -> u32 {
+    pub(crate) fn used(&self) -> u32 {
         (1 << self.count) - 1
     }
 
     /// Squared distances of `q` to the boxes; an empty slot is never nearer than the first box.
     #[inline(always)]
-    pub(super) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
+    pub(crate) fn distance_squared<L: Lanes>(&self, l: L, q: [f32; 3]) -> L::F {
         let p = l.affine(&self.frame, q);
         let x = outside(l, &self.lo[0], &self.hi[0], p[0]);
         let y = outside(l, &self.lo[1], &self.hi[1], p[1]);
@@ -193,11 +193,11 @@ impl Node8 {
 }
 
 /// For each of some nodes, at most eight, the box along `axes` (rows) around those of its children.
-pub(super) struct Around<'a> {
-    pub(super) nodes: &'a [Node8],
-    pub(super) axes: &'a DMat3,
+pub(crate) struct Around<'a> {
+    pub(crate) nodes: &'a [Node8],
+    pub(crate) axes: &'a DMat3,
     /// Leaves children out that are nodes.
-    pub(super) only_packets: bool,
+    pub(crate) only_packets: bool,
 }
 
 impl Kernel for Around<'_> {
@@ -281,7 +281,7 @@ impl Node8 {
 
     /// Lower bounds of the distances, in the tree's units, from a point to the children; infinite for empty
     /// slots.
-    pub(super) fn point_gaps(&self, q: DVec3) -> [f64; LANES] {
+    pub(crate) fn point_gaps(&self, q: DVec3) -> [f64; LANES] {
         if q.length() > FAR {
             return self.far_gaps(q);
         }
@@ -298,7 +298,7 @@ impl Node8 {
 
     /// As [`Self::point_gaps`], for a point so far away that `f32` cannot distinguish the boxes: their
     /// distances along the directions to their middles.
-    pub(super) fn far_gaps(&self, q: DVec3) -> [f64; LANES] {
+    pub(crate) fn far_gaps(&self, q: DVec3) -> [f64; LANES] {
         let step = self.step();
         let mut gaps = [f64::INFINITY; LANES];
         for (lane, gap) in gaps.iter_mut().enumerate().take(usize::from(self.count)) {
@@ -316,7 +316,7 @@ impl Node8 {
 
     /// For each child how far along a ray, in the tree's frame and units, its box begins; infinite
     /// where the ray misses it.
-    pub(super) fn entries(&self, ray: &Ray) -> [f64; LANES] {
+    pub(crate) fn entries(&self, ray: &Ray) -> [f64; LANES] {
         let (at, along) = (self.vector(ray.origin) + self.column(3), self.vector(ray.direction));
         let margin = slack(ray.origin.length(), 1.0) / self.step();
         let mut entries = [f64::INFINITY; LANES];

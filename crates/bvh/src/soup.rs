@@ -1,0 +1,56 @@
+//! Triangles for tests: without any order, slivers, needles and points among them; and sheets.
+
+use glam::{DVec2, DVec3};
+use proptest::{prelude::*, test_runner::RngSeed};
+
+/// A triangle with coordinates within 1; its third corner may be near a side, near a corner or on it.
+pub(crate) fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
+    let corner = || prop::array::uniform3(-1.0_f64..1.0).prop_map(DVec3::from);
+    let flat = prop_oneof![3 => Just(1.0), 1 => Just(1e-3), 1 => Just(1e-7), 1 => Just(0.0)];
+    let small = prop_oneof![4 => Just(1.0), 1 => Just(1e-4), 1 => Just(0.0)];
+    (corner(), corner(), corner(), flat, small, prop::bool::ANY).prop_map(|(a, b, c, flat, small, needle)| {
+        let foot = if needle { a } else { a.lerp(b, 0.4) };
+        [a, a + (b - a) * small, a + (foot + (c - foot) * flat - a) * small]
+    })
+}
+
+/// As many triangles, and then copies of the first of them: equally near ones.
+pub(crate) fn triangles(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<[DVec3; 3]>> {
+    let copies = prop_oneof![2 => Just(0_usize), 1 => 1..20_usize];
+    (prop::collection::vec(triangle(), count), copies).prop_map(|(mut triangles, copies)| {
+        let first = triangles.len();
+        triangles.extend_from_within(..copies.min(first));
+        triangles.extend_from_within(..copies.min(first) / 2);
+        triangles
+    })
+}
+
+/// The triangles of a sheet of squares of side 1, each cut in two, moved by `place`.
+pub(crate) fn sheet(columns: u32, rows: u32, place: impl Fn(DVec2) -> DVec3) -> Vec<[DVec3; 3]> {
+    let at = |i: u32, j: u32| place(DVec2::new(i.into(), j.into()));
+    let square = |i: u32, j: u32| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    (0..columns).flat_map(|i| (0..rows).flat_map(move |j| [(i, j)])).flat_map(|(i, j)| square(i, j)).collect()
+}
+
+/// Distance of `q` to a triangle: to its inside or to one of its sides.
+pub(crate) fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
+    let to_side = |a: DVec3, b: DVec3| {
+        let t = (q - a).dot(b - a) / (b - a).length_squared();
+        // A side that is a point makes `t` no number, which `max` drops.
+        q.distance(a.lerp(b, t.max(0.0).min(1.0)))
+    };
+    let [a, b, c] = corners;
+    let around = to_side(a, b).min(to_side(b, c)).min(to_side(c, a));
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let inner = |a: DVec3, b: DVec3| (b - a).cross(q - a).dot(normal) > 0.0;
+    let is_above = inner(a, b) && inner(b, c) && inner(c, a);
+    if is_above { (q - a).dot(normal).abs() } else { around }
+}
+
+/// The same `cases` in every run.
+pub(crate) fn fixed(cases: u32, seed: u64) -> ProptestConfig {
+    ProptestConfig { cases, rng_seed: RngSeed::Fixed(seed), failure_persistence: None, ..Default::default() }
+}
