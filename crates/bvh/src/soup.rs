@@ -39,8 +39,8 @@ pub(crate) fn sheet(columns: u32, rows: u32, place: impl Fn(DVec2) -> DVec3) -> 
 pub(crate) fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
     let to_side = |a: DVec3, b: DVec3| {
         let t = (q - a).dot(b - a) / (b - a).length_squared();
-        // A side that is a point makes `t` no number, which `max` drops.
-        q.distance(a.lerp(b, t.max(0.0).min(1.0)))
+        // A side that is a point makes `t` no number.
+        q.distance(a.lerp(b, if t > 0.0 { t.min(1.0) } else { 0.0 }))
     };
     let [a, b, c] = corners;
     let around = to_side(a, b).min(to_side(b, c)).min(to_side(c, a));
