@@ -263,10 +263,10 @@ impl<'a> Coarsener<'a> {
             weights: level.origins.map(|&taxel| weights[taxel]),
             coarse_len,
         };
-        let areas = from_coarser.restrict(&level.areas);
         level.from_coarser = Some(from_coarser);
-        let to_finest = Some(Prolongation { indices, weights, coarse_len });
-        let next = Level { mesh, origins, areas, from_coarser: None, to_finest };
+        let to_finest = Prolongation { indices, weights, coarse_len };
+        let areas = to_finest.restrict(&self.taxels.areas);
+        let next = Level { mesh, origins, areas, from_coarser: None, to_finest: Some(to_finest) };
         Some((std::mem::replace(level, next), removals, cut))
     }
 

@@ -16,7 +16,7 @@ pub struct Level {
     pub mesh: TriMesh,
     /// The level-0 vertex that each vertex is.
     pub origins: IdVec<VertexId, VertexId>,
-    /// Receptive areas in m^2, restricted from level 0 by the prolongations: `a_c = P' a`.
+    /// Receptive areas in m^2, collected from level 0 by `to_finest`: `Q' a`.
     pub areas: IdVec<VertexId, f64>,
     /// This level's vertices in terms of the next coarser level; `None` on the coarsest. These are
     /// the rows of the next level's `to_finest` that belong to this level's vertices.

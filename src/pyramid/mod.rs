@@ -16,10 +16,10 @@
 //! 3. **The taxels inside** a star move into its filling, to the place where they lie in the
 //!    flattened star. Their barycentric weights `w` there are the rows of a [`Prolongation`] `P`.
 //!
-//! `P` carries values coarse to fine, `x_fine = P x_coarse`, and its transpose carries amounts
-//! (forces, areas) fine to coarse, `f_coarse = P' f_fine`; rows sum to 1, so the total is kept.
-//! Receptive areas are `a_coarse = P' a_fine`. The [`RemovalLog`] lets flattening undo the removals
-//! on the map.
+//! `P` carries values from a level to the finer one, `x_fine = P x_coarse`. Amounts of the taxels
+//! (forces, areas) are collected by the fields of a level straight from level 0, `f = Q' f_0`, with `Q`
+//! the level's [`Level::to_finest`]; rows sum to 1, so the total is kept. The [`RemovalLog`] lets
+//! flattening undo the removals on the map.
 //!
 //! A patch that is mapped cut open has the same seam on every level: its vertices
 //! are chosen like those of a boundary, and a star on the seam is filled on either side of it.
