@@ -17,7 +17,7 @@ use dermatome::{
     map::{PatchMap, SkinMap},
     mesh::shapes,
     pyramid::{CoarsenOptions, LevelId, coarsen},
-    signal::{Channel, ContactTracker, Frame, Quantity, Restrictor, TrackerOptions},
+    signal::{Channel, ContactTracker, Frame, Restrictor, TrackerOptions},
     skin::{LinkId, Patch, Skin},
 };
 
@@ -103,7 +103,7 @@ fn track(c: &mut Criterion) {
         for (name, share) in [("all", 1.0), ("1%", 0.01), ("none", 0.0)] {
             let frames = [50.0, 60.0].map(|rise| frames(&map, share, rise)[1].clone());
             let options = TrackerOptions { threshold: Some(10.0), least: 1, ..TrackerOptions::default() };
-            let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+            let mut tracker = ContactTracker::new(&map, &Channel::default(), &options).unwrap();
             let contacts = if share > 0.0 { patches as usize } else { 0 };
             assert_eq!(tracker.track(&frames[0]).len(), contacts);
             let mut k = 0;

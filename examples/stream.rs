@@ -31,11 +31,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut stream = TouchSimulation::new(&skin, &touches)?;
 
     // Everything that a frame needs is made once; from then on nothing is allocated.
-    let channels = [stream.channel.clone()];
+    let channels = [stream.channel().clone()];
     let atlas = Atlas::new(&map, &AtlasOptions::default())?;
     let mut restrictor = Restrictor::new(&map, &channels);
     let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default())?;
-    let mut tracker = ContactTracker::new(&map, channels[0].quantity, &TrackerOptions::default())?;
+    let mut tracker = ContactTracker::new(&map, &channels[0], &TrackerOptions::default())?;
 
     let start = Instant::now();
     let mut latencies = Vec::new();

@@ -71,8 +71,9 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
         clip: Some([-1e9, 1e9]),
         ..ConditionOptions::default()
     };
-    let mut conditioner = Conditioner::new(map, std::slice::from_ref(&simulation.channel), &options).unwrap();
-    let channels: Vec<Channel> = conditioner.channels.clone();
+    let mut conditioner =
+        Conditioner::new(map, std::slice::from_ref(&simulation.channel()), &options).unwrap();
+    let channels: Vec<Channel> = conditioner.channels().to_vec();
     let mut restrictor = Restrictor::new(map, &channels);
     let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));
     let all = [Interpolation::Linear, Interpolation::Nearest, Interpolation::Natural];
@@ -81,8 +82,7 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
         Renderer::new(map, &atlas, &channels, &options).unwrap()
     });
     let mut tracker =
-        ContactTracker::new(map, channels[0].quantity, &TrackerOptions { channel: 0, ..Default::default() })
-            .unwrap();
+        ContactTracker::new(map, &channels[0], &TrackerOptions { channel: 0, ..Default::default() }).unwrap();
     let mut regions = 0;
     for time in 0..2 {
         let mut simulation = TouchSimulation::new(skin, touches).unwrap();

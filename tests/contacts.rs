@@ -19,8 +19,8 @@ use dermatome::{
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
     signal::{
-        ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
+        Frame, Join, Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
     },
     skin::{AssembleOptions, PatchId, Skin, assemble},
 };
@@ -38,6 +38,11 @@ fn plane() -> SkinMap {
 }
 
 const SPACING: f64 = 0.004;
+
+/// A pressure in Pa.
+fn pascals() -> Channel {
+    Channel::new("pressure", "Pa")
+}
 
 fn given(threshold: f64) -> TrackerOptions {
     TrackerOptions { threshold: Some(threshold), ..TrackerOptions::default() }
@@ -69,7 +74,7 @@ fn contacts_of(
     options: &TrackerOptions,
 ) -> Vec<(Vec<ContactRegion>, Vec<Touch>)> {
     let mut simulation = TouchSimulation::new(skin, simulated).unwrap();
-    let mut tracker = ContactTracker::new(map, simulated.quantity, options).unwrap();
+    let mut tracker = ContactTracker::new(map, simulation.channel(), options).unwrap();
     let mut all = Vec::new();
     while let Some((frame, touches)) = simulation.next_frame() {
         all.push((tracker.track(frame).to_vec(), touches.to_vec()));
@@ -244,7 +249,7 @@ fn a_bell_has_its_force_centre_and_axes() {
         3000.0 * (-0.5 * along.length_squared()).exp()
     });
     let options = TrackerOptions { low: 1e-9, ..given(2000.0) };
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
     let regions = tracker.track(&frame);
     let [region] = regions else { panic!("{regions:?}") };
     let near = |what: &str, found: f64, expected: f64, error: f64| {
@@ -267,7 +272,7 @@ fn a_bell_has_its_force_centre_and_axes() {
 fn the_centre_of_pressure_lies_on_the_skin() {
     let map = build(&Skin::from_mesh("palm", shapes::cap(800, 0.05, 1.0)), &BuildOptions::default()).unwrap();
     let level = &map.patches[patch()].levels[LevelId::new(0)];
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
     for (seed, at) in level.uv.enumerate().step_by(17) {
         let frame = bells(&map, &[(*at, 5000.0)]);
         let regions = tracker.track(&frame);
@@ -286,7 +291,7 @@ fn the_centre_of_pressure_lies_on_the_skin() {
 #[test]
 fn two_touches_on_one_link_stay_two() {
     let map = plane();
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
     for step in 0..200 {
         let arm = 0.025 * DVec2::from_angle(0.05 * f64::from(step));
         let centres = [DVec2::new(0.12, 0.1) + arm, DVec2::new(0.12, 0.1) - arm];
@@ -315,7 +320,7 @@ fn touches_that_touch_are_split_at_the_saddle() {
     };
     let regions = |frame: &Frame, prominence: f64| {
         let options = TrackerOptions { prominence, ..given(1000.0) };
-        let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+        let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
         tracker.track(frame).to_vec()
     };
     // The saddle is at 0.3 of the lower peak.
@@ -351,7 +356,7 @@ fn touches_that_touch_are_split_at_the_saddle() {
 #[test]
 fn contacts_merge_split_and_end() {
     let map = plane();
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
     let at = |x: f64| DVec2::new(x, 0.1);
     let two = |apart: f64| bells(&map, &[(at(0.11 - apart / 2.0), 3000.0), (at(0.11 + apart / 2.0), 9000.0)]);
     use ContactEvent::{Move, Onset, Release};
@@ -384,7 +389,7 @@ fn a_contact_may_move_by_the_reach() {
     let map = plane();
     for (jump, is_same) in [(0.035, true), (0.045, false)] {
         let options = TrackerOptions { reach: 0.04, ..given(2900.0) };
-        let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+        let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
         tracker.track(&bells(&map, &[(DVec2::new(0.05, 0.1), 3000.0)]));
         let tracks = tracks(tracker.track(&bells(&map, &[(DVec2::new(0.05 + jump, 0.1), 3000.0)])));
         let moved = [(0, ContactEvent::Move)];
@@ -398,7 +403,7 @@ fn a_contact_may_move_by_the_reach() {
 fn short_contacts_are_not_reported_if_so_asked() {
     let map = plane();
     let options = TrackerOptions { lasting: 3, ..given(1000.0) };
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
     let (pressed, free) = (bells(&map, &[(DVec2::new(0.1, 0.1), 3000.0)]), bells(&map, &[]));
     let mut events = Vec::new();
     for is_pressed in [true, true, false, true, true, true, true, false, false] {
@@ -431,9 +436,10 @@ fn regions_depend_on_their_frame_alone() {
     let once = contacts_of(&skin, &map, &simulated, &options);
     assert_eq!(once, contacts_of(&skin, &map, &simulated, &options));
     let mut simulation = TouchSimulation::new(&skin, &simulated).unwrap();
+    let channel = simulation.channel().clone();
     for (regions, _) in &once {
         let (frame, _) = simulation.next_frame().unwrap();
-        let mut new = ContactTracker::new(&map, simulated.quantity, &options).unwrap();
+        let mut new = ContactTracker::new(&map, &channel, &options).unwrap();
         let alone = new.track(frame);
         let untracked = present(regions).zip(alone).map(|(region, other)| ContactRegion {
             track: other.track,
@@ -455,7 +461,7 @@ fn a_dead_taxel_does_not_cut_a_contact() {
     let row: Vec<_> = (0..5).map(|k| VertexId::new(60 * 30 + 20 + k)).collect();
     row.iter().for_each(|&taxel| pressure[taxel] = 3000.0);
     pressure[row[2]] = f64::NAN;
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
     let regions = tracker.track(&frame);
     assert_eq!(regions.len(), 1);
     assert_eq!(regions[0].taxels, [row[0], row[1], row[3], row[4]]);
@@ -463,6 +469,35 @@ fn a_dead_taxel_does_not_cut_a_contact() {
     let regions = tracker.track(&frame);
     assert_eq!(present(regions).count(), 1, "two dead taxels are a gap, one taxel alone a spike");
     assert_eq!(regions[0].taxels, [row[0], row[1]]);
+}
+
+/// A taxel that does not rest at zero is no contact, nor are its neighbours.
+#[test]
+fn taxels_that_do_not_rest_at_zero_are_no_contact() {
+    let map = plane();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &TrackerOptions::default()).unwrap();
+    for k in 0..40_u32 {
+        let mut frame = bells(&map, &[]);
+        for (taxel, x) in frame.values[patch()][0].iter_mut().enumerate() {
+            let noise = f64::from((k * 7919 + taxel as u32 * 104_729) % 997) / 997.0;
+            *x = noise + if [70, 71, 130].contains(&taxel) { 500.0 } else { 0.0 };
+        }
+        assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");
+    }
+}
+
+/// Force is in newtons whatever the prefix, and unknown without a unit of force or pressure.
+#[test]
+fn force_follows_from_the_unit() {
+    let map = plane();
+    let force = |unit: &str, scale: f64| {
+        let channel = Channel::new("pressure", unit);
+        let mut tracker = ContactTracker::new(&map, &channel, &given(1000.0 * scale)).unwrap();
+        tracker.track(&bells(&map, &[(DVec2::new(0.1, 0.1), 3000.0 * scale)]))[0].force
+    };
+    let newtons = force("Pa", 1.0);
+    assert!((force("kPa", 1e-3) / newtons - 1.0).abs() < 1e-12 && newtons > 0.0, "{newtons} N");
+    assert!(force("", 1.0).is_nan() && force("count", 1.0).is_nan());
 }
 
 #[test]
@@ -479,7 +514,7 @@ fn options_that_make_no_sense_are_refused() {
         TrackerOptions { noise_frames: 1, ..TrackerOptions::default() },
         TrackerOptions { noise_frames: usize::MAX, ..TrackerOptions::default() },
     ] {
-        let error = ContactTracker::new(&map, Quantity::Intensive, &options).unwrap_err().to_string();
+        let error = ContactTracker::new(&map, &pascals(), &options).unwrap_err().to_string();
         assert!(error.contains("is needed"), "{error}");
     }
 }
@@ -491,7 +526,7 @@ fn regions_are_written_as_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("contacts.csv");
     let mut writer = RegionWriter::create(&path, &map).unwrap();
-    let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &given(1000.0)).unwrap();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
     for (number, height) in [3000.0, 4000.0, 0.0, 0.0].into_iter().enumerate() {
         let regions = tracker.track(&bells(&map, &[(DVec2::new(0.1, 0.1), height)]));
         writer.write(number as u64, 0.25 * number as f64, regions).unwrap();
@@ -543,10 +578,10 @@ fn fingers_on_a_real_cover() {
 fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
     let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
     let join = Join::new(map, reader.ids.as_deref(), reader.width, Duplicates::First).unwrap();
-    assert_eq!(join.report.matched, 634);
+    assert_eq!(join.report().matched, 634);
     let options = ConditionOptions { baseline: 5, ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(map, &reader.channels, &options).unwrap();
-    let mut tracker = ContactTracker::new(map, Quantity::Intensive, &TrackerOptions::default()).unwrap();
+    let mut tracker = ContactTracker::new(map, &pascals(), &TrackerOptions::default()).unwrap();
     let (mut counts, mut frame) = (Vec::new(), Frame::new(map, 1));
     let mut values = Vec::new();
     while reader.read(&mut values, &mut frame.time).unwrap() {

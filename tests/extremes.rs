@@ -55,7 +55,7 @@ fn every_step(
         let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));
         let given = TrackerOptions { threshold: Some(1.0), least: 1, ..TrackerOptions::default() };
         let mut trackers =
-            [given, TrackerOptions::default()].map(|o| ContactTracker::new(map, quantity, &o).unwrap());
+            [given, TrackerOptions::default()].map(|o| ContactTracker::new(map, &channels[0], &o).unwrap());
         for frame in frames {
             let levels = restrictor.restrict(frame);
             let bits = |images: &[TactileImage]| -> Vec<u32> {
@@ -128,11 +128,11 @@ fn a_hundred_thousand_taxels_are_drawn() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let touches = TouchOptions { presses: 1, rate: 4.0, pause: 0.5, ..TouchOptions::default() };
     let mut simulation = TouchSimulation::new(&skin, &touches).unwrap();
-    let channels = [simulation.channel.clone()];
+    let channels = [simulation.channel().clone()];
     let mut restrictor = Restrictor::new(&map, &channels);
     let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
     let options = TrackerOptions { threshold: Some(1e-3), ..TrackerOptions::default() };
-    let mut tracker = ContactTracker::new(&map, Quantity::Extensive, &options).unwrap();
+    let mut tracker = ContactTracker::new(&map, &Channel::new("force", "N"), &options).unwrap();
     let (mut found, mut touched) = (0, 0);
     while let Some((frame, now)) = simulation.next_frame() {
         let total: f64 = frame.values[patch()][0].iter().sum();

@@ -248,7 +248,7 @@ fn natural_neighbours_bridge_dead_taxels() {
         let touches = TouchOptions { quantity: Quantity::Intensive, ..touches };
         let mut all = TouchSimulation::new(&skin, &touches).unwrap();
         let mut some = TouchSimulation::new(&skin, &TouchOptions { dead: 0.1, ..touches }).unwrap();
-        let channels = [all.channel.clone()];
+        let channels = [all.channel().clone()];
         let mut restrictors = [0, 1, 2].map(|_| Restrictor::new(&map, &channels));
         let mut renderers = [Interpolation::Linear, Interpolation::Natural, Interpolation::Linear]
             .map(|how| renderer(&map, &atlas, Quantity::Intensive, how));

@@ -285,7 +285,7 @@ fn readings_are_written_as_a_table_and_as_arrays() {
         touches.clear();
         let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
         let mut writer =
-            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), &simulation.channel)
+            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), &simulation.channel())
                 .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame).unwrap();
@@ -340,7 +340,7 @@ fn the_same_recording_gives_the_same_bytes() {
         let path = folder.path().join(name);
         let mut simulation =
             TouchSimulation::new(&skin, &TouchOptions { presses: 1, ..TouchOptions::default() }).unwrap();
-        let channels = [simulation.channel.clone()];
+        let channels = [simulation.channel().clone()];
         let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
         let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);

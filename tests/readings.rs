@@ -580,7 +580,7 @@ fn columns_find_their_taxels() {
     // Taxels 1 to 9 (9 is absent), then 100 (a pad), 101, 102 and 4 again.
     let columns = ids(&[101, 77, 4, 9, 100, 1, 78]);
     let join = Join::new(&map, Some(&columns), 7, Duplicates::Refuse).unwrap();
-    let report = &join.report;
+    let report = &join.report();
     assert_eq!((report.matched, report.masked, report.unknown), (4, 9, 2));
     assert_eq!((report.first_unknown.as_slice(), report.shared), (&ids(&[77, 78])[..], 1));
     let mut frame = Frame::new(&map, 2);
@@ -603,7 +603,7 @@ fn columns_find_their_taxels() {
 fn without_ids_columns_are_the_taxels_in_order() {
     let map = two_patches();
     let join = Join::new(&map, None, 13, Duplicates::Refuse).unwrap();
-    assert_eq!((join.report.matched, join.report.masked), (11, 2));
+    assert_eq!((join.report().matched, join.report().masked), (11, 2));
     let mut frame = Frame::new(&map, 1);
     assert_eq!(join.fill(&(0..13).map(f64::from).collect::<Vec<_>>(), &mut frame), 0);
     for (k, x) in taxels(&frame, 0).into_iter().enumerate() {
@@ -628,7 +628,7 @@ fn columns_with_the_same_id_are_refused_or_joined() {
         (Duplicates::Mean, [1.0, 9.0, f64::NAN, 0.0, 9.0], 5.0),
     ] {
         let join = Join::new(&map, Some(&columns), 5, duplicates).unwrap();
-        assert_eq!((join.report.duplicates, join.report.unknown), (2, 1));
+        assert_eq!((join.report().duplicates, join.report().unknown), (2, 1));
         join.fill(&values, &mut frame);
         assert_eq!(taxels(&frame, 0)[2], expected, "{duplicates:?}");
     }
@@ -673,7 +673,7 @@ fn the_baseline_is_the_mean_of_the_first_frames() {
     for (baseline, mean, used) in [(0, None, 0), (1, Some(0.0), 1), (4, Some(3.0), 4), (50, Some(5.0), 6)] {
         let options = ConditionOptions { baseline, ..ConditionOptions::default() };
         let (out, conditioner) = condition(&map, &options, &frames);
-        assert_eq!((out.len(), conditioner.report.baseline_frames), (6, used));
+        assert_eq!((out.len(), conditioner.report().baseline_frames), (6, used));
         for (frame, &(time, x)) in out.iter().zip(&frames) {
             assert_eq!(frame.time, time);
             for patch in &frame.values {
@@ -709,7 +709,7 @@ fn a_taxel_without_a_baseline_is_masked() {
     assert!(seen[0].0.is_nan(), "a reading that is missing stays so");
     assert_eq!((seen[1].0, seen[2].0), (0.0, 3.0), "the mean of those that are there");
     assert!(seen[2].1.is_nan());
-    assert_eq!(conditioner.report.without_baseline, 12);
+    assert_eq!(conditioner.report().without_baseline, 12);
 }
 
 #[test]
@@ -725,7 +725,17 @@ fn gains_and_bounds_follow_the_baseline() {
     let found: Vec<Vec<f64>> = out.iter().map(|f| taxels(f, 0)).collect();
     assert_eq!((found[1][0], found[1][1], found[1][10]), (1.0, 10.0, -1.0));
     assert_eq!((found[2][0], found[2][1], found[2][10]), (2.0, 15.0, -1.5), "20 and -2 are clipped");
-    assert_eq!((conditioner.report.clipped, conditioner.report.unknown_gains), (2, 1));
+    assert_eq!((conditioner.report().clipped, conditioner.report().unknown_gains), (2, 1));
+    let options = ConditionOptions { gains: vec![(TaxelId(2), 10.0)], ..ConditionOptions::default() };
+    let (out, conditioner) = condition(&map, &options, &[(0.0, 1e38), (1.0, 3.5e38)]);
+    let found: Vec<Vec<f64>> = out.iter().map(|f| taxels(f, 0)).collect();
+    assert_eq!(
+        conditioner.report().too_large as usize,
+        1 + found[1].len(),
+        "beyond the range of 32-bit floats"
+    );
+    assert_eq!(found[0].iter().filter(|x| x.is_nan()).count(), 1);
+    assert!(found[1].iter().all(|x| x.is_nan()), "masked");
     let refused = |options| Conditioner::new(&map, &[Channel::default()], &options).unwrap_err();
     for clip in [[1.0, 1.0], [f64::NAN, 1.0], [2.0, 1.0]] {
         let error = refused(ConditionOptions { clip: Some(clip), ..ConditionOptions::default() });
@@ -746,7 +756,7 @@ fn times_that_go_backwards_are_counted_and_move_no_filter() {
     let options = ConditionOptions { split_hz: Some(1.0), ..ConditionOptions::default() };
     let frames = [(0.0, 0.0), (1.0, 0.0), (0.5, 8.0), (f64::NAN, 8.0), (0.5, 8.0), (0.6, 8.0)];
     let (out, conditioner) = condition(&map, &options, &frames);
-    assert_eq!(conditioner.report.backwards, 2);
+    assert_eq!(conditioner.report().backwards, 2);
     let slow: Vec<f64> = out.iter().map(|f| taxels(f, 0)[0]).collect();
     assert_eq!(slow[..5], [0.0; 5]);
     let expected = 8.0 * (1.0 - (-std::f64::consts::TAU * 0.1).exp());
@@ -759,9 +769,9 @@ fn a_split_has_two_channels_for_each() {
     let channels = [Channel::new("force.N", "N"), Channel::new("heat", "K")];
     let options = ConditionOptions { split_hz: Some(1.0), ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(&map, &channels, &options).unwrap();
-    let names: Vec<&str> = conditioner.channels.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<&str> = conditioner.channels().iter().map(|c| c.name.as_str()).collect();
     assert_eq!(names, ["force.N.slow", "force.N.fast", "heat.slow", "heat.fast"]);
-    assert_eq!(conditioner.channels[1].quantity, Quantity::Extensive);
+    assert_eq!(conditioner.channels()[1].quantity, Quantity::Extensive);
     let mut frame = Frame::new(&map, 2);
     frame.values[PatchId::new(1)][1][VertexId::new(2)] = 3.0;
     let check = |out: &Frame| -> Result<(), SignalError> {
@@ -803,7 +813,7 @@ proptest! {
                         prop_assert!(!is_live || x == f64::from(taxel.0) + 0.5);
                     }
                 }
-                prop_assert_eq!((join.report.matched, join.report.masked), (matched, total - matched));
+                prop_assert_eq!((join.report().matched, join.report().masked), (matched, total - matched));
             }
         }
     }
@@ -856,7 +866,7 @@ fn real_recordings_are_read_and_joined() {
     for path in recordings {
         let reader = ReadingsReader::open(&path, ReadingsLayout::default()).unwrap();
         let join = Join::new(&map, reader.ids.as_deref(), reader.width, Duplicates::Refuse).unwrap();
-        assert_eq!((join.report.matched, join.report.masked), (634, 8), "{}", path.display());
+        assert_eq!((join.report().matched, join.report().masked), (634, 8), "{}", path.display());
         let found = drain(reader).unwrap();
         assert_eq!((found.width, found.frames.len()), (716, 30));
         assert!(found.times.windows(2).all(|t| t[0] < t[1]));

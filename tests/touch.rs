@@ -17,7 +17,7 @@ fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {
         assert!(touches.len() <= options.touches);
         frames.push((frame.clone(), touches.first().copied()));
     }
-    assert_eq!(frames.len(), simulation.frames);
+    assert_eq!(frames.len(), simulation.frames());
     frames
 }
 

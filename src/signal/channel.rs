@@ -42,6 +42,42 @@ impl Channel {
         Self { name: name.into(), unit: unit.into(), quantity }
     }
 
+    /// What an amount of it, or its value times an area in m^2, is in N; `None` if its unit is neither one
+    /// of force nor one of pressure.
+    #[must_use]
+    pub fn newtons(&self) -> Option<f64> {
+        /// Units that take prefixes, and what they are in N or in Pa.
+        const UNITS: [(&str, f64, Quantity); 6] = [
+            ("N", 1.0, Quantity::Extensive),
+            ("gf", 9.80665e-3, Quantity::Extensive),
+            ("lbf", 4.448_221_615_260_5, Quantity::Extensive),
+            ("Pa", 1.0, Quantity::Intensive),
+            ("N/m^2", 1.0, Quantity::Intensive),
+            ("bar", 1e5, Quantity::Intensive),
+        ];
+        const PREFIXES: [(&str, f64); 11] = [
+            ("", 1.0),
+            ("p", 1e-12),
+            ("n", 1e-9),
+            ("u", 1e-6),
+            ("\u{b5}", 1e-6),
+            ("\u{3bc}", 1e-6),
+            ("m", 1e-3),
+            ("c", 1e-2),
+            ("d", 1e-1),
+            ("h", 1e2),
+            ("k", 1e3),
+        ];
+        let prefixed = PREFIXES.iter().filter_map(|(prefix, x)| Some((self.unit.strip_prefix(prefix)?, x)));
+        let known = prefixed.flat_map(|(base, x)| {
+            let same = move |(unit, ..): &&(&str, f64, Quantity)| *unit == base;
+            UNITS.iter().filter(same).map(move |(_, y, quantity)| (x * y, *quantity))
+        });
+        let mega =
+            self.unit.strip_prefix('M').filter(|base| *base == "Pa").map(|_| (1e6, Quantity::Intensive));
+        known.chain(mega).find(|(_, quantity)| *quantity == self.quantity).map(|(newtons, _)| newtons)
+    }
+
     /// The unit of its pixels: amounts are drawn per area of the map, as `N/m^2`; without a unit
     /// `1/m^2`.
     #[must_use]
@@ -84,5 +120,22 @@ mod tests {
             assert_eq!(found, is_amount, "{name} in {unit:?}");
         }
         assert_eq!(Channel::new("pressure", ""), Channel::default());
+        for (unit, newtons) in [
+            ("N", Some(1.0)),
+            ("mN", Some(1e-3)),
+            ("kPa", Some(1e3)),
+            ("MPa", Some(1e6)),
+            ("hPa", Some(100.0)),
+            ("mbar", Some(100.0)),
+            ("", None),
+            ("count", None),
+            ("mm", None),
+        ] {
+            let found = Channel::new("load", unit).newtons();
+            assert!(
+                found.zip(newtons).map_or(found == newtons, |(a, b)| (a / b - 1.0).abs() < 1e-12),
+                "{unit}"
+            );
+        }
     }
 }

@@ -40,6 +40,8 @@ pub struct ConditionOptions {
 pub struct ConditionReport {
     /// Readings that were clipped.
     pub clipped: u64,
+    /// Readings beyond the range of 32-bit floats, which images and arrays hold; they are masked.
+    pub too_large: u64,
     /// Frames whose time is before that of the frame before, or is not a number: filters stand still.
     pub backwards: u64,
     /// Frames that the baseline is the mean of; fewer than asked for if the recording is shorter.
@@ -66,7 +68,7 @@ pub struct ConditionReport {
 /// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
 /// let options = ConditionOptions { baseline: 2, split_hz: Some(5.0), ..ConditionOptions::default() };
 /// let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options)?;
-/// assert_eq!(conditioner.channels[1].name, "pressure.fast");
+/// assert_eq!(conditioner.channels()[1].name, "pressure.fast");
 /// let (frame, mut count) = (Frame::new(&map, 1), 0);
 /// for _ in 0..5 {
 ///     conditioner.push(&frame, |_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
@@ -77,10 +79,8 @@ pub struct ConditionReport {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Conditioner {
-    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
-    pub channels: Vec<Channel>,
-    /// What was done so far.
-    pub report: ConditionReport,
+    channels: Vec<Channel>,
+    report: ConditionReport,
     /// Number of channels that come in.
     inputs: usize,
     /// One number per taxel, patch after patch.
@@ -170,6 +170,18 @@ impl Conditioner {
         })
     }
 
+    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
+    #[must_use]
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// What was done so far.
+    #[must_use]
+    pub fn report(&self) -> &ConditionReport {
+        &self.report
+    }
+
     /// Takes the next frame and passes on those that are conditioned: none while the baseline is not
     /// known, then all that were kept, then this one alone.
     ///
@@ -239,6 +251,12 @@ impl Conditioner {
                         .for_each(|(((out, &x), gain), offset)| *out = gain * (x - offset)),
                     None => amplified.for_each(|((out, &x), gain)| *out = gain * x),
                 }
+                for (x, _) in
+                    out[0].iter_mut().zip(read).filter(|(x, read)| is_too_large(**x) && read.is_finite())
+                {
+                    *x = f64::NAN;
+                    self.report.too_large += 1;
+                }
                 if let Some([low, high]) = self.clip {
                     for x in out[0].iter_mut().filter(|x| **x < low || **x > high) {
                         *x = x.clamp(low, high);
@@ -251,6 +269,11 @@ impl Conditioner {
             }
         }
     }
+}
+
+/// Whether a number is beyond what files and images hold.
+fn is_too_large(x: f64) -> bool {
+    x.abs() > f64::from(f32::MAX)
 }
 
 /// The channels of the slow and the fast part.

@@ -51,15 +51,14 @@ pub struct JoinReport {
 /// // Four taxels with ids from 1 on.
 /// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
 /// let join = Join::new(&map, Some(&[TaxelId(3), TaxelId(9)]), 2, Duplicates::Refuse)?;
-/// assert_eq!((join.report.matched, join.report.masked, join.report.unknown), (1, 3, 1));
+/// assert_eq!((join.report().matched, join.report().masked, join.report().unknown), (1, 3, 1));
 /// let mut frame = Frame::new(&map, 1);
 /// join.fill(&[0.5, 7.0], &mut frame);
 /// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Join {
-    /// How columns and taxels fit each other.
-    pub report: JoinReport,
+    report: JoinReport,
     sources: IdVec<PatchId, Vec<Source>>,
     /// Columns with the same id.
     groups: Vec<Vec<usize>>,
@@ -124,6 +123,12 @@ impl Join {
             }
         }
         Ok(Self { sources, groups, width, report })
+    }
+
+    /// How columns and taxels fit each other.
+    #[must_use]
+    pub fn report(&self) -> &JoinReport {
+        &self.report
     }
 
     /// Puts the readings `values[channel * width + column]` into a frame; taxels without a finite one

@@ -218,12 +218,14 @@ impl ChannelOut<'_> {
             }
             let areas = &*areas[level];
             let mut sum = |field: usize| {
-                values[field] = match (fields.sum(field, self.amounts), self.quantity) {
+                let value = match (fields.sum(field, self.amounts), self.quantity) {
                     // 0 / 0 is NaN.
                     (sum, Quantity::Intensive) => sum / areas[field],
                     (sum, Quantity::Extensive) if areas[field] > 0.0 => sum,
                     (_, Quantity::Extensive) => f64::NAN,
                 };
+                // Images and arrays cannot hold more.
+                values[field] = if value.abs() <= f64::from(f32::MAX) { value } else { f64::NAN };
             };
             if all {
                 (0..areas.len()).for_each(sum);

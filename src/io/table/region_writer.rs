@@ -49,7 +49,7 @@ const COLUMNS: [&str; 22] = [
 /// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
 /// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
 /// says how the contact was in the frame before. SI units; decimals are the shortest that read back
-/// as the same `f64`.
+/// as the same `f64`. A force that does not follow from the unit of the channel is an empty cell.
 ///
 /// Nothing appears in the file's place before [`RegionWriter::finish`].
 pub struct RegionWriter<'a> {
@@ -106,7 +106,8 @@ impl<'a> RegionWriter<'a> {
             table.cell(&patch.name);
             table.cell(&map.links[region.link].name);
             table.whole(region.taxels.len() as u64);
-            table.numbers([region.area, region.force]);
+            table.numbers([region.area]);
+            table.number_if_any(Some(region.force).filter(|force| force.is_finite()));
             table.numbers(region.centre.to_array().into_iter().chain(region.normal.to_array()));
             table.numbers([region.map.x, region.map.y, region.major, region.minor, region.angle]);
             table.whole(patch.taxels.ids[region.peak_taxel].0);

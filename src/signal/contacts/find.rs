@@ -4,7 +4,6 @@ use crate::{
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, VertexCorners},
-    pyramid::LevelId,
     signal::{
         TrackerOptions,
         contacts::{region::ContactRegion, split::Splitter},
@@ -17,11 +16,21 @@ const FREE: u32 = u32::MAX;
 /// A region that is not numbered yet has this taxel, or one that was too small.
 const TAKEN: u32 = u32::MAX - 1;
 
+/// The readings of one patch, and what counts as a contact.
+#[derive(Clone, Copy)]
+pub(super) struct PatchReadings<'a> {
+    pub(super) mesh: &'a TriMesh,
+    /// The faces around each taxel.
+    pub(super) around: &'a VertexCorners,
+    pub(super) values: &'a IdVec<VertexId, f64>,
+    pub(super) options: &'a TrackerOptions,
+    /// The upper threshold.
+    pub(super) high: f64,
+}
+
 /// Finds regions; owns marks for all taxels.
 #[derive(Debug, Clone)]
 pub(super) struct Finder {
-    /// The faces around each taxel.
-    pub(super) around: IdVec<PatchId, VertexCorners>,
     marks: IdVec<PatchId, IdVec<VertexId, u32>>,
     /// What is not `FREE`.
     marked: Vec<(PatchId, VertexId)>,
@@ -36,12 +45,7 @@ pub(super) struct Finder {
 
 impl Finder {
     pub(super) fn new(map: &SkinMap) -> Self {
-        let finest = LevelId::new(0);
         Self {
-            around: map.patches.map(|patch| {
-                let mesh = &patch.levels[finest].level.mesh;
-                VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len())
-            }),
             marks: map.patches.map(|patch| IdVec::filled(FREE, patch.taxels.ids.len())),
             marked: Vec::new(),
             open: Vec::new(),
@@ -68,35 +72,33 @@ impl Finder {
         self.spare.push(region.taxels);
     }
 
-    /// Adds the regions of a patch to `found`, with their taxels and nothing else. `high` is the upper
-    /// threshold.
+    /// Adds the regions of a patch to `found`, with their taxels and nothing else.
     pub(super) fn find(
         &mut self,
         patch: PatchId,
-        mesh: &TriMesh,
-        values: &IdVec<VertexId, f64>,
-        (options, high): (&TrackerOptions, f64),
+        readings: &PatchReadings<'_>,
         found: &mut Vec<ContactRegion>,
     ) {
         /// Taxels compared at once.
         const BLOCK: usize = 16;
-        for (block, readings) in values.chunks(BLOCK).enumerate() {
-            if !readings.iter().fold(false, |any, &x| any | (x > high)) {
+        let PatchReadings { values, options, high, .. } = *readings;
+        for (block, of_block) in values.chunks(BLOCK).enumerate() {
+            if !of_block.iter().fold(false, |any, &x| any | (x > high)) {
                 continue;
             }
-            for at in block * BLOCK..block * BLOCK + readings.len() {
+            for at in block * BLOCK..block * BLOCK + of_block.len() {
                 let seed = VertexId::new(at);
                 let is_seed = values[seed] > high && values[seed].is_finite();
                 if !is_seed || self.marks[patch][seed] != FREE {
                     continue;
                 }
                 let mut taxels = self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room));
-                self.flood(patch, mesh, values, options.low * high, seed, &mut taxels);
+                self.flood(patch, readings, seed, &mut taxels);
                 self.largest = self.largest.max(taxels.len());
                 taxels.sort_unstable();
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
                 if options.prominence < 1.0 && region.taxels.len() > options.part {
-                    self.add_parts(mesh, values, (options, high), region, found);
+                    self.add_parts(readings, region, found);
                 } else {
                     self.add(region, options.least, found);
                 }
@@ -112,15 +114,13 @@ impl Finder {
     /// Adds the parts of a region that are contacts of their own, or the region if there is one.
     fn add_parts(
         &mut self,
-        mesh: &TriMesh,
-        values: &IdVec<VertexId, f64>,
-        by: (&TrackerOptions, f64),
+        readings: &PatchReadings<'_>,
         region: ContactRegion,
         found: &mut Vec<ContactRegion>,
     ) {
-        let patch = region.patch;
-        let (marks, mesh) = (&mut self.marks[patch], (mesh, &self.around[patch]));
-        let parts = self.splitter.split(mesh, values, by, &region.taxels, marks);
+        let (patch, least) = (region.patch, readings.options.least);
+        let marks = &mut self.marks[patch];
+        let parts = self.splitter.split(readings, &region.taxels, marks);
         let has_parts = parts.len() > 1;
         if has_parts {
             for part in parts {
@@ -128,7 +128,7 @@ impl Finder {
                 let of_part = |taxel: &&VertexId| marks[**taxel] == part.raw();
                 taxels.extend(region.taxels.iter().filter(of_part));
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
-                if region.taxels.len() >= by.0.least {
+                if region.taxels.len() >= least {
                     found.push(region);
                 } else {
                     self.spare.push(region.taxels);
@@ -136,20 +136,19 @@ impl Finder {
             }
         }
         region.taxels.iter().for_each(|&taxel| marks[taxel] = TAKEN);
-        if has_parts { self.recycle(region) } else { self.add(region, by.0.least, found) }
+        if has_parts { self.recycle(region) } else { self.add(region, least, found) }
     }
 
-    /// Lists the taxels above `low` that are joined with `seed`.
+    /// Lists the taxels above the lower threshold that are joined with `seed`.
     fn flood(
         &mut self,
         patch: PatchId,
-        mesh: &TriMesh,
-        values: &IdVec<VertexId, f64>,
-        low: f64,
+        readings: &PatchReadings<'_>,
         seed: VertexId,
         taxels: &mut Vec<VertexId>,
     ) {
-        let (around, marks) = (&self.around[patch], &mut self.marks[patch]);
+        let PatchReadings { mesh, around, values, options, high } = *readings;
+        let (low, marks) = (options.low * high, &mut self.marks[patch]);
         marks[seed] = TAKEN;
         self.marked.push((patch, seed));
         self.open.push(seed);

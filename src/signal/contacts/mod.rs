@@ -10,7 +10,8 @@
 //! with several peaks, `place` measures force, place and shape, `tracks` joins them to those of the last frame, `tracker` does all of it
 //! ([`ContactTracker`]).
 //!
-//! The readings must be near 0 where nothing touches the skin: subtract a baseline first
+//! Readings must be near 0 where nothing touches the skin. Where the threshold is estimated, the mean
+//! of the same first frames is subtracted from each taxel; else subtract a baseline first
 //! ([`Conditioner`](crate::signal::Conditioner)).
 
 mod find;

@@ -9,11 +9,15 @@
 //! taxels has more than 260; untouched, that cover had regions of up to four taxels in most frames.
 //!
 //! Taxels that never change say nothing of the noise and are left out: many sensors clip their
-//! readings at zero.
+//! readings at zero. A noise of each taxel's own changes nothing on recordings of that cover: what
+//! reported contacts where nothing touched it were taxels that do not rest at zero, so each taxel's mean
+//! over these frames counts as its zero.
 
 use crate::{
+    id::{IdVec, VertexId},
     numeric::quantile,
     signal::{Frame, TrackerOptions},
+    skin::PatchId,
 };
 
 /// Share of the taxels that have less noise than the noise that is found.
@@ -57,21 +61,32 @@ impl Threshold {
         }
     }
 
-    /// The threshold for this frame; `None` while it is not known.
-    pub(super) fn update(&mut self, frame: &Frame, channel: usize) -> Option<f64> {
+    /// The threshold for this frame; `None` while it is not known. Fills in where taxels rest once that
+    /// is known.
+    pub(super) fn update(
+        &mut self,
+        frame: &Frame,
+        channel: usize,
+        rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>,
+    ) -> Option<f64> {
         let readings = || frame.values.iter().flat_map(|patch| &patch[channel]).copied();
         match self {
             Self::Known(_) => {}
-            Self::Noiseless { largest } => *largest = self::largest(*largest, readings()),
+            Self::Noiseless { largest } => {
+                let beyond = readings().zip(rest.iter().flatten()).map(|(x, rest)| x - rest);
+                *largest = beyond.filter(|x| x.is_finite()).fold(*largest, f64::max);
+            }
             Self::Learning { frames, kept } => {
                 kept.extend(readings());
                 let taxels = readings().count();
                 if kept.len() >= *frames * taxels {
                     let noise = noise(kept, *frames, taxels);
+                    let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
+                    of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
                     *self = if noise > 0.0 {
                         Self::Known(noise * quantiles(*frames, taxels))
                     } else {
-                        Self::Noiseless { largest: self::largest(0.0, kept.iter().copied()) }
+                        Self::Noiseless { largest: 0.0 }
                     };
                 }
                 return None;
@@ -81,9 +96,11 @@ impl Threshold {
     }
 }
 
-/// The largest finite reading, at least `so_far`.
-fn largest(so_far: f64, readings: impl Iterator<Item = f64>) -> f64 {
-    readings.filter(|x| x.is_finite()).fold(so_far, f64::max)
+/// The mean of the finite readings of one of `taxels` taxels; 0 if it has none.
+fn mean(kept: &[f64], taxel: usize, taxels: usize) -> f64 {
+    let finite = kept.iter().skip(taxel).step_by(taxels).filter(|x| x.is_finite());
+    let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// Standard deviation of the readings of the noisiest taxels, of `taxels` in `frames` frames; 0 if

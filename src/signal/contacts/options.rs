@@ -22,7 +22,7 @@ pub struct TrackerOptions {
     /// Such a part has at least this many taxels above the saddle.
     pub part: usize,
     /// The threshold is estimated from this many first frames, in which nothing should touch the
-    /// skin, and no region is reported; at least 2.
+    /// skin, and no region is reported; at least 2. Their mean is subtracted from each taxel.
     ///
     /// The noise is the standard deviation of the readings of the noisiest taxels but for a
     /// twentieth. The threshold is the Gaussian quantile of this noise at which one taxel of the skin

@@ -36,8 +36,8 @@ pub struct ContactRegion {
     pub taxels: Vec<VertexId>,
     /// Area of the taxels, in m^2.
     pub area: f64,
-    /// Force on the taxels: the sum of the readings of an extensive channel, and of readings times
-    /// areas of an intensive one; N if the unit of the channel is N or Pa.
+    /// Force on the taxels, in N: the sum of the readings of a force, and of readings times areas of a
+    /// pressure. NaN where the unit of the channel is of neither.
     pub force: f64,
     /// Centre of pressure, in m in the frame of the link: the mean of the taxels' positions, weighted
     /// by their force, moved to the nearest point of the skin around them.

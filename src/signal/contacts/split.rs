@@ -15,9 +15,8 @@
 
 use crate::{
     id::{IdVec, VertexId, define_id},
-    mesh::{TriMesh, VertexCorners},
     numeric::DisjointSets,
-    signal::TrackerOptions,
+    signal::contacts::find::PatchReadings,
 };
 
 define_id!(
@@ -48,12 +47,11 @@ impl Splitter {
     /// marked below the number of taxels. Lists the parts, in order.
     pub(super) fn split(
         &mut self,
-        (mesh, around): (&TriMesh, &VertexCorners),
-        values: &IdVec<VertexId, f64>,
-        (options, high): (&TrackerOptions, f64),
+        readings: &PatchReadings<'_>,
         taxels: &[VertexId],
         marks: &mut IdVec<VertexId, u32>,
     ) -> &[PartId] {
+        let values = readings.values;
         self.parts.clear();
         self.sets.clear();
         self.order.clear();
@@ -62,8 +60,8 @@ impl Splitter {
         let count = u32::try_from(taxels.len()).unwrap_or(u32::MAX);
         for k in 0..self.order.len() {
             let taxel = self.order[k];
-            let largest = self.meet((mesh, around), values, taxel, marks, count);
-            self.merge(values[taxel], (options, high));
+            let largest = self.meet(readings, taxel, marks, count);
+            self.merge(values[taxel], readings);
             let part = match largest {
                 Some(neighbour) => self.sets.root(marks[neighbour].into()),
                 None => self.start(values[taxel]),
@@ -82,12 +80,12 @@ impl Splitter {
     /// Lists the parts around a taxel, the highest first; returns its largest neighbour.
     fn meet(
         &mut self,
-        (mesh, around): (&TriMesh, &VertexCorners),
-        values: &IdVec<VertexId, f64>,
+        readings: &PatchReadings<'_>,
         taxel: VertexId,
         marks: &IdVec<VertexId, u32>,
         count: u32,
     ) -> Option<VertexId> {
+        let PatchReadings { mesh, around, values, .. } = *readings;
         let mut largest: Option<VertexId> = None;
         self.meeting.clear();
         let mut visit = |next: VertexId| {
@@ -115,7 +113,8 @@ impl Splitter {
     }
 
     /// The parts that meet at a saddle: those that are not contacts of their own go into the highest.
-    fn merge(&mut self, saddle: f64, (options, high): (&TrackerOptions, f64)) {
+    fn merge(&mut self, saddle: f64, readings: &PatchReadings<'_>) {
+        let PatchReadings { options, high, .. } = *readings;
         let Some((&highest, others)) = self.meeting.split_first() else { return };
         for &other in others {
             let Part { peak, taxels } = self.parts[other];

@@ -1,12 +1,19 @@
 //! [`ContactTracker`]: regions of each frame, found, measured and followed.
 
 use crate::{
-    id::IdVec,
+    id::{IdVec, VertexId},
     map::{PatchMap, SkinMap},
+    mesh::VertexCorners,
     pyramid::LevelId,
     signal::{
-        ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
-        contacts::{find::Finder, noise::Threshold, place::Pressed, region::ContactRegion, tracks::Tracks},
+        Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
+        contacts::{
+            find::{Finder, PatchReadings},
+            noise::Threshold,
+            place::Pressed,
+            region::ContactRegion,
+            tracks::Tracks,
+        },
     },
     skin::PatchId,
 };
@@ -21,13 +28,13 @@ use crate::{
 ///     id::VertexId,
 ///     map::SkinMap,
 ///     mesh::shapes,
-///     signal::{ContactEvent, ContactTracker, Frame, Quantity, TrackerOptions},
+///     signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
 ///     skin::PatchId,
 /// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
 /// let options = TrackerOptions { threshold: Some(100.0), ..TrackerOptions::default() };
-/// let mut tracker = ContactTracker::new(&map, Quantity::Intensive, &options)?;
+/// let mut tracker = ContactTracker::new(&map, &Channel::new("pressure", "Pa"), &options)?;
 /// let mut frame = Frame::new(&map, 1);
 /// let pressure = &mut frame.values[PatchId::new(0)][0];
 /// for taxel in [310, 311] {
@@ -42,9 +49,16 @@ use crate::{
 pub struct ContactTracker {
     /// The patches with level 0 alone.
     patches: IdVec<PatchId, PatchMap>,
+    /// The faces around each taxel.
+    around: IdVec<PatchId, VertexCorners>,
     quantity: Quantity,
+    /// Newtons for a unit of force of the channel.
+    newtons: f64,
     options: TrackerOptions,
     noise: Threshold,
+    /// The readings of untouched taxels, and those of this frame beyond that.
+    rest: IdVec<PatchId, IdVec<VertexId, f64>>,
+    values: IdVec<PatchId, IdVec<VertexId, f64>>,
     finder: Finder,
     tracks: Tracks,
     /// The regions of the last frame.
@@ -58,17 +72,26 @@ pub struct ContactTracker {
 }
 
 impl ContactTracker {
-    /// A tracker of frames of this map, whose channel is of this kind.
+    /// A tracker of frames of this map, which looks at this channel of theirs.
     ///
     /// # Errors
     /// [`SignalError::TrackerOption`].
-    pub fn new(map: &SkinMap, quantity: Quantity, options: &TrackerOptions) -> Result<Self, SignalError> {
+    pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
+        let around = map.patches.map(|patch| {
+            let mesh = &patch.levels[LevelId::new(0)].level.mesh;
+            VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len())
+        });
+        let zeros = map.patches.map(|patch| IdVec::filled(0.0, patch.taxels.ids.len()));
         Ok(Self {
             patches: map.patches.map(with_level_0),
-            quantity,
+            around,
+            quantity: channel.quantity,
+            newtons: channel.newtons().unwrap_or(f64::NAN),
             options: *options,
             noise: Threshold::new(options),
+            rest: zeros.clone(),
+            values: zeros,
             finder: Finder::new(map),
             tracks: Tracks::default(),
             last: Vec::new(),
@@ -91,7 +114,7 @@ impl ContactTracker {
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.keep_last();
-        let threshold = self.noise.update(frame, self.options.channel);
+        let threshold = self.noise.update(frame, self.options.channel, &mut self.rest);
         if let Some(high) = threshold {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
@@ -140,19 +163,22 @@ impl ContactTracker {
 
     /// Finds and measures the regions of a frame, by patch and first taxel.
     fn find(&mut self, frame: &Frame, high: f64) {
-        let Self { patches, quantity, options, finder, found, .. } = self;
-        let finest = LevelId::new(0);
+        let Self { patches, around, options, rest, values, finder, found, .. } = self;
         for (id, patch) in patches.enumerate() {
-            let (mesh, values) = (&patch.levels[finest].level.mesh, &frame.values[id][options.channel]);
-            assert_eq!(values.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
-            finder.find(id, mesh, values, (options, high), found);
+            let (mesh, read) =
+                (&patch.levels[LevelId::new(0)].level.mesh, &frame.values[id][options.channel]);
+            assert_eq!(read.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
+            let beyond = read.iter().zip(&rest[id]).map(|(x, rest)| x - rest);
+            values[id].iter_mut().zip(beyond).for_each(|(value, x)| *value = x);
+            let readings = PatchReadings { mesh, around: &around[id], values: &values[id], options, high };
+            finder.find(id, &readings, found);
         }
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {
-            let patch = &patches[region.patch];
-            let values = &frame.values[region.patch][options.channel];
-            let around = &finder.around[region.patch];
-            Pressed { patch, around, values, quantity: *quantity }.measure(region);
+            let (patch, around) = (&patches[region.patch], &around[region.patch]);
+            let values = &values[region.patch];
+            Pressed { patch, around, values, quantity: self.quantity }.measure(region);
+            region.force *= self.newtons;
         }
     }
 }

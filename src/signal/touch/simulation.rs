@@ -54,16 +54,14 @@ pub struct Touch {
 ///     let forces = frame.values.iter().flatten().flatten();
 ///     assert_eq!(forces.sum::<f64>() > 0.0, touches.iter().any(|touch| touch.taxels > 0));
 /// }
-/// assert_eq!(frames, recording.frames);
+/// assert_eq!(frames, recording.frames());
 /// assert!(touched > 400, "five presses of a second at 100 Hz");
 /// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TouchSimulation<'a> {
-    /// What the readings are: `force` in N, or `pressure` in Pa.
-    pub channel: Channel,
-    /// Number of frames.
-    pub frames: usize,
+    channel: Channel,
+    frames: usize,
     skin: &'a Skin,
     options: TouchOptions,
     places: Random,
@@ -161,6 +159,18 @@ impl<'a> TouchSimulation<'a> {
             contacts: Vec::new(),
             touches: Vec::new(),
         })
+    }
+
+    /// What the readings are: `force` in N, or `pressure` in Pa.
+    #[must_use]
+    pub fn channel(&self) -> &Channel {
+        &self.channel
+    }
+
+    /// Number of frames of the whole recording.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frames
     }
 
     /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it, press by

@@ -79,7 +79,7 @@ impl ContactsArgs {
             noise_frames,
             ..defaults
         };
-        let tracker = ContactTracker::new(map, channels[channel].quantity, &options).map_err(Error::from)?;
+        let tracker = ContactTracker::new(map, &channels[channel], &options).map_err(Error::from)?;
         let writer = RegionWriter::create(path, map).map_err(Error::from)?;
         Ok(Some(Contacts { tracker, writer, onsets: 0 }))
     }

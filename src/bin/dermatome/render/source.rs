@@ -6,7 +6,10 @@ use dermatome::{
     Error,
     io::{ReadingsLayout, ReadingsReader, read_gains},
     map::SkinMap,
-    signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport},
+    signal::{
+        Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport,
+        Quantity,
+    },
 };
 
 use crate::{
@@ -51,6 +54,7 @@ impl Tally {
         let counts = [
             (self.missing as u64, "readings are missing, NaN or infinite, and masked"),
             (condition.clipped, "readings were clipped"),
+            (condition.too_large, "readings are beyond the range of 32-bit floats, and masked"),
             (backwards, "frames have a time before that of the frame before them"),
             // Masked taxels have none either, which is expected.
             (unknown_baselines as u64, "readings have no baseline and are masked"),
@@ -127,7 +131,10 @@ fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> 
         ));
     }
     for (channel, unit) in channels.iter_mut().zip(units) {
-        *channel = Channel::new(&channel.name, unit);
+        let named = Channel::new(&channel.name, unit);
+        // Readings without a name are called pressure until their unit says what they are.
+        let is_force = *channel == Channel::default() && named.quantity == Quantity::Extensive;
+        *channel = if is_force { Channel { name: "force".into(), ..named } } else { named };
     }
     Ok(())
 }
@@ -145,7 +152,7 @@ pub(crate) struct Pass<'a> {
 impl Pass<'_> {
     /// The channels of the frames that are passed on.
     pub(crate) fn channels(&self) -> &[Channel] {
-        &self.conditioner.channels
+        self.conditioner.channels()
     }
 
     /// Number of frames that are passed on, if it is known.
@@ -157,7 +164,7 @@ impl Pass<'_> {
 
     /// Notes about columns and taxels that do not fit each other.
     pub(crate) fn remark(&self, path: &str, common: &Common) {
-        let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = &self.join.report;
+        let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = self.join.report();
         if *unknown > 0 {
             let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
             let more = if *unknown > ids.len() { ", ..." } else { "" };
@@ -189,7 +196,7 @@ impl Pass<'_> {
     ) -> anyhow::Result<Tally> {
         let channels = self.reader.channels.len();
         let has_times = self.reader.has_times || self.args.rate.is_some();
-        let mut tally = Tally { channels, has_times, join: self.join.report.clone(), ..Tally::default() };
+        let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
         let FramesArgs { from, to, every } = self.frames;
         let rate = self.args.rate;
         let (mut number, mut stopped) = (0_usize, false);
@@ -223,7 +230,7 @@ impl Pass<'_> {
         };
         let ended = ended.and_then(|()| self.conditioner.finish(|frame| deliver(frame, &mut tally.frames)));
         tally.read = read;
-        tally.condition = self.conditioner.report;
+        tally.condition = self.conditioner.report().clone();
         match ended {
             Err(e) if !e.is::<Stop>() => Err(e),
             _ => Ok(tally),
