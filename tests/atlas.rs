@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use dermatome::{
     atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, Resolution, skin_images},
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::{SurfacePoint, TriMesh, shapes},
@@ -47,7 +48,7 @@ impl std::ops::Deref for Drawn {
 
 fn inside_of(patch: &PatchMap, face: FaceId, p: DVec2) -> [f64; 3] {
     let finest = &patch.levels[level_id(0)];
-    maps::barycentric(&finest.level.mesh, &finest.uv, face, p)
+    maps::barycentric(&finest.level.mesh, &finest.opened_uv(), face, p)
 }
 
 /// The face that a pixel shows.
@@ -72,7 +73,7 @@ fn a_covered_pixel_has_its_centre_in_its_face() {
         // Snapping moves an edge by up to 2^-17 pixels, of triangles about six pixels high.
         assert!(inside.iter().all(|&w| w > -1e-5), "pixel {column}, {row} of face {:?}: {inside:?}", at.face);
         let MapLevel { level, uv, .. } = &cap.levels[level_id(0)];
-        let [a, b, c] = level.mesh.triangles[at.face].map(|v| uv[v]);
+        let [a, b, c] = level.mesh.triangles[at.face].map(|v| uv[PlaceId::of_opened(v)]);
         let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
         assert!(back.distance(centre) < 1e-5 * 0.0007, "the weights lead back to the centre");
         assert_eq!(chart.frame.pixel(centre), [column, row], "frame and chart agree on the pixel");
@@ -278,9 +279,9 @@ fn what_cannot_be_drawn_is_named() {
     };
     let zero = level_id(0);
     for at in [DVec2::new(1e11, 0.0), DVec2::new(0.0, -1e3)] {
-        let error = broken(&|m| m.levels[zero].uv[VertexId::new(2)] = at);
-        let AtlasError::OutsideFrame { vertex, .. } = error else { panic!("{error}") };
-        assert_eq!(vertex, VertexId::new(2), "at {at}");
+        let error = broken(&|m| m.levels[zero].uv[PlaceId::new(2)] = at);
+        let AtlasError::OutsideFrame { place, .. } = error else { panic!("{error}") };
+        assert_eq!(place, PlaceId::new(2), "at {at}");
     }
     let error = broken(&|m| m.taxels.ids = IdVec::default());
     assert!(matches!(error, AtlasError::Map(_)), "data that is not a map: {error}");
@@ -482,7 +483,7 @@ fn packed_charts_agree_with_those_of_the_patches() {
             assert!(step(1, 0).perp_dot(step(0, 1)) < 0.0, "rows run down where columns run right");
             for &(x, y, _) in shown(&map, part).iter().filter(|(_, _, c)| c.patch == chart.patch) {
                 let at = chart.point(&map, x, y).unwrap();
-                let [a, b, c] = level.level.mesh.triangles[at.face].map(|v| level.uv[v]);
+                let [a, b, c] = level.places(at.face).map(|place| level.uv[place]);
                 let back = a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2];
                 assert!(back.distance(chart.centre(x, y)) < 1e-7, "the pixel shows its place of the map");
             }

@@ -206,3 +206,64 @@ fn a_surface_with_one_side_is_refused_with_the_loop() {
             .and(contains("(24 in all)")),
     );
 }
+
+/// A flat sheet of T-junctions closed by triangles without area, some of them ears along an edge: the curvature
+/// of the energy of such a face exceeded 64-bit numbers, and the build ended.
+#[test]
+fn slivers_without_area_do_not_end_a_build() {
+    let places: [[f64; 2]; 21] = [
+        [0.0, 0.0],
+        [0.03333333333333333, 0.0],
+        [0.06666666666666667, 0.0],
+        [0.1, 0.0],
+        [0.0, 0.05],
+        [0.03333333333333333, 0.05],
+        [0.06666666666666667, 0.05],
+        [0.1, 0.05],
+        [0.03333333333333333, 0.1],
+        [0.06666666666666667, 0.1],
+        [0.03333333333333333, 5e-14],
+        [0.03333333, 0.05],
+        [0.06666666666666667, 0.0125],
+        [0.06666666666666667, 0.07500000000000001],
+        [0.05, 0.025],
+        [0.09166666666666667, 0.037500000000000006],
+        [0.016666666666666666, 0.05],
+        [0.03333333666666667, 0.05000000500000001],
+        [0.03333333333333333, 5e-21],
+        [0.033299999999999996, 0.04995],
+        [0.06666666666666667, 1.25e-14],
+    ];
+    let faces: [[u32; 3]; 22] = [
+        [3, 8, 7],
+        [2, 6, 11],
+        [6, 12, 1],
+        [12, 5, 1],
+        [6, 5, 12],
+        [13, 7, 2],
+        [3, 7, 13],
+        [14, 10, 6],
+        [2, 15, 6],
+        [2, 7, 15],
+        [8, 16, 4],
+        [8, 3, 16],
+        [5, 17, 9],
+        [17, 6, 9],
+        [5, 6, 17],
+        [6, 18, 9],
+        [18, 10, 9],
+        [6, 10, 18],
+        [2, 11, 19],
+        [6, 20, 11],
+        [6, 1, 20],
+        [3, 13, 21],
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let lines = places.iter().map(|[x, y]| format!("v {x:?} {y:?} 0\n"));
+    let lines = lines.chain(faces.iter().map(|[a, b, c]| format!("f {a} {b} {c}\n")));
+    fs::write(folder.path().join("sheet.obj"), lines.collect::<String>()).unwrap();
+    let words = "flatten sheet.obj -o flat.npz --weld none --repair --json";
+    let made = dermatome(folder.path(), words).assert().success();
+    let level: Value = serde_json::from_slice(&made.get_output().stdout).unwrap();
+    assert_eq!((&level["flips"], &level["crossings"]), (&0.into(), &0.into()), "{level}");
+}

@@ -486,8 +486,8 @@ fn at_a_vertex_one_field_has_all_the_weight() {
         assert!((hit.distance - 0.1).abs() < 1e-15);
         let cell = index.cell(&hit, LevelId::new(0)).unwrap();
         assert_eq!((cell.field, cell.weights.iter().collect::<Vec<_>>()), (v, vec![(v, 1.0)]));
-        assert_eq!((cell.uv, cell.taxel), (fine.uv[v], TaxelId(1000 + v.raw())));
-        assert_eq!(cell.pixel, fine.frame.pixel(fine.uv[v]));
+        assert_eq!((cell.uv, cell.taxel), (fine.opened_uv()[v], TaxelId(1000 + v.raw())));
+        assert_eq!(cell.pixel, fine.frame.pixel(fine.opened_uv()[v]));
         if v.index() < 4 {
             let cell = index.cell(&hit, LevelId::new(1)).unwrap();
             assert!(cell.weights.iter().eq([(v, 1.0)]), "a centre's row is its own field");

@@ -83,8 +83,8 @@ proptest! {
                 prop_assert!(nearest <= answer.error + 1e-12, "level {level}: the skin is {nearest} away");
                 let cell = index.cell(&answer, answer.level).unwrap();
                 let mesh = &map.patches[answer.patch].levels[answer.level];
-                let uv: glam::DVec2 = mesh.level.mesh.triangles[answer.point.face].iter()
-                    .zip(answer.point.barycentric).map(|(&v, w)| mesh.uv[v] * w).sum();
+                let uv: glam::DVec2 = mesh.places(answer.point.face).iter()
+                    .zip(answer.point.barycentric).map(|(&place, w)| mesh.uv[place] * w).sum();
                 prop_assert!(cell.uv.distance(uv) < 1e-15 && cell.level == answer.level);
                 if level == 0 {
                     prop_assert_eq!((answer.error, answer.distance), (0.0, exact.distance));

@@ -51,7 +51,7 @@ fn given(threshold: f64) -> TrackerOptions {
 /// Pressures that fall off from their centres as bells of 8 mm, in Pa.
 fn bells(map: &SkinMap, bells: &[(DVec2, f64)]) -> Frame {
     let mut frame = Frame::new(map, 1);
-    let uv = &map.patches[patch()].levels[LevelId::new(0)].uv;
+    let uv = map.patches[patch()].levels[LevelId::new(0)].opened_uv();
     let pressure = |at: DVec2| {
         bells
             .iter()
@@ -241,7 +241,7 @@ fn noise_alone_is_no_contact() {
 #[test]
 fn a_bell_has_its_force_centre_and_axes() {
     let map = plane();
-    let uv = &map.patches[patch()].levels[LevelId::new(0)].uv;
+    let uv = map.patches[patch()].levels[LevelId::new(0)].opened_uv();
     let (centre, turn, [long, short]) = (DVec2::new(0.11, 0.1), 0.5_f64, [0.014, 0.007]);
     let mut frame = Frame::new(&map, 1);
     frame.values[patch()][0] = uv.map(|&at| {
@@ -273,7 +273,7 @@ fn the_centre_of_pressure_lies_on_the_skin() {
     let map = build(&Skin::from_mesh("palm", shapes::cap(800, 0.05, 1.0)), &BuildOptions::default()).unwrap();
     let level = &map.patches[patch()].levels[LevelId::new(0)];
     let mut tracker = ContactTracker::new(&map, &pascals(), &given(1000.0)).unwrap();
-    for (seed, at) in level.uv.enumerate().step_by(17) {
+    for (seed, at) in level.opened_uv().enumerate().step_by(17) {
         let frame = bells(&map, &[(*at, 5000.0)]);
         let regions = tracker.track(&frame);
         let region = regions.iter().find(|region| region.taxels.contains(&seed)).unwrap();
@@ -341,7 +341,7 @@ fn touches_that_touch_are_split_at_the_saddle() {
     assert_eq!(regions(&near(0.024, [5000.0, 4000.0]), 0.5).len(), 1, "the saddle is at 0.7 of the peak");
     // A spike beside a press is no contact of its own, however high it is.
     let mut frame = near(0.0, [2000.0, 2000.0]);
-    let uv = &map.patches[patch()].levels[LevelId::new(0)].uv;
+    let uv = map.patches[patch()].levels[LevelId::new(0)].opened_uv();
     let off = |v: &VertexId| uv[*v].distance(DVec2::new(0.124, 0.1));
     let spike = uv.ids().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
     assert!(frame.values[patch()][0][spike] > 500.0, "at the flank of the press");

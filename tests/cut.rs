@@ -5,7 +5,7 @@ use dermatome::{
     Error,
     atlas::{Atlas, AtlasOptions},
     contact::ContactIndex,
-    cut::{Cut, CutError, CutMesh},
+    cut::{Cut, CutError, CutMesh, PlaceId},
     flatten::{Energy, FlattenOptions},
     id::{FaceId, IdVec, VertexId},
     io::{read_map, write_map},
@@ -46,8 +46,9 @@ fn flat(mesh: &TriMesh) -> (MapLevel, LevelReport) {
 
 /// Euler characteristic and boundary loops of the mesh after the cut.
 fn shape(mesh: &TriMesh, cut: &CutMesh) -> (i64, usize) {
-    let positions = cut.unsplit.map(|&v| mesh.positions[v]);
-    let adjacency = Adjacency::new(&TriMesh { positions, triangles: cut.triangles.clone() }).unwrap();
+    let positions = cut.unsplit.iter().map(|&v| mesh.positions[v]).collect();
+    let triangles = cut.triangles.map(|corners| corners.map(PlaceId::opened));
+    let adjacency = Adjacency::new(&TriMesh { positions, triangles }).unwrap();
     (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
 }
 
@@ -74,7 +75,7 @@ fn a_closed_surface_becomes_a_disk() {
             assert_eq!(corners.map(|v| cut.unsplit[v]), *whole, "the faces are the same");
         }
         for v in mesh.positions.ids() {
-            assert_eq!(cut.unsplit[v], v, "copies come last");
+            assert_eq!(cut.unsplit[PlaceId::of_opened(v)], v, "copies come last");
         }
     }
 }
@@ -301,7 +302,7 @@ fn a_cut_that_is_none_is_refused() {
     let mut wrong = map.clone();
     let level = &mut wrong.patches[PatchId::new(0)].levels[LevelId::new(0)];
     let cut = level.cut.as_mut().unwrap();
-    let last = VertexId::new(cut.unsplit.len() - 1);
+    let last = PlaceId::new(cut.unsplit.len() - 1);
     cut.unsplit[last] = VertexId::new(3);
     assert!(wrong.validate().is_err(), "a face that hangs on another vertex");
     let mut short = map;
@@ -329,7 +330,7 @@ fn lookups_are_those_of_the_uncut_patch() {
             let at = 0.6 * a + 0.3 * b + 0.1 * c;
             let hit = index.locate(at).unwrap();
             assert_eq!(hit, plain.locate(at).unwrap());
-            let places = finest.corners()[hit.point.face].into_iter().zip(hit.point.barycentric);
+            let places = finest.places(hit.point.face).into_iter().zip(hit.point.barycentric);
             let uv: DVec2 = places.map(|(place, w)| w * finest.uv[place]).sum();
             for level in (0..map.patches[hit.patch].levels.len()).map(LevelId::new) {
                 let [cell, same] = [&index, &plain].map(|index| index.cell(&hit, level).unwrap());
@@ -388,8 +389,8 @@ fn the_images_show_every_face_once() {
                     shown[point.face] += 1.0;
                 }
             }
-            for (face, corners) in level.corners().enumerate() {
-                let [a, b, c] = corners.map(|place| level.uv[place] / pixel);
+            for face in level.level.mesh.triangles.ids() {
+                let [a, b, c] = level.places(face).map(|place| level.uv[place] / pixel);
                 let (area, rim) =
                     ((b - a).perp_dot(c - a) / 2.0, a.distance(b) + b.distance(c) + c.distance(a));
                 let off = (shown[face] - area).abs();

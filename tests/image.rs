@@ -216,7 +216,7 @@ fn natural_neighbours_reproduce_linear_fields_between_dead_taxels() {
     let atlas = atlas(&map, Resolution::Map, false);
     let mut frame = on_levels(&map, |p, _| field(p));
     let patch = PatchId::new(0);
-    let uv = &map.patches[patch].levels[level_id(0)].uv;
+    let uv = map.patches[patch].levels[level_id(0)].opened_uv();
     let hull = |p: &DVec2| p.x < 0.004 || p.x > 0.11 || p.y < 0.002 || p.y > 0.075;
     for (v, x) in frame.values[patch][0][level_id(0)].iter_mut().enumerate() {
         if hash(v as u32) > 0.4 && !hull(&uv[VertexId::new(v)]) {

@@ -10,6 +10,7 @@ use std::{fs, path::Path};
 
 use common::data;
 use dermatome::{
+    cut::PlaceId,
     id::VertexId,
     io::{
         IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map, write_map,
@@ -949,7 +950,7 @@ proptest::proptest! {
 fn a_needle_of_a_map_is_written_upright() {
     let mut map = map();
     let level = &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)];
-    let [a, b, c] = level.level.mesh.triangles[dermatome::id::FaceId::new(0)];
+    let [a, b, c] = level.places(dermatome::id::FaceId::new(0));
     level.uv[c] = level.uv[a] + (level.uv[b] - level.uv[a]).perp() * 1e-13;
     let read = read_map_bytes(&map_to_bytes(&map).unwrap()).unwrap();
     let uv = &read.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)].uv;
@@ -988,7 +989,7 @@ fn unwritable_skins_and_maps_are_refused() {
     fn palm(map: &mut SkinMap) -> &mut dermatome::map::MapLevel {
         &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)]
     }
-    write(&|map| palm(map).uv[VertexId::new(0)] += 10.0, &["palm/L1", "vertex 0"]);
+    write(&|map| palm(map).uv[PlaceId::new(0)] += 10.0, &["palm/L1", "vertex 0"]);
     write(&|map| palm(map).level.to_finest = None, &["palm/L1", "to_finest has 0"]);
     write(
         &|map| palm(map).level.to_finest.as_mut().unwrap().weights[VertexId::new(3)] = [2.0, -1.0, 0.0],
@@ -998,7 +999,7 @@ fn unwritable_skins_and_maps_are_refused() {
     write(
         &|map| {
             let level = &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(0)];
-            let middle = level.uv[VertexId::new(0)];
+            let middle = level.uv[PlaceId::new(0)];
             level.uv.iter_mut().for_each(|p| *p = middle + (*p - middle) * 1e-12);
         },
         &["palm/L0", "face", "map area"],

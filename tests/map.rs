@@ -4,6 +4,7 @@
 mod maps;
 
 use dermatome::{
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PatchMap, SkinMap},
     mesh::shapes,
@@ -74,7 +75,8 @@ fn maps_give_tangents_along_u() {
     for corners in &finest.level.mesh.triangles {
         for [a, b] in [[0, 1], [1, 2], [2, 0]].map(|side| side.map(|k| corners[k])) {
             let step = finest.level.mesh.positions[b] - finest.level.mesh.positions[a];
-            let on_map = finest.uv[b] - finest.uv[a];
+            let [from, to] = [a, b].map(PlaceId::of_opened);
+            let on_map = finest.uv[to] - finest.uv[from];
             let along = step.dot(tangents[a]) / step.length();
             let across = step.dot(patch.taxels.normals[a].cross(tangents[a])) / step.length();
             let expected = on_map.normalize();
@@ -157,7 +159,7 @@ fn every_broken_field_is_refused_by_name() {
     refused(&["palm/L1", "to_finest", "weights has 0"], &|m| rows(m, &|p| p.weights = IdVec::default()));
     // Maps.
     refused(&["palm/L1", "uv has 0"], &|m| mapped(m, 1).uv = IdVec::default());
-    refused(&["palm/L1", "vertex 3", "finite"], &|m| mapped(m, 1).uv[v(3)] = DVec2::NAN);
+    refused(&["palm/L1", "vertex 3", "finite"], &|m| mapped(m, 1).uv[PlaceId::new(3)] = DVec2::NAN);
     refused(&["palm/L1", "1e12 m"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at *= 1e300));
     refused(&["palm/L1", "one point"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| *at = DVec2::ONE));
     refused(&["palm/L1", "mirrored"], &|m| mapped(m, 1).uv.iter_mut().for_each(|at| at.x = -at.x));

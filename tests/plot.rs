@@ -8,6 +8,7 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use dermatome::{
+    cut::PlaceId,
     id::{IdVec, VertexId},
     io::write_map,
     map::{MapError, PatchMap, SkinMap},
@@ -148,7 +149,7 @@ fn data_that_is_no_map_is_an_error() {
     };
     let one = level_id(1);
     let cases = [
-        broken(&|p| p.levels[one].uv[VertexId::new(3)] = DVec2::NAN),
+        broken(&|p| p.levels[one].uv[PlaceId::new(3)] = DVec2::NAN),
         broken(&|p| p.levels[one].uv = vec![DVec2::ZERO; 3].into()),
         broken(&|p| {
             p.levels[one].level.to_finest.as_mut().unwrap().indices[VertexId::new(0)][2] = VertexId::new(99)

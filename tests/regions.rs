@@ -9,7 +9,7 @@ use std::fs;
 use common::dermatome;
 use dermatome::{
     flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
-    id::{IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId},
     io::{read_acuities, read_draft, read_map, write_map, write_skin},
     map::PatchMap,
     mesh::{TriMesh, shapes},
@@ -64,7 +64,7 @@ fn acuity_doubles_lengths_on_the_map() {
         let mut skin = Skin::from_mesh("halves", mesh.clone());
         skin.patches[PatchId::new(0)].taxels = taxels;
         let map = build(&skin, &BuildOptions { flatten: energy.into(), ..BuildOptions::default() }).unwrap();
-        map.patches[PatchId::new(0)].levels[LevelId::new(0)].uv.clone()
+        map.patches[PatchId::new(0)].levels[LevelId::new(0)].opened_uv()
     };
     let ratio = |uv: &IdVec<VertexId, DVec2>| {
         let map = TriMesh { positions: uv.map(|p| p.extend(0.0)), ..mesh.clone() };
@@ -288,8 +288,8 @@ fn magnification_compares_patches() {
         let map = build(&skin, &BuildOptions { flatten, magnify_over, ..BuildOptions::default() }).unwrap();
         let area = |patch: &PatchMap| {
             let level = &patch.levels[LevelId::new(0)];
-            let of = |t: &[VertexId; 3]| t.map(|v| level.uv[v]);
-            let faces = level.level.mesh.triangles.iter().map(of);
+            let of = |face: FaceId| level.places(face).map(|place| level.uv[place]);
+            let faces = level.level.mesh.triangles.ids().map(of);
             faces.map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a)).sum()
         };
         map.patches.iter().map(area).collect()

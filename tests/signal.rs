@@ -173,7 +173,7 @@ fn edges_are_exact_for_linear_fields() {
     for dead in [0.0, 0.1, 0.5] {
         let mut edges = Edges::new(&map, &channels);
         for (k, level) in levels.enumerate() {
-            let on_level = level.uv.map(|at| 40.0 + slope.dot(*at));
+            let on_level = level.opened_uv().map(|at| 40.0 + slope.dot(*at));
             let linear =
                 level.level.to_finest.as_ref().map_or_else(|| on_level.clone(), |q| q.apply(&on_level));
             let pressure = |v: usize| if noise(v, 4) < dead { f64::NAN } else { linear[VertexId::new(v)] };

@@ -13,7 +13,8 @@ use crate::{
         layout::{Place, turned},
         rasterize::{PIXEL, Snapped, Span, Spans, rasterize},
     },
-    id::{FaceId, IdVec, VertexId},
+    cut::PlaceId,
+    id::{FaceId, IdVec},
     map::{ImageFrame, MapLevel, PatchMap, SkinMap},
     mesh::SurfacePoint,
     pyramid::LevelId,
@@ -56,7 +57,7 @@ impl Chart {
         let Place { patch, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
-        let spans = rasterize(&points, at.corners(), frame.size_px.map(|n| n as usize));
+        let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
         let (covered, overlaps) = (spans.pixels(), spans.overlaps);
         Ok(Self { patch, level, turns, frame, corner_px, covered, overlaps, spans: Arc::new(spans) })
     }
@@ -121,7 +122,7 @@ impl Chart {
     ) {
         #[expect(clippy::cast_possible_truncation, reason = "places of the chart lie in its frame")]
         let snapped = points.iter().map(|p| (*p * PIXEL as f64).round()).map(|p| [p.x as i64, p.y as i64]);
-        let triangles = triangles.iter().map(|t| t.map(VertexId::new)).collect();
+        let triangles = triangles.iter().map(|t| t.map(PlaceId::new)).collect();
         let size = self.frame.size_px.map(|n| n as usize);
         let spans = rasterize(&snapped.collect(), &triangles, size);
         for row in 0..u16::try_from(size[1]).unwrap_or(u16::MAX) {
@@ -193,19 +194,19 @@ pub(super) fn shown_id(patch: &PatchMap, level: LevelId, face: FaceId, weights: 
 
 /// Map positions in the rasteriser's integers.
 fn snap(
-    uv: &IdVec<VertexId, DVec2>,
+    uv: &IdVec<PlaceId, DVec2>,
     turns: u8,
     frame: &ImageFrame,
     image: &str,
-) -> Result<IdVec<VertexId, Snapped>, AtlasError> {
+) -> Result<IdVec<PlaceId, Snapped>, AtlasError> {
     let count = DVec2::new(f64::from(frame.size_px[0]), f64::from(frame.size_px[1]));
     let mut points = IdVec::default();
-    for (vertex, &at) in uv.enumerate() {
+    for (place, &at) in uv.enumerate() {
         let px = (turned(at, turns) - frame.origin) / frame.size * count;
         // Texture coordinates read from a file are rounded: a pixel beyond the border does no harm.
         let inside = px.cmpge(DVec2::NEG_ONE).all() && px.cmple(count + 1.0).all();
         if !inside {
-            return Err(AtlasError::OutsideFrame { image: image.into(), vertex, at });
+            return Err(AtlasError::OutsideFrame { image: image.into(), place, at });
         }
         let snapped = (px * PIXEL as f64).round();
         #[expect(clippy::cast_possible_truncation, reason = "inside the image, so below 2^31")]

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::{id::VertexId, map::MapError};
+use crate::{cut::PlaceId, map::MapError};
 
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -49,13 +49,13 @@ pub enum AtlasError {
         /// A pixel size that fits, in mm.
         fits_mm: f64,
     },
-    /// A vertex off the picture.
-    #[error("vertex {vertex} of {image} lies at ({}, {}) m on the map, outside of the level's frame", at.x, at.y)]
+    /// A place off the picture.
+    #[error("place {place} of {image} lies at ({}, {}) m on the map, outside of the level's frame", at.x, at.y)]
     OutsideFrame {
         /// Patch and level, as `palm/L0`.
         image: String,
-        /// The vertex.
-        vertex: VertexId,
+        /// The place.
+        place: PlaceId,
         /// Its map position, in m.
         at: DVec2,
     },

@@ -7,7 +7,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::{
-    id::{FaceId, IdVec, VertexId},
+    cut::PlaceId,
+    id::{FaceId, IdVec},
     numeric::Csr,
 };
 
@@ -71,8 +72,8 @@ impl Spans {
 /// A centre on a shared edge belongs to the face that it would lie in if it were a hair further
 /// right and down. Where faces overlap the smallest id wins.
 pub(super) fn rasterize(
-    points: &IdVec<VertexId, Snapped>,
-    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    points: &IdVec<PlaceId, Snapped>,
+    triangles: &IdVec<FaceId, [PlaceId; 3]>,
     [width, height]: [usize; 2],
 ) -> Spans {
     let bands = bands(points, triangles, height);
@@ -115,11 +116,11 @@ fn runs(pixels: &[u32], width: usize) -> Csr<Span> {
 /// The faces that may touch each band of rows, in the order of their ids. Work and memory grow with the
 /// faces and the bands each one touches.
 fn bands(
-    points: &IdVec<VertexId, Snapped>,
-    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    points: &IdVec<PlaceId, Snapped>,
+    triangles: &IdVec<FaceId, [PlaceId; 3]>,
     height: usize,
 ) -> Csr<FaceId> {
-    let touched = |corners: &[VertexId; 3]| {
+    let touched = |corners: &[PlaceId; 3]| {
         let rows = rows_of(corners.map(|v| points[v][1]), 0..height);
         if rows.is_empty() { 0..0 } else { rows.start / BAND_ROWS..(rows.end - 1) / BAND_ROWS + 1 }
     };

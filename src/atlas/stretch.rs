@@ -48,7 +48,7 @@ mod tests {
     fn stretch_of_known_maps() {
         let stretch = |map: &dyn Fn(DVec2) -> DVec2| {
             let mesh = shapes::square();
-            let uv = mesh.positions.map(|p| map(p.truncate()));
+            let uv = mesh.positions.iter().map(|p| map(p.truncate())).collect();
             let areas = mesh.vertex_areas();
             face_stretch(&MapLevel::new(Level::finest(mesh, areas), None, uv, 0.1), FaceId::new(1))
         };

@@ -4,10 +4,30 @@ use glam::DVec3;
 
 use crate::{
     cut::CutError,
-    id::{FaceId, IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId, define_id},
     mesh::{Adjacency, Halfedge, Topology, TriMesh},
     numeric::DisjointSets,
 };
+
+define_id!(
+    /// A place of a map: a vertex of the mesh as it lies on the map, perhaps cut open. A vertex of the seam has
+    /// several places; where nothing is cut, each vertex is the place of the same number.
+    pub PlaceId, "p"
+);
+
+impl PlaceId {
+    /// The place that a vertex of the mesh after the cut is.
+    #[must_use]
+    pub fn of_opened(vertex: VertexId) -> Self {
+        Self(vertex.raw())
+    }
+
+    /// The vertex of the mesh after the cut that the place is.
+    #[must_use]
+    pub fn opened(self) -> VertexId {
+        VertexId::from(self.0)
+    }
+}
 
 /// The faces of a mesh after a cut.
 ///
@@ -17,10 +37,10 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 pub struct CutMesh {
     /// The corners of every face, as vertices of the cut mesh.
-    pub triangles: IdVec<FaceId, [VertexId; 3]>,
+    pub triangles: IdVec<FaceId, [PlaceId; 3]>,
     /// The vertex of the uncut mesh that each vertex of the cut mesh is. The first ones are
     /// themselves.
-    pub unsplit: IdVec<VertexId, VertexId>,
+    pub unsplit: IdVec<PlaceId, VertexId>,
 }
 
 impl CutMesh {
@@ -41,9 +61,9 @@ impl CutMesh {
                 corners.join(h.next(), twin);
             }
         }
-        let mut unsplit: IdVec<VertexId, VertexId> = (0..vertices).map(VertexId::new).collect();
+        let mut unsplit: IdVec<PlaceId, VertexId> = (0..vertices).map(VertexId::new).collect();
         let mut is_taken = IdVec::<VertexId, bool>::filled(false, vertices);
-        let mut names = IdVec::<FaceId, [VertexId; 3]>::filled([VertexId::default(); 3], triangles.len());
+        let mut names = IdVec::<FaceId, [PlaceId; 3]>::filled([PlaceId::default(); 3], triangles.len());
         // A set is named by its first corner, which comes first here too.
         for h in sides() {
             let root = corners.root(h);
@@ -54,7 +74,7 @@ impl CutMesh {
                 unsplit.push(v)
             } else {
                 is_taken[v] = true;
-                v
+                PlaceId::of_opened(v)
             };
         }
         Self { triangles: names, unsplit }
@@ -62,20 +82,26 @@ impl CutMesh {
 
     /// The cut mesh, with the positions of the vertices of the uncut one (m).
     pub(crate) fn mesh(&self, positions: &IdVec<VertexId, DVec3>) -> TriMesh {
-        TriMesh { positions: self.unsplit.map(|&v| positions[v]), triangles: self.triangles.clone() }
+        let positions = self.unsplit.iter().map(|&v| positions[v]).collect();
+        TriMesh { positions, triangles: self.triangles.map(|corners| corners.map(PlaceId::opened)) }
+    }
+
+    /// The vertex of the uncut mesh that each vertex of the cut mesh is, by its number there.
+    pub(crate) fn opened_vertices(&self) -> IdVec<VertexId, VertexId> {
+        self.unsplit.iter().copied().collect()
     }
 
     /// A vertex of the cut mesh that breaks its rules; `None` if all are as they should be.
-    pub(crate) fn wrong_place(&self, uncut: &TriMesh) -> Option<VertexId> {
+    pub(crate) fn wrong_place(&self, uncut: &TriMesh) -> Option<PlaceId> {
         let count = uncut.positions.len();
-        let is_wrong = |(place, v): &(VertexId, &VertexId)| {
-            if place.index() < count { *v != place } else { v.index() >= count }
+        let is_wrong = |(place, v): &(PlaceId, &VertexId)| {
+            if place.index() < count { v.index() != place.index() } else { v.index() >= count }
         };
-        let of_face = |(corners, whole): (&[VertexId; 3], &[VertexId; 3])| {
+        let of_face = |(corners, whole): (&[PlaceId; 3], &[VertexId; 3])| {
             (0..3).find(|&k| self.unsplit.get(corners[k]) != Some(&whole[k])).map(|k| corners[k])
         };
         if self.unsplit.len() < count || self.triangles.len() != uncut.triangles.len() {
-            return Some(VertexId::new(self.unsplit.len()));
+            return Some(PlaceId::new(self.unsplit.len()));
         }
         let first = self.unsplit.enumerate().find(is_wrong).map(|(place, _)| place);
         first.or_else(|| self.triangles.iter().zip(&uncut.triangles).find_map(of_face))

@@ -51,7 +51,7 @@ mod shorten;
 mod slits;
 mod trial;
 
-pub use cut_mesh::CutMesh;
+pub use cut_mesh::{CutMesh, PlaceId};
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
 pub(crate) use decide::{AreaLimit, TrialMaps, decide};
 pub use error::CutError;

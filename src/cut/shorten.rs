@@ -94,7 +94,7 @@ fn replacement(graph: &SeamGraph<'_>, other: &SeamEdges, chain: &Chain) -> Optio
     let mesh = open.mesh(&graph.closed.positions);
     let rims = boundary_loops(&mesh);
     let [from, to] = rims.as_slice() else { return None };
-    let paths = Paths::new(open.unsplit.len(), &open.triangles, &graph.edge_of);
+    let paths = Paths::new(mesh.positions.len(), &mesh.triangles, &graph.edge_of);
     let to: HashSet<VertexId> = to.iter().copied().collect();
     paths.shortest(&graph.weights, from.iter().copied(), |v| to.contains(&v))
 }

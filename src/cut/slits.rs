@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use crate::{
     cut::{
+        PlaceId,
         seam_graph::{RESOLUTION, SeamGraph},
         trial::Trial,
     },
@@ -81,7 +82,7 @@ fn distortion(mesh: &TriMesh, state: &Trial) -> IdVec<VertexId, f64> {
     let cut = &state.cut;
     let areas: IdVec<FaceId, f64> = mesh.triangles.ids().map(|face| mesh.face_area(face)).collect();
     let mean = |of_face: &dyn Fn(FaceId) -> f64| {
-        let mut sums = IdVec::<VertexId, (f64, f64)>::filled((0.0, 0.0), cut.unsplit.len());
+        let mut sums = IdVec::<PlaceId, (f64, f64)>::filled((0.0, 0.0), cut.unsplit.len());
         for (face, corners) in cut.triangles.enumerate() {
             let (a, x) = (areas[face], of_face(face));
             for &v in corners {

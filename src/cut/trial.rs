@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::{
     cut::{
-        CutMesh,
+        CutMesh, PlaceId,
         seam_graph::{SeamEdges, SeamGraph},
     },
     id::{FaceId, IdVec, VertexId},
@@ -15,7 +15,7 @@ use crate::{
 type Uv = IdVec<VertexId, DVec2>;
 
 /// The vertices of the uncut mesh that those of a cut one are.
-type Unsplit = IdVec<VertexId, VertexId>;
+type Unsplit = IdVec<PlaceId, VertexId>;
 
 /// Flattens a cut mesh (m). Takes the mesh, its unsplit vertices, a map of the same faces to start from, and
 /// an excess energy: a map that is likely to stay above it may be returned early. `None` if there is no map.
@@ -63,7 +63,7 @@ impl Trial {
         let start = before.filter(|before| !before.uv.is_empty()).map(|before| {
             let mut uv = Uv::filled(DVec2::ZERO, cut.unsplit.len());
             for (corners, places) in cut.triangles.iter().zip(&before.cut.triangles) {
-                corners.iter().zip(places).for_each(|(&v, &place)| uv[v] = before.uv[place]);
+                corners.iter().zip(places).for_each(|(v, place)| uv[v.opened()] = before.uv[place.opened()]);
             }
             uv
         });

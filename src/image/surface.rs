@@ -7,6 +7,7 @@ use glam::DVec2;
 
 use crate::{
     atlas::Chart,
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     image::{
         Interpolation,
@@ -30,9 +31,9 @@ pub(super) struct PixelSurface {
     /// Number of vertices of the level: of its values.
     pub(super) vertices: usize,
     /// Where the places of the map lie, in pixels of the chart: right, and down.
-    at: IdVec<VertexId, DVec2>,
+    at: IdVec<PlaceId, DVec2>,
     /// The vertex of each place; `None` where each is itself.
-    unsplit: Option<IdVec<VertexId, VertexId>>,
+    unsplit: Option<IdVec<PlaceId, VertexId>>,
     /// The faces that cover pixels, their pixels, and those around each vertex.
     pub(super) faces: Vec<FaceWeights>,
     pub(super) runs: Runs,
@@ -81,7 +82,7 @@ impl PixelSurface {
         pixel_area: f64,
         interpolation: Interpolation,
     ) -> Self {
-        let at: IdVec<VertexId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
+        let at: IdVec<PlaceId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
         let triangles = &level.level.mesh.triangles;
         // The number of each face among those that cover pixels.
         let mut source_of = IdVec::<FaceId, u32>::filled(u32::MAX, triangles.len());
@@ -93,7 +94,7 @@ impl PixelSurface {
                 let source = &mut source_of[span.face];
                 if *source == u32::MAX {
                     *source = u32::try_from(faces.len()).unwrap_or(u32::MAX);
-                    let places = level.corners()[span.face];
+                    let places = level.places(span.face);
                     faces.push(FaceWeights::new(triangles[span.face], places.map(|place| at[place])));
                 }
                 all.push(Run {
@@ -184,21 +185,20 @@ impl PixelSurface {
     fn natural(&self, live: &[bool]) -> Rows {
         /// What is smaller is 0 to the triangulation.
         const ZERO: f64 = 1e-40;
-        let at = |v: VertexId| {
-            let p = self.at[v];
+        let at = |place: PlaceId| {
+            let p = self.at[place];
             DVec2::select(p.abs().cmplt(DVec2::splat(ZERO)), DVec2::ZERO, p)
         };
         // Where a map is cut, a vertex of the seam is a site at each of its places.
-        let vertex = |place: VertexId| self.unsplit.as_ref().map_or(place, |unsplit| unsplit[place]);
-        let mut vertices: Vec<VertexId> =
-            self.at.ids().filter(|&place| live[vertex(place).index()]).collect();
-        // Of vertices at one place the first counts.
-        let mut places = HashSet::with_capacity(vertices.len());
-        vertices.retain(|&v| places.insert(at(v).to_array().map(f64::to_bits)));
-        if vertices.is_empty() {
+        let vertex = |place: PlaceId| self.unsplit.as_ref().map_or(place.opened(), |unsplit| unsplit[place]);
+        let mut places: Vec<PlaceId> = self.at.ids().filter(|&place| live[vertex(place).index()]).collect();
+        // Of places at one position the first counts.
+        let mut positions = HashSet::with_capacity(places.len());
+        places.retain(|&place| positions.insert(at(place).to_array().map(f64::to_bits)));
+        if places.is_empty() {
             return Rows::default();
         }
-        let sites: Vec<DVec2> = vertices.iter().map(|&v| at(v)).collect();
+        let sites: Vec<DVec2> = places.iter().map(|&place| at(place)).collect();
         let neighbours = Neighbours::new(sites.clone());
         let columns = self.chart.frame.size_px[0] as usize;
         let mut triangle_of = vec![u32::MAX; columns * self.chart.frame.size_px[1] as usize];
@@ -213,13 +213,13 @@ impl PixelSurface {
             match triangle_of[usize::from(row) * columns + usize::from(column)] {
                 u32::MAX => {
                     near = neighbours.nearest(p, near);
-                    rows.push(pixel, [(vertex(vertices[near]).raw(), 1.0)]);
+                    rows.push(pixel, [(vertex(places[near]).raw(), 1.0)]);
                 }
                 triangle => {
                     neighbours.weights(p, triangle as usize, &mut scratch);
                     named.clear();
                     for &(s, w) in &scratch.weights {
-                        let v = vertex(vertices[s as usize]).raw();
+                        let v = vertex(places[s as usize]).raw();
                         match named.iter_mut().find(|x: &&mut (u32, f64)| x.0 == v) {
                             Some(known) => known.1 += w,
                             None => named.push((v, w)),
@@ -235,7 +235,7 @@ impl PixelSurface {
     /// The covered pixel whose centre is nearest to a vertex; the first of equal ones. `None` if
     /// there is none.
     pub(super) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
-        let p = self.at[vertex];
+        let p = self.at[PlaceId::of_opened(vertex)];
         let size = self.chart.frame.size_px;
         #[expect(
             clippy::cast_possible_truncation,

@@ -8,6 +8,7 @@
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     id::{IdVec, VertexId},
     map::MapLevel,
     mesh::VertexCorners,
@@ -19,28 +20,28 @@ const ROUNDED: f64 = 1e-6;
 
 /// Where each place of the map of level 0 lies on the map of a level, in m: at the mean of the fields
 /// of its taxel, by their weights.
-pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<VertexId, DVec2> {
+pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, DVec2> {
     let Some(rows) = &level.level.to_finest else { return level.uv.clone() };
-    let taxel_of = |place: VertexId| finest.unsplit().map_or(place, |unsplit| unsplit[place]);
-    let at = |(taxel, named): (VertexId, [VertexId; 3])| -> DVec2 {
+    let at = |(taxel, named): (VertexId, [PlaceId; 3])| -> DVec2 {
         named.into_iter().zip(rows.weights[taxel]).map(|(place, w)| w * level.uv[place]).sum()
     };
-    let mut carried = IdVec::<VertexId, Option<DVec2>>::filled(None, finest.uv.len());
-    let mut open: Vec<(VertexId, Vec<DVec2>)> = Vec::new();
+    let mut carried = IdVec::<PlaceId, Option<DVec2>>::filled(None, finest.uv.len());
+    let mut open: Vec<(PlaceId, Vec<DVec2>)> = Vec::new();
     let candidates = Candidates::new(finest, level, rows);
     for place in finest.uv.ids() {
-        let taxel = taxel_of(place);
+        let taxel = finest.vertex_of(place);
         match candidates.of(taxel).as_slice() {
             &[only] => carried[place] = Some(at((taxel, only))),
             several => open.push((place, several.iter().map(|&named| at((taxel, named))).collect())),
         }
     }
     // From neighbour to neighbour along the seam.
-    let sides = VertexCorners::new(finest.corners().iter().copied(), finest.uv.len());
+    let opened = finest.level.mesh.triangles.ids().map(|face| finest.places(face).map(PlaceId::opened));
+    let sides = VertexCorners::new(opened, finest.uv.len());
     while !open.is_empty() {
         let mut decided = Vec::new();
         open.retain(|(place, several)| {
-            let around = sides.faces(*place).flat_map(|face| finest.corners()[face]);
+            let around = sides.faces(place.opened()).flat_map(|face| finest.places(face));
             let known: Vec<DVec2> = around.filter_map(|near| carried[near]).collect();
             let middle = known.iter().sum::<DVec2>() / known.len() as f64;
             let far = |at: &DVec2| at.distance_squared(middle);
@@ -53,7 +54,10 @@ pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<Verte
         }
         decided.into_iter().for_each(|(place, nearest)| carried[place] = Some(nearest));
     }
-    let usual = |place| at((taxel_of(place), rows.indices[taxel_of(place)]));
+    let usual = |place| {
+        let taxel = finest.vertex_of(place);
+        at((taxel, rows.indices[taxel].map(PlaceId::of_opened)))
+    };
     carried.enumerate().map(|(place, found)| found.unwrap_or_else(|| usual(place))).collect()
 }
 
@@ -80,20 +84,20 @@ impl<'m> Candidates<'m> {
 
     /// The places that the row of a taxel names in each of its faces, if they differ; a taxel off
     /// the seam lies in the face of all three vertices, if there is one.
-    fn of(&self, taxel: VertexId) -> Vec<[VertexId; 3]> {
+    fn of(&self, taxel: VertexId) -> Vec<[PlaceId; 3]> {
         let (corners, weights) = (self.rows.indices[taxel], self.rows.weights[taxel]);
         let is_on_seam = self.is_on_seam[taxel];
         let counts = |k: usize| weights[k] > if is_on_seam { ROUNDED } else { 0.0 };
         let strongest = (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best });
-        let mut found: Vec<[VertexId; 3]> = Vec::new();
+        let mut found: Vec<[PlaceId; 3]> = Vec::new();
         for face in self.around.faces(corners[strongest]) {
             let whole = self.level.level.mesh.triangles[face];
             let side = corners.map(|v| whole.iter().position(|&w| w == v));
             if (0..3).any(|k| counts(k) && side[k].is_none()) {
                 continue;
             }
-            let places = self.level.corners()[face];
-            let named = [0, 1, 2].map(|k| side[k].map_or(corners[k], |at| places[at]));
+            let places = self.level.places(face);
+            let named = [0, 1, 2].map(|k| side[k].map_or(PlaceId::of_opened(corners[k]), |at| places[at]));
             if !is_on_seam && side.iter().all(Option::is_some) {
                 return vec![named];
             }

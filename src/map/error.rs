@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     flatten::Distortion,
     id::VertexId,
     map::ImageFrame,
@@ -59,8 +60,8 @@ pub enum MapError {
         patch: String,
         /// The level.
         level: LevelId,
-        /// The place, a vertex of the cut level.
-        place: VertexId,
+        /// The place.
+        place: PlaceId,
     },
     /// A map position that is not finite.
     #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::{
-    cut::{CutMesh, seam_length},
+    cut::{CutMesh, PlaceId, seam_length},
     flatten::{Convergence, Distortion, distortion},
     id::{FaceId, IdVec, VertexId},
     map::{ImageFrame, MapError},
@@ -26,7 +26,7 @@ pub struct MapLevel {
     /// places of the map, else a vertex of the seam has several places there.
     pub cut: Option<CutMesh>,
     /// Map positions of the places, in m.
-    pub uv: IdVec<VertexId, DVec2>,
+    pub uv: IdVec<PlaceId, DVec2>,
     /// The rectangle its image shows.
     pub frame: ImageFrame,
     /// How faithful the map is; after a build as a map file holds it, in 32-bit numbers.
@@ -37,7 +37,7 @@ pub struct MapLevel {
 
 impl MapLevel {
     /// A level with its map `uv` (m), which is not measured; images have `pixel` metres per pixel.
-    pub(crate) fn new(level: Level, cut: Option<CutMesh>, uv: IdVec<VertexId, DVec2>, pixel: f64) -> Self {
+    pub(crate) fn new(level: Level, cut: Option<CutMesh>, uv: IdVec<PlaceId, DVec2>, pixel: f64) -> Self {
         let frame = ImageFrame::around(&uv, pixel);
         Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None }
     }
@@ -60,23 +60,51 @@ impl MapLevel {
     /// # Panics
     /// If the map has not one position per place, or a triangle names a vertex that does not exist.
     pub(crate) fn measure(&mut self) {
-        self.distortion = distortion(&self.opened(), &self.uv);
+        self.distortion = distortion(&self.opened(), &self.opened_uv());
+    }
+
+    /// The corners of a face, as places of the map.
+    ///
+    /// # Panics
+    /// If there is no such face.
+    #[must_use]
+    #[inline]
+    pub fn places(&self, face: FaceId) -> [PlaceId; 3] {
+        match &self.cut {
+            Some(cut) => cut.triangles[face],
+            None => self.level.mesh.triangles[face].map(PlaceId::of_opened),
+        }
     }
 
     /// The corners of every face, as places of the map.
-    #[must_use]
-    pub fn corners(&self) -> &IdVec<FaceId, [VertexId; 3]> {
-        self.cut.as_ref().map_or(&self.level.mesh.triangles, |cut| &cut.triangles)
+    pub(crate) fn corners(&self) -> IdVec<FaceId, [PlaceId; 3]> {
+        self.level.mesh.triangles.ids().map(|face| self.places(face)).collect()
     }
 
     /// Where the corners of a face lie on the map, in m.
     pub(crate) fn uv_of(&self, face: FaceId) -> [DVec2; 3] {
-        self.corners()[face].map(|place| self.uv[place])
+        self.places(face).map(|place| self.uv[place])
+    }
+
+    /// The vertex of the level that a place of the map is.
+    ///
+    /// # Panics
+    /// If there is no such place.
+    #[must_use]
+    #[inline]
+    pub fn vertex_of(&self, place: PlaceId) -> VertexId {
+        self.cut.as_ref().map_or(place.opened(), |cut| cut.unsplit[place])
     }
 
     /// The vertex of the level that each place of the map is; `None` where each is itself.
-    pub(crate) fn unsplit(&self) -> Option<&IdVec<VertexId, VertexId>> {
+    pub(crate) fn unsplit(&self) -> Option<&IdVec<PlaceId, VertexId>> {
         self.cut.as_ref().map(|cut| &cut.unsplit)
+    }
+
+    /// Map positions of the vertices of [`Self::opened`], in m.
+    #[must_use]
+    pub fn opened_uv(&self) -> IdVec<VertexId, DVec2> {
+        self.uv.iter().copied().collect()
     }
 
     /// The mesh as it lies on the map: cut open.
@@ -157,7 +185,8 @@ impl PatchMap {
         pixel: f64,
     ) -> Self {
         let levels = levels.into_iter().zip(maps);
-        let levels = levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv, pixel));
+        let levels =
+            levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv.into_iter().collect(), pixel));
         let levels: IdVec<LevelId, MapLevel> = levels.collect();
         let mut taxels = patch.taxels.clone();
         if let Some(finest) = levels.iter().next()
@@ -228,11 +257,11 @@ impl PatchMap {
             let source = PyramidError::Length { what: "uv", found, needed };
             return Err(MapError::Level { patch: patch(), level, source });
         }
-        if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
-            return Err(MapError::NotFinite { patch: patch(), level, vertex, at });
+        if let Some((place, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
+            return Err(MapError::NotFinite { patch: patch(), level, vertex: map.vertex_of(place), at });
         }
-        if let Some((vertex, &at)) = uv.enumerate().find(|(_, at)| at.abs().max_element() > FARTHEST) {
-            return Err(MapError::TooFar { patch: patch(), level, vertex, at });
+        if let Some((place, &at)) = uv.enumerate().find(|(_, at)| at.abs().max_element() > FARTHEST) {
+            return Err(MapError::TooFar { patch: patch(), level, vertex: map.vertex_of(place), at });
         }
         if !frame.is_valid() {
             return Err(MapError::Frame { patch: patch(), level, frame: *frame });
@@ -322,7 +351,7 @@ impl SkinMap {
         let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);
         if patch.levels.iter().any(MapLevel::is_mirrored) {
             for level in patch.levels.iter_mut() {
-                level.uv = uv.map(|at| DVec2::new(-at.x, at.y));
+                level.uv = uv.iter().map(|at| DVec2::new(-at.x, at.y)).collect();
                 level.set_pixel(pixel);
                 level.measure();
             }

@@ -2,7 +2,7 @@
 
 use crate::{
     Error,
-    cut::{AreaLimit, Cut, CutMesh, TrialMaps, decide, is_plain_disk},
+    cut::{AreaLimit, Cut, CutMesh, PlaceId, TrialMaps, decide, is_plain_disk},
     flatten::{FlattenOptions, Method, Overlap, distortion, flatten, flatten_roughly},
     id::{IdVec, VertexId},
     mesh::TriMesh,
@@ -77,7 +77,7 @@ fn keep_ratio(
         let (cut, on_trial) =
             cut_below(mesh, taxels, &Cut::AreaRatio(wanted), options, Some(wanted.powf(aim)))?;
         let opened = cut.as_ref().map(|cut| cut.mesh(&mesh.positions));
-        let places = cut.as_ref().map(|cut| taxels.select(&cut.unsplit));
+        let places = cut.as_ref().map(|cut| taxels.select(&cut.opened_vertices()));
         let (opened, places) = (opened.as_ref().unwrap_or(mesh), places.as_ref().unwrap_or(taxels));
         let map = flatten(opened, Some(places), options);
         let area_ratio = map.map_or(f64::INFINITY, |map| distortion(opened, &map.uv).area_max);
@@ -113,8 +113,10 @@ fn cut_below(
     let level = decided_level(mesh, taxels)?;
     let taxels_there = level.as_ref().map(|level| taxels.select(&level.origins));
     let taxels_there = taxels_there.as_ref().unwrap_or(taxels);
-    let judged = |mesh: &TriMesh, unsplit: &IdVec<VertexId, VertexId>, _: Option<&_>, _: f64| {
-        flatten(mesh, Some(&taxels_there.select(unsplit)), options).ok().map(|map| map.uv)
+    let judged = |mesh: &TriMesh, unsplit: &IdVec<PlaceId, VertexId>, _: Option<&_>, _: f64| {
+        flatten(mesh, Some(&taxels_there.select(&unsplit.iter().copied().collect())), options)
+            .ok()
+            .map(|map| map.uv)
     };
     let limit = area_ratio.map(|ratio| AreaLimit { ratio, map: &judged });
     let recipe = match &level {

@@ -4,6 +4,7 @@
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     flatten::{crossing_vertices, distortion},
     id::{IdVec, VertexId},
     io::as_in_map_file,
@@ -29,7 +30,7 @@ pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
     level.distortion = distortion(&mesh, &uv);
     if level.distortion.crossings > 0 {
         let edges = boundary_edges(&mesh);
-        if crossing_vertices(&edges, &level.uv).is_empty() {
+        if crossing_vertices(&edges, &level.opened_uv()).is_empty() {
             part(level, &mesh, &edges, uv);
         }
     }
@@ -44,14 +45,15 @@ fn part(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: I
     for power in 1..=TRIES {
         let step = UNIT * level.frame.size.max_element() * f64::from(1 << power);
         for v in crossing_vertices(edges, &uv) {
-            let around = corners.faces(v).flat_map(|face| mesh.triangles[face]);
+            let place = PlaceId::of_opened(v);
+            let around = corners.faces(v).flat_map(|face| mesh.triangles[face]).map(PlaceId::of_opened);
             let inwards: DVec2 =
-                around.map(|other| (parted.uv[other] - parted.uv[v]).normalize_or_zero()).sum();
-            let before = parted.uv[v];
-            parted.uv[v] += step * inwards.normalize_or_zero();
-            let mut faces = corners.faces(v).map(|face| mesh.triangles[face].map(|v| parted.uv[v]));
+                around.map(|other| (parted.uv[other] - parted.uv[place]).normalize_or_zero()).sum();
+            let before = parted.uv[place];
+            parted.uv[place] += step * inwards.normalize_or_zero();
+            let mut faces = corners.faces(v).map(|face| parted.uv_of(face));
             if faces.any(|[a, b, c]| (b - a).perp_dot(c - a) <= 0.0) {
-                parted.uv[v] = before;
+                parted.uv[place] = before;
             }
         }
         let Ok((_, rounded)) = as_in_map_file(&parted) else { return };

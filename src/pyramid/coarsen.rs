@@ -1,7 +1,7 @@
 //! Makes the pyramid of one patch, level by level; see the [module](crate::pyramid) for the steps.
 
 use crate::{
-    cut::CutMesh,
+    cut::{CutMesh, PlaceId},
     id::{IdVec, VertexId},
     mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
@@ -95,8 +95,8 @@ pub(crate) fn coarsen_cut(
     let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(Seam::new(mesh, cut)?))?;
     let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::default(), IdVec::default());
     let mut removals = [IdVec::default(), IdVec::default()];
-    // The vertices of level 0 after its cut that those of the next level are.
-    let mut origins: IdVec<VertexId, VertexId> = cut.unsplit.ids().collect();
+    // The places of level 0 that those of the next level are.
+    let mut origins: IdVec<PlaceId, PlaceId> = cut.unsplit.ids().collect();
     let mut all_origins = vec![origins.clone()];
     cuts.push(cut.clone());
     coarsener.run(rings, |level, log, seam| {
@@ -119,22 +119,22 @@ pub(crate) fn coarsen_cut(
     })
 }
 
-/// The levels after their cuts; `origins` are the vertices of level 0 after its cut that theirs are.
+/// The levels after their cuts; `origins` are the places of level 0 that theirs are.
 fn open_levels(
     levels: &IdVec<LevelId, Level>,
     cuts: &IdVec<LevelId, CutMesh>,
-    origins: Vec<IdVec<VertexId, VertexId>>,
+    origins: Vec<IdVec<PlaceId, PlaceId>>,
 ) -> IdVec<LevelId, Level> {
     let CutMesh { unsplit: finest, .. } = &cuts[LevelId::new(0)];
     let mut opened = IdVec::<LevelId, Level>::default();
     for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
         let to_finest = level.to_finest.as_ref().map(|rows| {
-            let mut indices = finest.map(|&v| rows.indices[v]);
+            let mut indices: IdVec<VertexId, _> = finest.iter().map(|&v| rows.indices[v]).collect();
             // A copy that is a vertex still is its own field.
-            for (vertex, &origin) in origins.enumerate() {
-                indices[origin][0] = vertex;
+            for (place, origin) in origins.enumerate() {
+                indices[origin.opened()][0] = place.opened();
             }
-            let weights = finest.map(|&v| rows.weights[v]);
+            let weights = finest.iter().map(|&v| rows.weights[v]).collect();
             Prolongation { indices, weights, coarse_len: origins.len() }
         });
         if let (Some(rows), Some(finer)) = (&to_finest, opened.iter_mut().last()) {
@@ -144,10 +144,10 @@ fn open_levels(
                 coarse_len: rows.coarse_len,
             });
         }
-        let areas = cut.unsplit.map(|&v| level.areas[v]);
+        let areas = cut.unsplit.iter().map(|&v| level.areas[v]).collect();
         opened.push(Level {
             mesh: cut.mesh(&level.mesh.positions),
-            origins,
+            origins: origins.iter().map(|place| place.opened()).collect(),
             areas,
             from_coarser: None,
             to_finest,
@@ -190,9 +190,9 @@ struct Coarsener<'a> {
     wanted_spacing: Option<IdVec<VertexId, f64>>,
 }
 
-/// How the next coarser level is cut: the removals from the cut level, the vertex of that level that
+/// How the next coarser level is cut: the removals from the cut level, the place of that level that
 /// each of its own is, and the cut itself.
-type CutStep = (RemovalLog, IdVec<VertexId, VertexId>, CutMesh);
+type CutStep = (RemovalLog, IdVec<PlaceId, PlaceId>, CutMesh);
 
 impl<'a> Coarsener<'a> {
     /// At level 0, whose rings are returned too.

@@ -11,6 +11,7 @@
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     id::{IdVec, VertexId},
     map::{MapLevel, SkinMap},
     mesh::signed_area,
@@ -36,7 +37,7 @@ use crate::{
 /// let skin = PatchId::new(0);
 /// let channels = [Channel::default()];
 /// let mut frame = Frame::new(&map, 1);
-/// frame.values[skin][0] = map.patches[skin].levels[LevelId::new(0)].uv.map(|at| 5.0 * at.x);
+/// frame.values[skin][0] = map.patches[skin].levels[LevelId::new(0)].opened_uv().map(|at| 5.0 * at.x);
 /// let mut edges = Edges::new(&map, &channels);
 /// let steep = edges.of(Restrictor::new(&map, &channels).restrict(&frame));
 /// let [u, v] = [0, 1].map(|k| &steep.values[skin][k][LevelId::new(0)]);
@@ -136,7 +137,7 @@ impl FlatLevel {
     fn new(level: &MapLevel) -> Self {
         let mesh = &level.level.mesh;
         let faces = mesh.triangles.enumerate().map(|(face, &corners)| {
-            let places = level.corners()[face];
+            let places = level.places(face).map(PlaceId::opened);
             FlatFace { corners, uv: level.uv_of(face), counts: [0, 1, 2].map(|k| corners[k] == places[k]) }
         });
         let vertices = mesh.positions.len();
@@ -144,7 +145,7 @@ impl FlatLevel {
         // Fields that have a taxel in a face at the seam.
         let mut is_on_seam = IdVec::<VertexId, bool>::filled(false, vertices);
         let places = level.unsplit().into_iter().flat_map(|unsplit| unsplit.enumerate());
-        places.filter(|(place, v)| place != *v).for_each(|(_, &v)| is_on_seam[v] = true);
+        places.filter(|(place, v)| place.opened() != **v).for_each(|(_, &v)| is_on_seam[v] = true);
         let mut is_whole = vec![true; vertices];
         for row in to_finest.iter().flat_map(|rows| &rows.indices) {
             if row.iter().any(|&v| is_on_seam[v]) {

@@ -91,24 +91,26 @@ fn square_sheet(columns: u32, side: f64) -> TriMesh {
 }
 
 fn nearest(of: &MapLevel, among: &MapLevel) -> IdVec<VertexId, VertexId> {
+    let there = among.opened_uv();
     let closest = |p: &DVec2| {
-        let d = |v: &VertexId| among.uv[*v].distance_squared(*p);
-        among.uv.ids().min_by(|a, b| d(a).total_cmp(&d(b))).unwrap()
+        let d = |v: &VertexId| there[*v].distance_squared(*p);
+        there.ids().min_by(|a, b| d(a).total_cmp(&d(b))).unwrap()
     };
-    of.uv.map(closest)
+    of.opened_uv().map(closest)
 }
 
 /// Barycentric location by trying every triangle.
 fn prolongation(fine: &MapLevel, coarse: &MapLevel) -> Prolongation {
     let mut out =
         Prolongation { indices: IdVec::default(), weights: IdVec::default(), coarse_len: coarse.uv.len() };
+    let uv = coarse.opened_uv();
     for &p in &fine.uv {
         let worst = |f: &FaceId| {
-            barycentric(&coarse.level.mesh, &coarse.uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)
+            barycentric(&coarse.level.mesh, &uv, *f, p).into_iter().fold(f64::INFINITY, f64::min)
         };
         let face = coarse.level.mesh.triangles.ids().max_by(|a, b| worst(a).total_cmp(&worst(b))).unwrap();
         out.indices.push(coarse.level.mesh.triangles[face]);
-        out.weights.push(barycentric(&coarse.level.mesh, &coarse.uv, face, p).map(|w| w.max(0.0)));
+        out.weights.push(barycentric(&coarse.level.mesh, &uv, face, p).map(|w| w.max(0.0)));
     }
     out
 }

@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     mesh.triangles = mesh.triangles.into_iter().take(skin_faces).collect();
     let mut outputs = Outputs::default();
     for path in &args.output {
-        outputs.stage(|| write_flat(path, &mesh, &finest.uv))?;
+        outputs.stage(|| write_flat(path, &mesh, &finest.opened_uv()))?;
     }
     outputs.publish(common)?;
     let mut report = measure(&map);

@@ -11,6 +11,7 @@ use positions::{MapPosition, Positions};
 use rows::{Row, Rows};
 
 use crate::{
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places},
     mesh::{SurfacePoint, TriMesh},
@@ -76,12 +77,12 @@ pub(super) struct PatchCells {
 struct LevelCells {
     taxels: IdVec<VertexId, TaxelId>,
     /// Map positions of its places, in m.
-    uv: IdVec<VertexId, DVec2>,
+    uv: IdVec<PlaceId, DVec2>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The first face of each vertex; any for one without.
     first_faces: IdVec<VertexId, FaceId>,
     /// The corners of the faces as places of the map, where the level is cut.
-    places: Option<IdVec<FaceId, [VertexId; 3]>>,
+    places: Option<IdVec<FaceId, [PlaceId; 3]>>,
 }
 
 /// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
@@ -114,12 +115,12 @@ impl PatchCells {
             let Some(to_finest) = &map.level.to_finest else { continue };
             let wrong = |source| MapError::Level { patch: patch.name.clone(), level: id, source };
             let faces = map.row_faces(to_finest).map_err(wrong)?;
-            let row = |place: VertexId| {
-                let vertex = finest.unsplit().map_or(place, |unsplit| unsplit[place]);
+            let row = |place: PlaceId| {
+                let vertex = finest.vertex_of(place);
                 let parts = to_finest.indices[vertex].into_iter().zip(to_finest.weights[vertex]);
                 row_in(map, faces[vertex], parts)
             };
-            let level: IdVec<VertexId, Row> = finest.uv.ids().map(row).collect();
+            let level: IdVec<PlaceId, Row> = finest.uv.ids().map(row).collect();
             uv.push(match &finest.cut {
                 Some(_) => carried_places(finest, map),
                 None => level.map(|row| row.position(map)),
@@ -186,7 +187,7 @@ impl PatchCells {
     pub(super) fn own_face(&self, level: LevelId, face: FaceId) -> Option<OwnFace> {
         let cells = self.levels.get(level)?;
         let fields = *cells.triangles.get(face)?;
-        let places = cells.places.as_ref().map_or(fields, |places| places[face]);
+        let places = cells.places.as_ref().map_or(fields.map(PlaceId::of_opened), |places| places[face]);
         let (taxels, uv) = (fields.map(|field| cells.taxels[field]), places.map(|place| cells.uv[place]));
         Some(OwnFace { fields, taxels, uv })
     }
@@ -204,7 +205,7 @@ impl PatchCells {
         let corners = cells.triangles.get(face).filter(|corners| corners.contains(&field))?;
         let barycentric = corners.map(|v| f64::from(u8::from(v == field)));
         let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
-        let uv = cells.uv[field];
+        let uv = cells.uv[PlaceId::of_opened(field)];
         let position = MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) };
         Some(cells.cell(SurfacePoint { face, barycentric }, weights, position))
     }

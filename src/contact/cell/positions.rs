@@ -7,6 +7,7 @@
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::PixelGrid,
     parallel::par_collect,
@@ -41,15 +42,15 @@ pub(super) struct Positions {
     pub(super) images: IdVec<LevelId, PixelGrid>,
     /// The corners of the faces as places of the map of level 0, where that is cut; else they are
     /// the vertices.
-    places: Option<IdVec<FaceId, [VertexId; 3]>>,
+    places: Option<IdVec<FaceId, [PlaceId; 3]>>,
 }
 
 impl Positions {
     /// `levels`: where each place lies on the map of each level, level 0 first, in m.
     pub(super) fn new(
-        levels: &[IdVec<VertexId, DVec2>],
+        levels: &[IdVec<PlaceId, DVec2>],
         images: IdVec<LevelId, PixelGrid>,
-        places: Option<IdVec<FaceId, [VertexId; 3]>>,
+        places: Option<IdVec<FaceId, [PlaceId; 3]>>,
     ) -> Self {
         // Three would lie in two lines every other time.
         let stride = levels.len() + usize::from(levels.len() % LINE == 3);
@@ -57,7 +58,7 @@ impl Positions {
         let lines = par_collect(slots.div_ceil(LINE), |range, lines| {
             let at = |slot: usize| {
                 let level = levels.get(slot % stride);
-                level.and_then(|level| level.get(VertexId::new(slot / stride))).copied().unwrap_or_default()
+                level.and_then(|level| level.get(PlaceId::new(slot / stride))).copied().unwrap_or_default()
             };
             lines.extend(range.map(|line| Line(std::array::from_fn(|k| at(line * LINE + k)))));
         });
@@ -66,19 +67,22 @@ impl Positions {
 
     /// The corners of a face, by its vertices, as places.
     #[inline(always)]
-    pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [VertexId; 3] {
-        self.places.as_ref().map_or(vertices, |places| places[face])
+    pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [PlaceId; 3] {
+        match &self.places {
+            Some(places) => places[face],
+            None => vertices.map(PlaceId::of_opened),
+        }
     }
 
     #[inline(always)]
-    fn slot(&self, place: VertexId, level: usize) -> DVec2 {
+    fn slot(&self, place: PlaceId, level: usize) -> DVec2 {
         let slot = place.index() * self.stride + level;
         self.lines[slot / LINE].0[slot % LINE]
     }
 
     /// Where a point of a face lies on the map of a level; `corners` are places.
     #[inline(always)]
-    pub(super) fn at(&self, level: LevelId, corners: [VertexId; 3], barycentric: [f64; 3]) -> MapPosition {
+    pub(super) fn at(&self, level: LevelId, corners: [PlaceId; 3], barycentric: [f64; 3]) -> MapPosition {
         let [u, v, w] = corners.map(|place| self.slot(place, level.index()));
         let [a, b, c] = barycentric;
         let uv = u * a + v * b + w * c;

@@ -9,6 +9,7 @@ use crate::{
         field_weights::{FieldWeights, MOST_FIELDS},
         positions::Positions,
     },
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::MapLevel,
     parallel::par_collect,
@@ -29,7 +30,8 @@ impl Row {
     /// Where it lies on the map of its level, if that is not cut, in m.
     pub(super) fn position(&self, map: &MapLevel) -> DVec2 {
         let corners = map.level.mesh.triangles[self.face];
-        corners.into_iter().zip(self.weights).map(|(field, weight)| map.uv[field] * weight).sum()
+        let places = corners.into_iter().map(PlaceId::of_opened);
+        places.zip(self.weights).map(|(place, weight)| map.uv[place] * weight).sum()
     }
 }
 
@@ -127,14 +129,14 @@ impl Union {
 impl Rows {
     /// The rows of each place on the coarser levels, finest first.
     pub(super) fn new(
-        levels: &[IdVec<VertexId, Row>],
+        levels: &[IdVec<PlaceId, Row>],
         triangles: &IdVec<FaceId, [VertexId; 3]>,
         positions: &Positions,
     ) -> Self {
         let above = levels.len();
         let count = levels.first().map_or(0, |values| values.len());
         let rows = par_collect(count, |range, rows| {
-            for place in range.map(VertexId::new) {
+            for place in range.map(PlaceId::new) {
                 rows.extend(levels.iter().map(|level| level[place]));
             }
         });
@@ -150,7 +152,7 @@ impl Rows {
 
     /// The rows of the corners of a face, as places, on the level `above + 1`.
     #[inline(always)]
-    pub(super) fn of(&self, corners: [VertexId; 3], above: usize) -> [&Row; 3] {
+    pub(super) fn of(&self, corners: [PlaceId; 3], above: usize) -> [&Row; 3] {
         corners.map(|place| &self.rows[place.index() * self.above + above])
     }
 

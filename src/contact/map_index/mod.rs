@@ -16,6 +16,7 @@ use crate::{
         cell::OwnFace,
         patch_bvh::{Best, LARGEST, check},
     },
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     map::{MapLevel, PixelGrid, SkinMap},
     mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal},
@@ -306,12 +307,12 @@ impl Sheet {
 /// The triangles of a map at height 0, its places numbered along a curve: those near each other on the map
 /// are so in memory.
 fn plane(map: &MapLevel) -> TriMesh {
-    let order = along_curve(&map.uv.map(|uv| uv.extend(0.0)));
-    let mut ranks = IdVec::filled(VertexId::new(0), order.len());
+    let order = along_curve(&map.opened_uv().map(|uv| uv.extend(0.0)));
+    let mut ranks = IdVec::<PlaceId, VertexId>::filled(VertexId::new(0), order.len());
     for (rank, &place) in order.iter().enumerate() {
-        ranks[VertexId::new(place)] = VertexId::new(rank);
+        ranks[PlaceId::new(place)] = VertexId::new(rank);
     }
-    let positions = order.iter().map(|&place| map.uv[VertexId::new(place)].extend(0.0)).collect();
+    let positions = order.iter().map(|&place| map.uv[PlaceId::new(place)].extend(0.0)).collect();
     TriMesh { positions, triangles: map.corners().map(|corners| corners.map(|place| ranks[place])) }
 }
 

@@ -111,7 +111,8 @@ pub(crate) struct NewtonLimits {
 pub(crate) enum Ended {
     /// At a minimum, up to the limits.
     Converged,
-    /// After all steps, or where no step lowers the energy although the gradient promises it.
+    /// After all steps, where no step lowers the energy although the gradient promises it, or where the
+    /// Hessian overflows.
     Short,
     /// Where the caller wanted.
     Stopped,
@@ -139,8 +140,12 @@ impl Objective<'_> {
         let (mut iterations, mut last) = (FIRST_ITERATIONS, f64::INFINITY);
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
-            let Step { downhill, d, gauge } =
-                self.step(uv, &mut system, direct.as_ref(), (energy, iterations), &mut kept)?;
+            let step = self.step(uv, &mut system, direct.as_ref(), (energy, iterations), &mut kept);
+            let Step { downhill, d, gauge } = match step {
+                // The curvature of a face that is nearly a line exceeds 64-bit numbers.
+                Err(SparseError::NotFinite { .. }) => return Ok(Ended::Short),
+                step => step?,
+            };
             let decrement = dot(&downhill, &d);
             match self.line_search(uv, &d, energy, decrement) {
                 Some(reached) => energy = reached,

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::{
-    cut::CutMesh,
+    cut::{CutMesh, PlaceId},
     flatten::Distortion,
     id::{IdVec, VertexId},
     io::{
@@ -238,9 +238,9 @@ struct Places {
     /// A vertex of the mesh for each vertex of the level.
     first: IdVec<VertexId, VertexId>,
     /// The place on the map that each vertex of the mesh is: those of `first` come first.
-    place: IdVec<VertexId, VertexId>,
+    place: IdVec<VertexId, PlaceId>,
     /// The vertex of the level that each place is.
-    unsplit: IdVec<VertexId, VertexId>,
+    unsplit: IdVec<PlaceId, VertexId>,
 }
 
 impl Places {
@@ -265,8 +265,8 @@ impl Places {
             return Err(document.invalid(name, format!("no vertex {missing}"), "every vertex of the level"));
         }
         let first: IdVec<VertexId, VertexId> = first.into_iter().flatten().collect();
-        let mut place = given.clone();
-        let mut unsplit: IdVec<VertexId, VertexId> = first.ids().collect();
+        let mut place = given.map(|&v| PlaceId::of_opened(v));
+        let mut unsplit: IdVec<PlaceId, VertexId> = first.ids().collect();
         for (at, &v) in given.enumerate() {
             if first[v] != at {
                 place[at] = unsplit.push(v);
@@ -285,7 +285,7 @@ impl Places {
             triangles: triangles.map(|t| t.map(|v| unsplit[v])),
         };
         let mut uv = opened.uv.clone();
-        place.enumerate().for_each(|(v, &at)| uv[at] = opened.uv[v]);
+        place.enumerate().for_each(|(v, &at)| uv[at] = opened.uv[PlaceId::of_opened(v)]);
         MapLevel {
             level: Level { mesh: whole, areas: first.map(|&v| areas[v]), ..Level::default() },
             cut: Some(CutMesh { triangles, unsplit }),
@@ -307,7 +307,7 @@ fn tangent(tangent: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Map positions, in m.
-fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<VertexId, DVec2>> {
+fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<PlaceId, DVec2>> {
     let accessor = attributes.need("TEXCOORD_0")?;
     let texture = accessor.reals(DVec2::from_array)?;
     let outside = |t: &DVec2| t.min_element() < -OUTSIDE || t.max_element() > 1.0 + OUTSIDE;

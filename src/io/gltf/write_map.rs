@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use gltf::json::{Index, Mesh};
 
 use crate::{
+    cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     io::{
         IoError,
@@ -166,14 +167,17 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         let count = opened.positions.len();
         match unsplit {
             None => sheet.taxels(patch.taxels, count)?,
-            Some(at) => sheet.taxels(&patch.taxels.select(at), count)?,
+            Some(at) => sheet.taxels(&patch.taxels.select(&at.iter().copied().collect()), count)?,
         }
     } else {
-        let taxel_of = unsplit.map_or_else(|| level.origins.clone(), |at| at.map(|&v| level.origins[v]));
+        let taxel_of: IdVec<VertexId, VertexId> = match unsplit {
+            None => level.origins.clone(),
+            Some(at) => at.iter().map(|&v| level.origins[v]).collect(),
+        };
         let of_level = |of_taxels: &IdVec<VertexId, DVec3>| taxel_of.map(|&taxel| of_taxels[taxel]);
         let tangents = patch.taxels.tangents.as_ref().map(of_level);
         sheet.frames(&of_level(&patch.taxels.normals), tangents.as_ref());
-        let areas = unsplit.map(|at| at.map(|&v| level.areas[v]));
+        let areas = unsplit.map(|at| at.iter().map(|&v| level.areas[v]).collect());
         sheet.positive("_AREA", areas.as_ref().unwrap_or(&level.areas))?;
         if let Some(joints) = &patch.taxels.joints {
             let rows = taxel_of.map(|&taxel| joints[taxel]);
@@ -238,7 +242,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
     let MapLevel { uv, frame, .. } = map;
     let mut texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
     let is_upright = |face: FaceId| {
-        let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
+        let [a, b, c] = map.uv_of(face);
         (b - a).perp_dot(c - a) > 0.0
     };
     let rounded =
@@ -255,7 +259,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
     keep_upright(&mut texture, mesh, &stays);
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
-        return Err((format!("vertex {v} at {} on the map", uv[VertexId::new(v)]), needed));
+        return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
     }
     for face in mesh.triangles.ids() {
         if keeps_shape(face, &texture).is_none() && mesh.face_area(face) > 0.0 {

@@ -5,6 +5,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 use glam::DVec2;
 
 use crate::{
+    cut::PlaceId,
     id::{IdVec, VertexId},
     map::{MapLevel, carried_places},
     mesh::{TriMesh, boundary_loops},
@@ -37,7 +38,7 @@ pub(crate) fn draw_map(
     view: &View,
 ) -> Vec<Shape> {
     let opened = level.opened();
-    let own = lay_out(&opened, &level.uv, view);
+    let own = lay_out(&opened, &level.opened_uv(), view);
     let mut shapes = match coloured.owner {
         MeshOwner::Level => areas(&own, &on_places(&coloured.fill, level.unsplit()), coloured.is_scale, view),
         MeshOwner::Taxels => match patch.level(LevelId::new(0)).filter(|finest| finest.cut.is_some()) {
@@ -47,7 +48,8 @@ pub(crate) fn draw_map(
             }
             Some(finest) => {
                 let mesh = finest.opened();
-                let carried = lay_out(&mesh, &carried_places(finest, level), view);
+                let places = carried_places(finest, level).into_iter().collect();
+                let carried = lay_out(&mesh, &places, view);
                 areas(&carried, &on_places(&coloured.fill, finest.unsplit()), coloured.is_scale, view)
             }
         },
@@ -64,8 +66,9 @@ pub(crate) fn draw_map(
     }
     shapes.push(boundary_line(boundary));
     if let (true, Some(radius)) = (coloured.has_dots, dot_radius(own.edge_px)) {
-        let vertex = |place: VertexId| level.unsplit().map_or(place, |unsplit| unsplit[place]);
-        let dot = |place| (own.at(place), patch.is_live(level.level.origins[vertex(place)]));
+        let dot = |place: PlaceId| {
+            (own.at(place.opened()), patch.is_live(level.level.origins[level.vertex_of(place)]))
+        };
         shapes.extend(taxel_dots(level.uv.ids().map(dot), radius, &coloured.fill));
     }
     shapes
@@ -77,22 +80,26 @@ fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> C
 
 /// The taxels on the map of a level: each at the mean of its fields, by its weights.
 fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
-    let Some(to_finest) = &level.level.to_finest else { return level.uv.clone() };
+    let Some(to_finest) = &level.level.to_finest else { return level.opened_uv() };
     let at = |(v, t): (VertexId, &[VertexId; 3])| {
-        t.iter().zip(to_finest.weights[v]).map(|(&k, w)| w * level.uv[k]).sum()
+        let places = t.iter().map(|&field| PlaceId::of_opened(field));
+        places.zip(to_finest.weights[v]).map(|(place, w)| w * level.uv[place]).sum()
     };
     to_finest.indices.enumerate().map(at).collect()
 }
 
 /// Colours of vertices as those of their places.
-fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<VertexId, VertexId>>) -> Cow<'a, Fill> {
+fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, VertexId>>) -> Cow<'a, Fill> {
     match (fill, unsplit) {
-        (Fill::Cells { groups, colours }, Some(unsplit)) => {
-            Cow::Owned(Fill::Cells { groups: unsplit.map(|&v| groups[v]), colours: colours.clone() })
-        }
-        (&Fill::Values { ref values, scale, has_lines }, Some(unsplit)) => {
-            Cow::Owned(Fill::Values { values: unsplit.map(|&v| values[v]), scale, has_lines })
-        }
+        (Fill::Cells { groups, colours }, Some(unsplit)) => Cow::Owned(Fill::Cells {
+            groups: unsplit.iter().map(|&v| groups[v]).collect(),
+            colours: colours.clone(),
+        }),
+        (&Fill::Values { ref values, scale, has_lines }, Some(unsplit)) => Cow::Owned(Fill::Values {
+            values: unsplit.iter().map(|&v| values[v]).collect(),
+            scale,
+            has_lines,
+        }),
         _ => Cow::Borrowed(fill),
     }
 }

@@ -8,7 +8,7 @@
 //! boundary too, vertices stay.
 
 use crate::{
-    cut::CutMesh,
+    cut::{CutMesh, PlaceId},
     delaunay::smallest_first,
     id::{FaceId, IdVec, VertexId},
     mesh::{Adjacency, Halfedge, MeshError, TriMesh},
@@ -55,7 +55,7 @@ impl Seam {
         Ok(Self { roles, cut: cut.clone(), log: RemovalLog::default() })
     }
 
-    fn corner(&self, h: Halfedge) -> VertexId {
+    fn corner(&self, h: Halfedge) -> PlaceId {
         self.cut.triangles[h.face()][h.side()]
     }
 
@@ -102,34 +102,35 @@ impl Seam {
         self.rename(others, &right_ring, &right);
     }
 
-    fn record(&mut self, vertex: VertexId, ring: &[VertexId], boundary: bool, triangles: &[[u8; 3]]) {
-        self.log.push(&Removal { vertex, ring, boundary, triangles });
+    fn record(&mut self, vertex: PlaceId, ring: &[PlaceId], boundary: bool, triangles: &[[u8; 3]]) {
+        let ring: Vec<VertexId> = ring.iter().map(|place| place.opened()).collect();
+        self.log.push(&Removal { vertex: vertex.opened(), ring: &ring, boundary, triangles });
     }
 
     /// The names of a ring of `count` vertices, from the faces of its star.
-    fn names(&self, star: &[Halfedge], count: usize) -> Vec<VertexId> {
+    fn names(&self, star: &[Halfedge], count: usize) -> Vec<PlaceId> {
         let last = star.last().filter(|_| count > star.len()).map(|h| self.corner(h.previous()));
         star.iter().map(|h| self.corner(h.next())).chain(last).collect()
     }
 
-    fn rename(&mut self, slots: &[Halfedge], names: &[VertexId], triangles: &[[u8; 3]]) {
+    fn rename(&mut self, slots: &[Halfedge], names: &[PlaceId], triangles: &[[u8; 3]]) {
         for (h, t) in slots.iter().zip(triangles) {
             self.cut.triangles[h.face()] = t.map(|i| names[usize::from(i)]);
         }
     }
 
     /// Goes on to the next level, on which the vertices `parents` and the faces `is_kept` are left.
-    /// Returns the removals, and the vertex of the cut level before that each one is.
+    /// Returns the removals, and the place of the level before that each one is.
     pub(crate) fn compact(
         &mut self,
         parents: &IdVec<VertexId, VertexId>,
         is_kept: impl Fn(FaceId) -> bool,
-    ) -> (RemovalLog, IdVec<VertexId, VertexId>) {
-        let kept: Vec<[VertexId; 3]> =
+    ) -> (RemovalLog, IdVec<PlaceId, PlaceId>) {
+        let kept: Vec<[PlaceId; 3]> =
             self.cut.triangles.enumerate().filter(|(f, _)| is_kept(*f)).map(|(_, t)| *t).collect();
-        let mut number = IdVec::<VertexId, Option<VertexId>>::filled(None, self.cut.unsplit.len());
+        let mut number = IdVec::<PlaceId, Option<PlaceId>>::filled(None, self.cut.unsplit.len());
         kept.iter().flatten().for_each(|&v| number[v] = Some(v));
-        let mut places = IdVec::<VertexId, VertexId>::default();
+        let mut places = IdVec::<PlaceId, PlaceId>::default();
         for v in number.ids() {
             number[v] = number[v].map(|v| places.push(v));
         }
@@ -138,7 +139,10 @@ impl Seam {
         let mut of_parent = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.roles.len());
         parents.enumerate().for_each(|(v, &parent)| of_parent[parent] = v);
         let unsplit = places.map(|&place| of_parent[self.cut.unsplit[place]]);
-        debug_assert!(unsplit.enumerate().take(count).all(|(place, v)| place == *v), "the first ones");
+        debug_assert!(
+            unsplit.enumerate().take(count).all(|(place, v)| place.opened() == *v),
+            "the first ones"
+        );
         let triangles = kept.iter().map(|t| t.map(|v| number[v].unwrap_or_default())).collect();
         self.cut = CutMesh { triangles, unsplit };
         self.roles = parents.map(|&parent| self.roles[parent]);

@@ -8,6 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use glam::{DVec2, DVec3};
 
 use crate::{
+    cut::PlaceId,
     id::{FaceId, VertexId},
     map::{MapLevel, PatchMap},
     mesh::{SurfacePoint, VertexCorners, closest_point},
@@ -52,7 +53,7 @@ impl Pressed<'_> {
                 (level.level.mesh.point(at), map, normal.unwrap_or(normals[peak_taxel]))
             }
             // A taxel without triangles.
-            None => (positions[peak_taxel], level.uv[peak_taxel], normals[peak_taxel]),
+            None => (positions[peak_taxel], level.uv[PlaceId::of_opened(peak_taxel)], normals[peak_taxel]),
         };
         let along = self.axes(level, region, mean);
         region.angle = place.map_or(0.0, |at| angle_on_map(level, at.face, along));
