@@ -21,7 +21,7 @@ fn experiment(folder: &Path, name: &str, noise_mm: &str) -> String {
     let calibrated =
         run(folder, &["calibrate", "-", "-o", &skin, "--truth", "truth.csv", "--json"], &touches);
     run(folder, &["build", &skin, "-o", name], b"");
-    run(folder, &["plot", &map, "--level", "0", "--from", "-66,-43", "--width", "1000", "-o", &png], b"");
+    run(folder, &["plot", &map, "--level", "0", "--view", "-66,-43", "--width", "1000", "-o", &png], b"");
     let calibrated: Value = serde_json::from_slice(&calibrated).unwrap();
     let report = fs::read(folder.join(name).join("report.json")).unwrap();
     let report: Value = serde_json::from_slice(&report).unwrap();

@@ -312,15 +312,15 @@ fn the_command_draws_skins_and_maps_alike() {
     plot(&map).args(["-o", "-"]).assert().success().stdout(contains("in space").not());
     plot(&map).args(["-o", "-", "--space"]).assert().success().stdout(both());
     let seen = both().and(contains("azimuth \u{2212}65°, elevation \u{2212}45.5°"));
-    plot(&map).args(["-o", "-", "--from", "-65,-45.5"]).assert().success().stdout(seen);
+    plot(&map).args(["-o", "-", "--view", "-65,-45.5"]).assert().success().stdout(seen);
 
     let refused = [
         (&cap, ["--show", "angle"], "dermatome build"),
         (&cap, ["--level", "0"], "has no map"),
         (&map, ["--show", "sigma"], "no covariances"),
-        (&map, ["--from", "10"], "two angles"),
-        (&map, ["--from", "0,100"], "-90 to 90"),
-        (&map, ["--from", "inf,0"], "two angles"),
+        (&map, ["--view", "10"], "two angles"),
+        (&map, ["--view", "0,100"], "-90 to 90"),
+        (&map, ["--view", "inf,0"], "two angles"),
     ];
     for (file, options, said) in refused {
         plot(file)

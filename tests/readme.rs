@@ -1,9 +1,12 @@
-//! The README's commands, run as a newcomer would.
+//! The commands of the README and of each `--help`, run as a newcomer would.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod common;
 
 use std::{fs, path::Path};
 
 use assert_cmd::Command;
+use tempfile::TempDir;
 
 /// Lines of `sh` blocks that call the command; `cargo run --release -- X` is `dermatome X`.
 fn commands(readme: &str) -> Vec<String> {
@@ -22,29 +25,55 @@ fn commands(readme: &str) -> Vec<String> {
     found
 }
 
-#[test]
-fn every_command_of_the_readme_works() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let readme = fs::read_to_string(root.join("README.md")).unwrap();
-    let commands = commands(&readme);
-    assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");
-
+/// A folder with a copy of `meshes`.
+fn checkout() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("meshes")).unwrap();
-    for entry in fs::read_dir(root.join("meshes")).unwrap() {
+    for entry in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes")).unwrap() {
         let entry = entry.unwrap();
         fs::copy(entry.path(), folder.path().join("meshes").join(entry.file_name())).unwrap();
     }
+    folder
+}
+
+/// Runs a line of a shell, without its comment.
+fn run(folder: &Path, line: &str) {
     let binary = assert_cmd::cargo::cargo_bin!("dermatome");
-    let path =
-        std::env::join_paths([binary.parent().unwrap(), Path::new("/usr/bin"), Path::new("/bin")]).unwrap();
-    for line in commands {
-        let line = line.split(" #").next().unwrap().to_owned();
-        Command::new("sh")
-            .args(["-euc", &line])
-            .current_dir(folder.path())
-            .env("PATH", &path)
-            .assert()
-            .success();
+    let path = [binary.parent().unwrap(), Path::new("/usr/bin"), Path::new("/bin")];
+    Command::new("sh")
+        .args(["-euc", line.split(" #").next().unwrap()])
+        .current_dir(folder)
+        .env("PATH", std::env::join_paths(path).unwrap())
+        .assert()
+        .success();
+}
+
+#[test]
+fn every_command_of_the_readme_works() {
+    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let commands = commands(&readme);
+    assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");
+    let folder = checkout();
+    commands.iter().for_each(|line| run(folder.path(), line));
+}
+
+#[test]
+fn every_help_ends_with_examples_that_work() {
+    let help = |words: &str| {
+        let output = common::dermatome(".", words).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let list = help("help");
+    let names = list.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|l| !l.is_empty());
+    let names: Vec<&str> = names.map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert!(names.len() > 10, "{names:?}");
+    for name in names.into_iter().filter(|name| !["help", "sample"].contains(name)) {
+        let text = help(&format!("help {name}"));
+        let (_, examples) = text.split_once("Examples:\n").unwrap_or_else(|| panic!("{name} has none"));
+        let folder = checkout();
+        for line in examples.lines() {
+            run(folder.path(), line.trim());
+        }
+        assert!(examples.contains(&format!("dermatome {name}")), "{name}");
     }
 }

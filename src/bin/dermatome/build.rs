@@ -31,7 +31,7 @@ use crate::{
         input::read_good_patches,
         outputs::{self, Outputs, cannot_write},
     },
-    options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, length_mm},
+    options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, side_mm},
 };
 
 /// Arguments of `build`.
@@ -40,8 +40,9 @@ pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
     skin: PathBuf,
     /// Folder for map.glb, map.exr, report.json and timings.json; created if it does not exist
+    /// [default: that of the skin, as forearm.map for forearm.glb]
     #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
+    output: Option<PathBuf>,
     #[command(flatten)]
     coarsen: CoarsenArgs,
     #[command(flatten)]
@@ -53,7 +54,7 @@ pub(crate) struct Args {
     magnify_over: Option<MagnifyOverArg>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 4096 pixels a taxel]
-    #[arg(long, value_name = "MM", value_parser = length_mm, help_heading = "Images")]
+    #[arg(long, value_name = "MM", value_parser = side_mm, help_heading = "Images")]
     pixel_mm: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
     #[arg(long)]
@@ -77,14 +78,15 @@ enum MagnifyOverArg {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let folder = &args.output.clone().unwrap_or_else(|| args.skin.with_extension("map"));
     let files: Vec<PathBuf> =
-        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| args.output.join(name)).collect();
+        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| folder.join(name)).collect();
     outputs::guard(files.iter().map(PathBuf::as_path), &common.inputs)?;
     let mut options = BuildOptions {
         cut: args.flatten.cut()?,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
-        pixel: args.pixel_mm.map(|mm| 1e-3 * mm),
+        pixel: args.pixel_mm,
         magnify_over: match args.magnify_over {
             Some(MagnifyOverArg::Patch) => MagnifyOver::Patch,
             Some(MagnifyOverArg::Skin) | None => MagnifyOver::Skin,
@@ -99,7 +101,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
-    check_output(&args.output, &files)?;
+    check_output(folder, &files)?;
     args.acuity.apply(&mut skin)?;
     options.flatten = args.flatten.options_for(&skin)?;
     let read = start.elapsed().as_secs_f64();
@@ -109,7 +111,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let built = build_with_progress(&skin, &options, &on_progress)
         .with_context(|| format!("cannot map {}", args.skin.display()))?;
     let mut outputs = Outputs::default();
-    let [rasterise, write] = write_files(&built.map, &args.output, &mut outputs, &bar)?;
+    let [rasterise, write] = write_files(&built.map, folder, &mut outputs, &bar)?;
     bar.finish_and_clear();
 
     let report = Report {
@@ -129,7 +131,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let texts = [(REPORT, json(SCHEMA, &report)?), (TIMINGS, json("dermatome.timings/1", &timings)?)];
     for (name, text) in texts {
-        outputs.stage_bytes(&args.output.join(name), text.as_bytes())?;
+        outputs.stage_bytes(&folder.join(name), text.as_bytes())?;
     }
     outputs.publish(common)?;
     note_seams(&report.patches, common);

@@ -42,7 +42,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
         }
-        print("contacts of `lookup` are in the world; with --frame link, or a link named, in its frame\n")?;
     }
     Ok(ExitCode::SUCCESS)
 }

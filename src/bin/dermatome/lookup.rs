@@ -32,7 +32,7 @@ use crate::{
         readings::Readings,
         robot::Robot,
     },
-    options::{Common, Unit, pattern},
+    options::{Common, Unit, length, length_mm, pattern},
 };
 
 /// Find the map cells under contacts, on every level.
@@ -72,7 +72,7 @@ pub(crate) struct Args {
     /// Contacts farther than this are off the skin, in m; `inf`: none [default: ten spacings of the
     /// patch's taxels]. With --nearest it is the distance of the centres, with --ray the length of the
     /// ray [default: inf]
-    #[arg(long, value_name = "D", value_parser = length, conflicts_with = "within")]
+    #[arg(long, value_name = "D", value_parser = distance, conflicts_with = "within")]
     max_distance: Option<f64>,
     #[command(flatten)]
     question: QuestionArgs,
@@ -90,7 +90,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm, for --readings
-    #[arg(long, value_name = "R", default_value_t = 2.0, value_parser = finite_length, requires = "readings")]
+    #[arg(long, value_name = "R", default_value = "2", value_parser = radius, requires = "readings")]
     taxel_radius_mm: f64,
 }
 
@@ -108,7 +108,7 @@ struct QuestionArgs {
     nearest: Option<usize>,
     /// Give all taxels, and on other levels fields, with their centre within R m of the contact, or
     /// of the sphere of its `radius`
-    #[arg(long, value_name = "R", value_parser = finite_length)]
+    #[arg(long, value_name = "R", value_parser = finite_distance)]
     within: Option<f64>,
     /// Follow the ray from the contact along `nx,ny,nz` to the skin: `distance` is its length, or where
     /// it meets no skin the distance of the contact from the skin
@@ -161,15 +161,17 @@ impl QuestionArgs {
     }
 }
 
-fn length(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(d) if d >= 0.0 => Ok(d),
-        _ => Err("needed: a length, not negative".into()),
-    }
+fn distance(text: &str) -> Result<f64, String> {
+    length(text).ok().filter(|d| *d >= 0.0).ok_or_else(|| "needed: a length, not negative".into())
 }
 
-fn finite_length(text: &str) -> Result<f64, String> {
-    length(text).ok().filter(|d| *d <= LARGEST).ok_or_else(|| "needed: a length, 0 to 1e12".into())
+fn finite_distance(text: &str) -> Result<f64, String> {
+    distance(text).ok().filter(|d| *d <= LARGEST).ok_or_else(|| "needed: a length, 0 to 1e12 m".into())
+}
+
+fn radius(text: &str) -> Result<f64, String> {
+    let radius = length_mm(text).ok().filter(|r| (0.0..=LARGEST).contains(r));
+    radius.ok_or_else(|| "needed: a length, as in 2, 2mm or 0.002m".into())
 }
 
 fn count(text: &str) -> Result<usize, String> {
@@ -206,7 +208,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
-        let disc = 1e-3 * args.taxel_radius_mm;
+        let disc = args.taxel_radius_mm;
         Readings::create(path, &robot.map, Spreader { disc, max_distance: args.max_distance })
     });
     let (unit, frame) = (args.unit(), args.frame());

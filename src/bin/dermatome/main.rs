@@ -8,6 +8,7 @@ mod console;
 mod convert;
 mod files;
 mod flatten;
+mod help;
 mod info;
 mod lookup;
 mod options;
@@ -15,7 +16,6 @@ mod plot;
 mod render;
 mod shell;
 mod simulate;
-mod terms;
 mod touch;
 
 use std::process::ExitCode;
@@ -31,9 +31,11 @@ use crate::{
 /// Somatosensory maps of robot skin.
 ///
 /// The extension of a file determines its format. `-` is standard input for the observations of
-/// `calibrate` and the contacts of `lookup`, and standard output for `lookup`, `plot` and
-/// `simulate`. Exit codes: 0 success; 1 `check` found problems; 2 bad usage or bad input; 128 plus
-/// the number of the signal that stopped the run, 130 after ^C.
+/// `calibrate`, the contacts of `lookup` and the readings of `render` and `plot`, and standard output
+/// for `lookup`, `plot`, `render` and `simulate`. Lengths may have a unit, as in 5mm, 2cm or 0.1m.
+/// Exit codes: 0 success; 1 `check` found problems, or `build --keep-going` left out patches; 2 bad
+/// usage or bad input, `calibrate` did not converge, or `lookup` refused rows; 128 plus the number of
+/// the signal that stopped the run, 130 after ^C.
 #[derive(Debug, Parser)]
 #[command(name = "dermatome", version, max_term_width = 100)]
 pub(crate) struct Cli {
@@ -46,31 +48,24 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Build the maps of a skin: writes map.glb, map.exr, report.json and timings.json.
-    #[command(after_long_help = terms::OF_MAPS)]
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
     /// List the problems of a skin: exit code 1 if there are any.
     Check(check::Args),
     /// Build the pyramid of receptive fields, without maps.
-    #[command(after_long_help = terms::OF_LEVELS)]
     Coarsen(coarsen::Args),
     /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
     /// Map one mesh to the plane, at full precision.
-    #[command(after_long_help = terms::OF_MAPS)]
     Flatten(flatten::Args),
     /// List the patches of a skin, their size and shape.
-    #[command(after_long_help = terms::OF_PATCHES)]
     Info(info::Args),
     /// Find the map cells under contacts, on every level.
-    #[command(after_long_help = terms::OF_ANSWERS)]
     Lookup(lookup::Args),
     /// Draw maps and their receptive fields.
-    #[command(after_long_help = terms::OF_MAPS)]
     Plot(plot::Args),
     /// Draw readings as tactile images on every level.
-    #[command(after_long_help = terms::OF_LEVELS)]
     Render(render::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
@@ -83,7 +78,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let command = with_negative_numbers(Cli::command());
+    let command = help::with_ends(with_negative_numbers(Cli::command()));
     let parsed = command.clone().try_get_matches();
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
     let (mut cli, given) = match parsed {
@@ -143,7 +138,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Simulate(args) => simulate::run(args, common),
         Command::Touch(args) => touch::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),
-        Command::Man(args) => shell::manual(args, Cli::command()),
+        Command::Man(args) => shell::manual(args, help::with_ends(Cli::command())),
     }
 }
 

@@ -15,22 +15,21 @@ use dermatome::{
     pyramid::LevelId,
     signal::{Channel, Restrictor},
 };
+use glob::Pattern;
 
 use crate::{
     console::{errors::advise, print::print},
     files::{
-        input::{read_map_if_any, read_skin},
+        input::{read_map_if_any, read_skin, select_patches},
         outputs::{self, Outputs, is_stream},
     },
-    options::{Common, PatchArgs, ReadArgs},
+    options::{Common, PatchArgs, ReadArgs, pattern},
     render::{FramesArgs, Readings, ReadingsArgs, range},
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
 /// distortion, or with one frame of readings, and the skin in space.
 #[derive(Debug, clap::Args)]
-// `--unit` is the unit of lengths here.
-#[command(mut_arg("units", |arg| arg.long("readings-unit")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
     #[arg(value_name = "MAP.glb")]
@@ -38,9 +37,10 @@ pub(crate) struct Args {
     /// Output file: .svg or .png; `-`: SVG on standard output; may be given more than once
     #[arg(short, long = "output", required = true, value_name = "OUT")]
     outputs: Vec<PathBuf>,
-    /// Draw this patch only; may be given more than once [default: all, one below the other]
-    #[arg(long = "patch", value_name = "NAME")]
-    patches: Vec<String>,
+    /// Draw the patches of this name only, in which * and ? stand for any characters; may be given more
+    /// than once [default: all, one below the other]
+    #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
+    patches: Vec<Pattern>,
     /// Draw this level; may be given more than once [default: the finest three]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<u32>,
@@ -52,8 +52,8 @@ pub(crate) struct Args {
     space: bool,
     /// Draw the skin in space from this viewpoint: angle from x towards y and angle above the xy
     /// plane, in degrees [default: from outside, tilted so that its shape is visible]
-    #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
-    from: Option<Viewpoint>,
+    #[arg(long, alias = "from", value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
+    view: Option<Viewpoint>,
     /// Values at the ends of the colour scale: of --show angle or area, of --show sigma in mm, of
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
@@ -123,18 +123,28 @@ enum Kind {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs: Vec<_> =
         args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
-    let options = PlotOptions {
-        patches: args.patches.clone(),
+    let mut options = PlotOptions {
+        patches: Vec::new(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
         paint: args.show.into(),
-        space: args.from.or(args.space.then(Viewpoint::default)),
+        space: args.view.or(args.space.then(Viewpoint::default)),
         range: args
             .range
             .map(|range| if matches!(args.show, Show::Sigma) { range.map(|x| 1e-3 * x) } else { range }),
         dots: args.dots,
         width_px: args.width,
     };
+<<<<<<< HEAD
     let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
+=======
+    let shows_findings = matches!(args.show, Show::Findings);
+    let map = if shows_findings { None } else { read_map_if_any(&args.map)? };
+    if let Some(map) = map.as_ref().filter(|_| !args.patches.is_empty()) {
+        let names: Vec<String> = map.patches.iter().map(|patch| patch.name.clone()).collect();
+        options.patches = select_patches(&args.map, names, &args.patches, |name| name)?;
+    }
+    let picture = match (map, &args.frame.readings) {
+>>>>>>> 1138a33 (Give each option one meaning, and each help examples that run)
         (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
@@ -159,6 +169,31 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+<<<<<<< HEAD
+=======
+/// Draws a skin without a map, or the findings of what is not a valid skin.
+fn picture_of_skin(args: &Args, options: &PlotOptions, common: &Common) -> anyhow::Result<Picture> {
+    let chosen = PatchArgs::named(&args.patches);
+    let draft = if matches!(args.show, Show::Findings) {
+        args.read.read(&args.map, false)?
+    } else {
+        match read_skin(&args.map, &args.read, &chosen, &args.read.options(), common) {
+            Ok(skin) => return Ok(plot_skin(&skin, options).map_err(Error::from)?),
+            Err(error) if !error.chain().any(|cause| cause.is::<Error>()) => return Err(error),
+            Err(error) => match args.read.read(&args.map, false) {
+                Ok(draft) if draft.sheets.iter().any(|sheet| !sheet.triangles.is_empty()) => {
+                    note(common, format_args!("{error:#}; what `check` finds is drawn in red"));
+                    draft
+                }
+                _ => return Err(error),
+            },
+        }
+    };
+    let findings = check(&draft, &args.read.options());
+    Ok(plot_findings(&draft, &findings, options).map_err(Error::from)?)
+}
+
+>>>>>>> 1138a33 (Give each option one meaning, and each help examples that run)
 /// Draws one frame of readings.
 fn picture_of_frame(
     args: &Args,

@@ -42,6 +42,8 @@ pub(crate) use source::Readings;
 /// frames on standard output, image by image as they would be in a folder, flushed after each frame.
 /// Missing readings are NaN, not zero.
 #[derive(Debug, clap::Args)]
+// `--unit` was the name of `--readings-unit`, and is the unit of lengths everywhere else.
+#[command(mut_arg("units", |arg| arg.alias("unit")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
@@ -90,7 +92,7 @@ struct ImageArgs {
     #[arg(long = "static")]
     is_static: bool,
     /// Refuse images that need more memory than this
-    #[arg(long, value_name = "MB", default_value_t = 4096)]
+    #[arg(long, value_name = "MB", default_value_t = 4096, hide = true)]
     max_memory: u64,
 }
 

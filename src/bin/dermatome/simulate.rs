@@ -16,7 +16,7 @@ use dermatome::{
 use crate::{
     console::notes::{note, note_dropped},
     files::outputs::{self, Outputs},
-    options::Common,
+    options::{Common, length_mm},
 };
 
 /// Arguments of `simulate`.
@@ -42,13 +42,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 500)]
     taxels: usize,
     /// Distance of lattice neighbours
-    #[arg(long, value_name = "MM", default_value_t = 5.0)]
+    #[arg(long, value_name = "MM", default_value = "5", value_parser = length_mm)]
     spacing_mm: f64,
     /// Radius of the sphere that carries the taxels
-    #[arg(long, value_name = "MM", default_value_t = 100.0)]
+    #[arg(long, value_name = "MM", default_value = "100", value_parser = length_mm)]
     radius_mm: f64,
     /// Noise of displacements, per axis
-    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    #[arg(long, value_name = "MM", default_value = "1", value_parser = length_mm)]
     noise_mm: f64,
     /// Noise of relative rotations, per axis; poses only
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
@@ -57,16 +57,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "K", default_value_t = 0)]
     anchors: usize,
     /// Noise of absolute contacts, per axis
-    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    #[arg(long, value_name = "MM", default_value = "1", value_parser = length_mm)]
     anchor_noise_mm: f64,
     /// Absolute contacts have normals too, with this noise per tangent axis
     #[arg(long, value_name = "DEG", requires = "contacts")]
     normal_noise_deg: Option<f64>,
     /// How deep the elastic skin is pressed in at absolute contacts
-    #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Arm")]
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
     indentation_mm: f64,
     /// Noise of the end effector's position, per axis
-    #[arg(long, value_name = "MM", default_value_t = 0.0, help_heading = "Arm")]
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
     arm_noise_mm: f64,
     /// Noise of the end effector's orientation, per axis
     #[arg(long, value_name = "DEG", default_value_t = 0.0, help_heading = "Arm")]
@@ -129,15 +129,15 @@ impl Args {
                 ModelArg::Poses => Model::Poses,
             },
             taxels: self.taxels,
-            spacing: self.spacing_mm * 1e-3,
-            radius: self.radius_mm * 1e-3,
-            noise: self.noise_mm * 1e-3,
+            spacing: self.spacing_mm,
+            radius: self.radius_mm,
+            noise: self.noise_mm,
             rotation_noise: self.rotation_noise_deg.to_radians(),
             anchors: self.anchors,
-            anchor_noise: self.anchor_noise_mm * 1e-3,
+            anchor_noise: self.anchor_noise_mm,
             normal_noise: self.normal_noise_deg.map(f64::to_radians),
-            indentation: self.indentation_mm * 1e-3,
-            arm_noise: self.arm_noise_mm * 1e-3,
+            indentation: self.indentation_mm,
+            arm_noise: self.arm_noise_mm,
             arm_rotation_noise: self.arm_noise_deg.to_radians(),
             outliers: self.outliers,
             seed,

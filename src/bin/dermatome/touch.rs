@@ -17,7 +17,7 @@ use crate::{
         input::{read_map_if_any, read_skin},
         outputs::{self, Outputs},
     },
-    options::{Common, PatchArgs, ReadArgs},
+    options::{Common, PatchArgs, ReadArgs, length_mm},
 };
 
 /// Arguments of `touch`.
@@ -38,16 +38,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     touches: usize,
     /// Radius of the sphere
-    #[arg(long, value_name = "MM", default_value_t = 15.0)]
+    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
     sphere_mm: f64,
     /// How deep the sphere is pressed in
-    #[arg(long, value_name = "MM", default_value_t = 2.0)]
+    #[arg(long, value_name = "MM", default_value = "2", value_parser = length_mm)]
     depth_mm: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
     #[arg(long, value_name = "KPA", default_value_t = 20.0)]
     stiffness_kpa: f64,
     /// How far the sphere rolls during a press
-    #[arg(long, value_name = "MM", default_value_t = 20.0)]
+    #[arg(long, value_name = "MM", default_value = "20", value_parser = length_mm)]
     roll_mm: f64,
     /// How long a press takes
     #[arg(long, value_name = "S", default_value_t = 1.0)]
@@ -59,7 +59,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "HZ", default_value_t = 100.0)]
     rate_hz: f64,
     /// Radius of the disc on which a taxel feels
-    #[arg(long, value_name = "MM", default_value_t = 2.0)]
+    #[arg(long, value_name = "MM", default_value = "2", value_parser = length_mm)]
     taxel_mm: f64,
     /// What a taxel reads
     #[arg(long, value_enum, default_value_t = ReadsArg::Force)]
@@ -143,16 +143,16 @@ fn finest(map: &SkinMap) -> Skin {
 impl Args {
     fn options(&self, seed: u64) -> TouchOptions {
         TouchOptions {
-            radius: self.sphere_mm * 1e-3,
-            depth: self.depth_mm * 1e-3,
+            radius: self.sphere_mm,
+            depth: self.depth_mm,
             stiffness: self.stiffness_kpa * 1e6,
             presses: self.presses,
             touches: self.touches,
-            roll: self.roll_mm * 1e-3,
+            roll: self.roll_mm,
             duration: self.press_s,
             pause: self.pause_s,
             rate: self.rate_hz,
-            taxel_radius: self.taxel_mm * 1e-3,
+            taxel_radius: self.taxel_mm,
             quantity: match self.reads {
                 ReadsArg::Force => Quantity::Extensive,
                 ReadsArg::Pressure => Quantity::Intensive,

@@ -43,7 +43,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
     pub(super) robust: RobustArg,
     /// How the error of a relative pose becomes six numbers
-    #[arg(long, visible_alias = "rotation-residual", value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
+    #[arg(long, value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
     pub(super) residual: ResidualArg,
     /// Where to start
     #[arg(long, value_enum, default_value_t = StartArg::Chordal, help_heading = "Solver")]

@@ -10,18 +10,8 @@ use std::{
 
 use clap::error::ErrorKind;
 use dermatome::{
-    Error,
-    atlas::AtlasError,
-    calib::CalibError,
-    contact::ContactError,
-    cut::CutError,
-    flatten::FlattenError,
-    image::ImageError,
-    io::{Feature, IoError},
-    map::MapError,
-    plot::PlotError,
-    signal::SignalError,
-    skin::SkinError,
+    Error, atlas::AtlasError, calib::CalibError, cut::CutError, flatten::FlattenError, image::ImageError,
+    io::{Feature, IoError}, map::MapError, plot::PlotError, signal::SignalError, skin::SkinError,
 };
 
 use crate::{
@@ -134,252 +124,170 @@ fn help(error: &anyhow::Error) -> Option<String> {
     })
 }
 
-const CHECK: &str = "run `dermatome check` on the file: it lists every such element";
+/// The answer to an error that no option or command mends.
+const CORRECT: &str =
+    "correct the file, or export it again; `dermatome check` lists what is wrong with a skin";
 
 const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 
+/// What mends an error of the library: an option, another command, or a better file.
 fn library_help(error: &Error) -> String {
     match error {
-        Error::Skin(e) => skin_help(e).into(),
-        Error::Mesh(_) | Error::Pyramid(_) => CHECK.into(),
-        Error::Flatten(e) => flatten_help(e).into(),
-        Error::Cut(e) => cut_help(e).into(),
-        Error::Calib(e) => calib_help(e).into(),
-        Error::Contact(e) => contact_help(e).into(),
-        Error::Signal(e) => signal_help(e).into(),
-        Error::Atlas(e) => atlas_help(e),
-        Error::Image(e) => image_help(e).into(),
-        Error::Io(e) => io_help(e),
-        Error::Plot(e) => plot_help(e).into(),
-        Error::Map(MapError::Rounded { .. }) => {
-            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or leave such patches out with \
-             `dermatome build --keep-going`"
-                .into()
-        }
-        Error::Patch { source, .. } => library_help(source),
+        Error::Io(e) => return io_help(e),
+        Error::Patch { source, .. } => return library_help(source),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
-            if first.contains("--keep-going") {
-                return first;
+            let others = "`dermatome build --keep-going` maps the other patches";
+            return if first.contains("--keep-going") { first } else { format!("{first}; {others}") };
+        }
+        Error::Atlas(AtlasError::TooLarge { fits_mm, .. } | AtlasError::TooManyPixels { fits_mm, .. }) => {
+            return format!("use larger pixels: --pixel-mm {fits_mm} or more");
+        }
+        _ => {}
+    }
+    option_help(error).to_owned()
+}
+
+/// What mends an error, where the answer is the same for all of its kind.
+fn option_help(error: &Error) -> &'static str {
+    match error {
+        Error::Skin(e) | Error::Signal(SignalError::Skin(e)) => match e {
+            SkinError::Several { errors, valid } => several_help(errors, *valid),
+            SkinError::Gap { .. } => "change --gap",
+            SkinError::NonManifoldEdges { .. } => {
+                "--repair splits such edges into sheets; `dermatome check` lists them"
             }
-            format!("{first}; `dermatome build --keep-going` maps the other patches")
-        }
-        _ => BUILD_AGAIN.into(),
-    }
-}
-
-fn skin_help(error: &SkinError) -> &'static str {
-    match error {
-        SkinError::Several { errors, valid } => {
-            let is_repaired = |e: &SkinError| {
-                matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. })
-            };
-            match (errors.iter().any(is_repaired), *valid > 0) {
-                (true, true) => {
-                    "--repair splits edges of more than two faces and surfaces with one side; \
-                     `dermatome build --keep-going` maps the other patches; `dermatome check` lists the findings of all"
-                }
-                (true, false) => {
-                    "--repair splits edges of more than two faces and surfaces with one side; `dermatome check` lists \
-                     the findings of all"
-                }
-                (false, true) => {
-                    "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists \
-                     the findings of all"
-                }
-                (false, false) => CHECK,
+            SkinError::NotOrientable { .. } => {
+                "--repair cuts the surface open where its faces are wound differently; `dermatome check` lists such \
+                 edges"
             }
+            SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } => {
+                "give the taxels triangles, or normals that distinguish the sides of thin parts; check --unit"
+            }
+            _ => CORRECT,
+        },
+        Error::Flatten(e) => match e {
+            FlattenError::NotADisk { .. } => "leave out --cut none, or give each piece a file of its own",
+            FlattenError::Option { .. } => {
+                "change the option: `dermatome help flatten` lists what each takes"
+            }
+            FlattenError::Size { .. } => "give positions in metres, or say their --unit",
+            FlattenError::BoundaryPlace { .. }
+            | FlattenError::BoundaryTaxel { .. }
+            | FlattenError::BoundaryShape { .. } => {
+                "correct --boundary: it names each taxel of the outer boundary once, counter-clockwise"
+            }
+            FlattenError::NoRoom { .. } => "use --boundary circle, or split the face",
+            FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CORRECT,
+            _ => {
+                "remesh the thin part, try another --method, or map the other patches with `dermatome build \
+                 --keep-going`"
+            }
+        },
+        Error::Cut(CutError::Mesh(_)) => CORRECT,
+        Error::Cut(_) => {
+            "correct the table of --cut: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
         }
-        SkinError::TooFewPlaces { .. } | SkinError::NoSurface { .. } | SkinError::NoFace { .. } => {
-            "give the taxels triangles, or normals that distinguish the sides of thin parts; check for mixed units"
+        Error::Calib(e) => match e {
+            CalibError::IndefiniteEdge { .. } => {
+                "write the inverse of the covariance, upper triangle row by row: x y z, then rotations; or take the \
+                 nearest matrices with --clip-information"
+            }
+            CalibError::NoTriangulation { .. } => {
+                "give the triangles with --triangles FILE.csv, or write .csv or .g2o"
+            }
+            CalibError::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree",
+            CalibError::BadOption { .. } => "change the option: `dermatome help` lists what each takes",
+            _ => "correct the file of observations",
+        },
+        Error::Signal(e) => match e {
+            SignalError::DuplicateId { .. } => "choose with --duplicates first or --duplicates mean",
+            SignalError::Width { .. } => {
+                "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`; the axes of an \
+                 array of three are frames, taxels, channels, or with --layout tcn frames, channels, taxels"
+            }
+            SignalError::NoneMatched { .. } => {
+                "give the map of the skin that was recorded; `dermatome info` lists what a map has"
+            }
+            SignalError::Baseline { .. } => "give --baseline fewer frames",
+            SignalError::Gain { .. } => "correct the table of --gain",
+            SignalError::TrackerOption { .. } | SignalError::TouchOption { .. } => {
+                "change the option: `dermatome help` lists what each takes"
+            }
+            _ => "correct the readings",
+        },
+        Error::Image(ImageError::Level { .. }) => "give one of them, or leave out --level to draw all",
+        Error::Image(ImageError::NoPixel { .. }) => "use smaller pixels: --pixel-mm, or a larger --size",
+        Error::Plot(e) => match e {
+            PlotError::Channel { .. } | PlotError::Range { .. } => {
+                "give --range two numbers, the lower one first"
+            }
+            PlotError::NoCovariances { .. } => {
+                "calibrate the skin with covariances, or use --show fields or taxel"
+            }
+            PlotError::UnknownLevel { .. } => "give one of them, or leave out --level to draw the finest",
+            PlotError::Width { .. } | PlotError::Size { .. } => {
+                "choose another --width, or draw fewer patches and levels"
+            }
+            PlotError::Skin(_) => CORRECT,
+            _ => BUILD_AGAIN,
+        },
+        Error::Map(MapError::Rounded { .. }) => {
+            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or leave such patches out \
+             with `dermatome build --keep-going`"
         }
-        SkinError::Gap { .. } => "change --gap",
-        SkinError::NoArea { .. } => {
-            "export the file again with its positions; glTF takes missing ones as zeros"
-        }
-        SkinError::NonManifoldEdges { .. } => {
-            "--repair splits such edges into sheets; `dermatome check` lists them"
-        }
-        SkinError::NotOrientable { .. } => {
-            "--repair cuts the surface open where its faces are wound differently; `dermatome check` lists such edges"
-        }
-        _ => CHECK,
-    }
-}
-
-fn flatten_help(error: &FlattenError) -> &'static str {
-    match error {
-        FlattenError::NotADisk { .. } => "leave out --cut none, or give each piece a file of its own",
-        FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CHECK,
-        FlattenError::Option { .. } => "change the option: `dermatome help flatten` lists what each takes",
-        FlattenError::Size { .. } => "give positions in metres",
-        FlattenError::Density { .. } | FlattenError::Taxels(_) => {
-            "correct the densities, weights or acuities in the file, or remove them"
-        }
-        FlattenError::BoundaryPlace { .. } => {
-            "correct the table of --boundary (vertices are counted from 0 in the order of the taxels)"
-        }
-        FlattenError::BoundaryTaxel { .. } | FlattenError::BoundaryShape { .. } => {
-            "correct --boundary: it names each taxel of the outer boundary once, counter-clockwise"
-        }
-        FlattenError::NoRoom { .. } | FlattenError::Corners { .. } => {
-            "use --boundary circle, or split the face"
-        }
-        FlattenError::NoStart { .. } => {
-            "remesh the thin part, cut it into shorter pieces, or map the other patches with `dermatome build --keep-going`"
-        }
-        _ => "remesh the thin part, cut it into shorter pieces, or try another --method",
-    }
-}
-
-fn cut_help(error: &CutError) -> &'static str {
-    match error {
-        CutError::Mesh(_) => CHECK,
-        _ => {
-            "correct the table of seams: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
-        }
-    }
-}
-
-fn calib_help(error: &CalibError) -> &'static str {
-    match error {
-        CalibError::Unobserved { .. } => "remove those taxels from the file, or observe them",
-        CalibError::Undetermined { .. } => {
-            "add an edge or a contact of that taxel, or give its edges information in every direction"
-        }
-        CalibError::IndefiniteEdge { .. } => {
-            "write the inverse of the covariance, upper triangle row by row: x y z, then rotations; or take the nearest \
-             matrices with --clip-information"
-        }
-        CalibError::BadTriangles(_) => "correct the triangles, or leave them out and let the edges form them",
-        CalibError::NoTriangulation(_) => {
-            "give the triangles with --triangles FILE.csv, or write .csv or .g2o"
-        }
-        CalibError::NoInitialValue { .. } => "choose another start: --initial chordal or --initial tree",
-        CalibError::BadOption { .. } => {
-            "change the option: `dermatome help calibrate` and `dermatome help simulate` list what each takes"
-        }
-        CalibError::Sparse(_) => "split the observations into smaller parts",
-        _ => "correct the file of observations",
-    }
-}
-
-fn contact_help(error: &ContactError) -> &'static str {
-    match error {
-        ContactError::NotFinite { .. } | ContactError::UnknownLink { .. } | ContactError::BareLink { .. } => {
-            "correct or remove that contact"
-        }
-        ContactError::NotRigid { .. } => "give every link a rotation and a translation, in metres",
+        Error::Mesh(_) | Error::Pyramid(_) => CORRECT,
         _ => BUILD_AGAIN,
     }
 }
 
-fn atlas_help(error: &AtlasError) -> String {
-    match error {
-        AtlasError::TooLarge { fits_mm, .. } | AtlasError::TooManyPixels { fits_mm, .. } => {
-            format!("use larger pixels: --pixel-mm {fits_mm} or more")
+/// What mends several patches of a skin, of which `valid` others are good.
+fn several_help(errors: &[SkinError], valid: usize) -> &'static str {
+    let is_repaired =
+        |e: &SkinError| matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. });
+    match (errors.iter().any(is_repaired), valid > 0) {
+        (true, true) => {
+            "--repair splits edges of more than two faces and surfaces with one side; `dermatome build --keep-going` \
+             maps the other patches; `dermatome check` lists the findings of all"
         }
-        AtlasError::PixelSize { .. } | AtlasError::Margin { .. } | AtlasError::Canvas { .. } => {
-            "choose another size of the images".into()
+        (true, false) => {
+            "--repair splits edges of more than two faces and surfaces with one side; `dermatome check` lists the \
+             findings of all"
         }
-        _ => BUILD_AGAIN.into(),
-    }
-}
-
-fn signal_help(error: &SignalError) -> &'static str {
-    match error {
-        SignalError::DuplicateId { .. } => "choose with --duplicates first or --duplicates mean",
-        SignalError::Width { .. } => {
-            "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`; the axes of an \
-             array of three are frames, taxels, channels, or with --layout tcn frames, channels, taxels"
+        (false, true) => {
+            "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists the \
+             findings of all"
         }
-        SignalError::IdCount { .. } => "give the array `ids` one id for each column",
-        SignalError::NoneMatched { .. } => {
-            "give the map of the skin that was recorded; `dermatome info` lists what a map has"
-        }
-        SignalError::Baseline { .. } => "give --baseline fewer frames",
-        SignalError::Gain { .. } => "correct the table of --gain",
-        SignalError::Clip { .. } => "give --clip two numbers, the lower one first",
-        SignalError::TrackerOption { .. } => {
-            "change the option: `dermatome help render` lists what each takes"
-        }
-        SignalError::Cutoff { .. } => "give --split a positive frequency",
-        SignalError::TouchOption { .. } => {
-            "change the option: `dermatome help simulate` lists what each takes"
-        }
-        SignalError::NoTaxels => "mark the taxels that work as present in the file of the skin",
-        SignalError::Skin(e) => skin_help(e),
-        _ => "correct the readings",
-    }
-}
-
-fn image_help(error: &ImageError) -> &'static str {
-    match error {
-        ImageError::Level { .. } => "give one of them, or leave out --level to draw all",
-        ImageError::NoPixel { .. } => "use smaller pixels: --pixel-mm, or a larger --size",
-        _ => BUILD_AGAIN,
-    }
-}
-
-fn plot_help(error: &PlotError) -> &'static str {
-    match error {
-        PlotError::Skin(_) => CHECK,
-        PlotError::NoMap { .. } => "make a map with `dermatome build`, and draw that",
-        PlotError::Channel { .. } | PlotError::Range { .. } => {
-            "give --range two numbers, the lower one first"
-        }
-        PlotError::NoCovariances { .. } => {
-            "calibrate the skin with covariances, or use --show fields or taxel"
-        }
-        PlotError::Direction { .. } => "give both angles in degrees, for example -65,-45",
-        PlotError::UnknownPatch { .. } => "name one of them, or leave out --patch to draw them all",
-        PlotError::UnknownLevel { .. } => "give one of them, or leave out --level to draw the finest",
-        PlotError::Width { .. } | PlotError::Size { .. } => {
-            "choose another --width, or draw fewer patches and levels"
-        }
-        _ => BUILD_AGAIN,
-    }
-}
-
-/// How to remove the need for a glTF extension, which has a name, or without anything else that is not read.
-fn unsupported_help(feature: &Feature) -> &'static str {
-    match feature {
-        Feature::Extension(name) if name == "KHR_draco_mesh_compression" => {
-            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`"
-        }
-        Feature::Extension(name) if name.ends_with("meshopt_compression") => {
-            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`, or `gltfpack -noq -i IN.glb -o OUT.glb`"
-        }
-        Feature::AnimatedScale => "animate translations and rotations alone",
-        Feature::RotationBelowUnevenScale => "apply the scale to the mesh, or scale all axes alike",
-        Feature::OffVariant(_) => "write it as text, with three coordinates a vertex",
-        _ => {
-            "export the file again without it: triangles with positions, morph targets applied, as glTF 2.0 with \
-             its buffers"
-        }
+        (false, false) => CORRECT,
     }
 }
 
 fn io_help(error: &IoError) -> String {
     match error {
-        IoError::Read { .. } => "check that the file exists and may be read".into(),
-        IoError::Write { .. } => "check that the folder exists, may be written to and has space".into(),
-        IoError::Unsupported { feature, .. } => unsupported_help(feature).into(),
-        IoError::Unfit { .. } => {
-            "correct what is to be written: remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or \
-             choose a format that can hold it"
-                .into()
-        },
-        IoError::NoMap { .. } => BUILD_AGAIN.into(),
-        IoError::UnknownKind { path, known } => match converter(path) {
-            Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
-            None => format!("name a file that ends in one of: {known}"),
-        },
-        IoError::Animation { .. } => {
-            "give a file with an animation, and --animation the name of one of several".into()
+        IoError::Read { .. } => "check that the file exists and may be read",
+        IoError::Write { .. } => "check that the folder exists, may be written to and has space",
+        IoError::Unsupported { feature: Feature::Extension(name), .. } if name.ends_with("compression") => {
+            "undo the compression: `npx @gltf-transform/cli cp IN.glb OUT.glb`"
         }
-        _ => "correct the file, or export it again from the program that wrote it".into(),
+        IoError::Unsupported { .. } => {
+            "export the file again without it: triangles with positions, as text or glTF 2.0 with its buffers"
+        }
+        IoError::Unfit { .. } => {
+            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or choose another format"
+        }
+        IoError::NoMap { .. } => BUILD_AGAIN,
+        IoError::UnknownKind { path, known } => {
+            return match converter(path) {
+                Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
+                None => format!("name a file that ends in one of: {known}"),
+            };
+        }
+        IoError::Animation { .. } => {
+            "give a file with an animation, and --animation the name of one of several"
+        }
+        _ => CORRECT,
     }
+    .to_owned()
 }
 
 /// What converts a file of robots, scenes or CAD that is not read here.

@@ -6,7 +6,7 @@ use std::{io::IsTerminal, thread, time::Duration};
 use dermatome::pipeline::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::options::Common;
+use crate::{console::print::say, options::Common};
 
 /// Time between two lines where standard error is not a terminal.
 const EVERY: Duration = Duration::from_secs(10);
@@ -38,8 +38,8 @@ fn print_lines(bar: &ProgressBar) {
             let Some(bar) = bar.upgrade().filter(|bar| !bar.is_finished()) else { break };
             let (seconds, done) = (bar.elapsed().as_secs(), bar.position());
             match bar.length().filter(|&total| total > 0) {
-                Some(total) => eprintln!("{}: {done} of {total}, {seconds} s", bar.message()),
-                None => eprintln!("{}: {seconds} s", bar.message()),
+                Some(total) => say(format_args!("{}: {done} of {total}, {seconds} s", bar.message())),
+                None => say(format_args!("{}: {seconds} s", bar.message())),
             }
         }
     });

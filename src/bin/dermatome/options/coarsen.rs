@@ -12,7 +12,7 @@ use crate::options::numbers::number;
 pub(crate) struct CoarsenArgs {
     /// Number of vertices of a level divided by that of the next coarser one [default: about 4, the
     /// value that keeps the fields even]
-    #[arg(long, value_name = "R", value_parser = ratio)]
+    #[arg(long, value_name = "R", value_parser = ratio, hide = true)]
     ratio: Option<f64>,
     /// At most this many levels above level 0 [default: as many as --coarsest allows]
     #[arg(long, value_name = "N")]

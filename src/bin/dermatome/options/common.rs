@@ -6,21 +6,22 @@ use clap::ValueEnum;
 
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Global options")]
 pub(crate) struct Common {
     /// Number of worker threads; 0: one per processor. The result does not depend on it.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = threads)]
+    #[arg(long, global = true, hide_short_help = true, default_value_t = 0, value_name = "N", value_parser = threads)]
     pub(crate) threads: usize,
     /// Seed of the random numbers.
-    #[arg(long, global = true, default_value_t = 0, value_name = "S")]
+    #[arg(long, global = true, hide_short_help = true, default_value_t = 0, value_name = "S")]
     pub(crate) seed: u64,
     /// Print errors only: no progress and no notes.
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, hide_short_help = true)]
     pub(crate) quiet: bool,
     /// Print every note by itself; with `calibrate` also every iteration and outlier.
-    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    #[arg(long, short, global = true, hide_short_help = true, conflicts_with = "quiet")]
     pub(crate) verbose: bool,
     /// When to use colours.
-    #[arg(long, global = true, default_value = "auto", value_name = "WHEN")]
+    #[arg(long, global = true, hide_short_help = true, default_value = "auto", value_name = "WHEN")]
     pub(crate) color: ColorChoice,
     /// The files that this run reads.
     #[arg(skip)]

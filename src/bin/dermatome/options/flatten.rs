@@ -37,7 +37,7 @@ pub(crate) struct FlattenArgs {
     #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
     magnify: Option<f64>,
     /// What to do where the map of least distortion overlaps itself [default: prevent]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, hide = true)]
     overlap: Option<OverlapArg>,
     /// The same as --overlap prevent
     #[arg(long, hide = true, conflicts_with = "overlap")]

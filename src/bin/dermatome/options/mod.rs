@@ -10,6 +10,6 @@ mod read;
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use common::{ColorChoice, Common};
 pub(crate) use flatten::FlattenArgs;
-pub(crate) use numbers::length_mm;
+pub(crate) use numbers::{length, length_mm, side_mm};
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use read::{ReadArgs, Unit};

@@ -1,4 +1,4 @@
-//! Numbers within a range.
+//! Numbers within a range, and lengths with a unit.
 
 /// A number within a range that `wanted` describes.
 pub(super) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -8,6 +8,43 @@ pub(super) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Resu
     }
 }
 
+/// A length in m: `5mm`, `2cm`, `1in`, `0.1m`; a bare number is in m.
+pub(crate) fn length(text: &str) -> Result<f64, String> {
+    length_in(text, 1.0).ok_or_else(|| "needed: a length, as in 0.1, 0.1m or 100mm".into())
+}
+
+/// The same; a bare number is in mm.
 pub(crate) fn length_mm(text: &str) -> Result<f64, String> {
-    number(text, "a length in mm above 0", |x| x > 0.0)
+    length_in(text, 1e-3).ok_or_else(|| "needed: a length, as in 5, 5mm or 0.005m".into())
+}
+
+/// A length in m above 0; a bare number is in mm.
+pub(crate) fn side_mm(text: &str) -> Result<f64, String> {
+    length_mm(text)
+        .ok()
+        .filter(|x| *x > 0.0 && x.is_finite())
+        .ok_or_else(|| "needed: a length above 0, as in 5, 5mm or 0.005m".into())
+}
+
+fn length_in(text: &str, bare: f64) -> Option<f64> {
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("m", 1.0)];
+    let known = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)));
+    let (number, unit) = known.unwrap_or((text, bare));
+    number.trim_end().parse::<f64>().ok().filter(|x| !x.is_nan()).map(|x| unit * x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        assert_eq!(
+            ["0.1", "0.1m", "5mm", "2 cm", "inf"].map(length),
+            [0.1, 0.1, 5e-3, 0.02, f64::INFINITY].map(Ok)
+        );
+        assert_eq!(["5", "5mm", "0.5m", "-1"].map(length_mm), [5e-3, 5e-3, 0.5, -1e-3].map(Ok));
+        assert!(["", "m", "5 km", "NaN"].map(length).iter().all(Result::is_err));
+        assert!(["0", "-1mm", "inf"].map(side_mm).iter().all(Result::is_err));
+    }
 }

@@ -35,6 +35,11 @@ pub(crate) struct PatchArgs {
 }
 
 impl PatchArgs {
+    /// The patches whose name fits one of the patterns, or all without patterns.
+    pub(crate) fn named(patches: &[Pattern]) -> Self {
+        Self { patches: patches.to_vec(), ..Self::default() }
+    }
+
     /// Whether faces are chosen by their material.
     pub(crate) const fn wants_materials(&self) -> bool {
         !self.materials.is_empty()

@@ -17,26 +17,27 @@ use crate::{
 /// Which contacts are found.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Contacts")]
+#[group(requires = "contacts")]
 pub(super) struct ContactsArgs {
     /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<PathBuf>,
     /// A region holds a taxel above this, in the unit of the channel [default: the noise of the first
     /// frames says; nothing may touch the skin in them]
-    #[arg(long, value_name = "X", value_parser = positive, requires = "contacts")]
+    #[arg(long, value_name = "X", value_parser = positive)]
     threshold: Option<f64>,
     /// The other taxels of a region are above this share of the threshold
-    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().low, requires = "contacts")]
+    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().low)]
     low: f64,
     /// Least number of taxels of a region
-    #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least, requires = "contacts")]
+    #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least)]
     least: usize,
     /// Split a region with several peaks: a part is a contact of its own if its peak, with more than
     /// three taxels, rises above the saddle to the next by this share of its height; 1: never
-    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().prominence, requires = "contacts")]
+    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().prominence)]
     prominence: f64,
     /// Channel whose regions are found [default: the first]
-    #[arg(long, value_name = "NAME", requires = "contacts")]
+    #[arg(long, value_name = "NAME")]
     channel: Option<String>,
 }
 

@@ -6,7 +6,7 @@ use dermatome::{
     image::Interpolation,
 };
 
-use crate::render::readings_args::positive;
+use crate::options::side_mm;
 
 /// Which pixels images have.
 #[derive(Debug, Clone, clap::Args)]
@@ -16,7 +16,7 @@ pub(crate) struct PixelArgs {
     #[arg(long, value_enum, default_value_t = InterpolationArg::Linear)]
     interpolate: InterpolationArg,
     /// Side of a pixel [default: that of the map]
-    #[arg(long, value_name = "MM", value_parser = positive, conflicts_with = "size")]
+    #[arg(long, value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
     pixel_mm: Option<f64>,
     /// Height and width of every image, in pixels; the map is drawn as large as fits
     #[arg(long, num_args = 2, value_names = ["H", "W"])]
@@ -40,7 +40,7 @@ impl PixelArgs {
     pub(crate) fn atlas_options(&self) -> AtlasOptions {
         let resolution = match (&self.size, self.pixel_mm) {
             (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
-            (None, Some(mm)) => Resolution::Pixel(mm * 1e-3),
+            (None, Some(side)) => Resolution::Pixel(side),
             (None, None) => Resolution::Map,
         };
         AtlasOptions { resolution, packed: self.pack, ..AtlasOptions::default() }

@@ -9,31 +9,33 @@ use crate::console::errors::advise;
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Readings")]
+// Any of them needs the argument `readings`, which `render` has and `plot` may have.
+#[group(requires = "readings")]
 pub(crate) struct ReadingsArgs {
     /// Order of the axes of an array with three
-    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc, requires = "readings")]
+    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc)]
     pub(super) layout: LayoutArg,
     /// Unit of the readings; force, charge and other amounts are summed over receptive fields, all
     /// else is averaged; several channels: one unit each
-    #[arg(long = "unit", value_name = "UNIT", value_delimiter = ',', requires = "readings")]
+    #[arg(long = "readings-unit", value_name = "UNIT", value_delimiter = ',')]
     pub(super) units: Vec<String>,
     /// Frames per second, for readings without times
-    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) rate: Option<f64>,
     /// What to do with a taxel id that several columns have
-    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse, requires = "readings")]
+    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse, hide = true)]
     pub(super) duplicates: DuplicatesArg,
     /// Subtract the mean of the first N frames from each taxel
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "readings")]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) baseline: usize,
     /// Multiply the readings of each taxel: a table with columns id,gain
-    #[arg(long, value_name = "F.csv", requires = "readings")]
+    #[arg(long, value_name = "F.csv")]
     pub(super) gain: Option<PathBuf>,
     /// Clip readings to these bounds; the number of clipped readings is printed
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, requires = "readings")]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub(super) clip: Option<[f64; 2]>,
     /// Split each channel into a slow and a fast part at this frequency
-    #[arg(long, value_name = "HZ", value_parser = positive, requires = "readings")]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) split: Option<f64>,
 }
 

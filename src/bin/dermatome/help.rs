@@ -1,0 +1,109 @@
+//! What stands at the end of each `--help`: the words of tables and notes, of which `docs/terms.md` has
+//! all, and commands that run in a checkout.
+
+use clap::Command;
+
+/// Adds the end of its help to each subcommand.
+pub(crate) fn with_ends(mut command: Command) -> Command {
+    for (name, words, examples) in ENDS {
+        command = command.mut_subcommand(name, |subcommand| {
+            let examples = format!("Examples:\n  {}", examples.join("\n  "));
+            let gap = if words.is_empty() { "" } else { "\n\n" };
+            subcommand.after_long_help(format!("{words}{gap}{examples}")).after_help(examples)
+        });
+    }
+    command
+}
+
+/// The words and the examples of each subcommand.
+const ENDS: [(&str, &str, &[&str]); 14] = [
+    (
+        "build",
+        OF_MAPS,
+        &[
+            "dermatome build meshes/forearm.glb",
+            "dermatome build meshes/robot.glb -o robot --patch 'fore*' --pixel-mm 0.5",
+        ],
+    ),
+    (
+        "calibrate",
+        "",
+        &[
+            "dermatome simulate -o seen.g2o --truth truth.csv --triangles triangles.csv",
+            "dermatome calibrate seen.g2o -o skin.glb --triangles triangles.csv --truth truth.csv",
+        ],
+    ),
+    ("check", "", &["dermatome check meshes/robot.glb"]),
+    ("coarsen", OF_LEVELS, &["dermatome coarsen meshes/forearm.glb -o levels.glb"]),
+    ("completions", "", &["dermatome completions bash"]),
+    ("convert", "", &["dermatome convert meshes/forearm.glb forearm.csv"]),
+    ("flatten", OF_MAPS, &["dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz"]),
+    ("info", OF_PATCHES, &["dermatome info meshes/robot.glb"]),
+    (
+        "lookup",
+        OF_ANSWERS,
+        &[
+            "dermatome build meshes/forearm.glb -o forearm",
+            "dermatome convert meshes/forearm.glb contacts.csv",
+            "dermatome lookup forearm/map.glb contacts.csv --max-distance 5mm -o answers.csv",
+        ],
+    ),
+    ("man", "", &["dermatome man build"]),
+    (
+        "plot",
+        OF_MAPS,
+        &[
+            "dermatome build meshes/forearm.glb -o forearm",
+            "dermatome plot forearm/map.glb --space -o forearm.svg",
+        ],
+    ),
+    (
+        "render",
+        OF_LEVELS,
+        &[
+            "dermatome build meshes/forearm.glb -o forearm",
+            "dermatome touch forearm/map.glb -o touch.csv --presses 1 --rate-hz 20",
+            "dermatome render forearm/map.glb touch.csv -o touch.npz --contacts contacts.csv",
+        ],
+    ),
+    ("simulate", "", &["dermatome simulate -o seen.g2o --truth truth.csv --spacing-mm 4mm --outliers 0.1"]),
+    ("touch", "", &["dermatome touch meshes/forearm.glb -o touch.csv --truth touches.csv --sphere-mm 1cm"]),
+];
+
+/// Words of the measures of a map.
+const OF_MAPS: &str = "\
+Words:
+  level            a mesh: level 0 is the skin, every further one is coarser
+  field            a vertex above level 0 with the taxels that it stands for, each with a weight
+  loop             a closed chain of edges with one face each: the rim of a patch or of a hole
+  seam             the edges along which a surface is cut open to be mapped
+  s1/s2            angle distortion of a face, the ratio of its stretches: mean and max; 1 is best
+  area             area ratio, map over skin, as max(r, 1/r) at equal total areas: mean and max;
+                   1 is best
+  symm. Dirichlet  mean of s1^2 + s2^2 + 1/s1^2 + 1/s2^2 at the best scale; 4 is best
+  flips            faces that the map mirrors or squeezes to nothing
+  crossings        places where the map overlaps itself";
+
+/// Words of meshes and their levels.
+const OF_LEVELS: &str = "\
+Words:
+  level   a mesh: level 0 is the skin, every further one is coarser
+  field   a vertex above level 0 with the taxels that it stands for, each with a weight
+  loop    a closed chain of edges with one face each: the rim of a patch or of a hole";
+
+/// Words of the list of patches.
+const OF_PATCHES: &str = "\
+Words:
+  patch    one connected sheet of taxels on one link
+  loop     a closed chain of edges with one face each: the rim of a patch or of a hole
+  euler    vertices - edges + faces: 1 for a disk, 2 for a closed surface, 0 for a sleeve or torus
+  spacing  the mean length of the edges
+  present, absent, thermal   what a slot of the skin holds: a working taxel, none, a thermal pad";
+
+/// Words of the answers of a lookup.
+const OF_ANSWERS: &str = "\
+Words:
+  level   a mesh: level 0 is the skin, every further one is coarser
+  field   a vertex above level 0 with the taxels that it stands for, each with a weight
+  b0..b2  weights of the three corners of the face, which give a point in it
+  u, v    position on the map in m, v upwards; px, py its pixel, from the upper left corner";
