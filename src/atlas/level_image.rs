@@ -215,7 +215,7 @@ fn light(mesh: &TriMesh) -> DVec3 {
 ///
 /// # Errors
 /// If the map breaks a rule of [`SkinMap::validate`], if an image would be larger than 16384 pixels
-/// a side or all together than 4096 pixels a taxel (at least `2^20`, at most `2^26`), or if a map
+/// a side or all together than 256 pixels a taxel (at least `2^20`, at most `2^26`), or if a map
 /// does not lie in its frame.
 pub fn skin_images(map: &Arc<SkinMap>) -> Result<Vec<LevelImage>, AtlasError> {
     map.validate()?;

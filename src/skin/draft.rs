@@ -9,8 +9,8 @@ use crate::{
 };
 
 /// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
-/// larger, so that its unit shows down to a fingertip of 10 mm.
-const LARGEST_PART: f64 = 10.0;
+/// larger, so that its unit shows down to a fingertip of 5 mm.
+const LARGEST_PART: f64 = 5.0;
 
 /// A skin as a file holds it, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -31,7 +31,7 @@
 //! `sentence`; `weld`, `normals` (what assembling and checking share); `triangulate`; `assemble`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
-//! is right (sizes beyond 10 m are reported), or that the outside is right where neither normals
+//! is right (sizes beyond 5 m are reported), or that the outside is right where neither normals
 //! nor shape tell it.
 
 mod assemble;

@@ -53,7 +53,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, help_heading = "Map")]
     magnify_over: Option<MagnifyOverArg>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
-    /// more than 4096 pixels a taxel]
+    /// more than 256 pixels a taxel]
     #[arg(long, value_name = "MM", value_parser = side_mm, help_heading = "Images")]
     pixel_mm: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_seams(&report.patches, common);
     note_built(&built, common);
     note_overlaps(&report.patches, &options.flatten, common);
-    note_distortion(&report.patches, common);
+    note_distortion(&report.patches, &options.flatten, &options.cut, common);
     note_area_ratio(&report.patches, &options.cut, common);
     if args.json {
         print_json(SCHEMA, &report)?;
@@ -181,7 +181,7 @@ fn note_built(built: &Built, common: &Common) {
             common,
             format_args!(
                 "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
-                 megapixels, more than 4096 a taxel"
+                 megapixels, more than 256 a taxel"
             ),
         );
     }

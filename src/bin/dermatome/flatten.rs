@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     report.iter_mut().for_each(|patch| patch.levels.truncate(1));
     note_seams(&report, common);
     note_overlaps(&report, &options.flatten, common);
-    note_distortion(&report, common);
+    note_distortion(&report, &options.flatten, &options.cut, common);
     note_area_ratio(&report, &options.cut, common);
     if args.json {
         print_json("dermatome.flatten/1", &report[0].levels[0])?;

@@ -9,7 +9,7 @@ mod refusals;
 mod robot;
 
 use std::{
-    io::stdout,
+    io::{IsTerminal, stdout},
     path::{Path, PathBuf},
     process::ExitCode,
 };
@@ -23,6 +23,7 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
+    console::print::Terminal,
     files::outputs::{self, Outputs, is_stream},
     lookup::{
         answers::{Answers, Question},
@@ -40,8 +41,8 @@ use crate::{
 /// A row of contacts that names a `link` is in the frame of that link, with skin or without; others
 /// are in the world, or with --frame link in that of the only link with skin. One that names an
 /// `only_link` is on the skin of that link. Links without a name are called link0, link1 and so on. Answers are in the frame of the contact, which the column `frame` names:
-/// `x,y,z` the point of the skin, `nx,ny,nz` its normal. A table of answers may be one of contacts: its
-/// rows are in their `frame`, and its `link` is not read. Lengths are in metres. A contact far from
+/// `x,y,z` the point of the skin, `nx,ny,nz` its normal. The output can be the input of another run: its
+/// rows are read in the frame that `frame` names, and `link` is ignored. Lengths are in metres. A contact far from
 /// the skin has the patch `off skin`. Rows that cannot be answered are listed as an error in the end
 /// (exit code 2), the others are answered all the same.
 #[derive(Debug, clap::Args)]
@@ -98,9 +99,8 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct QuestionArgs {
-    /// Search each level alone, which is faster than level 0; the column `error` says how far the
-    /// distance may be from the exact one, and a contact is off the skin if it surely is. Where the
-    /// nearest patch has no such level, or follows several links, a finer one answers: see `level`
+    /// Answer from the mesh of each level alone: faster, with an error bound in `error`. If a patch
+    /// lacks the level, or follows several links, the next finer one is used: see `level`
     #[arg(long)]
     reactive: bool,
     /// Give the N nearest taxels, and on other levels fields: `distance` is that of the centre
@@ -234,6 +234,7 @@ fn write(
     answer: &mut dyn FnMut(&Path, &mut (dyn std::io::Write + Send)) -> Result<(), IoError>,
 ) -> anyhow::Result<()> {
     Ok(outputs.stage(|| match is_stream(path) {
+        true if stdout().is_terminal() => answer(Path::new("standard output"), &mut Terminal(stdout())),
         true => answer(Path::new("standard output"), &mut stdout()),
         false => replace_file(path, |output| answer(path, output)),
     })?)

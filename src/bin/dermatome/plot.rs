@@ -134,23 +134,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         dots: args.dots,
         width_px: args.width,
     };
-<<<<<<< HEAD
-    let picture = match (read_map_if_any(&args.map)?, &args.frame.readings) {
-=======
-    let shows_findings = matches!(args.show, Show::Findings);
-    let map = if shows_findings { None } else { read_map_if_any(&args.map)? };
+    let map = read_map_if_any(&args.map)?;
     if let Some(map) = map.as_ref().filter(|_| !args.patches.is_empty()) {
         let names: Vec<String> = map.patches.iter().map(|patch| patch.name.clone()).collect();
         options.patches = select_patches(&args.map, names, &args.patches, |name| name)?;
     }
     let picture = match (map, &args.frame.readings) {
->>>>>>> 1138a33 (Give each option one meaning, and each help examples that run)
         (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
         (None, None) => {
-            let (read, all) = (args.read.options(&args.map), PatchArgs::default());
-            let skin = read_skin(&args.map, &args.read, &all, &read, common)?;
+            let (read, chosen) = (args.read.options(&args.map), PatchArgs::named(&args.patches));
+            let skin = read_skin(&args.map, &args.read, &chosen, &read, common)?;
             plot_skin(&skin, &options).map_err(Error::from)?
         }
     };
@@ -169,31 +164,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-<<<<<<< HEAD
-=======
-/// Draws a skin without a map, or the findings of what is not a valid skin.
-fn picture_of_skin(args: &Args, options: &PlotOptions, common: &Common) -> anyhow::Result<Picture> {
-    let chosen = PatchArgs::named(&args.patches);
-    let draft = if matches!(args.show, Show::Findings) {
-        args.read.read(&args.map, false)?
-    } else {
-        match read_skin(&args.map, &args.read, &chosen, &args.read.options(), common) {
-            Ok(skin) => return Ok(plot_skin(&skin, options).map_err(Error::from)?),
-            Err(error) if !error.chain().any(|cause| cause.is::<Error>()) => return Err(error),
-            Err(error) => match args.read.read(&args.map, false) {
-                Ok(draft) if draft.sheets.iter().any(|sheet| !sheet.triangles.is_empty()) => {
-                    note(common, format_args!("{error:#}; what `check` finds is drawn in red"));
-                    draft
-                }
-                _ => return Err(error),
-            },
-        }
-    };
-    let findings = check(&draft, &args.read.options());
-    Ok(plot_findings(&draft, &findings, options).map_err(Error::from)?)
-}
-
->>>>>>> 1138a33 (Give each option one meaning, and each help examples that run)
 /// Draws one frame of readings.
 fn picture_of_frame(
     args: &Args,

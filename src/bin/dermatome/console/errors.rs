@@ -10,8 +10,17 @@ use std::{
 
 use clap::error::ErrorKind;
 use dermatome::{
-    Error, atlas::AtlasError, calib::CalibError, cut::CutError, flatten::FlattenError, image::ImageError,
-    io::{Feature, IoError}, map::MapError, plot::PlotError, signal::SignalError, skin::SkinError,
+    Error,
+    atlas::AtlasError,
+    calib::CalibError,
+    cut::CutError,
+    flatten::FlattenError,
+    image::ImageError,
+    io::{Feature, IoError},
+    map::MapError,
+    plot::PlotError,
+    signal::SignalError,
+    skin::SkinError,
 };
 
 use crate::{

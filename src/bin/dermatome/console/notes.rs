@@ -193,20 +193,42 @@ pub(crate) fn note_dropped(triangles: Option<&Path>, common: &Common) {
     }
 }
 
-/// Prints which finest maps are far from isometric or not at a minimum.
-pub(crate) fn note_distortion(patches: &[PatchReport], common: &Common) {
+/// A map is poor whose symmetric Dirichlet energy is above this (4 at an isometry).
+const POOR_ENERGY: f64 = 6.0;
+
+/// A map is poor where some face has a larger ratio of its stretches.
+const POOR_RATIO: f64 = 20.0;
+
+/// Prints which finest maps are poor, in one line with the option that mends them, and which are not at
+/// a minimum.
+pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
+    let is_poor = |patch: &&PatchReport| {
+        let measures = patch.levels.first().map(|finest| finest.distortion);
+        measures.is_some_and(|d| !(d.symmetric_dirichlet <= POOR_ENERGY && d.qc_max <= POOR_RATIO))
+    };
+    let poor: Vec<&PatchReport> = patches.iter().filter(is_poor).collect();
+    let names: Vec<String> = poor.iter().map(|patch| patch.name.clone()).collect();
+    if let Some(finest) = poor.first().and_then(|patch| patch.levels.first()) {
+        let (energy, ratio) = (finest.distortion.symmetric_dirichlet, finest.distortion.qc_max);
+        let mends = match (options.method, cut) {
+            (Method::Linear { .. } | Method::Conformal, _) => "--method intrinsic distorts less",
+            (_, Cut::None) => "--cut auto cuts where that helps",
+            (_, Cut::Auto) => "--max-area-ratio 2 cuts further",
+            (_, Cut::AreaRatio(_)) => "a lower --max-area-ratio cuts further",
+            _ => "--cut auto looks for a seam of its own",
+        };
+        let (poor, is) = if names.len() == 1 { ("map", "is") } else { ("maps", "are") };
+        note(
+            common,
+            format_args!(
+                "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {mends}",
+                names.len(),
+                first_names(&names)
+            ),
+        );
+    }
     for patch in patches {
-        let Some(finest) = patch.levels.first() else { continue };
-        let (name, energy) = (plain(&patch.name), finest.distortion.symmetric_dirichlet);
-        if finest.distortion.is_far_from_isometric() && energy.is_finite() {
-            note(
-                common,
-                format_args!(
-                    "{name}: the map is far from isometric (symmetric Dirichlet energy {energy:.0}, 4 at an isometry); \
-                     a patch that is cut open maps better"
-                ),
-            );
-        }
+        let name = plain(&patch.name);
         let short =
             patch.levels.iter().filter_map(|l| Some((l.level, l.convergence.filter(|c| !c.converged)?)));
         for (level, convergence) in short {

@@ -47,9 +47,16 @@ struct Described<'a, T> {
     object: &'a T,
 }
 
-/// Pretty JSON of an object, with its schema, and a newline.
+/// Pretty JSON of an object, with its schema, and a newline; characters that a terminal may obey are
+/// escaped.
 pub(crate) fn json(schema: &str, object: &impl Serialize) -> serde_json::Result<String> {
-    Ok(serde_json::to_string_pretty(&Described { schema, object })? + "\n")
+    let text = serde_json::to_string_pretty(&Described { schema, object })?;
+    let escaped = |c: char| match c {
+        '\n' => c.to_string(),
+        c if is_harmless(c) => c.to_string(),
+        c => format!("\\u{:04x}", u32::from(c)),
+    };
+    Ok(text.chars().map(escaped).collect::<String>() + "\n")
 }
 
 /// Prints pretty JSON of an object, with its schema.
@@ -65,14 +72,35 @@ pub(crate) fn plain(name: &str) -> String {
     harmless(name, LONGEST_NAME)
 }
 
+/// Whether a terminal only shows a character: it is no control and does not turn the direction of
+/// writing.
+pub(crate) fn is_harmless(c: char) -> bool {
+    !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)
+}
+
+/// Standard output, where a terminal does not obey what names of files may hold.
+pub(crate) struct Terminal(pub(crate) io::Stdout);
+
+impl io::Write for Terminal {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        let shown = |c: char| if c == '\n' || is_harmless(c) { c } else { '?' };
+        self.0.write_all(text.chars().map(shown).collect::<String>().as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
 /// A text as a terminal may see it: control and direction characters escaped, all beyond `longest`
 /// characters cut.
 fn harmless(text: &str, longest: usize) -> String {
-    let is_plain = |c: char| {
-        !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)
-    };
-    let escaped: String =
-        text.chars().flat_map(|c| if is_plain(c) { vec![c] } else { c.escape_default().collect() }).collect();
+    let escaped: String = text
+        .chars()
+        .flat_map(|c| if is_harmless(c) { vec![c] } else { c.escape_default().collect() })
+        .collect();
     if escaped.chars().count() <= longest {
         return escaped;
     }

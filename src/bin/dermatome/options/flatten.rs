@@ -42,7 +42,7 @@ pub(crate) struct FlattenArgs {
     /// The same as --overlap prevent
     #[arg(long, hide = true, conflicts_with = "overlap")]
     bijective: bool,
-    /// Where to cut first: auto (what has no map otherwise, and where it makes the map much better),
+    /// Where to cut first: auto (only where flattening needs it or gains much),
     /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
     /// of taxels); nothing is cut within a table of --boundary
     #[arg(long, value_name = "auto|none|all|FILE.csv", value_hint = ValueHint::FilePath, default_value = "auto")]

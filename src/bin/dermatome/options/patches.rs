@@ -20,8 +20,8 @@ pub(crate) struct PatchArgs {
     /// more than once [default: all patches]
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
     pub(crate) patches: Vec<Pattern>,
-    /// Take the faces of a list only: a number on each line, counted from 0 through all triangles of
-    /// the file
+    /// Keep only the faces listed in FILE: a number on each line, counted from 0 through all triangles
+    /// of the mesh
     #[arg(long, value_name = "FILE")]
     faces: Option<PathBuf>,
     /// Take the faces of this material of a glTF or OBJ file only, in which * and ? stand for any

@@ -34,7 +34,7 @@ pub(crate) struct ReadArgs {
     /// each is listed [default for .stl]
     #[arg(long)]
     repair: bool,
-    /// Direction of the outside of taxels without triangles, where nothing in the file tells it: x, -x,
+    /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     outside: Option<DVec3>,

@@ -22,8 +22,8 @@ pub(super) struct ContactsArgs {
     /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<PathBuf>,
-    /// A region holds a taxel above this, in the unit of the channel [default: the noise of the first
-    /// frames says; nothing may touch the skin in them]
+    /// A region holds a taxel above this, in the unit of the channel [default: estimated
+    /// from the first frames, during which the skin must be untouched]
     #[arg(long, value_name = "X", value_parser = positive)]
     threshold: Option<f64>,
     /// The other taxels of a region are above this share of the threshold

@@ -21,7 +21,7 @@ use dermatome::{
 };
 
 use crate::{
-    console::errors::advise,
+    console::{errors::advise, print::is_harmless},
     files::outputs::{self, is_stream},
     render::readings_args::range,
 };
@@ -233,7 +233,7 @@ fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
     let image =
         image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"));
     for c in image.chars() {
-        if c.is_ascii_control() || r#"/\:*?"<>|%"#.contains(c) {
+        if !is_harmless(c) || r#"/\:*?"<>|%"#.contains(c) {
             name += &format!("%{:02X}", u32::from(c));
         } else {
             name.push(c);
@@ -250,6 +250,7 @@ mod tests {
     fn names_of_files_are_allowed_everywhere() {
         assert_eq!(frame_file_name("palm/L0", 123, "exr"), "palm.L0.000123.exr");
         assert_eq!(frame_file_name("L2", 1_234_567, "png"), "L2.1234567.png");
+        assert_eq!(frame_file_name("a\u{202e}\u{9b}/L0", 0, "png"), "a%202E%9B.L0.000000.png");
         assert_eq!(frame_file_name("../a b/c%\u{e9}/L1", 0, "exr"), "..%2Fa b%2Fc%25\u{e9}.L1.000000.exr");
     }
 }
