@@ -72,7 +72,7 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
         ..ConditionOptions::default()
     };
     let mut conditioner =
-        Conditioner::new(map, std::slice::from_ref(&simulation.channel()), &options).unwrap();
+        Conditioner::new(map, std::slice::from_ref(simulation.channel()), &options).unwrap();
     let channels: Vec<Channel> = conditioner.channels().to_vec();
     let mut restrictor = Restrictor::new(map, &channels);
     let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));

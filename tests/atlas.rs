@@ -530,7 +530,7 @@ fn a_pixel_has_a_taxel_where_it_is_covered() {
 fn what_makes_no_layout_is_refused() {
     let map = body();
     let refused = |resolution, margin_px| {
-        let options = AtlasOptions { resolution, packed: true, margin_px, ..AtlasOptions::default() };
+        let options = AtlasOptions { resolution, packed: true, margin_px };
         let packed = Atlas::new(&map, &options).unwrap_err();
         let single = Atlas::new(&map, &AtlasOptions { packed: false, ..options }).unwrap_err();
         (packed, single)

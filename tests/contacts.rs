@@ -478,8 +478,8 @@ fn taxels_that_do_not_rest_at_zero_are_no_contact() {
     let mut tracker = ContactTracker::new(&map, &pascals(), &TrackerOptions::default()).unwrap();
     for k in 0..40_u32 {
         let mut frame = bells(&map, &[]);
-        for (taxel, x) in frame.values[patch()][0].iter_mut().enumerate() {
-            let noise = f64::from((k * 7919 + taxel as u32 * 104_729) % 997) / 997.0;
+        for (taxel, x) in (0_u32..).zip(frame.values[patch()][0].iter_mut()) {
+            let noise = f64::from((k * 7919 + taxel * 104_729) % 997) / 997.0;
             *x = noise + if [70, 71, 130].contains(&taxel) { 500.0 } else { 0.0 };
         }
         assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");

@@ -285,7 +285,7 @@ fn readings_are_written_as_a_table_and_as_arrays() {
         touches.clear();
         let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
         let mut writer =
-            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), &simulation.channel())
+            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), simulation.channel())
                 .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame).unwrap();

@@ -730,8 +730,8 @@ fn gains_and_bounds_follow_the_baseline() {
     let (out, conditioner) = condition(&map, &options, &[(0.0, 1e38), (1.0, 3.5e38)]);
     let found: Vec<Vec<f64>> = out.iter().map(|f| taxels(f, 0)).collect();
     assert_eq!(
-        conditioner.report().too_large as usize,
-        1 + found[1].len(),
+        conditioner.report().too_large,
+        u64::try_from(1 + found[1].len()).unwrap(),
         "beyond the range of 32-bit floats"
     );
     assert_eq!(found[0].iter().filter(|x| x.is_nan()).count(), 1);

@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut outputs = Outputs::default();
     outputs.stage(|| {
         let taxels = skin.patches.iter().map(|patch| &patch.taxels);
-        let mut writer = ReadingsWriter::create(&args.output, taxels, &simulation.channel())?;
+        let mut writer = ReadingsWriter::create(&args.output, taxels, simulation.channel())?;
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame)?;
             touches.extend_from_slice(now);

@@ -5,19 +5,15 @@
 pub(super) enum Heuristic {
     MergeClose,
     SmoothSpacing,
-    SymmetricNeighbours,
     TwoSides,
     BentNormals,
     ModulePlanes,
     SteepLast,
     DeniedLast,
-    BadPlanes,
     SameSide,
-    NotAcross,
     WideCircles,
     OneVote,
     SmallHoles,
-    JoinFans,
     AttachIsolated,
     SplitFace,
 }
@@ -37,7 +33,7 @@ mod table {
     use std::{
         collections::BTreeSet,
         f64::consts::{PI, TAU},
-        sync::atomic::{AtomicU32, Ordering},
+        sync::atomic::{AtomicU8, Ordering},
     };
 
     use glam::{DAffine3, DQuat, DVec3};
@@ -49,31 +45,27 @@ mod table {
         skin::{Draft, Presence, Sheet, Taxels, triangulate::triangulate_taxels},
     };
 
-    const ALL: [Heuristic; 17] = [
+    const ALL: [Heuristic; 13] = [
         Heuristic::MergeClose,
         Heuristic::SmoothSpacing,
-        Heuristic::SymmetricNeighbours,
         Heuristic::TwoSides,
         Heuristic::BentNormals,
         Heuristic::ModulePlanes,
         Heuristic::SteepLast,
         Heuristic::DeniedLast,
-        Heuristic::BadPlanes,
         Heuristic::SameSide,
-        Heuristic::NotAcross,
         Heuristic::WideCircles,
         Heuristic::OneVote,
         Heuristic::SmallHoles,
-        Heuristic::JoinFans,
         Heuristic::AttachIsolated,
         Heuristic::SplitFace,
     ];
 
-    /// The heuristics that are off, one bit each.
-    static OFF: AtomicU32 = AtomicU32::new(0);
+    /// One more than the number of the heuristic that is off; 0 if all are on.
+    static OFF: AtomicU8 = AtomicU8::new(0);
 
     pub(in crate::skin::triangulate) fn is_on(heuristic: Heuristic) -> bool {
-        OFF.load(Ordering::Relaxed) & (1 << heuristic as u32) == 0
+        OFF.load(Ordering::Relaxed) != heuristic as u8 + 1
     }
 
     fn taxels(mesh: &TriMesh) -> Sheet {
@@ -243,8 +235,11 @@ mod table {
         all
     }
 
-    /// Pieces, holes and taxels left out, and the edges; without mesh nothing.
-    fn result(sheet: &Sheet) -> Option<([usize; 3], BTreeSet<[u32; 2]>)> {
+    /// Pieces, holes and taxels left out, and the edges.
+    type Counts = ([usize; 3], BTreeSet<[u32; 2]>);
+
+    /// What triangulating makes of a sheet; nothing if it refuses it.
+    fn result(sheet: &Sheet) -> Option<Counts> {
         let draft = Draft { sheets: vec![sheet.clone()], ..Draft::default() };
         let ids: Vec<_> = (0..).take(sheet.positions.len()).map(crate::skin::TaxelId).collect();
         let draft = Draft { sheets: vec![Sheet { ids: Some(ids), ..draft.sheets[0].clone() }], ..draft };
@@ -266,7 +261,7 @@ mod table {
         let results = |sheets: &[Sheet]| sheets.iter().map(result).collect::<Vec<_>>();
         let whole: Vec<_> = covers.iter().map(|(_, sheets)| results(sheets)).collect();
         // Sums over the sheets of a cover; a sheet that is refused counts as left out.
-        let show = |found: &[Option<([usize; 3], BTreeSet<[u32; 2]>)>]| {
+        let show = |found: &[Option<Counts>]| {
             let sum = |k: usize| found.iter().flatten().map(|f| f.0[k]).sum::<usize>();
             let refused = found.iter().filter(|f| f.is_none()).count();
             format!(
@@ -280,18 +275,9 @@ mod table {
         for ((name, sheets), found) in covers.iter().zip(&whole) {
             println!("{name:12} {:2} {}", sheets.len(), show(found));
         }
-        let pairs = [
-            [Heuristic::TwoSides, Heuristic::SameSide],
-            [Heuristic::TwoSides, Heuristic::NotAcross],
-            [Heuristic::SteepLast, Heuristic::DeniedLast],
-            [Heuristic::SmallHoles, Heuristic::JoinFans],
-            [Heuristic::AttachIsolated, Heuristic::JoinFans],
-            [Heuristic::OneVote, Heuristic::SmallHoles],
-        ];
-        let singles = ALL.iter().map(std::slice::from_ref);
-        for off in singles.chain(pairs.iter().map(|pair| pair.as_slice())) {
-            OFF.store(off.iter().map(|h| 1 << *h as u32).sum(), Ordering::Relaxed);
-            print!("{:24}", off.iter().map(|h| format!("{h:?}")).collect::<Vec<_>>().join("+"));
+        for off in ALL {
+            OFF.store(off as u8 + 1, Ordering::Relaxed);
+            print!("{:16}", format!("{off:?}"));
             for ((name, sheets), whole) in covers.iter().zip(&whole) {
                 let found = results(sheets);
                 let edges =

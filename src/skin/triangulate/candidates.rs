@@ -23,10 +23,6 @@ const SAME_SIZE: f64 = 1e-6;
 /// A neighbour whose normal is turned by a right angle or more lies on another side of the part.
 const SAME_SIDE: f64 = 0.0;
 
-/// A neighbour more than 64 degrees (as a sine) above the tangent plane lies across the part, not
-/// along it.
-const STEEPEST: f64 = 0.9;
-
 /// Circumcircles may be wider than the gap by this factor. At 1 the result is an alpha shape, and
 /// gaps between rows of taxels that are a little narrower than the limit stay open; at much more,
 /// slivers fill the notches of every boundary.
@@ -79,9 +75,7 @@ fn tangent_star(star: &mut DelaunayStar, v: VertexId, cloud: &PointCloud<'_>) ->
     for &w in neighbours.of(v) {
         let d = (positions[w] - positions[v]) / spacing;
         let length = d.length();
-        if (!is_on(Heuristic::SameSide) || normals[w].dot(n) > SAME_SIDE)
-            && (!is_on(Heuristic::NotAcross) || d.dot(n).abs() <= STEEPEST * length)
-        {
+        if !is_on(Heuristic::SameSide) || normals[w].dot(n) > SAME_SIDE {
             candidates.push(w);
             unrolled.push(length * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
         }

@@ -28,25 +28,18 @@
 //! MergeClose           copies 1/0/0 (220)
 //! SmoothSpacing        rough 10/45/6 (203)  dense 1/0/0 (30)  fold (134)  noisy fold 10/7/0 (43)
 //!                      modules 10/6/0 (49)  arm 1/2/418 (30)  forearm (12)  hand (12)  torso (10)
-//! SymmetricNeighbours  noise (1)  rough (6)
 //! TwoSides             tube 10/0/0 (57)  plate 15/0/0 (5)  noisy plate 19/4/27 (667)  tip (2)
 //! BentNormals          tip 2/0/0 8 refused (204)
 //! ModulePlanes         modules (12)  arm (4)  forearm (8)  torso (10)
 //! SteepLast            rough 15/39/12 (142)
 //! DeniedLast           noisy fold 10/7/0 (3)
-//! BadPlanes            noisy fold 10/6/1 (9)  tip (23)
 //! SameSide             tube (9); with TwoSides: tube 10/2/0  plate 10/18/0  noisy plate 10/58/30
-//! NotAcross            noise 10/0/0 (4)  rough 10/16/5 (143)  noisy fold 10/5/0 (3)
 //! WideCircles          fold (516)  modules 10/12/0 (44)  hand (2)
 //! OneVote              noise 10/4/0 (11)  rough 10/73/9 (92)  dense 1/4/0 (12)  fold 7/8/0 (184)
 //! SmallHoles           rough 10/53/9 (3)  dense 1/4/0 (0)  noisy fold 10/8/0 (2); with OneVote: torso 1/7/321
-//! JoinFans             rough 10/41/9 (11)
 //! AttachIsolated       rough 10/43/17 (23)  forearm 2/0/237 (2)
 //! SplitFace            rough 10/43/16 (21)
 //! ```
-//!
-//! SymmetricNeighbours, BadPlanes and JoinFans contribute next to nothing, and NotAcross costs holes in rough
-//! covers; no part of the iCub changes without them.
 //!
 //! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the
 //! spacing and no normals tell them apart, they are joined.
@@ -108,7 +101,7 @@ const FEW: usize = 20;
 /// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares,
 ///   turned to one side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit vectors along the planes of the
 ///   neighbourhoods, not all the same on a curved part), keep the sides of a thin part apart, lead
-///   the tree, stand in where a sharp edge or a strip has no plane, and tell the outside.
+///   the tree, and tell the outside.
 /// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least
 ///   two corners agree, then those of one corner that fit between them; a square is cut along one
 ///   diagonal by the place of its corners. Edges are no longer than `gap` times the spacing at
@@ -179,9 +172,6 @@ fn triangulate_sheet(
         return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
     }
     orient_normals(&mut normals, positions, &neighbours);
-    if is_on(Heuristic::BadPlanes) {
-        normals.replace_bad_planes(&neighbours);
-    }
     let cloud = PointCloud { positions, normals: &normals.normal, neighbours: &neighbours, gap };
     let mut triangles = grow(&cloud);
     if triangles.is_empty() {

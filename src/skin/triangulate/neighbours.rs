@@ -3,7 +3,6 @@
 //! *Heuristic*: the constants are measured on lattices, on iCub and CySkin layouts.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
@@ -47,31 +46,13 @@ impl Neighbours {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
             squared <= most * most
         };
-        let near_and_last = |v: VertexId, found: &mut Vec<Neighbour>| {
-            let reach = gap * spacing[v];
-            tree.nearest(positions[v], v, max_neighbours, reach, found);
-            let last = found.get(max_neighbours - 1);
-            let last = last.map_or(SearchEnd::Radius(reach * reach), |&last| SearchEnd::Neighbour(last));
-            (found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect(), last)
-        };
-        let near = par_collect(count, |range, near| {
+        let lists = par_collect(count, |range, lists| {
             let mut found = Vec::new();
-            near.extend(range.map(|k| near_and_last(VertexId::new(k), &mut found)));
-        });
-        let (mut lists, last): (Vec<Vec<VertexId>>, Vec<SearchEnd>) = near.into_iter().unzip();
-        // A taxel in dense skin searches less far than its neighbours in sparse skin, which may
-        // have found it.
-        let mut missed: Vec<(VertexId, Neighbour)> = par_collect(count, |range, missed| {
             for v in range.map(VertexId::new) {
-                let seen = lists[v.index()].iter();
-                let seen = seen.map(|&w| (w, (positions[v].distance_squared(positions[w]), v)));
-                missed.extend(seen.filter(|(w, near)| last[w.index()].is_before(near)));
+                tree.nearest(positions[v], v, max_neighbours, gap * spacing[v], &mut found);
+                lists.push(found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect());
             }
         });
-        missed.par_sort_unstable_by(|(v, a), (w, b)| v.cmp(w).then(a.0.total_cmp(&b.0)).then(a.1.cmp(&b.1)));
-        // What a taxel has missed is farther away than everything it found.
-        let missed = missed.into_iter().filter(|_| is_on(Heuristic::SymmetricNeighbours));
-        missed.for_each(|(v, (_, w))| lists[v.index()].push(w));
         Self { spacing, lists }
     }
 
@@ -84,25 +65,6 @@ impl Neighbours {
     /// The neighbours of `v`, nearest first.
     pub(super) fn of(&self, v: VertexId) -> &[VertexId] {
         &self.lists[v.index()]
-    }
-}
-
-/// Where the search around a taxel ended.
-#[derive(Debug, Clone, Copy)]
-enum SearchEnd {
-    /// At this squared distance.
-    Radius(f64),
-    /// At this neighbour, the last of as many as a taxel may have.
-    Neighbour(Neighbour),
-}
-
-impl SearchEnd {
-    /// Whether a search that ended here missed `near`.
-    fn is_before(&self, near: &Neighbour) -> bool {
-        match self {
-            Self::Radius(squared) => squared.total_cmp(&near.0).is_lt(),
-            Self::Neighbour(last) => last.0.total_cmp(&near.0).then(last.1.cmp(&near.1)).is_lt(),
-        }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
     numeric::{argsort, median, symmetric_eigen},
-    parallel::{par_collect, par_ids},
+    parallel::par_ids,
     skin::{
         UnreliableNormals,
         normals::{SAME_DIRECTION, is_unit},
@@ -55,10 +55,6 @@ const APART: f64 = 0.25;
 /// Taxels that see each other more than 64 degrees (as a sine) above both tangent planes lie on two
 /// layers.
 const STACKED: f64 = 0.9;
-
-/// A plane turned by more than 60 degrees from the mean of the file's normals around it was fitted
-/// to a sharp edge, a strip or two layers; the mean replaces it.
-const BEST_PLANE: f64 = 0.5;
 
 /// The normals of a point cloud.
 #[derive(Debug)]
@@ -113,25 +109,6 @@ impl PointNormals {
 
     pub(super) fn has_file(&self) -> bool {
         self.file.iter().any(|n| *n != DVec3::ZERO)
-    }
-
-    /// Replaces planes that contradict the mean of the file's normals around a taxel by that mean.
-    /// All normals must point to the same side of the surface.
-    pub(super) fn replace_bad_planes(&mut self, neighbours: &Neighbours) {
-        let Self { normal, file, .. } = &*self;
-        let turned = |v: VertexId| if file[v].dot(normal[v]) < 0.0 { -file[v] } else { file[v] };
-        let better = |v: VertexId| {
-            let near = neighbours.of(v).iter().take(PLANE_NEIGHBOURS);
-            let mean = near.map(|&w| turned(w)).sum::<DVec3>() + turned(v);
-            let mean = mean.normalize_or_zero();
-            (mean != DVec3::ZERO && mean.dot(normal[v]) < BEST_PLANE).then_some((v, mean))
-        };
-        let better: Vec<(VertexId, DVec3)> = par_collect(normal.len(), |range, out| {
-            out.extend(range.map(VertexId::new).filter_map(better));
-        });
-        for (v, mean) in better {
-            self.normal[v] = mean;
-        }
     }
 }
 

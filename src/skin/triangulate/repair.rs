@@ -6,10 +6,7 @@ use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{FaceId, VertexId},
     numeric::{argsort, chains, order_by},
-    skin::triangulate::{
-        growing_mesh::{GrowingMesh, Opening},
-        neighbours::PointCloud,
-    },
+    skin::triangulate::{growing_mesh::GrowingMesh, neighbours::PointCloud},
 };
 
 /// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees):
@@ -85,18 +82,10 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
     }
 }
 
-/// Leaves one fan of faces around every taxel: openings between two fans are filled where an ear
-/// fits; of the fans that still touch in a point the one with most faces stays.
+/// Leaves one fan of faces around every taxel: of fans that touch in a point the one with most faces.
 pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut non_manifold: Vec<VertexId> =
         cloud.positions.ids().filter(|&v| mesh.openings(v).len() > 1).collect();
-    for &v in non_manifold.iter().filter(|_| is_on(Heuristic::JoinFans)) {
-        for Opening { from, to } in mesh.openings(v) {
-            if mesh.openings(v).len() > 1 {
-                mesh.try_insert([v, from, to]);
-            }
-        }
-    }
     while let Some(v) = non_manifold.pop() {
         let fans = mesh.openings(v);
         if fans.len() < 2 {
@@ -120,8 +109,9 @@ pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>
     loop {
         let before = isolated.len();
         isolated.retain(|&v| {
-            !join_to_boundary(mesh, v, cloud)
-                && !(is_on(Heuristic::SplitFace) && split_a_face(mesh, v, cloud))
+            let attached = join_to_boundary(mesh, v, cloud)
+                || (is_on(Heuristic::SplitFace) && split_a_face(mesh, v, cloud));
+            !attached
         });
         // An attached taxel may be the boundary that another one needs.
         if isolated.len() == before {
