@@ -72,9 +72,9 @@ pub(in crate::calib) use observations::graph::{Component, Poses, components};
 pub(in crate::calib) use solve::{
     gauge::{FreeBody, GaugeFreedom, RigidMotion},
     levenberg_marquardt::{Iterate, Solver},
-    linear_system::{BlockLayout, LinearSystem},
+    linear_system::LinearSystem,
     loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting},
-    normal_equations::Problem,
+    normal_equations::{BlockLayout, Problem},
 };
 
 use robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit};

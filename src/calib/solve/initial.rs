@@ -12,7 +12,7 @@ use crate::{
         align::{Correlation, nearest_rotation},
         components,
         pose::outer,
-        solve::linear_system::{number_rows, pair_of, row_pairs},
+        solve::normal_equations::{number_rows, pair_of, row_pairs},
     },
     id::{IdVec, VertexId},
     sparse::{BlockSlot, BlockSystem, Pattern, SparseError},
