@@ -110,7 +110,7 @@ fn off_is_read_and_written() {
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n", "vertex 2 of 3: found the end of the file"),
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "line 6"),
         ("OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a finite number"),
-        ("4OFF\n1 0 0\n0 0 0 0\n", "three coordinates"),
+        ("4OFF\n1 0 0\n0 0 0 0\n", "uses \"4OFF\""),
         ("ply\n", "numbers of vertices"),
     ] {
         write(text);
@@ -368,7 +368,7 @@ fn commands_name_what_they_wrote() {
     fs::write(path.join("a.csv"), "id,x,y,z\n0,0,0,0\n0,.01,0,0\n4294967295,0,.01,0\n7,.01,.01,0\n").unwrap();
     fs::write(path.join("c.csv"), "x,y,z\n0,0,0\n").unwrap();
     wrote("convert a.csv a.glb", &["a.glb"]);
-    wrote("convert a.glb b.csv", &["b.triangles.csv", "b.csv"]);
+    wrote("convert a.glb b.csv", &["b.csv", "b.triangles.csv"]);
     let said = wrote("build a.csv -o M", &["M/map.glb", "M/map.exr", "M/report.json", "M/timings.json"]);
     assert!(said.contains("3 of 4 taxels have a placeholder id"), "{said}");
     wrote("coarsen a.glb -o l.glb", &["l.glb"]);

@@ -48,15 +48,15 @@ fn decode(path: &Path) -> (u32, u32, Vec<u8>) {
 }
 
 #[test]
-fn the_readme_tells_what_its_commands_give() {
+fn the_experiment_gives_what_its_page_says() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let readme = fs::read_to_string(root.join("README.md")).unwrap();
+    let page = fs::read_to_string(root.join("docs/experiment.md")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for (name, noise) in [("exact", "0"), ("touched", "1")] {
         let row = experiment(folder.path(), name, noise);
-        assert!(readme.contains(&row), "{name}: {row}");
+        assert!(page.contains(&row), "{name}: {row}");
         let picture = format!("meshes/sphere_{name}.png");
-        assert!(readme.contains(&picture), "{picture}");
+        assert!(page.contains(&picture), "{picture}");
         let kept = root.join(picture);
         assert!(fs::metadata(&kept).unwrap().len() < 256 << 10, "small enough for a README");
         let (drawn, kept) = (decode(&folder.path().join(format!("{name}.png"))), decode(&kept));

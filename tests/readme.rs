@@ -50,8 +50,9 @@ fn run(folder: &Path, line: &str) {
 
 #[test]
 fn every_command_of_the_readme_works() {
-    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
-    let commands = commands(&readme);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let pages = ["README.md", "docs/experiment.md"].map(|page| fs::read_to_string(root.join(page)).unwrap());
+    let commands = commands(&pages.concat());
     assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");
     let folder = checkout();
     commands.iter().for_each(|line| run(folder.path(), line));

@@ -13,7 +13,11 @@
 use glam::{DMat2, DVec2, DVec3};
 
 use crate::{
-    atlas::{AtlasError, AtlasOptions, Resolution, rasterize::MAX_SIDE},
+    atlas::{
+        AtlasError,
+        options::{AtlasOptions, Resolution},
+        rasterize::MAX_SIDE,
+    },
     id::IdVec,
     map::{ImageFrame, PatchMap, SkinMap},
     numeric::order_by,

@@ -10,7 +10,6 @@ use crate::{
     cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
     image::{
-        Interpolation,
         face_weights::FaceWeights,
         natural::{Neighbours, Scratch},
         runs::{Run, Runs},
@@ -18,6 +17,24 @@ use crate::{
     map::MapLevel,
     numeric::Csr,
 };
+
+/// How a pixel follows from the values around it. Only live vertices, those with a value, take
+/// part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Interpolation {
+    /// Barycentric in the face that the pixel shows. Where a corner of the face has no value, the
+    /// weights of the others are scaled to the sum 1; without any live corner the pixel is NaN.
+    #[default]
+    Linear,
+    /// The value of the live corner with the largest weight: on equilateral faces the Voronoi cells
+    /// of the vertices. NaN without any live corner.
+    Nearest,
+    /// Natural neighbours of the live vertices on the map (sibson1981): the area of a vertex
+    /// without a value is taken over by its neighbours, so that no pixel of the chart is NaN. Linear
+    /// fields are reproduced within the convex hull of the live vertices; a pixel outside of it has
+    /// the value of the nearest one.
+    Natural,
+}
 
 /// One chart in an image: what does not change from frame to frame.
 #[derive(Debug, Clone)]

@@ -2,8 +2,8 @@
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
 //! where it needs a seam, maps every level of it to the plane
-//! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the
-//! [`SkinMap`](crate::map::SkinMap).
+//! ([`flatten_pyramid`]) and returns the
+//! [`SkinMap`].
 //!
 //! Every map is measured as `map.glb` holds it (`written`). Only what is known of one patch decides how
 //! it is cut (`cut_open`).

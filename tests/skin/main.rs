@@ -558,7 +558,7 @@ fn placeholder_and_duplicate_ids_are_separate_findings() {
 fn only_vertices_that_touch_in_the_file_are_findings() {
     let bow_tie =
         |x: f64| [[0., 0.], [1., 0.], [0., 1.], [-1., 0.], [0., -1.]].map(|[a, b]| DVec3::new(a + x, b, 0.0));
-    let mut positions = [bow_tie(0.0), bow_tie(9.0)].concat();
+    let mut positions = [bow_tie(0.0), bow_tie(3.0)].concat();
     positions.push(positions[5]);
     let sheet =
         Sheet { positions, triangles: vec![[0, 1, 2], [0, 3, 4], [5, 6, 7], [10, 8, 9]], ..Sheet::default() };

@@ -22,7 +22,7 @@ use crate::{
 /// use glam::DVec3;
 ///
 /// let tree = PointTree::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], |_| DVec3::Z);
-/// let mut found = Vec::new();
+/// let mut found: Vec<(u32, f64)> = Vec::new();
 /// tree.nearest(DVec3::new(0.9, 0.0, 0.0), 2, f64::INFINITY, &mut found);
 /// assert_eq!(found.iter().map(|&(id, _)| id).collect::<Vec<_>>(), [1, 0]);
 /// ```
