@@ -3,10 +3,9 @@
 use crate::{
     id::{IdVec, VertexId},
     map::SkinMap,
-    mesh::{TriMesh, VertexCorners},
-    signal::{
-        TrackerOptions,
-        contacts::{region::ContactRegion, split::Splitter},
+    signal::contacts::{
+        region::ContactRegion,
+        split::{PatchReadings, Splitter},
     },
     skin::PatchId,
 };
@@ -15,18 +14,6 @@ use crate::{
 const FREE: u32 = u32::MAX;
 /// A region that is not numbered yet has this taxel, or one that was too small.
 const TAKEN: u32 = u32::MAX - 1;
-
-/// The readings of one patch, and what counts as a contact.
-#[derive(Clone, Copy)]
-pub(super) struct PatchReadings<'a> {
-    pub(super) mesh: &'a TriMesh,
-    /// The faces around each taxel.
-    pub(super) around: &'a VertexCorners,
-    pub(super) values: &'a IdVec<VertexId, f64>,
-    pub(super) options: &'a TrackerOptions,
-    /// The upper threshold.
-    pub(super) high: f64,
-}
 
 /// Finds regions; owns marks for all taxels.
 #[derive(Debug, Clone)]

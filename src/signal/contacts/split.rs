@@ -15,14 +15,27 @@
 
 use crate::{
     id::{IdVec, VertexId, define_id},
+    mesh::{TriMesh, VertexCorners},
     numeric::DisjointSets,
-    signal::contacts::find::PatchReadings,
+    signal::TrackerOptions,
 };
 
 define_id!(
     /// A part of a region, counted from the highest peak.
     pub(super) PartId, "p"
 );
+
+/// The readings of one patch, and what counts as a contact.
+#[derive(Clone, Copy)]
+pub(super) struct PatchReadings<'a> {
+    pub(super) mesh: &'a TriMesh,
+    /// The faces around each taxel.
+    pub(super) around: &'a VertexCorners,
+    pub(super) values: &'a IdVec<VertexId, f64>,
+    pub(super) options: &'a TrackerOptions,
+    /// The upper threshold.
+    pub(super) high: f64,
+}
 
 /// Splits regions; owns its lists.
 #[derive(Debug, Clone, Default)]

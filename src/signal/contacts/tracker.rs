@@ -8,10 +8,7 @@ use crate::{
     signal::{
         Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
         contacts::{
-            find::{Finder, PatchReadings},
-            noise::Threshold,
-            place::Pressed,
-            region::ContactRegion,
+            find::Finder, noise::Threshold, place::Pressed, region::ContactRegion, split::PatchReadings,
             tracks::Tracks,
         },
     },
