@@ -5,7 +5,8 @@
 //! (g2o, CSV)                  glTF   receptive fields   every level   └─ BVH ─ contact ─▶ map cell, every level
 //! ```
 //!
-//! The modules of the crate follow the order of that flow; each uses only those before it:
+//! What most users need stands at the root of the crate. The modules follow the order of that flow; each uses only
+//! those before it:
 //!
 //! 1. [`io::read_draft`] reads a file as it was written; [`skin::assemble()`] turns it into a sound
 //!    [`skin::Skin`] and says what it changed; taxels without triangles it joins. [`skin::check()`]
@@ -46,10 +47,17 @@ pub mod report;
 pub mod error;
 pub mod pipeline;
 
+pub use calib::{Calibration, Observations, calibrate};
+pub use contact::{Cell, ContactIndex, Hit, Hits, MapIndex, Query};
 use dermatome_bvh as bvh;
 use dermatome_delaunay as delaunay;
 use dermatome_sparse as sparse;
 pub use error::Error;
+pub use io::{read_draft, read_map, write_map};
+pub use map::SkinMap;
+pub use pipeline::{BuildOptions, build, build_file};
+pub use pyramid::LevelId;
+pub use skin::{AssembleOptions, Draft, PatchId, Skin, assemble};
 pub use sparse::SparseError;
 
 /// The README's example, run as a test.

@@ -13,7 +13,7 @@
 //! [`assemble`](crate::skin::assemble()) make the skin; after it,
 //! [`measure`](crate::report::measure) says how faithful the map is,
 //! [`write_map`](crate::io::write_map) keeps it, and [`skin_images`](crate::atlas::skin_images)
-//! rasterises its levels.
+//! rasterises its levels. [`build_file`] goes from file to files.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, skin::Skin};
@@ -24,8 +24,11 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
+mod build_file;
 mod cut_open;
 mod written;
+
+pub use build_file::build_file;
 
 use std::{
     sync::{
