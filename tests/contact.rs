@@ -617,6 +617,11 @@ fn broken_maps_are_refused_by_name() {
     let v = VertexId::new;
     check("no triangle", &|map| *map = SkinMap::default());
     check("no triangle", &|map| level(map, 0).level.mesh.triangles = IdVec::default());
+    check("patch \"bare\" has no triangle", &|map| {
+        let mut bare = PatchMap { name: "bare".into(), ..patch(map).clone() };
+        bare.levels[LevelId::new(0)].level.mesh.triangles = IdVec::default();
+        map.patches.push(bare);
+    });
     check("not finite", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::NAN);
     check("1e12", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::X * 1e20);
     check("vertex 99", &|map| level(map, 0).level.mesh.triangles[FaceId::new(0)][0] = v(99));
