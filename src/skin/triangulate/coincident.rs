@@ -12,10 +12,7 @@ use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, median},
     parallel::par_collect,
-    skin::triangulate::{
-        kd_tree::{KdTree, Neighbour},
-        neighbours::distance_around,
-    },
+    skin::triangulate::neighbours::{Neighbour, distance_around, nearest_others, tree_of},
 };
 
 /// Two taxels coincide if they are closer than this part of the median distance from the centre of
@@ -77,13 +74,13 @@ fn close_pairs(
     resolution: f64,
     merge_distance: f64,
 ) -> Vec<[VertexId; 2]> {
-    let tree = KdTree::new(positions);
+    let tree = tree_of(positions);
     let close = |found: &mut Vec<Neighbour>, v: VertexId| {
-        tree.nearest(positions[v], v, CELLS - 1, f64::INFINITY, found);
+        nearest_others(&tree, v, CELLS - 1, f64::INFINITY, found);
         let reach = resolution.max((SAME_PLACE * distance_around(found)).min(merge_distance));
         // A reach whose square underflows finds nothing: no distance is below 0.
-        let close = found.iter().take_while(|near| near.0 < reach * reach);
-        close.map(|near| [v, near.1]).collect::<Vec<_>>()
+        let close = found.iter().take_while(|near| near.1 < reach * reach);
+        close.map(|near| [v, near.0]).collect::<Vec<_>>()
     };
     par_collect(positions.len(), |range, pairs| {
         let mut found = Vec::new();

@@ -4,8 +4,7 @@
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
-//! 1. `unique_points`, with `coincident` and `kd_tree`: each position once, in an order of its
-//!    own;
+//! 1. `unique_points`, with `coincident`: each position once, in an order of its own;
 //! 2. `neighbours`: the local spacing and who may be joined;
 //! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992, konig2009);
 //! 4. `candidates`, with `delaunay_star`: triangles by the votes of their corners;
@@ -49,7 +48,6 @@ mod candidates;
 mod coincident;
 mod delaunay_star;
 mod growing_mesh;
-mod kd_tree;
 mod neighbours;
 mod normals;
 mod orient_normals;

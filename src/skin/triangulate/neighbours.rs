@@ -6,10 +6,10 @@ use glam::DVec3;
 
 use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
+    bvh::PointTree,
     id::{IdVec, VertexId},
     mesh::triangle_cross,
     parallel::{par_collect, par_ids},
-    skin::triangulate::kd_tree::{KdTree, Neighbour},
 };
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
@@ -25,6 +25,28 @@ const SMOOTHING: usize = 6;
 /// that lie on no surface.
 const DENSEST: f64 = 10.0;
 
+/// A taxel that was found, and its squared distance in m^2.
+pub(super) type Neighbour = (VertexId, f64);
+
+/// A tree over taxels.
+pub(super) fn tree_of(positions: &IdVec<VertexId, DVec3>) -> PointTree {
+    PointTree::new(positions, |_| DVec3::ZERO)
+}
+
+/// Writes the `count` taxels nearest to `v` within `radius` into `found`, nearest first, ties by id.
+pub(super) fn nearest_others(
+    tree: &PointTree,
+    v: VertexId,
+    count: usize,
+    radius: f64,
+    found: &mut Vec<Neighbour>,
+) {
+    found.clear();
+    tree.nearest_squared(tree.points()[v.index()], count + 1, radius, found);
+    found.retain(|near| near.0 != v);
+    found.truncate(count);
+}
+
 /// The taxels within the gap of each taxel, and the local spacing.
 #[derive(Debug)]
 pub(super) struct Neighbours {
@@ -38,19 +60,19 @@ impl Neighbours {
     /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at
     /// least two taxels, all at different places.
     pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
-        let tree = KdTree::new(positions);
+        let tree = tree_of(positions);
         let spacing = spacing(&tree, positions);
         let count = positions.len();
         let max_neighbours = max_neighbours(gap);
-        let is_within = |v: VertexId, &(squared, w): &Neighbour| {
+        let is_within = |v: VertexId, &(w, squared): &Neighbour| {
             let most = gap * 0.5 * (spacing[v] + spacing[w]);
             squared <= most * most
         };
         let lists = par_collect(count, |range, lists| {
             let mut found = Vec::new();
             for v in range.map(VertexId::new) {
-                tree.nearest(positions[v], v, max_neighbours, gap * spacing[v], &mut found);
-                lists.push(found.iter().filter(|near| is_within(v, near)).map(|near| near.1).collect());
+                nearest_others(&tree, v, max_neighbours, gap * spacing[v], &mut found);
+                lists.push(found.iter().filter(|near| is_within(v, near)).map(|near| near.0).collect());
             }
         });
         Self { spacing, lists }
@@ -76,15 +98,15 @@ fn max_neighbours(gap: f64) -> usize {
 
 /// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
 pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
-    nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.0.sqrt())
+    nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.1.sqrt())
 }
 
 /// [`distance_around`] of each taxel, smoothed.
-fn spacing(tree: &KdTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
+fn spacing(tree: &PointTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
     let own_and_nearest = |v: VertexId, found: &mut Vec<Neighbour>| {
-        tree.nearest(positions[v], v, SMOOTHING, f64::INFINITY, found);
+        nearest_others(tree, v, SMOOTHING, f64::INFINITY, found);
         let mut nearest = [v; SMOOTHING];
-        nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.1);
+        nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.0);
         (distance_around(found), nearest)
     };
     let distances = par_collect(positions.len(), |range, distances| {
