@@ -184,7 +184,7 @@ fn readings_with_gaps_are_counted() {
 
     let run = render("back.csv", b"time,1\n0,1\n0.2,1\n0.1,1\n0.3,1\n", &[]).success();
     assert_eq!(report(&run)["backwards"], 1);
-    run.stderr(contains("1 frames have a time before that of the frame before them"));
+    run.stderr(contains("1 frame is earlier than the frame before"));
 
     let twice = b"time,1,2,1\n0,1,7,5\n";
     render("twice.csv", twice, &[]).code(2).stderr(contains("--duplicates first"));

@@ -551,7 +551,7 @@ fn answers_lead_back_from_the_map() {
     let run = fixture.lookup(&off).arg("--from-map").output().unwrap();
     let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
     assert!(
-        number(&rows(&table)[0], "off_chart") > 4.5 && notes.contains("1 places are off their map"),
+        number(&rows(&table)[0], "off_chart") > 4.5 && notes.contains("1 place is off the map"),
         "{notes}"
     );
     let none = fixture.file("none.csv", "u,px\n5,0\n");
@@ -626,7 +626,7 @@ fn fields_without_a_face_are_counted() {
         let run = fixture.lookup(&contacts).args(options).output().unwrap();
         let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
         assert_eq!(rows(&table).len(), count, "{options:?}: {table}");
-        assert!(notes.contains("1 answers are fields that belong to no face"), "{options:?}: {notes}");
+        assert!(notes.contains("1 answer is without a row"), "{options:?}: {notes}");
         assert!(!notes.contains("off the skin"), "{options:?}: {notes}");
     }
 }
@@ -672,7 +672,7 @@ fn contacts_are_matched_with_poses_by_their_time() {
     for pose in [vec![table.clone()], vec![moves.clone(), "--animation".into(), "up".into()]] {
         let run = fixture.lookup(&contacts).args(["--level", "0", "--pose"]).args(&pose).output().unwrap();
         let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-        assert!(notes.contains("2 contacts without a time or outside"), "{pose:?}: {notes}");
+        assert!(notes.contains("2 contacts are without a time or outside"), "{pose:?}: {notes}");
         assert!(!notes.contains("is not used"), "{notes}");
         assert_eq!(rows(&text).len(), 5, "{text}{notes}");
         for row in rows(&text) {
@@ -682,7 +682,7 @@ fn contacts_are_matched_with_poses_by_their_time() {
     let places = fixture.file("p.csv", "time,u,v\n1,0,0\n1.5,0,0\n2,0,0\n7,0,0\n,0,0\n");
     let run = fixture.lookup(&places).arg("--from-map").arg("--pose").arg(&table).output().unwrap();
     let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-    assert!(notes.contains("2 places without a time or outside"), "{notes}");
+    assert!(notes.contains("2 places are without a time or outside"), "{notes}");
     let heights: Vec<f64> = rows(&text).iter().map(|row| number(row, "z")).collect();
     for (height, up) in heights.iter().zip([0.0, 0.5, 1.0, 2.0, 0.0]) {
         assert!((height - heights[0] - up).abs() < 1e-9, "{heights:?}");
@@ -779,10 +779,7 @@ fn forces_become_readings() {
     let readings = fixture.path("touch.csv");
     let run = fixture.lookup(&contacts).args(["--readings"]).arg(&readings).output().unwrap();
     let notes = String::from_utf8(run.stderr).unwrap();
-    assert!(
-        notes.contains("1 contacts with a force touch no taxel") && !notes.contains("is not used"),
-        "{notes}"
-    );
+    assert!(notes.contains("1 contact is off all taxels") && !notes.contains("is not used"), "{notes}");
     let recording = fs::read_to_string(&readings).unwrap();
     let frames: Vec<(f64, f64)> = recording
         .lines()

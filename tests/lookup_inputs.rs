@@ -310,7 +310,7 @@ fn places_off_the_map_say_so() {
     let run = lookup(&folder, table, &["--from-map"]);
     assert_eq!((run.code, run.contacts()), (0, vec!["0", "1", "2"]), "{}", run.error);
     assert!((run.number(0, "off_chart") - 1e9).abs() < 1.0 && run.number(1, "off_chart") == 0.0);
-    assert!(run.error.contains("2 places are off their map"), "{}", run.error);
+    assert!(run.error.contains("2 places are off the map"), "{}", run.error);
 }
 
 #[test]

@@ -8,7 +8,6 @@ use std::{
 };
 
 use anyhow::Context;
-use clap::ValueEnum;
 use dermatome::{
     Error,
     atlas::skin_images,
@@ -31,7 +30,7 @@ use crate::{
         input::read_good_patches,
         outputs::{self, Outputs, cannot_write},
     },
-    options::{AcuityArgs, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, side_mm},
+    options::{AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm},
 };
 
 /// Arguments of `build`.
@@ -50,8 +49,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     flatten: FlattenArgs,
     /// Over what --magnify and --acuity compare [default: skin]
-    #[arg(long, value_enum, help_heading = "Map")]
-    magnify_over: Option<MagnifyOverArg>,
+    #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
+    magnify_over: Option<MagnifyOver>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 256 pixels a taxel]
     #[arg(long, value_name = "MM", value_parser = side_mm, help_heading = "Images")]
@@ -69,13 +68,10 @@ pub(crate) struct Args {
 }
 
 /// Over what densities and acuities are compared.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum MagnifyOverArg {
-    /// The map of a denser patch is larger
-    Skin,
-    /// Every map is as large as its patch
-    Patch,
-}
+const MAGNIFY_OVER: [Choice<MagnifyOver>; 2] = [
+    ("skin", MagnifyOver::Skin, "The map of a denser patch is larger"),
+    ("patch", MagnifyOver::Patch, "Every map is as large as its patch"),
+];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let folder = &args.output.clone().unwrap_or_else(|| args.skin.with_extension("map"));
@@ -87,10 +83,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm,
-        magnify_over: match args.magnify_over {
-            Some(MagnifyOverArg::Patch) => MagnifyOver::Patch,
-            Some(MagnifyOverArg::Skin) | None => MagnifyOver::Skin,
-        },
+        magnify_over: args.magnify_over.unwrap_or_default(),
         keep_going: args.keep_going,
     };
     let start = Instant::now();
@@ -169,20 +162,18 @@ fn write_files(
 fn note_built(built: &Built, common: &Common) {
     let Built { map, left_out, failed, enlarged, .. } = built;
     for error in failed {
-        note(common, format_args!("{error}; left out"));
+        note!(common, "{error}; left out");
     }
     for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
         let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
-        note(common, format_args!("{}: the coarsest {count} levels are left out: {why}", plain(&patch.name)));
+        note!(common, "{}: the coarsest {count} levels are left out: {why}", plain(&patch.name));
     }
     if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
         let more = *pixels as f64 / 1e6;
-        note(
+        note!(
             common,
-            format_args!(
-                "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
+            "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
                  megapixels, more than 256 a taxel"
-            ),
         );
     }
 }

@@ -21,7 +21,7 @@ pub(crate) use args::Args;
 
 use crate::{
     calibrate::{
-        args::RobustArg,
+        args::ROBUST,
         inputs::{Inputs, Truth},
     },
     console::{
@@ -30,7 +30,7 @@ use crate::{
         print::{print, print_json, print_table, say},
         progress,
     },
-    options::Common,
+    options::{Common, word_of},
 };
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -47,11 +47,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if common.verbose {
             list_iterations(&found.iterations, common);
         }
-        if matches!(args.robust, RobustArg::Auto)
+        if args.robust.is_none()
             && found.loss == Loss::Truncated
             && found.rejected() != (Vec::new(), Vec::new())
         {
-            note(common, "some observations were rejected as outliers (gnc); --robust none uses all");
+            note!(common, "some observations were rejected as outliers (gnc); --robust none uses all");
         }
         remark_free(&found, common);
         remark_rejected(&found, observations, common);
@@ -84,7 +84,7 @@ fn list_iterations(iterations: &[Iteration], common: &Common) {
             None if *damping > 0.0 => format!(", damping {damping:.1e}"),
             None => String::new(),
         };
-        note(common, format_args!("iteration {number}: cost {cost:.10e}, step {step:.2e}{control}"));
+        note!(common, "iteration {number}: cost {cost:.10e}, step {step:.2e}{control}");
     }
 }
 
@@ -102,33 +102,23 @@ fn remark_free(found: &Calibration, common: &Common) {
             Model::Poses => 6,
         };
         if *free_motions < all {
-            note(
-                common,
-                format_args!("the contacts leave {free_motions} rigid motions of {these} undetermined"),
-            );
+            note!(common, "the contacts leave {free_motions} rigid motions of {these} undetermined");
         } else if *rejected_contacts > 0 {
-            note(
-                common,
-                format_args!("all contacts of {these} were rejected: its absolute position is arbitrary"),
-            );
+            note!(common, "all contacts of {these} were rejected: its absolute position is arbitrary");
         } else {
-            note(
+            note!(
                 common,
-                format_args!(
-                    "no contact determines where {these} is: taxel {gauge} keeps its start, and covariances are about the centroid"
-                ),
+                "no contact determines where {these} is: taxel {gauge} keeps its start, and covariances are about the centroid"
             );
         }
     }
     if shown < found.free.len() {
         let rest = &found.free[shown..];
         let taxels = rest.iter().map(|f| f.taxels).sum::<usize>();
-        note(
+        note!(
             common,
-            format_args!(
-                "nor where {taxels} taxels in {} more components are; --verbose names each component",
-                rest.len()
-            ),
+            "nor where {taxels} taxels in {} more components are; --verbose names each component",
+            rest.len()
         );
     }
 }
@@ -138,15 +128,13 @@ fn remark_rejected(found: &Calibration, observations: &Observations, common: &Co
     let fits = &found.diagnostics;
     let (edges, contacts) = found.rejected();
     if !edges.is_empty() || !contacts.is_empty() {
-        note(
+        note!(
             common,
-            format_args!(
-                "{} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
-                edges.len(),
-                fits.edges.len(),
-                contacts.len(),
-                fits.contacts.len()
-            ),
+            "{} of {} edges and {} of {} contacts were rejected as outliers; --inliers lists them",
+            edges.len(),
+            fits.edges.len(),
+            contacts.len(),
+            fits.contacts.len()
         );
     }
     if common.verbose {
@@ -155,11 +143,11 @@ fn remark_rejected(found: &Calibration, observations: &Observations, common: &Co
             |fit: &ObservationDiagnostics| format!("{:.1} sigma, weight {:.3}", fit.chi2.sqrt(), fit.weight);
         for e in edges {
             let (edge, fit) = (&observations.edges[e], describe(&fits.edges[e]));
-            note(common, format_args!("edge {} to {}: {fit}", id(edge.from), id(edge.to)));
+            note!(common, "edge {} to {}: {fit}", id(edge.from), id(edge.to));
         }
         for c in contacts {
             let taxel = id(observations.contacts[c].taxel);
-            note(common, format_args!("contact of taxel {taxel}: {}", describe(&fits.contacts[c])));
+            note!(common, "contact of taxel {taxel}: {}", describe(&fits.contacts[c]));
         }
     }
 }
@@ -181,7 +169,7 @@ fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow:
         ));
     }
     if known < all && !common.quiet {
-        note(common, format_args!("{path} has {known} of the {all} taxels; the others are not compared"));
+        note!(common, "{path} has {known} of the {all} taxels; the others are not compared");
     }
     Ok(compare(&here, &there).map_err(Error::from)?)
 }
@@ -220,7 +208,7 @@ impl Summary {
             dof: degrees_of_freedom,
             p,
             verdict: found.fit.to_string(),
-            robust: RobustArg::name(found.loss),
+            robust: word_of(&ROBUST, &Some(found.loss)),
             iterations: found.iterations.len(),
             converged: found.termination.is_converged(),
             ending: found.termination.to_string(),

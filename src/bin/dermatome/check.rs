@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let findings = check(&draft, &options);
     let (notes, mut findings): (Vec<_>, Vec<_>) =
         findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
-    notes.iter().for_each(|found| note(common, found));
+    notes.iter().for_each(|found| note!(common, "{found}"));
     let mut is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
     if !is_refused && let Err(reason) = assemble(&draft, &options) {
         is_refused = true;

@@ -6,7 +6,6 @@ use std::{
     process::ExitCode,
 };
 
-use clap::ValueEnum;
 use dermatome::{
     Error,
     io::IoError,
@@ -23,7 +22,7 @@ use crate::{
         input::{read_map_if_any, read_skin, select_patches},
         outputs::{self, Outputs, is_stream},
     },
-    options::{Common, PatchArgs, ReadArgs, pattern},
+    options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern},
     render::{FramesArgs, Readings, ReadingsArgs, range},
 };
 
@@ -45,8 +44,8 @@ pub(crate) struct Args {
     #[arg(long = "level", value_name = "K")]
     levels: Vec<u32>,
     /// What the colours show
-    #[arg(long, value_enum, default_value_t = Show::Fields)]
-    show: Show,
+    #[arg(long, value_parser = one_of(&SHOWN), default_value = "fields")]
+    show: Paint,
     /// Also draw the skin in space, with the colours of the first level drawn
     #[arg(long)]
     space: bool,
@@ -88,31 +87,14 @@ struct FrameArgs {
     channel: Option<String>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Show {
-    /// The receptive field with the largest weight at each taxel
-    Fields,
-    /// Angle distortion of each triangle: the ratio of its stretches
-    Angle,
-    /// Area of each triangle on the map divided by that on the skin
-    Area,
-    /// Ids of the taxels, in their order
-    Taxel,
-    /// Standard deviation of each taxel's position, if the skin was calibrated
-    Sigma,
-}
-
-impl From<Show> for Paint {
-    fn from(show: Show) -> Self {
-        match show {
-            Show::Fields => Self::Fields,
-            Show::Angle => Self::Angle,
-            Show::Area => Self::Area,
-            Show::Taxel => Self::Taxel,
-            Show::Sigma => Self::Sigma,
-        }
-    }
-}
+/// What the colours show.
+const SHOWN: [Choice<Paint>; 5] = [
+    ("fields", Paint::Fields, "The receptive field with the largest weight at each taxel"),
+    ("angle", Paint::Angle, "Angle distortion of each triangle: the ratio of its stretches"),
+    ("area", Paint::Area, "Area of each triangle on the map divided by that on the skin"),
+    ("taxel", Paint::Taxel, "Ids of the taxels, in their order"),
+    ("sigma", Paint::Sigma, "Standard deviation of each taxel's position, if the skin was calibrated"),
+];
 
 #[derive(Clone, Copy)]
 enum Kind {
@@ -126,11 +108,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut options = PlotOptions {
         patches: Vec::new(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
-        paint: args.show.into(),
+        paint: args.show,
         space: args.view.or(args.space.then(Viewpoint::default)),
         range: args
             .range
-            .map(|range| if matches!(args.show, Show::Sigma) { range.map(|x| 1e-3 * x) } else { range }),
+            .map(|range| if args.show == Paint::Sigma { range.map(|x| 1e-3 * x) } else { range }),
         dots: args.dots,
         width_px: args.width,
     };

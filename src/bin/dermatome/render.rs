@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let from =
         if is_stream(&args.readings) { "standard input".into() } else { args.readings.display().to_string() };
     pass.remark(&from, common);
-    let options = RenderOptions { interpolation: args.pixels.interpolation(), level };
+    let options = RenderOptions { interpolation: args.pixels.interpolate, level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
     let mut contacts = args.contacts.open(&map, &read, &args.readings_args)?;
     let content = Content {
@@ -156,7 +156,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {
-        note(common, format_args!("{count} contacts above {threshold:.4}"));
+        note!(common, "{count} contacts above {threshold:.4}");
     }
     if args.json {
         print_json("dermatome.render/1", &report(&tally, &channels, renderer.images(), found))?;

@@ -5,7 +5,6 @@ use std::{
     process::ExitCode,
 };
 
-use clap::ValueEnum;
 use dermatome::{
     Error,
     calib::{Model, SimulateOptions, Simulation, simulate},
@@ -16,7 +15,7 @@ use dermatome::{
 use crate::{
     console::notes::{note, note_dropped},
     files::outputs::{self, Outputs},
-    options::{Common, length_mm},
+    options::{Choice, Common, length_mm, one_of},
 };
 
 /// Arguments of `simulate`.
@@ -36,8 +35,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<PathBuf>,
     /// What is estimated of every taxel
-    #[arg(long, value_enum, default_value_t = ModelArg::Positions)]
-    model: ModelArg,
+    #[arg(long, value_parser = one_of(&MODELS), default_value = "positions")]
+    model: Model,
     /// Number of taxels
     #[arg(long, value_name = "N", default_value_t = 500)]
     taxels: usize,
@@ -77,13 +76,10 @@ pub(crate) struct Args {
 }
 
 /// What is estimated of a taxel.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ModelArg {
-    /// Its position
-    Positions,
-    /// Its position and orientation
-    Poses,
-}
+const MODELS: [Choice<Model>; 2] = [
+    ("positions", Model::Positions, "Its position"),
+    ("poses", Model::Poses, "Its position and orientation"),
+];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tables =
@@ -117,17 +113,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (edges, contacts) = (observations.edges.len(), observations.contacts.len());
     let (wrong, triangles) = (outliers.len(), mesh.triangles.len());
     let made = format!("{} taxels, {edges} displacements ({wrong} wrong)", ids.len());
-    note(common, format_args!("{made}, {contacts} contacts, {triangles} triangles"));
+    note!(common, "{made}, {contacts} contacts, {triangles} triangles");
     Ok(ExitCode::SUCCESS)
 }
 
 impl Args {
     fn options(&self, seed: u64) -> SimulateOptions {
         SimulateOptions {
-            model: match self.model {
-                ModelArg::Positions => Model::Positions,
-                ModelArg::Poses => Model::Poses,
-            },
+            model: self.model,
             taxels: self.taxels,
             spacing: self.spacing_mm,
             radius: self.radius_mm,

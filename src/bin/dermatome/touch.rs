@@ -2,7 +2,6 @@
 
 use std::{collections::HashSet, path::PathBuf, process::ExitCode};
 
-use clap::ValueEnum;
 use dermatome::{
     Error,
     io::{ReadingsWriter, write_touches},
@@ -17,7 +16,7 @@ use crate::{
         input::{read_map_if_any, read_skin},
         outputs::{self, Outputs},
     },
-    options::{Common, PatchArgs, ReadArgs, length_mm},
+    options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of},
 };
 
 /// Arguments of `touch`.
@@ -62,8 +61,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value = "2", value_parser = length_mm)]
     taxel_mm: f64,
     /// What a taxel reads
-    #[arg(long, value_enum, default_value_t = ReadsArg::Force)]
-    reads: ReadsArg,
+    #[arg(long, value_parser = one_of(&READS), default_value = "force")]
+    reads: Quantity,
     /// Noise of the mean pressure on a taxel, standard deviation
     #[arg(long, value_name = "KPA", default_value_t = 0.0)]
     noise_kpa: f64,
@@ -79,13 +78,10 @@ pub(crate) struct Args {
 }
 
 /// What a taxel reads.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ReadsArg {
-    /// The force on its disc, in N
-    Force,
-    /// The mean pressure on its disc, in Pa
-    Pressure,
-}
+const READS: [Choice<Quantity>; 2] = [
+    ("force", Quantity::Extensive, "The force on its disc, in N"),
+    ("pressure", Quantity::Intensive, "The mean pressure on its disc, in Pa"),
+];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.truth.as_deref().map_or(Ok(()), outputs::check_table)?;
@@ -113,14 +109,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs.publish(common)?;
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
-    note(
+    note!(
         common,
-        format_args!(
-            "{} frames, {} of them with a touch; {} presses of up to {most:.3} N",
-            simulation.frames(),
-            distinct(|touch| touch.frame),
-            distinct(|touch| touch.press),
-        ),
+        "{} frames, {} of them with a touch; {} presses of up to {most:.3} N",
+        simulation.frames(),
+        distinct(|touch| touch.frame),
+        distinct(|touch| touch.press)
     );
     Ok(ExitCode::SUCCESS)
 }
@@ -153,10 +147,7 @@ impl Args {
             pause: self.pause_s,
             rate: self.rate_hz,
             taxel_radius: self.taxel_mm,
-            quantity: match self.reads {
-                ReadsArg::Force => Quantity::Extensive,
-                ReadsArg::Pressure => Quantity::Intensive,
-            },
+            quantity: self.reads,
             noise: self.noise_kpa * 1e3,
             drift: self.drift_kpa * 1e3,
             dead: self.dead,

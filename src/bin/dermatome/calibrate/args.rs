@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
-use crate::options::Unit;
+use crate::options::{Choice, Unit, one_of};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
@@ -40,14 +39,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.csv")]
     pub(super) inliers: Option<PathBuf>,
     /// How to treat outliers: observations that the stated noise does not explain
-    #[arg(long, value_enum, default_value_t = RobustArg::Auto, help_heading = "Solver")]
-    pub(super) robust: RobustArg,
+    #[arg(long, value_parser = one_of(&ROBUST), default_value = "auto", help_heading = "Solver")]
+    pub(super) robust: Robust,
     /// How the error of a relative pose becomes six numbers
-    #[arg(long, value_enum, default_value_t = ResidualArg::Split, help_heading = "Solver")]
-    pub(super) residual: ResidualArg,
+    #[arg(long, value_parser = one_of(&RESIDUALS), default_value = "split", help_heading = "Solver")]
+    pub(super) residual: ResidualConvention,
     /// Where to start
-    #[arg(long, value_enum, default_value_t = StartArg::Chordal, help_heading = "Solver")]
-    pub(super) initial: StartArg,
+    #[arg(long, value_parser = one_of(&STARTS), default_value = "chordal", help_heading = "Solver")]
+    pub(super) initial: Initialization,
     /// Most iterations of one solve; robust estimation solves several times
     #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
     pub(super) iterations: usize,
@@ -65,72 +64,35 @@ pub(crate) struct Args {
     pub(super) json: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum RobustArg {
-    /// Least squares, or gnc if that finds outliers
-    Auto,
-    /// Least squares
-    None,
-    /// Huber's loss: outliers keep a bounded influence
-    Huber,
-    /// Tukey's biweight loss: outliers lose their influence
-    Tukey,
-    /// Truncated least squares by graduated non-convexity: for many outliers
-    Gnc,
-}
+/// The loss function; `None`: chosen by what the observations need.
+pub(super) type Robust = Option<Loss>;
 
-impl RobustArg {
-    /// What selects a loss function.
-    pub(super) const fn name(loss: Loss) -> &'static str {
-        match loss {
-            Loss::Squared => "none",
-            Loss::Huber => "huber",
-            Loss::Tukey => "tukey",
-            Loss::Truncated => "gnc",
-        }
-    }
-}
+pub(super) const ROBUST: [Choice<Robust>; 5] = [
+    ("auto", None, "Least squares, or gnc if that finds outliers"),
+    ("none", Some(Loss::Squared), "Least squares"),
+    ("huber", Some(Loss::Huber), "Huber's loss: outliers keep a bounded influence"),
+    ("tukey", Some(Loss::Tukey), "Tukey's biweight loss: outliers lose their influence"),
+    ("gnc", Some(Loss::Truncated), "Truncated least squares by graduated non-convexity: for many outliers"),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum ResidualArg {
-    /// Translation and rotation vector apart
-    Split,
-    /// Logarithm of SE(3), as GTSAM
-    Log,
-    /// Translation and half-angle quaternion, as g2o
-    Quaternion,
-}
+const RESIDUALS: [Choice<ResidualConvention>; 3] = [
+    ("split", ResidualConvention::Split, "Translation and rotation vector apart"),
+    ("log", ResidualConvention::Log, "Logarithm of SE(3), as GTSAM"),
+    ("quaternion", ResidualConvention::Quaternion, "Translation and half-angle quaternion, as g2o"),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum StartArg {
-    /// Two linear systems
-    Chordal,
-    /// Chained along a spanning tree
-    Tree,
-    /// The values in the file
-    File,
-}
+const STARTS: [Choice<Initialization>; 3] = [
+    ("chordal", Initialization::Chordal, "Two linear systems"),
+    ("tree", Initialization::SpanningTree, "Chained along a spanning tree"),
+    ("file", Initialization::InitialValues, "The values in the file"),
+];
 
 impl Args {
     pub(super) fn options(&self) -> CalibOptions {
         CalibOptions {
-            robust: match self.robust {
-                RobustArg::Auto => None,
-                RobustArg::None => Some(Loss::Squared),
-                RobustArg::Huber => Some(Loss::Huber),
-                RobustArg::Tukey => Some(Loss::Tukey),
-                RobustArg::Gnc => Some(Loss::Truncated),
-            },
-            residual: match self.residual {
-                ResidualArg::Split => ResidualConvention::Split,
-                ResidualArg::Log => ResidualConvention::Log,
-                ResidualArg::Quaternion => ResidualConvention::Quaternion,
-            },
-            initialization: match self.initial {
-                StartArg::Chordal => Initialization::Chordal,
-                StartArg::Tree => Initialization::SpanningTree,
-                StartArg::File => Initialization::InitialValues,
-            },
+            robust: self.robust,
+            residual: self.residual,
+            initialization: self.initial,
             max_iterations: self.iterations,
             covariances: !self.no_covariance,
             ..CalibOptions::default()

@@ -33,7 +33,7 @@ impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
         let read = read_observations(&args.observations, &args.contacts);
         let (mut observations, remarks) = read.map_err(Error::from)?;
-        remarks.iter().for_each(|remark| note(common, remark));
+        remarks.iter().for_each(|remark| note!(common, "{remark}"));
         // What is assumed is a length in metres, which must not become one in the unit of the file.
         let is_assumed =
             |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
@@ -46,7 +46,7 @@ impl Inputs {
         if args.clip_information {
             let (clipped, edges) = (observations.clip_information(), observations.edges.len());
             let what = "information matrices were not positive semi-definite and were clipped";
-            note(common, format_args!("{clipped} {what} ({edges} edges)"));
+            note!(common, "{clipped} {what} ({edges} edges)");
         }
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));

@@ -14,7 +14,7 @@ use crate::{
     calibrate::{args::Args, inputs::Inputs},
     console::{
         errors::advise,
-        notes::{note, note_dropped, note_remarks, remark_lost},
+        notes::{note, note_count, note_dropped, note_remarks, remark_lost},
     },
     files::outputs::{self, Outputs},
     options::Common,
@@ -110,16 +110,17 @@ fn mesh(found: &Calibration, inputs: &Inputs, common: &Common) -> anyhow::Result
         let (assumed, patches) = (made.assumed, made.skin.patches.len());
         let sides =
             format!("neither frames nor normals determine the outside of {assumed} of {patches} patches");
-        note(common, format_args!("{sides}: away from the origin is assumed; --triangles decides"));
+        note!(common, "{sides}: away from the origin is assumed; --triangles decides");
     }
     if made.turned > 0 {
-        let triangles = format!("the triangles of {} patches", made.turned);
-        note(common, triangles + " contradicted the taxels' frames or normals and were reversed");
+        let turned = made.turned;
+        note!(
+            common,
+            "the triangles of {turned} patches contradicted the taxels' frames or normals and were reversed"
+        );
     }
     note_remarks(&made.remarks, common);
-    if !made.left_out.is_empty() {
-        let count = made.left_out.len();
-        note(common, format_args!("{count} taxels are in no triangle and are left out of the skin"));
-    }
+    let how = "in no triangle and left out of the skin";
+    note_count(common, made.left_out.len() as u64, "taxels", how);
     Ok(made.skin)
 }

@@ -16,9 +16,25 @@ use crate::{
 };
 
 /// Prints a note on standard error, unless the run is quiet.
-pub(crate) fn note(common: &Common, text: impl fmt::Display) {
+macro_rules! note {
+    ($common:expr, $($text:tt)*) => {
+        $crate::console::notes::print_note($common, format_args!($($text)*))
+    };
+}
+pub(crate) use note;
+
+pub(crate) fn print_note(common: &Common, text: fmt::Arguments<'_>) {
     if !common.quiet {
         say(format_args!("note: {}", line(&text.to_string())));
+    }
+}
+
+/// Notes how some `things` are, a word with an `s` at its end; nothing if there are none.
+pub(crate) fn note_count(common: &Common, count: u64, things: &str, how: &str) {
+    match count {
+        0 => {}
+        1 => note!(common, "1 {} is {how}", things.trim_end_matches('s')),
+        _ => note!(common, "{count} {things} are {how}"),
     }
 }
 
@@ -41,8 +57,8 @@ pub(crate) fn note_columns(path: &Path, columns: &[String], common: &Common) {
     let (path, named) = (path.display(), first_names(columns));
     match columns.len() {
         0 => {}
-        1 => note(common, format_args!("{path}: column {named} is not used")),
-        _ => note(common, format_args!("{path}: columns {named} are not used")),
+        1 => note!(common, "{path}: column {named} is not used"),
+        _ => note!(common, "{path}: columns {named} are not used"),
     }
 }
 
@@ -55,12 +71,12 @@ pub(crate) fn note_remarks(remarks: &[Remark], common: &Common) {
         match counts.get_mut(&kind(remark)) {
             Some(count) if *count > MOST_ALIKE && !common.verbose => {
                 let done = in_common(&remark.kind);
-                note(common, format_args!("{count} meshes {done}, as {remark}; -v lists them"));
+                note!(common, "{count} meshes {done}, as {remark}; -v lists them");
                 // The others of this kind are said.
                 *count = 0;
             }
             Some(0) => {}
-            _ => note(common, remark),
+            _ => note!(common, "{remark}"),
         }
     }
 }
@@ -95,12 +111,10 @@ pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
     let without = ids().filter(|id| TaxelId::PLACEHOLDERS.contains(id)).count();
     if without > 1 {
         let all = ids().count();
-        note(
+        note!(
             common,
-            format_args!(
-                "{without} of {all} taxels have a placeholder id, 0 or {}: readings by id do not reach them",
-                u32::MAX
-            ),
+            "{without} of {all} taxels have a placeholder id, 0 or {}: readings by id do not reach them",
+            u32::MAX
         );
     }
 }
@@ -108,7 +122,7 @@ pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
 /// Prints what a skin loses in the kind of file that a path names.
 pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
     for lost in lost(path, skin) {
-        note(common, format_args!("{}: {lost}; .glb keeps everything", path.display()));
+        note!(common, "{}: {lost}; .glb keeps everything", path.display());
     }
 }
 
@@ -154,7 +168,7 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
             .collect();
         if !levels.is_empty() {
             let (name, cure) = (plain(&patch.name), cure(options));
-            note(common, format_args!("{name}: the map overlaps itself ({}); {cure}", levels.join("; ")));
+            note!(common, "{name}: the map overlaps itself ({}); {cure}", levels.join("; "));
         }
     }
 }
@@ -164,7 +178,7 @@ pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
     for patch in patches {
         let Some(finest) = patch.levels.first().filter(|finest| finest.seam > 0.0) else { continue };
         let (name, seam) = (plain(&patch.name), finest.seam * 1e3);
-        note(common, format_args!("{name}: the map is cut open along a seam of {seam:.0} mm"));
+        note!(common, "{name}: the map is cut open along a seam of {seam:.0} mm");
     }
 }
 
@@ -175,11 +189,9 @@ pub(crate) fn note_area_ratio(patches: &[PatchReport], cut: &Cut, common: &Commo
         let ratio = patch.levels.first().map_or(1.0, |finest| finest.distortion.area_max);
         if ratio > wanted {
             let name = plain(&patch.name);
-            note(
+            note!(
                 common,
-                format_args!(
-                    "{name}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found                      that keeps {wanted}: raise --max-area-ratio, or split the patch"
-                ),
+                "{name}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found                      that keeps {wanted}: raise --max-area-ratio, or split the patch"
             );
         }
     }
@@ -189,7 +201,7 @@ pub(crate) fn note_area_ratio(patches: &[PatchReport], cut: &Cut, common: &Commo
 pub(crate) fn note_dropped(triangles: Option<&Path>, common: &Common) {
     if let Some(triangles) = triangles {
         let what = "belonged to the table that is replaced, and is removed";
-        note(common, format_args!("{} {what}", triangles.display()));
+        note!(common, "{} {what}", triangles.display());
     }
 }
 
@@ -218,13 +230,11 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
             _ => "--cut auto looks for a seam of its own",
         };
         let (poor, is) = if names.len() == 1 { ("map", "is") } else { ("maps", "are") };
-        note(
+        note!(
             common,
-            format_args!(
-                "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {mends}",
-                names.len(),
-                first_names(&names)
-            ),
+            "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {mends}",
+            names.len(),
+            first_names(&names)
         );
     }
     for patch in patches {
@@ -232,13 +242,11 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
         let short =
             patch.levels.iter().filter_map(|l| Some((l.level, l.convergence.filter(|c| !c.converged)?)));
         for (level, convergence) in short {
-            note(
+            note!(
                 common,
-                format_args!(
-                    "{name}: the map of level {level} is not at a minimum: its steps ended at a relative gradient of \
+                "{name}: the map of level {level} is not at a minimum: its steps ended at a relative gradient of \
                      {:.1e}",
-                    convergence.gradient
-                ),
+                convergence.gradient
             );
         }
     }

@@ -51,23 +51,23 @@ pub(crate) fn read_good_patches(
     if read.unit == Unit::M
         && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
     {
-        note(common, "--unit mm reads a file in millimetres");
+        note!(common, "--unit mm reads a file in millimetres");
     }
     if assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::CutKept { .. })) && !read.has_seams() {
-        note(common, "--weld all closes the cut");
+        note!(common, "--weld all closes the cut");
     }
     let is_guessed = |remark: &Remark| {
         matches!(remark.kind, RemarkKind::OutsideFromCentre { .. } | RemarkKind::OutsideFromAxis { .. })
     };
     if assembled.remarks.iter().any(is_guessed) {
-        note(common, "--outside DIR says where the outside is");
+        note!(common, "--outside DIR says where the outside is");
     }
     // Trials take time, so there are none for a quiet run.
     if !common.quiet
         && let Some((gap, patches)) = joining_gap(&draft, &assembled, options)
     {
         let now = assembled.skin.patches.len();
-        note(common, format_args!("--gap {gap} would join pieces: {patches} instead of {now}"));
+        note!(common, "--gap {gap} would join pieces: {patches} instead of {now}");
     }
     if !sheets {
         let patches = assembled.skin.patches.into_iter().collect();

@@ -18,7 +18,7 @@ use dermatome::{
 use glam::DVec3;
 
 use crate::{
-    console::notes::note,
+    console::notes::{note, note_count},
     lookup::{
         contacts::{Batch, Contact, Contacts, WORLD},
         player::Player,
@@ -188,7 +188,7 @@ impl<'a> Answers<'a> {
         let counts: Vec<_> = counts.map(|(level, count)| format!("{count} on level {level}")).collect();
         if !counts.is_empty() {
             let what = "contacts in a field whose centre is an absent taxel or a thermal pad";
-            note(common, format_args!("{what}: {}", counts.join(", ")));
+            note!(common, "{what}: {}", counts.join(", "));
         }
         let answered = contacts.refusals.answered();
         let far = self.far.load(Ordering::Relaxed);
@@ -200,18 +200,13 @@ impl<'a> Answers<'a> {
                 (_, Some(limit)) => format!("by more than {limit} m"),
                 _ => format!("by more than {ON_SKIN_SPACINGS} spacings of its taxels"),
             };
-            note(common, format_args!("{far} of {answered} contacts are off the skin, {limit}{ask}"));
+            note!(common, "{far} of {answered} contacts are off the skin, {limit}{ask}");
         } else if 2 * (far + doubtful) > answered {
             let what = format_args!("contacts are more than {DOUBTFUL} spacings of taxels from the skin");
-            note(common, format_args!("{} of {answered} {what}{ask}", far + doubtful));
+            note!(common, "{} of {answered} {what}{ask}", far + doubtful);
         }
-        let faceless = self.faceless.load(Ordering::Relaxed);
-        if faceless > 0 {
-            note(
-                common,
-                format_args!("{faceless} answers are fields that belong to no face: they have no row"),
-            );
-        }
+        let how = "without a row: the field belongs to no face";
+        note_count(common, self.faceless.load(Ordering::Relaxed), "answers", how);
         self.player.note("contacts", common);
         if let Some(pressed) = &self.pressed {
             pressed.note(common);

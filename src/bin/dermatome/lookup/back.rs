@@ -13,7 +13,7 @@ use dermatome::{
 use glam::{DAffine3, DVec2};
 
 use crate::{
-    console::notes::{note, note_columns},
+    console::notes::{note, note_columns, note_count},
     lookup::{
         contacts::{FrameArg, LARGEST, WORLD, open},
         player::Player,
@@ -169,12 +169,10 @@ impl<'a> Back<'a> {
 
     pub(super) fn note(&self, common: &Common) {
         self.refusals.note_off_skin(common);
-        if self.off_chart > 0 {
-            let what = "places are off their map: the nearest place on it is answered";
-            note(common, format_args!("{} {what} (column `off_chart`)", self.off_chart));
-        }
+        let how = "off the map: the nearest place on it is answered (column `off_chart`)";
+        note_count(common, self.off_chart, "places", how);
         if self.has_times && !self.player.is_timed() {
-            note(common, format_args!("{}: column `time` is not used", self.refusals.path.display()));
+            note!(common, "{}: column `time` is not used", self.refusals.path.display());
         }
         self.player.note("places", common);
     }

@@ -244,7 +244,7 @@ impl Contacts<'_> {
         for ((column, given), used) in OPTIONAL.iter().zip(self.given).zip(self.used) {
             if given && !used {
                 let path = self.refusals.path.display();
-                note(common, format_args!("{path}: column `{column}` is not used"));
+                note!(common, "{path}: column `{column}` is not used");
             }
         }
     }

@@ -8,7 +8,7 @@ use dermatome::{
     skin::Motion,
 };
 
-use crate::{console::notes::note, options::Common};
+use crate::{console::notes::note_count, options::Common};
 
 /// How the links move, if they do.
 pub(super) struct Player {
@@ -72,9 +72,7 @@ impl Player {
 
     /// Says how many of the `rows` had no pose of their own.
     pub(super) fn note(&self, rows: &str, common: &Common) {
-        if self.held > 0 {
-            let what = "without a time or outside the times of the poses: the first or last pose is taken";
-            note(common, format_args!("{} {rows} {what}", self.held));
-        }
+        let how = "without a time or outside the times of the poses: the first or last pose is taken";
+        note_count(common, self.held, rows, how);
     }
 }

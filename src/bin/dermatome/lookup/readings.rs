@@ -10,7 +10,7 @@ use dermatome::{
 };
 
 use crate::{
-    console::notes::note,
+    console::notes::{note, note_count},
     lookup::{contacts::Contact, refusals::unanswered},
     options::Common,
 };
@@ -38,16 +38,11 @@ impl Counts {
     pub(super) fn note(&self, common: &Common) {
         let Self { forces, untouched, backwards } = self;
         if *forces == 0 {
-            note(common, "no contact has a force (column `force`): all readings are 0");
+            note!(common, "no contact has a force (column `force`): all readings are 0");
         }
-        if *untouched > 0 {
-            let what = "contacts with a force touch no taxel: their force is in no reading";
-            note(common, format_args!("{untouched} {what}"));
-        }
-        if *backwards > 0 {
-            let what = "frames of the readings are earlier than the one before: sort the contacts by time";
-            note(common, format_args!("{backwards} {what}"));
-        }
+        note_count(common, *untouched, "contacts", "off all taxels: such a force is in no reading");
+        let how = "earlier in the readings than the one before: sort the contacts by time";
+        note_count(common, *backwards, "frames", how);
     }
 }
 

@@ -96,7 +96,7 @@ impl Refusals {
     pub(super) fn note_off_skin(&self, common: &Common) {
         if self.off_skin > 0 {
             let (path, count) = (self.path.display(), self.off_skin);
-            note(common, format_args!("{path}: {count} rows of contacts off the skin have no answer"));
+            note!(common, "{path}: {count} rows of contacts off the skin have no answer");
         }
     }
 

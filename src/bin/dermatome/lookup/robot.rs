@@ -64,11 +64,9 @@ impl Robot {
             let levels = patch.levels.len();
             if chosen.iter().any(|&level| level >= levels) {
                 let what = format!("{} has {levels} levels", plain(&patch.name));
-                note(
+                note!(
                     common,
-                    format_args!(
-                        "{what}; contacts on it get no row for levels above, with --reactive that of the last"
-                    ),
+                    "{what}; contacts on it get no row for levels above, with --reactive that of the last"
                 );
             }
         }
@@ -134,9 +132,9 @@ fn note_unused(path: &Path, read: &MotionFile, common: &Common) {
         note_columns(path, &read.unused, common);
     } else if !read.unused.is_empty() {
         let nodes = first_names(&read.unused);
-        note(common, format_args!("{name}: the map has no link for the animated {nodes}"));
+        note!(common, "{name}: the map has no link for the animated {nodes}");
     }
     if read.motion.times().is_none() {
-        note(common, format_args!("{name}: the animation moves no link of the map"));
+        note!(common, "{name}: the animation moves no link of the map");
     }
 }

@@ -12,7 +12,10 @@ use dermatome::{
     skin::Skin,
 };
 
-use crate::{console::errors::advise, options::numbers::number};
+use crate::{
+    console::errors::advise,
+    options::{Choice, numbers::number, one_of},
+};
 
 /// How to flatten.
 #[derive(Debug, Clone, clap::Args)]
@@ -37,8 +40,8 @@ pub(crate) struct FlattenArgs {
     #[arg(long, value_name = "GAMMA", value_parser = finite, allow_negative_numbers = true)]
     magnify: Option<f64>,
     /// What to do where the map of least distortion overlaps itself [default: prevent]
-    #[arg(long, value_enum, hide = true)]
-    overlap: Option<OverlapArg>,
+    #[arg(long, value_parser = one_of(&OVERLAPS), hide = true)]
+    overlap: Option<Overlap>,
     /// The same as --overlap prevent
     #[arg(long, hide = true, conflicts_with = "overlap")]
     bijective: bool,
@@ -65,13 +68,10 @@ enum BoundaryArg {
     Table(PathBuf),
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum OverlapArg {
-    /// Map it one to one, at more distortion
-    Prevent,
-    /// Keep it
-    Allow,
-}
+const OVERLAPS: [Choice<Overlap>; 2] = [
+    ("prevent", Overlap::Prevent, "Map it one to one, at more distortion"),
+    ("allow", Overlap::Allow, "Keep it"),
+];
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum MethodArg {
@@ -143,10 +143,7 @@ impl FlattenArgs {
                 Method::Intrinsic { energy: Energy::Sum { angle, area, perimeter }, magnify }
             }
         };
-        let overlap = match self.overlap {
-            Some(OverlapArg::Allow) => Overlap::Allow,
-            Some(OverlapArg::Prevent) | None => Overlap::Prevent,
-        };
+        let overlap = self.overlap.unwrap_or_default();
         let boundary = match &self.boundary {
             Some(BoundaryArg::Shape(shape)) => shape.clone(),
             Some(BoundaryArg::Table(_)) | None => Boundary::Free,

@@ -1,5 +1,6 @@
 //! Options that several subcommands share, and what they mean to the library.
 
+mod choice;
 mod coarsen;
 mod common;
 mod flatten;
@@ -7,6 +8,7 @@ mod numbers;
 mod patches;
 mod read;
 
+pub(crate) use choice::{Choice, one_of, word_of};
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use common::{ColorChoice, Common};
 pub(crate) use flatten::FlattenArgs;

@@ -10,7 +10,10 @@ use dermatome::{
 };
 use glam::DVec3;
 
-use crate::{console::errors::advise, options::numbers::number};
+use crate::{
+    console::errors::advise,
+    options::{Choice, numbers::number, one_of},
+};
 
 /// How to read a skin.
 #[derive(Debug, Clone, clap::Args)]
@@ -24,11 +27,11 @@ pub(crate) struct ReadArgs {
     #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
     /// Which vertices at exactly the same place become one [default: auto]
-    #[arg(long, value_enum, value_name = "WHICH", conflicts_with = "seams")]
-    weld: Option<WeldArg>,
+    #[arg(long, value_parser = one_of(&WELDS), value_name = "WHICH", conflicts_with = "seams")]
+    weld: Option<Weld>,
     /// Cut along the seams of the texture of a glTF or OBJ file: where texture coordinates jump
-    #[arg(long, value_enum, value_name = "uv")]
-    seams: Option<SeamsArg>,
+    #[arg(long, value_parser = one_of(&SEAMS), value_name = "uv")]
+    seams: Option<Weld>,
     /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
     /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
     /// each is listed [default for .stl]
@@ -40,32 +43,27 @@ pub(crate) struct ReadArgs {
     outside: Option<DVec3>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum WeldArg {
-    /// Those split for normals or texture coordinates; a cut that opens a surface into a disk stays
-    Auto,
-    /// All of them: cuts close
-    All,
-    /// None: the mesh is taken as its indices join it (the corners of an .stl are always welded)
-    None,
-}
+const WELDS: [Choice<Weld>; 3] = [
+    (
+        "auto",
+        Weld::Auto,
+        "Those split for normals or texture coordinates; a cut that opens a surface into a disk stays",
+    ),
+    ("all", Weld::All, "All of them: cuts close"),
+    (
+        "none",
+        Weld::None,
+        "None: the mesh is taken as its indices join it (the corners of an .stl are always welded)",
+    ),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SeamsArg {
-    /// Seams of the texture
-    Uv,
-}
+const SEAMS: [Choice<Weld>; 1] = [("uv", Weld::Texture, "Seams of the texture")];
 
 impl ReadArgs {
     /// The options for a file. Those of CAD programs need repair more often than not (57 % of 110 robot
     /// parts), and their format has no other way to say which faces are one sheet.
     pub(crate) fn options(&self, path: &Path) -> AssembleOptions {
-        let weld = match (self.seams, self.weld) {
-            (Some(SeamsArg::Uv), _) => Weld::Texture,
-            (None, Some(WeldArg::Auto) | None) => Weld::Auto,
-            (None, Some(WeldArg::All)) => Weld::All,
-            (None, Some(WeldArg::None)) => Weld::None,
-        };
+        let weld = self.seams.or(self.weld).unwrap_or_default();
         let is_stl = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("stl"));
         let (gap, repair, outside) = (self.gap, self.repair || is_stl, self.outside);
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }

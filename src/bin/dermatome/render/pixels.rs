@@ -1,20 +1,19 @@
 //! Which pixels images have, and how they follow from the taxels.
 
-use clap::ValueEnum;
 use dermatome::{
     atlas::{AtlasOptions, Resolution},
     image::Interpolation,
 };
 
-use crate::options::side_mm;
+use crate::options::{Choice, one_of, side_mm};
 
 /// Which pixels images have.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Images")]
 pub(crate) struct PixelArgs {
     /// How a pixel follows from the taxels around it
-    #[arg(long, value_enum, default_value_t = InterpolationArg::Linear)]
-    interpolate: InterpolationArg,
+    #[arg(long, value_parser = one_of(&INTERPOLATIONS), default_value = "linear")]
+    pub(super) interpolate: Interpolation,
     /// Side of a pixel [default: that of the map]
     #[arg(long, value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
     pixel_mm: Option<f64>,
@@ -26,15 +25,15 @@ pub(crate) struct PixelArgs {
     pack: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum InterpolationArg {
-    /// Barycentric between the corners of each triangle
-    Linear,
-    /// The nearest taxel
-    Nearest,
-    /// Natural neighbours: taxels without a reading are replaced by those around them
-    Natural,
-}
+const INTERPOLATIONS: [Choice<Interpolation>; 3] = [
+    ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
+    ("nearest", Interpolation::Nearest, "The nearest taxel"),
+    (
+        "natural",
+        Interpolation::Natural,
+        "Natural neighbours: taxels without a reading are replaced by those around them",
+    ),
+];
 
 impl PixelArgs {
     pub(crate) fn atlas_options(&self) -> AtlasOptions {
@@ -44,13 +43,5 @@ impl PixelArgs {
             (None, None) => Resolution::Map,
         };
         AtlasOptions { resolution, packed: self.pack, ..AtlasOptions::default() }
-    }
-
-    pub(crate) fn interpolation(&self) -> Interpolation {
-        match self.interpolate {
-            InterpolationArg::Linear => Interpolation::Linear,
-            InterpolationArg::Nearest => Interpolation::Nearest,
-            InterpolationArg::Natural => Interpolation::Natural,
-        }
     }
 }

@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
+use dermatome::{io::ReadingsLayout, signal::Duplicates};
 
-use crate::console::errors::advise;
+use crate::{
+    console::errors::advise,
+    options::{Choice, one_of},
+};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
@@ -13,8 +16,8 @@ use crate::console::errors::advise;
 #[group(requires = "readings")]
 pub(crate) struct ReadingsArgs {
     /// Order of the axes of an array with three
-    #[arg(long, value_enum, default_value_t = LayoutArg::Tnc)]
-    pub(super) layout: LayoutArg,
+    #[arg(long, value_parser = one_of(&LAYOUTS), default_value = "tnc")]
+    pub(super) layout: ReadingsLayout,
     /// Unit of the readings; force, charge and other amounts are summed over receptive fields, all
     /// else is averaged; several channels: one unit each
     #[arg(long = "readings-unit", value_name = "UNIT", value_delimiter = ',')]
@@ -23,8 +26,8 @@ pub(crate) struct ReadingsArgs {
     #[arg(long, value_name = "HZ", value_parser = positive)]
     pub(super) rate: Option<f64>,
     /// What to do with a taxel id that several columns have
-    #[arg(long, value_enum, default_value_t = DuplicatesArg::Refuse, hide = true)]
-    pub(super) duplicates: DuplicatesArg,
+    #[arg(long, value_parser = one_of(&DUPLICATES), default_value = "refuse", hide = true)]
+    pub(super) duplicates: Duplicates,
     /// Subtract the mean of the first N frames from each taxel
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) baseline: usize,
@@ -83,23 +86,16 @@ impl FramesArgs {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum LayoutArg {
-    /// Frames, taxels, channels
-    Tnc,
-    /// Frames, channels, taxels
-    Tcn,
-}
+const LAYOUTS: [Choice<ReadingsLayout>; 2] = [
+    ("tnc", ReadingsLayout::TaxelsFirst, "Frames, taxels, channels"),
+    ("tcn", ReadingsLayout::ChannelsFirst, "Frames, channels, taxels"),
+];
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum DuplicatesArg {
-    /// Refuse the readings
-    Refuse,
-    /// Use the first column
-    First,
-    /// Use the mean of the columns
-    Mean,
-}
+const DUPLICATES: [Choice<Duplicates>; 3] = [
+    ("refuse", Duplicates::Refuse, "Refuse the readings"),
+    ("first", Duplicates::First, "Use the first column"),
+    ("mean", Duplicates::Mean, "Use the mean of the columns"),
+];
 
 /// A positive number.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {

@@ -4,19 +4,19 @@ use std::{io::stdin, path::Path};
 
 use dermatome::{
     Error,
-    io::{ReadingsLayout, ReadingsReader, read_gains},
+    io::{ReadingsReader, read_gains},
     map::SkinMap,
-    signal::{
-        Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport,
-        Quantity,
-    },
+    signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Frame, Join, JoinReport, Quantity},
 };
 
 use crate::{
-    console::{errors::advise, notes::note},
+    console::{
+        errors::advise,
+        notes::{note, note_count},
+    },
     files::outputs::is_stream,
     options::Common,
-    render::readings_args::{DuplicatesArg, FramesArgs, LayoutArg, ReadingsArgs},
+    render::readings_args::{FramesArgs, ReadingsArgs},
 };
 
 /// What became of the readings.
@@ -45,23 +45,23 @@ impl Tally {
         let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.channels);
         let backwards = if self.has_times { condition.backwards } else { 0 };
         if !self.has_times {
-            note(common, format_args!("the frames have no times; --rate HZ gives them some"));
+            note!(common, "the frames have no times; --rate HZ gives them some");
         }
         if self.read < baseline {
             let read = self.read;
-            note(common, format_args!("the baseline is the mean of {read} frames, there are no {baseline}"));
+            note!(common, "the baseline is the mean of {read} frames, there are no {baseline}");
         }
         let counts = [
-            (self.missing as u64, "readings are missing, NaN or infinite, and masked"),
-            (condition.clipped, "readings were clipped"),
-            (condition.too_large, "readings are beyond the range of 32-bit floats, and masked"),
-            (backwards, "frames have a time before that of the frame before them"),
+            (self.missing as u64, "readings", "missing, NaN or infinite, and masked"),
+            (condition.clipped, "readings", "clipped"),
+            (condition.too_large, "readings", "beyond the range of 32-bit floats, and masked"),
+            (backwards, "frames", "earlier than the frame before"),
             // Masked taxels have none either, which is expected.
-            (unknown_baselines as u64, "readings have no baseline and are masked"),
-            (condition.unknown_gains as u64, "gains are of no taxel of the map"),
+            (unknown_baselines as u64, "readings", "without a baseline, and masked"),
+            (condition.unknown_gains as u64, "gains", "of no taxel of the map"),
         ];
-        for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
-            note(common, format_args!("{count} {what}"));
+        for (count, things, how) in counts {
+            note_count(common, count, things, how);
         }
     }
 }
@@ -82,14 +82,10 @@ impl<'a> Readings<'a> {
     /// Opens the readings, for one pass over them.
     pub(crate) fn open(&self) -> anyhow::Result<Pass<'a>> {
         let Self { args, frames, path, map } = *self;
-        let layout = match args.layout {
-            LayoutArg::Tnc => ReadingsLayout::TaxelsFirst,
-            LayoutArg::Tcn => ReadingsLayout::ChannelsFirst,
-        };
         let mut reader = if is_stream(path) {
             ReadingsReader::stream(Path::new("standard input"), stdin())
         } else {
-            ReadingsReader::open(path, layout)
+            ReadingsReader::open(path, args.layout)
         }
         .map_err(Error::from)?;
         if !args.units.is_empty() {
@@ -101,12 +97,8 @@ impl<'a> Readings<'a> {
                 "say how many frames come in a second with --rate HZ",
             ));
         }
-        let duplicates = match args.duplicates {
-            DuplicatesArg::Refuse => Duplicates::Refuse,
-            DuplicatesArg::First => Duplicates::First,
-            DuplicatesArg::Mean => Duplicates::Mean,
-        };
-        let join = Join::new(map, reader.ids.as_deref(), reader.width, duplicates).map_err(Error::from)?;
+        let join =
+            Join::new(map, reader.ids.as_deref(), reader.width, args.duplicates).map_err(Error::from)?;
         let gains = args.gain.as_deref().map_or(Ok(Vec::new()), read_gains).map_err(Error::from)?;
         let options =
             ConditionOptions { baseline: args.baseline, gains, clip: args.clip, split_hz: args.split };
@@ -169,22 +161,16 @@ impl Pass<'_> {
             let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
             let more = if *unknown > ids.len() { ", ..." } else { "" };
             let ids = ids.join(", ");
-            note(common, format_args!("{path}: {unknown} columns are of no taxel of the map: {ids}{more}"));
+            note!(common, "{path}: {unknown} columns are of no taxel of the map: {ids}{more}");
         }
         if *masked > 0 {
-            note(
-                common,
-                format_args!("{path}: {matched} taxels have readings, {masked} have none and are masked"),
-            );
+            note!(common, "{path}: {matched} taxels have readings, {masked} have none and are masked");
         }
         if *shared > 0 {
-            note(
-                common,
-                format_args!("{path}: {shared} ids belong to several taxels, which share the readings"),
-            );
+            note!(common, "{path}: {shared} ids belong to several taxels, which share the readings");
         }
         if *duplicates > 0 {
-            note(common, format_args!("{path}: {duplicates} columns have the id of an earlier one"));
+            note!(common, "{path}: {duplicates} columns have the id of an earlier one");
         }
     }
 
