@@ -8,7 +8,6 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     delaunay::smallest_first,
     id::VertexId,
@@ -75,11 +74,10 @@ fn tangent_star(star: &mut DelaunayStar, v: VertexId, cloud: &PointCloud<'_>) ->
     for &w in neighbours.of(v) {
         let d = (positions[w] - positions[v]) / spacing;
         let length = d.length();
-        if !is_on(Heuristic::SameSide) || normals[w].dot(n) > SAME_SIDE {
+        if normals[w].dot(n) > SAME_SIDE {
             candidates.push(w);
             unrolled.push(length * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
         }
     }
-    let widest = if is_on(Heuristic::WideCircles) { WIDEST } else { 1.0 };
-    star.around(unrolled, 0.5 * widest * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
+    star.around(unrolled, 0.5 * WIDEST * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
 }

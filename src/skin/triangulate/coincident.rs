@@ -7,7 +7,6 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, median},
@@ -56,7 +55,7 @@ pub(super) fn first_at_place(
             sets.join(first, v);
         }
     }
-    let merge_distance = if is_on(Heuristic::MergeClose) { MOST_APART / unit } else { 0.0 };
+    let merge_distance = MOST_APART / unit;
     for [a, b] in close_pairs(&firsts.map(|&v| positions[v]), resolution, merge_distance) {
         let [a, b] = [firsts[a], firsts[b]];
         let is_rounding = positions[a].distance(positions[b]) < resolution;

@@ -14,10 +14,9 @@
 //!
 //! `triangulate_taxels` takes these steps sheet by sheet and reports in remarks what it did.
 //!
-//! What each heuristic contributes: pieces, holes and taxels left out, summed over the shapes of each kind
-//! of cover that changes without it, and in how many edges; the last four are parts of the iCub. From
-//! `DERMATOME_DATA=... cargo test --release --lib triangulate::ablation -- --ignored --nocapture`, where the
-//! covers are described; `all` has the covers with the most to lose.
+//! What each heuristic contributes, measured once with each switched off: pieces, holes and taxels left out,
+//! summed over the shapes of each kind of cover that changes without it, and in how many edges; the last four
+//! are parts of the iCub.
 //!
 //! ```text
 //! all                  noise 10/2/0  rough 10/43/9  dense 1/2/0  copies 1/0/45  tube 10/10/0  fold 7/0/0
@@ -43,7 +42,6 @@
 //! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the
 //! spacing and no normals tell them apart, they are joined.
 
-mod ablation;
 mod candidates;
 mod coincident;
 mod delaunay_star;
@@ -66,7 +64,6 @@ use crate::{
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
         triangulate::{
-            ablation::{Heuristic, is_on},
             candidates::candidates,
             growing_mesh::GrowingMesh,
             neighbours::{Neighbours, PointCloud},
@@ -97,9 +94,9 @@ const FEW: usize = 20;
 ///   file; arrays move with them.
 /// - The **spacing** is the distance to the third nearest taxel, smoothed.
 /// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares,
-///   turned to one side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit vectors along the planes of the
-///   neighbourhoods, not all the same on a curved part), keep the sides of a thin part apart, lead
-///   the tree, and tell the outside.
+///   turned to one side along a spanning tree (hoppe1992, konig2009).
+///   Those of the file, where these are reliable (unit vectors along the planes of the neighbourhoods, not
+///   all the same on a curved part), keep the sides of a thin part apart, lead the tree, and tell the outside.
 /// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least
 ///   two corners agree, then those of one corner that fit between them; a square is cut along one
 ///   diagonal by the place of its corners. Edges are no longer than `gap` times the spacing at
@@ -203,19 +200,15 @@ fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
         mesh.try_insert(candidate.corners);
     }
     for adjacent in [2, 1] {
-        for candidate in doubtful.iter().filter(|_| is_on(Heuristic::OneVote)) {
+        for candidate in doubtful {
             if mesh.adjacent_faces(candidate.corners) >= adjacent {
                 mesh.try_insert(candidate.corners);
             }
         }
     }
-    if is_on(Heuristic::SmallHoles) {
-        fill_small_holes(&mut mesh, cloud);
-    }
+    fill_small_holes(&mut mesh, cloud);
     remove_extra_fans(&mut mesh, cloud);
-    if is_on(Heuristic::AttachIsolated) {
-        attach_isolated(&mut mesh, cloud);
-    }
+    attach_isolated(&mut mesh, cloud);
     mesh.into_triangles()
 }
 

@@ -4,7 +4,6 @@
 
 use glam::DVec3;
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     bvh::PointTree,
     id::{IdVec, VertexId},
@@ -114,9 +113,6 @@ fn spacing(tree: &PointTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<Vertex
         distances.extend(range.map(|k| own_and_nearest(VertexId::new(k), &mut found)));
     });
     let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = distances.into_iter().unzip();
-    if !is_on(Heuristic::SmoothSpacing) {
-        return own.into();
-    }
     par_ids(positions.len(), |v: VertexId| {
         let mut around = [own[v.index()]; SMOOTHING + 1];
         around.iter_mut().zip(nearest[v.index()]).for_each(|(s, w)| *s = own[w.index()]);

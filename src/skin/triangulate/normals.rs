@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
     numeric::{argsort, median, symmetric_eigen},
@@ -79,14 +78,10 @@ impl PointNormals {
         let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| unit_or_zero(n[k])));
         let mut refused = None;
         if let Some(file) = file {
-            let same_side = neighbours
-                .filtered(|v, w| !is_on(Heuristic::TwoSides) || !is_across(v, w, points, &file, neighbours));
+            let same_side = neighbours.filtered(|v, w| !is_across(v, w, points, &file, neighbours));
             let (mut normal, thickness) = planes(points, &same_side);
             refused = defect(&file, &normal);
-            if is_on(Heuristic::BentNormals)
-                && refused == Some(UnreliableNormals::Unrelated)
-                && bend_with(&file, points, neighbours)
-            {
+            if refused == Some(UnreliableNormals::Unrelated) && bend_with(&file, points, neighbours) {
                 // The planes are fitted across the part; the normals know better.
                 let is_known = |v: VertexId| file[v] != DVec3::ZERO;
                 for v in file.ids().filter(|&v| is_known(v)) {
@@ -164,7 +159,7 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
     let planes = par_ids(points.positions.len(), plane);
     let thickness = median(planes.iter().map(|plane| plane.1)).unwrap_or(0.0);
     let mut normal = planes.map(|plane| plane.0);
-    for (v, plane) in module_planes(points).into_iter().filter(|_| is_on(Heuristic::ModulePlanes)) {
+    for (v, plane) in module_planes(points) {
         normal[v] = plane;
     }
     (normal, thickness)

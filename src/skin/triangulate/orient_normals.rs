@@ -4,7 +4,6 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{IdVec, VertexId},
     numeric::{DisjointSets, Relation},
@@ -23,8 +22,8 @@ const STEEP: f64 = 0.75;
 /// Turns normals that are known up to sign so that those of neighbours agree: along the spanning
 /// tree of the edges on which this is clearest (hoppe1992).
 ///
-/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (konig2009): a tight bend is clear then, and an edge across a thin part is not. Edges that
-/// contradict the file's normals come last, so that correct normals lead and a few wrong ones are
+/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (konig2009): a
+/// tight bend is clear then, and an edge across a thin part is not. Edges that contradict the file's normals come last, so that correct normals lead and a few wrong ones are
 /// avoided.
 pub(super) fn orient_normals(
     normals: &mut PointNormals,
@@ -39,9 +38,8 @@ pub(super) fn orient_normals(
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
                 let agreement = normal[v].dot(carried);
-                let is_steep =
-                    is_on(Heuristic::SteepLast) && [v, w].iter().any(|&u| normal[u].dot(along).abs() > STEEP);
-                let is_denied = is_on(Heuristic::DeniedLast) && agreement < 0.0 && has_side(v) && has_side(w);
+                let is_steep = [v, w].iter().any(|&u| normal[u].dot(along).abs() > STEEP);
+                let is_denied = agreement < 0.0 && has_side(v) && has_side(w);
                 let doubt = 1.0 - agreement.abs() + f64::from(u8::from(is_steep) + 2 * u8::from(is_denied));
                 (doubt, v, w, agreement < 0.0)
             }));

@@ -2,7 +2,6 @@
 //!
 //! *Heuristic*: greedy, the smallest circumcircle first.
 
-use crate::skin::triangulate::ablation::{Heuristic, is_on};
 use crate::{
     id::{FaceId, VertexId},
     numeric::{argsort, chains, order_by},
@@ -109,8 +108,7 @@ pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>
     loop {
         let before = isolated.len();
         isolated.retain(|&v| {
-            let attached = join_to_boundary(mesh, v, cloud)
-                || (is_on(Heuristic::SplitFace) && split_a_face(mesh, v, cloud));
+            let attached = join_to_boundary(mesh, v, cloud) || split_a_face(mesh, v, cloud);
             !attached
         });
         // An attached taxel may be the boundary that another one needs.
