@@ -15,16 +15,12 @@ const MODULES: &[&str] = &[
     "flatten", "map", "atlas", "contact", "signal", "image", "io", "plot", "report", "error", "pipeline",
 ];
 
-/// The folders and files, by the beginning of their path in `src`, that may use each outside crate.
+/// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.
 const DOORS: &[(&str, &[&str])] = &[
-    ("glam", &[""]),
-    ("rayon", &[""]),
-    ("thiserror", &[""]),
+    ("glam rayon thiserror", &[""]),
     ("libm", &["calib", "numeric"]),
     ("rand_pcg", &["numeric"]),
-    ("dermatome_bvh", &["lib.rs"]),
-    ("dermatome_delaunay", &["lib.rs"]),
-    ("dermatome_sparse", &["lib.rs"]),
+    ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "plot/picture/svg.rs"]),
@@ -35,32 +31,70 @@ const DOORS: &[(&str, &[&str])] = &[
     ("tempfile", &["io/file", "bin"]),
     ("zip", &["io/arrays"]),
     ("zmij", &["io/table"]),
-    ("epaint_default_fonts", &["plot/picture/font.rs"]),
-    ("png", &["plot/picture/png.rs"]),
-    ("tiny_skia", &["plot/picture"]),
-    ("ttf_parser", &["plot/picture/font.rs"]),
-    ("anyhow", &["bin"]),
-    ("clap", &["bin"]),
-    ("clap_complete", &["bin"]),
-    ("clap_mangen", &["bin"]),
-    ("glob", &["bin"]),
-    ("indicatif", &["bin"]),
-    ("signal_hook", &["bin"]),
+    ("epaint_default_fonts ttf_parser", &["plot/picture/font.rs"]),
+    ("png tiny_skia", &["plot/picture"]),
+    ("anyhow clap clap_complete clap_mangen glob indicatif signal_hook", &["bin"]),
 ];
+
+/// Each outside crate with its doors.
+fn doors() -> impl Iterator<Item = (&'static str, &'static [&'static str])> {
+    DOORS.iter().flat_map(|(crates, doors)| crates.split(' ').map(move |name| (name, *doors)))
+}
+
+/// What a path names, part by part: `crate::mesh::TriMesh` as `["crate", "mesh", "TriMesh"]`.
+type Named = Vec<String>;
 
 /// A source file.
 struct Source {
     /// Its path in `src`, as `contact/map_index/plane_grid.rs`.
     path: String,
     /// Its module, as `["contact", "map_index", "plane_grid"]`; in the command all begin with `bin`.
-    module: Vec<String>,
+    module: Named,
     text: String,
-    /// The text without comments, strings and unit tests.
+    /// The text without comments, strings, unit tests, imports and re-exports.
     code: String,
     strings: Vec<String>,
+    imports: Vec<Named>,
+    reexports: Vec<Named>,
 }
 
 impl Source {
+    fn read(file: &Path) -> Self {
+        let path = file.strip_prefix("src").unwrap();
+        let mut module: Named =
+            path.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
+        if ["mod", "lib", "main"].contains(&module.last().unwrap().as_str()) {
+            module.pop();
+        }
+        if module.first().is_some_and(|first| first == "bin") {
+            // `src/bin/dermatome` is the root of the command.
+            module.remove(1);
+        }
+        Self {
+            path: path.to_str().unwrap().replace('\\', "/"),
+            module,
+            ..Self::of(fs::read_to_string(file).unwrap())
+        }
+    }
+
+    fn of(text: String) -> Self {
+        // Unit tests end a file, and may use whatever they need.
+        let (all, strings) = without_comments_and_strings(text.split("\n#[cfg(test)]\nmod ").next().unwrap());
+        let (mut code, mut imports, mut reexports) = (String::new(), Vec::new(), Vec::new());
+        for statement in all.split_inclusive(';') {
+            let visibility = |at: usize| statement[..at].rsplit('\n').next().unwrap().trim();
+            let uses = statement.match_indices("use ").map(|(at, _)| at);
+            let found = uses.filter(|&at| visibility(at).is_empty() || visibility(at).starts_with("pub"));
+            let at = found.last();
+            if let Some(at) = at {
+                let list = if visibility(at).is_empty() { &mut imports } else { &mut reexports };
+                paths(&statement[at + 4..], &[], list);
+            }
+            code.push_str(&statement[..at.unwrap_or(statement.len())]);
+        }
+        Self { path: String::new(), module: Vec::new(), text, code, strings, imports, reexports }
+    }
+
     /// The first part of its module.
     fn top(&self) -> &str {
         self.module.first().map_or("lib", String::as_str)
@@ -69,62 +103,64 @@ impl Source {
     fn is_command(&self) -> bool {
         self.top() == "bin"
     }
+
+    /// The paths in its code that begin with a word, and its imports.
+    fn paths_from(&self, word: &str) -> Vec<Named> {
+        let mut found: Vec<Named> = self.imports.iter().filter(|path| path[0] == word).cloned().collect();
+        for (at, _) in self.code.match_indices(&format!("{word}::")) {
+            // Not a part of a name, of a longer path or of `$crate`.
+            if !self.code[..at].ends_with(|c| is_word(c) || c == ':' || c == '$') {
+                paths(&self.code[at..], &[], &mut found);
+            }
+        }
+        found
+    }
+
+    /// Whether it uses an outside crate, and not a module of ours with its name.
+    fn uses(&self, outside: &str) -> bool {
+        let ours = self.code.contains(&format!("mod {outside};"))
+            || self.imports.iter().any(|path| path.len() > 1 && path.last().unwrap() == outside);
+        !ours && !self.paths_from(outside).is_empty()
+    }
+}
+
+fn sources_in(folder: &Path) -> Vec<Source> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let files = |path: &PathBuf| match path.extension() {
+        None => sources_in(path),
+        Some(end) if end == "rs" => vec![Source::read(path)],
+        Some(_) => Vec::new(),
+    };
+    paths.iter().flat_map(files).collect()
 }
 
 fn sources() -> Vec<Source> {
-    let mut paths = Vec::new();
-    let mut folders = vec![PathBuf::from("src")];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
-                paths.push(path);
-            }
-        }
-    }
-    paths.sort();
-    paths.iter().map(|path| source(path)).collect()
-}
-
-fn source(file: &Path) -> Source {
-    let path = file.strip_prefix("src").unwrap();
-    let mut module: Vec<String> =
-        path.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
-    if ["mod", "lib", "main"].contains(&module.last().unwrap().as_str()) {
-        module.pop();
-    }
-    if module.first().is_some_and(|first| first == "bin") {
-        // `src/bin/dermatome` is the root of the command.
-        module.remove(1);
-    }
-    let text = fs::read_to_string(file).unwrap();
-    let (code, strings) = without_comments_and_strings(before_unit_tests(&text));
-    Source { path: path.to_str().unwrap().replace('\\', "/"), module, text, code, strings }
-}
-
-/// Unit tests end a file, and may use whatever they need.
-fn before_unit_tests(text: &str) -> &str {
-    text.find("\n#[cfg(test)]\nmod ").map_or(text, |at| &text[..at])
+    sources_in(Path::new("src"))
 }
 
 /// The text without comments and with empty strings, and the strings.
 fn without_comments_and_strings(text: &str) -> (String, Vec<String>) {
-    let (mut code, mut strings) = (String::new(), Vec::new());
-    let mut rest = text;
+    let (mut code, mut strings, mut rest) = (String::new(), Vec::new(), text);
     while let Some(c) = rest.chars().next() {
+        let hashes = rest.chars().skip(1).take_while(|&c| c == '#').count();
+        let is_raw = c == 'r' && !code.ends_with(is_word) && rest[1 + hashes..].starts_with('"');
         let length = if rest.starts_with("//") {
             rest.find('\n').unwrap_or(rest.len())
-        } else if let Some((string, length)) = string(rest) {
-            if !code.ends_with("doc = ") {
-                strings.push(string.to_owned());
-            }
+        } else if c == '"' || is_raw {
+            let open = if is_raw { hashes + 2 } else { 1 };
+            let close = if is_raw { format!("\"{}", "#".repeat(hashes)) } else { "\"".to_owned() };
+            let is_end = |at: usize| {
+                let slashes = rest[..at].len() - rest[..at].trim_end_matches('\\').len();
+                is_raw || slashes % 2 == 0
+            };
+            let ends = rest[open..].match_indices(&close).map(|(at, _)| open + at);
+            let end = ends.into_iter().find(|&at| is_end(at)).unwrap();
+            strings.push(rest[open..end].to_owned());
             code.push_str("\"\"");
-            length
-        } else if let Some(length) = character(rest) {
-            code.push_str("' '");
-            length
+            end + close.len()
+        } else if rest.starts_with("'\"'") || rest.starts_with("'\\\"'") {
+            rest[1..].find('\'').unwrap() + 2
         } else {
             code.push(c);
             c.len_utf8()
@@ -134,119 +170,38 @@ fn without_comments_and_strings(text: &str) -> (String, Vec<String>) {
     (code, strings)
 }
 
-/// The string that `text` begins with, and its length with its quotes.
-fn string(text: &str) -> Option<(&str, usize)> {
-    if let Some(rest) = text.strip_prefix('"') {
-        let mut escaped = false;
-        for (at, c) in rest.char_indices() {
-            match c {
-                '"' if !escaped => return Some((&rest[..at], at + 2)),
-                '\\' => escaped = !escaped,
-                _ => escaped = false,
-            }
-        }
-        return None;
-    }
-    let hashes = text.strip_prefix('r')?.chars().take_while(|&c| c == '#').count();
-    let rest = text[1 + hashes..].strip_prefix('"')?;
-    let end = format!("\"{}", "#".repeat(hashes));
-    let at = rest.find(&end)?;
-    Some((&rest[..at], 1 + hashes + 1 + at + end.len()))
-}
-
-/// The length of the character literal that `text` begins with; a lifetime has no
-/// closing quote.
-fn character(text: &str) -> Option<usize> {
-    let rest = text.strip_prefix('\'')?;
-    if let Some(escape) = rest.strip_prefix('\\') {
-        return Some(3 + escape.char_indices().skip(1).find(|&(_, c)| c == '\'')?.0);
-    }
-    let c = rest.chars().next()?;
-    rest[c.len_utf8()..].starts_with('\'').then(|| 2 + c.len_utf8())
-}
-
 fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The identifier that `text` begins with.
-fn identifier(text: &str) -> &str {
-    text.split(|c| !is_word(c)).next().unwrap_or_default()
-}
-
-/// Where `word` stands alone in `code`: not as a part of a name, of a longer path or of `$crate`.
-fn places<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
-    code.match_indices(word).map(|(at, _)| at).filter(|&at| {
-        !code[..at].ends_with(|c| is_word(c) || c == ':' || c == '$')
-            && !code[at + word.len()..].starts_with(is_word)
-    })
-}
-
-/// All paths of a tree of imports or of one path: `a::{b, c::d}` gives `a b` and `a c d`.
-fn paths(tree: &str) -> Vec<Vec<String>> {
-    let tree = tree.trim_start();
-    if let Some(group) = tree.strip_prefix('{') {
-        return members(group).iter().flat_map(|member| paths(member)).collect();
-    }
-    let first = identifier(tree);
-    let tail = tree[first.len()..].trim_start();
-    if first.is_empty() {
-        return vec![Vec::new()];
-    }
-    let rest = tail.strip_prefix("::").map_or_else(|| vec![Vec::new()], paths);
-    rest.into_iter().map(|rest| [vec![first.to_owned()], rest].concat()).collect()
-}
-
-/// What stands between the commas of a group whose brace is open.
-fn members(group: &str) -> Vec<&str> {
-    let (mut depth, mut begin, mut found) = (0, 0, Vec::new());
-    for (at, c) in group.char_indices() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth == 0 => {
-                found.push(&group[begin..at]);
-                break;
-            }
-            '}' => depth -= 1,
-            ',' if depth == 0 => {
-                found.push(&group[begin..at]);
-                begin = at + 1;
-            }
-            _ => {}
+/// Adds all paths of the tree of imports, or of the path, that `text` begins with: `a::{b, c::d}` gives
+/// `a b` and `a c d`. Returns what comes after it.
+fn paths<'a>(text: &'a str, prefix: &[String], found: &mut Vec<Named>) -> &'a str {
+    let mut text = text.trim_start();
+    if let Some(group) = text.strip_prefix('{') {
+        text = group.trim_start();
+        while !text.starts_with('}') {
+            let rest = paths(text, prefix, found);
+            text = rest[rest.find([',', '}']).unwrap()..].trim_start_matches(',').trim_start();
         }
+        return &text[1..];
     }
-    found.into_iter().filter(|member| !member.trim().is_empty()).collect()
-}
-
-/// The code without `pub use`, and the paths of those.
-fn reexports(code: &str) -> (String, Vec<Vec<String>>) {
-    let (mut rest, mut own, mut found) = (code, String::new(), Vec::new());
-    while let Some(at) = rest.find("pub") {
-        let visible = &rest[at + 3..];
-        let scope = if visible.starts_with('(') { visible.find(')').map_or(0, |end| end + 1) } else { 0 };
-        let tree = visible[scope..].strip_prefix(" use ");
-        let end = tree.map_or(0, |tree| scope + 5 + tree.find(';').unwrap());
-        found.extend(tree.into_iter().flat_map(paths));
-        own.push_str(&rest[..at]);
-        if tree.is_none() {
-            own.push_str("pub");
-        }
-        rest = &visible[end..];
+    let first = text.split(|c| !is_word(c)).next().unwrap();
+    let path = if first.is_empty() { prefix.to_vec() } else { [prefix, &[first.to_owned()]].concat() };
+    let rest = &text[first.len()..];
+    match rest.strip_prefix("::") {
+        Some(below) if !first.is_empty() => return paths(below, &path, found),
+        _ => found.push(path),
     }
-    (own + rest, found)
+    rest
 }
 
 /// Which file holds what a path names.
-struct Files<'a> {
-    by_module: BTreeMap<&'a [String], &'a Source>,
-    reexports: BTreeMap<&'a [String], Vec<Vec<String>>>,
-}
+struct Files<'a>(BTreeMap<&'a [String], &'a Source>);
 
 impl<'a> Files<'a> {
     fn new(sources: &'a [Source]) -> Self {
-        let by_module = sources.iter().map(|s| (s.module.as_slice(), s)).collect();
-        let reexports = sources.iter().map(|s| (s.module.as_slice(), reexports(&s.code).1)).collect();
-        Self { by_module, reexports }
+        Self(sources.iter().map(|s| (s.module.as_slice(), s)).collect())
     }
 
     /// The file that defines what `path` names in `module`: modules are followed down, re-exports
@@ -254,64 +209,70 @@ impl<'a> Files<'a> {
     fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<&'a Source> {
         assert!(depth < 20, "re-exports of {path:?} go round in a circle");
         let mut at = module.to_vec();
-        let path = path.iter();
         for part in path {
             match part.as_str() {
                 "crate" => at.truncate(usize::from(at.first().is_some_and(|first| first == "bin"))),
+                "dermatome" => at.clear(),
                 "super" => drop(at.pop()),
                 "self" => {}
                 name => {
                     at.push(name.to_owned());
-                    if self.by_module.contains_key(at.as_slice()) {
+                    if self.0.contains_key(at.as_slice()) {
                         continue;
                     }
                     at.pop();
-                    let passed_on = self.reexports.get(at.as_slice())?.iter();
-                    let source = passed_on.clone().find(|passed| passed.last().is_some_and(|l| l == name));
-                    let Some(source) = source else { break };
-                    if source.len() == 1 {
-                        return None;
-                    }
-                    return self.resolve(&at, source, depth + 1);
+                    let mut passed_on = self.0.get(at.as_slice())?.reexports.iter();
+                    let Some(source) = passed_on.find(|path| path.last().unwrap() == name) else { break };
+                    return if source.len() == 1 { None } else { self.resolve(&at, source, depth + 1) };
                 }
             }
         }
-        self.by_module.get(at.as_slice()).copied()
+        self.0.get(at.as_slice()).copied()
     }
 
-    /// The files that a file imports or names, but for those that it only passes on.
-    fn named_by(&self, source: &Source) -> BTreeSet<&'a str> {
-        let (code, _) = reexports(&source.code);
-        let children =
-            self.by_module.keys().filter_map(|module| module.strip_prefix(source.module.as_slice()));
-        let children = children.filter(|below| below.len() == 1).map(|below| below[0].as_str());
-        let starts = ["crate", "super", "self"].into_iter().chain(children);
-        let mut files = BTreeSet::new();
-        for start in starts {
-            for at in places(&code, start).filter(|&at| code[at + start.len()..].starts_with("::")) {
-                for path in paths(&code[at..]) {
-                    files.extend(self.resolve(&source.module, &path, 0).map(|file| file.path.as_str()));
-                }
-            }
-        }
-        files.remove(source.path.as_str());
-        files
+    /// The files that each file imports or names, but for those that it only passes on.
+    fn graph(&self) -> BTreeMap<&'a str, BTreeSet<&'a str>> {
+        let named = |source: &&'a Source| {
+            let children = self.0.keys().filter_map(|module| module.strip_prefix(source.module.as_slice()));
+            let children = children.filter(|below| below.len() == 1).map(|below| below[0].as_str());
+            let library = source.is_command().then_some("dermatome");
+            let starts = ["crate", "super", "self"].into_iter().chain(library).chain(children);
+            let paths = starts.flat_map(|start| source.paths_from(start));
+            let files = paths.filter_map(|path| self.resolve(&source.module, &path, 0));
+            let others = files.map(|file| file.path.as_str()).filter(|path| *path != source.path);
+            (source.path.as_str(), others.collect())
+        };
+        self.0.values().map(named).collect()
     }
+}
+
+/// The files that `starts` import, those that they import, and so on.
+fn reached<'a>(
+    starts: impl Iterator<Item = &'a str>,
+    graph: &BTreeMap<&'a str, BTreeSet<&'a str>>,
+) -> BTreeSet<&'a str> {
+    let (mut seen, mut open) = (BTreeSet::new(), starts.collect::<Vec<_>>());
+    while let Some(at) = open.pop() {
+        open.extend(graph[at].iter().filter(|next| seen.insert(**next)));
+    }
+    seen
 }
 
 #[test]
 fn groups_and_single_paths_are_both_seen() {
-    let text = "crate::{\n    id::{A, B},\n    mesh::TriMesh,\n    Error};\nlet x = 1";
-    let found: Vec<String> = paths(text).iter().map(|path| path.join(" ")).collect();
-    assert_eq!(found, ["crate id A", "crate id B", "crate mesh TriMesh", "crate Error"]);
+    let source = Source::of("pub(crate) use a::B;\nuse crate::{\n    id::{A as C, B},\n    mesh::TriMesh,\n    Error,\n};\nlet x = crate::d::E::<f>()".to_owned());
+    let joined = |paths: &[Named]| paths.iter().map(|path| path.join(" ")).collect::<Vec<_>>();
+    assert_eq!(joined(&source.imports), ["crate id A", "crate id B", "crate mesh TriMesh", "crate Error"]);
+    assert_eq!(joined(&source.paths_from("crate"))[4..], ["crate d E"]);
+    assert_eq!(joined(&source.reexports), ["a B"]);
 }
 
 #[test]
 fn comments_strings_and_characters_are_not_code() {
-    let text = "a('\"'); // \"b\"\nc::<'x>(\"d\\\"e\", r#\"f\"g\"#)";
+    let text = "a('\"'); // \"b\"\nc::<'x>(\"d\\\"e\\\\\", r#\"f\"g\"#)";
     let (code, strings) = without_comments_and_strings(text);
-    assert_eq!(code, "a(' '); \nc::<'x>(\"\", \"\")");
-    assert_eq!(strings, ["d\\\"e", "f\"g"]);
+    assert_eq!(code, "a(); \nc::<'x>(\"\", \"\")");
+    assert_eq!(strings, ["d\\\"e\\\\", "f\"g"]);
 }
 
 #[test]
@@ -320,10 +281,11 @@ fn modules_name_only_those_before_them() {
         MODULES.iter().position(|m| *m == module).unwrap_or_else(|| panic!("{module:?} is not in MODULES"))
     };
     let sources = sources();
-    let files = Files::new(&sources);
-    let of = |path: &str| sources.iter().find(|s| s.path == path).unwrap().top();
+    let graph = Files::new(&sources).graph();
+    let top = |path: &str| sources.iter().find(|s| s.path == path).unwrap().top();
     for source in sources.iter().filter(|s| !s.is_command() && !s.module.is_empty()) {
-        for other in files.named_by(source).into_iter().map(of).filter(|other| *other != "lib") {
+        for other in graph[source.path.as_str()].iter().map(|path| top(path)).filter(|other| *other != "lib")
+        {
             assert!(rank(other) <= rank(source.top()), "{} must not name {other}", source.path);
         }
     }
@@ -332,48 +294,21 @@ fn modules_name_only_those_before_them() {
 #[test]
 fn outside_crates_are_used_behind_their_doors() {
     let manifest = fs::read_to_string("Cargo.toml").unwrap();
-    let mut section = "";
-    for line in manifest.lines() {
-        if line.starts_with('[') {
-            section = line;
-        } else if section.ends_with("dependencies]") && !section.contains("dev-") {
-            let name = line.split('=').next().unwrap_or_default().trim().replace('-', "_");
-            let listed = name.is_empty() || name.starts_with('#') || DOORS.iter().any(|(c, _)| *c == name);
-            assert!(listed, "{name} is not in DOORS");
-        }
+    let sections = manifest.split("\n[").filter(|section| section.contains("dependencies]\n"));
+    for line in sections.filter(|section| !section.starts_with("dev-")).flat_map(|s| s.lines().skip(1)) {
+        let name = line.split('=').next().unwrap_or_default().trim().replace('-', "_");
+        let listed = name.is_empty() || name.starts_with('#') || doors().any(|(c, _)| c == name);
+        assert!(listed, "{name} is not in DOORS");
     }
     let mut broken = Vec::new();
     for source in sources() {
-        for (outside, doors) in DOORS.iter().filter(|(_, doors)| !doors.contains(&"")) {
-            let inside = doors.iter().any(|door| source.path.starts_with(door));
-            if !inside && uses_crate(&source.code, outside) {
+        for (outside, doors) in doors() {
+            if !doors.iter().any(|door| source.path.starts_with(door)) && source.uses(outside) {
                 broken.push(format!("{outside} is used behind {doors:?} alone, not in {}", source.path));
             }
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
-}
-
-/// Whether code uses an outside crate, and not a module of ours with its name.
-fn uses_crate(code: &str, name: &str) -> bool {
-    let (rest, imports) = imports(code);
-    let named = |path: &Vec<String>| path.first().is_some_and(|first| first == name);
-    let ours = places(&rest, "mod").any(|at| rest[at + 3..].starts_with(&format!(" {name};")))
-        || imports.iter().any(|path| path.len() > 1 && path.last().is_some_and(|last| last == name));
-    let inline = || places(&rest, name).any(|at| rest[at + name.len()..].starts_with("::"));
-    !ours && (imports.iter().any(named) || inline())
-}
-
-/// The code without imports, and the paths of those.
-fn imports(code: &str) -> (String, Vec<Vec<String>>) {
-    let (mut rest, mut own, mut found) = (code, String::new(), Vec::new());
-    while let Some(at) = places(rest, "use").find(|&at| rest[at..].starts_with("use ")) {
-        let end = at + rest[at..].find(';').unwrap();
-        found.extend(paths(&rest[at + 4..end]));
-        own.push_str(&rest[..at]);
-        rest = &rest[end..];
-    }
-    (own + rest, found)
 }
 
 /// The crates that the project is built on, and the crate of ours that is the door of some.
@@ -387,128 +322,63 @@ const FOUNDATIONS: &[(&str, Option<&str>)] = &[
     ("rayon", None),
 ];
 
-/// Whether a manifest lists a crate for more than tests.
-fn depends_on(manifest: &str, name: &str) -> bool {
-    let manifest = fs::read_to_string(manifest).unwrap();
-    let sections = manifest.split("\n[").filter(|section| section.starts_with("dependencies]"));
-    sections.flat_map(str::lines).any(|line| line.split('=').next().is_some_and(|key| key.trim() == name))
-}
-
-/// Whether code uses a crate of ours, which the library names as a module.
-fn uses_member(code: &str, member: &str) -> bool {
-    let named = |path: &Vec<String>| path.len() > 1 && path[0] == "crate" && path[1] == member;
-    imports(code).1.iter().any(named) || code.contains(&format!("crate::{member}::"))
-}
-
 /// Every crate that the project is built on is used where users pass: `build`, `lookup` and `render` reach
 /// a file that does.
 #[test]
 fn foundations_are_reached_by_build_lookup_or_render() {
     let sources = sources();
-    let files = Files::new(&sources);
     let is_start = |s: &&Source| {
-        s.is_command()
-            && s.module.get(1).is_some_and(|name| ["build", "lookup", "render"].contains(&name.as_str()))
+        s.is_command() && s.module.get(1).is_some_and(|m| ["build", "lookup", "render"].contains(&m.as_str()))
     };
-    let mut open: Vec<&Source> = sources.iter().filter(is_start).collect();
-    let mut reached: BTreeMap<&str, &Source> = BTreeMap::new();
-    while let Some(source) = open.pop() {
-        if reached.insert(&source.path, source).is_some() {
-            continue;
-        }
-        let named = files.named_by(source);
-        open.extend(sources.iter().filter(|other| named.contains(other.path.as_str())));
-        for at in places(&source.code, "dermatome").filter(|_| source.is_command()) {
-            let library = paths(&source.code[at..]).into_iter().filter(|path| path.len() > 1);
-            open.extend(library.filter_map(|path| files.resolve(&[], &path[1..], 0)));
-        }
-    }
+    let starts = sources.iter().filter(is_start).map(|s| s.path.as_str());
+    let reached = reached(starts, &Files::new(&sources).graph());
+    let is_reached = |is_used: &dyn Fn(&Source) -> bool| {
+        sources.iter().any(|s| reached.contains(s.path.as_str()) && is_used(s))
+    };
     for (outside, door) in FOUNDATIONS {
-        let (is_used, manifest) = match door {
-            None => (reached.values().any(|s| uses_crate(&s.code, outside)), "Cargo.toml".to_owned()),
+        let folder = door.map_or(PathBuf::new(), |member| Path::new("crates").join(member));
+        let is_used = match door {
+            None => is_reached(&|s| s.uses(outside)),
             Some(member) => {
-                let folder = fs::read_dir(format!("crates/{member}/src")).unwrap();
-                let mut texts = folder.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
-                let opens = |text: String| {
-                    uses_crate(&without_comments_and_strings(before_unit_tests(&text)).0, outside)
-                };
-                let is_reached = reached.values().any(|s| uses_member(&s.code, member));
-                (is_reached && texts.any(opens), format!("crates/{member}/Cargo.toml"))
+                let names = |path: &Named| path.len() > 1 && path[1] == *member;
+                let texts = fs::read_dir(folder.join("src")).unwrap();
+                let mut texts = texts.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
+                is_reached(&|s| s.paths_from("crate").iter().any(names))
+                    && texts.any(|text| Source::of(text).uses(outside))
             }
         };
         assert!(is_used, "{outside} is not used by what `build`, `lookup` and `render` reach");
-        assert!(depends_on(&manifest, outside), "{outside} is not in {manifest}");
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let dependencies =
+            manifest.split("\n[").find(|section| section.starts_with("dependencies]")).unwrap();
+        assert!(dependencies.contains(&format!("\n{outside}")), "{outside} is not used by {folder:?}");
     }
-    assert!(
-        uses_member("use crate::{bvh::BoxTree, id::Id};", "bvh") && !uses_member("use crate::id::Id;", "bvh")
-    );
-}
-
-/// The files that `start` imports, those that they import, and so on.
-fn reached_from<'a>(start: &'a str, graph: &BTreeMap<&'a str, BTreeSet<&'a str>>) -> BTreeSet<&'a str> {
-    let (mut seen, mut open) = (BTreeSet::new(), vec![start]);
-    while let Some(at) = open.pop() {
-        open.extend(graph[at].iter().filter(|next| seen.insert(**next)));
-    }
-    seen
-}
-
-/// The circles of files, each sorted.
-fn circles(graph: &BTreeMap<&str, BTreeSet<&str>>) -> BTreeSet<Vec<String>> {
-    let reached: BTreeMap<&str, BTreeSet<&str>> =
-        graph.keys().map(|file| (*file, reached_from(file, graph))).collect();
-    let circle = |file: &&str| -> Vec<String> {
-        let back = reached[*file].iter().filter(|other| reached[**other].contains(*file));
-        back.map(|other| (*other).to_owned()).collect()
-    };
-    graph.keys().map(circle).filter(|circle| !circle.is_empty()).collect()
 }
 
 #[test]
 fn files_do_not_import_each_other_in_a_circle() {
     let sources = sources();
-    let files = Files::new(&sources);
-    let graph = sources.iter().map(|s| (s.path.as_str(), files.named_by(s))).collect();
-    let found: Vec<String> = circles(&graph).iter().map(|circle| edges(circle, &graph)).collect();
-    assert!(found.is_empty(), "files import each other in a circle:\n{}", found.join("\n"));
-}
-
-/// A circle as its imports, one a line.
-fn edges(circle: &[String], graph: &BTreeMap<&str, BTreeSet<&str>>) -> String {
-    let inside = |file: &str| circle.iter().any(|other| other == file);
-    let lines = circle.iter().map(|file| {
-        let named: Vec<&str> = graph[file.as_str()].iter().copied().filter(|other| inside(other)).collect();
-        format!("  {file} -> {}", named.join(", "))
-    });
-    lines.collect::<Vec<_>>().join("\n") + "\n"
+    let graph = Files::new(&sources).graph();
+    let is_in_circle = |path: &&&str| reached([**path].into_iter(), &graph).contains(**path);
+    let found: BTreeMap<_, _> = graph.keys().filter(is_in_circle).map(|path| (path, &graph[path])).collect();
+    assert!(found.is_empty(), "files import each other in a circle: {found:#?}");
 }
 
 #[test]
 fn only_the_command_names_its_options() {
     let sources = sources();
-    let commands: Vec<&str> = sources
-        .iter()
-        .filter(|s| s.is_command() && s.module.len() == 2)
-        .map(|s| s.module[1].as_str())
-        .collect();
+    let commands = sources.iter().filter(|s| s.is_command() && s.module.len() == 2).map(|s| &s.module[1]);
+    let names: Vec<String> = commands.flat_map(|c| [format!("dermatome {c}"), format!("`{c}`")]).collect();
     let is_option = |text: &str| {
-        text.match_indices("--").any(|(at, dashes)| {
-            let rest = &text[at + dashes.len()..];
-            !text[..at].ends_with('-') && rest.starts_with(|c: char| c.is_ascii_lowercase())
-        })
-    };
-    let is_command = |text: &str| {
-        text.match_indices("dermatome ").any(|(at, name)| {
-            let next = identifier(&text[at + name.len()..]);
-            next == "help" || commands.contains(&next)
-        })
+        let mut options = text.split("--").skip(1);
+        options.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
     };
     let mut said = Vec::new();
     for source in sources.iter().filter(|s| !s.is_command()) {
-        let named = source.strings.iter().find(|text| is_option(text) || is_command(text));
-        if let Some(text) = named {
-            said.push(format!("{}: {text:?}", source.path));
-        }
+        let is_named = |text: &String| is_option(text) || names.iter().any(|name| text.contains(name));
+        said.extend(
+            source.strings.iter().find(|s| is_named(s)).map(|text| format!("{}: {text:?}", source.path)),
+        );
     }
     assert!(said.is_empty(), "only the command names its options:\n{}", said.join("\n"));
 }
@@ -521,35 +391,27 @@ fn every_file_says_what_it_is_for() {
     assert!(silent.is_empty(), "these files do not open with `//!`: {silent:?}");
 }
 
-/// Keys that look like `(desbrun2002)`, or `(cannata, ...` for the source paper, in comments.
+/// Keys in comments that look like `(desbrun2002)`, or `(cannata, ...` for the source paper.
 fn keys_cited(text: &str) -> BTreeSet<String> {
-    let comments = text.lines().filter_map(|line| line.trim_start().strip_prefix("//"));
-    let is_key = |word: &str| {
+    let is_key = |word: &&str| {
         let name = word.trim_end_matches(|c: char| c.is_ascii_lowercase());
         let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
-        word == "cannata"
-            || (name.len() == letters.len() + 4
-                && letters.len() > 1
-                && letters.chars().all(|c| c.is_ascii_lowercase()))
+        let is_dated = name.len() == letters.len() + 4 && letters.len() > 1;
+        *word == "cannata" || (is_dated && letters.chars().all(|c| c.is_ascii_lowercase()))
     };
-    comments
-        .flat_map(|line| line.split('(').skip(1))
-        .flat_map(|rest| rest.split(')').next().unwrap_or_default().split([',', ';', ' ']))
-        .filter(|word| is_key(word))
-        .map(str::to_owned)
-        .collect()
+    let comments = text.lines().filter_map(|line| line.trim_start().strip_prefix("//"));
+    let bracketed = comments.flat_map(|line| line.split('(').skip(1));
+    let words = bracketed.flat_map(|rest| rest.split(')').next().unwrap().split([',', ';', ' ']));
+    words.filter(is_key).map(str::to_owned).collect()
 }
 
 /// Every work that the code cites by its key is in REFERENCES.md, and every work there is cited.
 #[test]
 fn references_are_those_that_the_code_cites() {
     let references = fs::read_to_string("REFERENCES.md").unwrap();
-    let listed: BTreeSet<String> = references
-        .lines()
-        .filter_map(|line| line.strip_prefix("- **"))
-        .filter_map(|line| line.split("**").next())
-        .map(str::to_owned)
-        .collect();
+    let entries = references.lines().filter_map(|line| line.strip_prefix("- **"));
+    let listed: BTreeSet<String> =
+        entries.filter_map(|line| line.split("**").next()).map(str::to_owned).collect();
     let mut cited: BTreeSet<String> = sources().iter().flat_map(|source| keys_cited(&source.text)).collect();
     for folder in ["crates/bvh/src", "crates/delaunay/src", "crates/sparse/src"] {
         for entry in fs::read_dir(folder).unwrap() {
