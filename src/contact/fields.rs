@@ -4,33 +4,11 @@ use glam::DVec3;
 
 use crate::{
     bvh::PointTree,
-    contact::{ContactError, ContactIndex, Query},
+    contact::{ContactError, ContactIndex, FieldHit, Query},
     id::VertexId,
     pyramid::LevelId,
-    skin::{LinkId, PatchId, TaxelId},
+    skin::PatchId,
 };
-
-/// A receptive field near a contact; on level 0 a taxel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FieldHit {
-    /// Its patch.
-    pub patch: PatchId,
-    /// The link of that patch.
-    pub link: LinkId,
-    /// Its level.
-    pub level: LevelId,
-    /// The field: a vertex of that level.
-    pub field: VertexId,
-    /// Vendor id of the taxel at its centre.
-    pub taxel: TaxelId,
-    /// Distance of its centre from the point, in m.
-    pub distance: f64,
-    /// Its centre, in m, in the frame of the query.
-    pub position: DVec3,
-    /// The outward unit normal of the taxel at its centre, in the same frame. On a patch that follows
-    /// several links it is turned as its vertices are moved: by the weighted mean of the rotations.
-    pub normal: DVec3,
-}
 
 impl ContactIndex {
     /// The fields of a level whose centre lies within `radius` (m) of a query, ordered by patch and field.

@@ -1,25 +1,34 @@
-//! [`ContactIndex`]: the trees and maps of all patches, the poses of all links, and the answer to one query.
+//! [`ContactIndex`]: the trees and maps of all patches, the poses of all links; the nearest point to one query
+//! or to many, the first on a ray, and where what was found lies on the map.
 
 use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
 
 use crate::{
-    bvh::{Aabb, BoxTree, Start},
+    bvh::{Aabb, BoxTree, Ray, Start},
     contact::{
-        ContactError, Hit, Query,
+        Cell, ContactError, Found, Hit, Hits, Query,
+        cell::Anchor,
         links::Links,
         patch::IndexedPatch,
         patch_bvh::{Best, PatchBvh},
+        query::RUN,
     },
-    id::{IdVec, VertexId},
+    id::{FaceId, IdVec, VertexId},
     map::SkinMap,
-    mesh::{SurfacePoint, TriMesh, pseudo_normal},
+    mesh::{Closest, Feature, SurfacePoint, TriMesh, pseudo_normal},
+    numeric::along_curve,
     parallel::par_map,
+    pyramid::LevelId,
     skin::{LinkId, Motion, PatchId, Presence},
 };
 
 /// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
 /// distance is given.
 pub const ON_SKIN_SPACINGS: f64 = 10.0;
+
+/// Rounding parts the distances of equally far hits by a smaller part of them.
+const SAME_DISTANCE: f64 = 1.0 + 1e-12;
 
 /// What an index is made ready for, besides the nearest point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,7 +55,7 @@ pub struct ContactIndex {
 
 /// Where the last search of a batch ended: the patch, and the packet of its tree.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Cursor(Option<(PatchId, u32)>);
+struct Cursor(Option<(PatchId, u32)>);
 
 impl ContactIndex {
     /// An index of all patches and levels of a map, its links posed as the map says.
@@ -143,8 +152,103 @@ impl ContactIndex {
         self.answer(&query)
     }
 
+    /// Answers many queries, in parallel; the same hits in the same order as one by one.
+    ///
+    /// They are visited along a Morton curve, so that each search finds in the cache what the last
+    /// one used.
+    ///
+    /// # Errors
+    /// The first query that cannot be answered.
+    pub fn locate_all(&self, queries: &[Query]) -> Result<Hits, ContactError> {
+        for (number, query) in queries.iter().enumerate() {
+            self.links.check(number, query)?;
+        }
+        let points: Vec<DVec3> = queries.iter().map(|query| self.links.in_world(query)).collect();
+        let order = along_curve(&points);
+        let sorted: Vec<Hit> = order
+            .par_iter()
+            .with_min_len(RUN)
+            .map_with(Cursor::default(), |cursor, &number| self.answer_along(cursor, &queries[number]))
+            .collect::<Result<_, _>>()?;
+        let mut places = vec![0_usize; queries.len()];
+        order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
+        Ok(Hits::gather(&sorted, &places))
+    }
+
+    /// The first point of the skin that a ray meets, from either side, no farther than `longest` (m)
+    /// from its origin; its `distance` is that from the origin. The direction is in the frame of the
+    /// origin and need not be of unit length.
+    ///
+    /// # Errors
+    /// As [`ContactIndex::locate`], and if the direction has no length or a number is not finite.
+    pub fn first_hit(
+        &self,
+        origin: impl Into<Query>,
+        direction: DVec3,
+        longest: f64,
+    ) -> Result<Option<Hit>, ContactError> {
+        let query = origin.into();
+        self.links.check(0, &query)?;
+        let ray = Ray::new(query.point, direction, longest).ok_or(ContactError::NoRay)?;
+        let world = query.link.map_or(ray, |link| {
+            let pose = self.links.pose(link);
+            ray.moved(|p| pose.to_world(p), |v| pose.turned(v))
+        });
+        let mut first: Option<(f64, Best)> = None;
+        let mut visit = |id: PatchId| {
+            let patch = &self.patches[id];
+            let pose = self.links.pose(patch.link);
+            let local = if query.link == Some(patch.link) {
+                ray
+            } else {
+                world.moved(|p| pose.to_local(p), |v| pose.turned_back(v))
+            };
+            // Equally far hits count, though rounding may part them.
+            let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));
+            if let Some(found) = patch.tree.first_hit(&Ray { longest: known, ..local }) {
+                let feature = Feature::at(found.barycentric);
+                let closest =
+                    Closest { squared: 0.0, barycentric: found.barycentric, feature, is_flat: false };
+                let best = Best { patch: id, face: FaceId::from(found.triangle), closest };
+                if first
+                    .as_ref()
+                    .is_none_or(|(distance, best)| (found.distance, id) < (*distance, best.patch))
+                {
+                    first = Some((found.distance, best));
+                }
+            }
+            first.as_ref().map_or(longest, |(distance, _)| *distance)
+        };
+        match query.only_link {
+            Some(link) => self.links.patches(link).iter().for_each(|&id| _ = visit(id)),
+            None => self.boxes.each_along(&world, |id| visit(PatchId::new(id))),
+        }
+        Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
+    }
+
+    /// Where something found lies on the map of `level`: a hit on any level of its patch, a reactive answer
+    /// and a field on their own. `None` if its patch does not reach up to that level, if it is on another
+    /// one, if a field belongs to no face, or if it is not from this index.
+    #[must_use]
+    pub fn cell<'a>(&self, found: impl Into<Found<'a>>, level: LevelId) -> Option<Cell> {
+        match found.into() {
+            Found::Hit(hit) => {
+                let patch = self.patches.get(hit.patch)?;
+                patch.cells.cell(level, &Anchor::new(&patch.tree.mesh, &hit.point)?)
+            }
+            Found::Reactive(answer) => {
+                let patch = self.patches.get(answer.patch).filter(|_| answer.level == level)?;
+                patch.cells.own_cell(level, &answer.point)
+            }
+            Found::Field(field) => {
+                let patch = self.patches.get(field.patch).filter(|_| field.level == level)?;
+                patch.cells.field_cell(level, field.field)
+            }
+        }
+    }
+
     /// The answer to a query that has been checked.
-    pub(super) fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
+    fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
             let patch = &self.patches[id];
@@ -155,7 +259,7 @@ impl ContactIndex {
     }
 
     /// As [`Self::answer`], but what the cursor points to is searched first.
-    pub(super) fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
+    fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
         let is_searched = |patch: &IndexedPatch| query.only_link.is_none_or(|link| link == patch.link);
         let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut best = None;
@@ -209,7 +313,7 @@ impl ContactIndex {
         }
     }
 
-    pub(super) fn hit(&self, query: &Query, best: &Best) -> Hit {
+    fn hit(&self, query: &Query, best: &Best) -> Hit {
         let patch = &self.patches[best.patch];
         let (distance, position, normal) = self.placed(&patch.tree, patch.link, query, best);
         let point = SurfacePoint { face: best.face, barycentric: best.closest.barycentric };

@@ -52,11 +52,10 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `links` (where the links are), `index` (one query), `patch` (what an
-//! index keeps of a patch), `blend` (patches that follow several links), `hits` (many queries),
-//! `patch_bvh` (the mesh of a level in a tree; the trees are those of `crate::bvh`), `fields` and `rays`;
-//! `coarse` (levels with their own trees) and `reactive` (levels alone); `found` and `cell` (from a hit to the
-//! map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
+//! `query` (what is asked and answered), `links` (where the links are), `patch_bvh` (the mesh of a level in a
+//! tree; the trees are those of `crate::bvh`), `patch` (what an index keeps of a patch), `index` (the nearest
+//! point, rays), `fields`; `coarse` (levels with their own trees) and `reactive` (levels alone); `cell` (from a
+//! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
 //!
 //! # Example
 //!
@@ -82,13 +81,10 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
-mod blend;
 mod cell;
 mod coarse;
 mod error;
 mod fields;
-mod found;
-mod hits;
 mod index;
 mod links;
 mod live_taxels;
@@ -96,18 +92,15 @@ mod map_index;
 mod patch;
 mod patch_bvh;
 mod query;
-mod rays;
 mod reactive;
 #[cfg(test)]
+#[path = "../../crates/bvh/src/soup.rs"]
+#[allow(dead_code, reason = "its sheets are for the crate of trees alone")]
 mod soup;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
-pub use fields::FieldHit;
-pub use found::Found;
-pub use hits::Hits;
 pub use index::{ContactIndex, IndexOptions, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use query::{Hit, Query};
-pub use reactive::Reactive;
+pub use query::{FieldHit, Found, Hit, Hits, Query, Reactive};

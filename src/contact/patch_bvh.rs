@@ -172,11 +172,17 @@ pub(super) fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use proptest::prelude::*;
 
     use super::*;
     use crate::{contact::soup, mesh::shapes};
+
+    /// The triangles as a mesh, no two of which share a vertex.
+    pub(in crate::contact) fn mesh(triangles: &[[DVec3; 3]]) -> TriMesh {
+        let faces: Vec<_> = (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        TriMesh::from_arrays(triangles.iter().flatten().copied().collect(), &faces)
+    }
 
     fn nearest(patch: &PatchBvh, q: DVec3) -> Option<(FaceId, Closest)> {
         let mut best: Option<Best> = None;
@@ -214,7 +220,7 @@ mod tests {
             directions in prop::collection::vec(prop::array::uniform3(-1.0_f64..1.0), 4),
             away in prop_oneof![Just(1e-6), Just(0.1), Just(2.0), Just(500.0), Just(1e5), Just(1e11)],
         ) {
-            let mesh = soup::mesh(&triangles);
+            let mesh = mesh(&triangles);
             let patch = PatchBvh::new("soup", &mesh).unwrap();
             for direction in directions {
                 let q = triangles[0][0] + DVec3::from(direction) * away;

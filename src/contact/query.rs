@@ -1,10 +1,13 @@
-//! What is asked of an index, and its answer.
+//! What is asked of an index, and its answers: one, many in columns, on a coarse level, and fields.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::{
+    id::{FaceId, VertexId},
     mesh::SurfacePoint,
-    skin::{LinkId, PatchId},
+    pyramid::LevelId,
+    skin::{LinkId, PatchId, TaxelId},
 };
 
 /// A point whose nearest skin is looked for.
@@ -59,4 +62,147 @@ pub struct Hit {
     /// The outward unit normal of the skin there, in the same frame: that of the face, on edges and
     /// corners the angle-weighted pseudo-normal. Zero where all faces around are without area.
     pub normal: DVec3,
+}
+
+/// Fewest queries of a batch that one task answers: enough for the cache to hold what the next one needs.
+pub(super) const RUN: usize = 256;
+
+/// The hits of a batch in columns, one entry for each query in their order: see the fields of [`Hit`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Hits {
+    /// The patch of each hit.
+    pub patch: Vec<PatchId>,
+    /// The link of that patch.
+    pub link: Vec<LinkId>,
+    /// The face on level 0 of that patch.
+    pub face: Vec<FaceId>,
+    /// The barycentric coordinates in that face.
+    pub barycentric: Vec<[f64; 3]>,
+    /// The signed distance from the skin, in m.
+    pub distance: Vec<f64>,
+    /// The nearest point, in m, in the frame of its query.
+    pub position: Vec<DVec3>,
+    /// The outward unit normal there, in the same frame.
+    pub normal: Vec<DVec3>,
+}
+
+impl Hits {
+    /// The hit of the query with a number.
+    #[must_use]
+    pub fn get(&self, number: usize) -> Option<Hit> {
+        Some(Hit {
+            patch: *self.patch.get(number)?,
+            link: *self.link.get(number)?,
+            point: SurfacePoint {
+                face: *self.face.get(number)?,
+                barycentric: *self.barycentric.get(number)?,
+            },
+            distance: *self.distance.get(number)?,
+            position: *self.position.get(number)?,
+            normal: *self.normal.get(number)?,
+        })
+    }
+
+    /// All hits in their order.
+    pub fn iter(&self) -> impl Iterator<Item = Hit> + '_ {
+        (0..self.patch.len()).map_while(|number| self.get(number))
+    }
+
+    /// Columns of the hits of `sorted`, the one for the query `k` at `places[k]`.
+    pub(super) fn gather(sorted: &[Hit], places: &[usize]) -> Self {
+        let count = places.len();
+        let mut hits = Self {
+            patch: vec![PatchId::default(); count],
+            link: vec![LinkId::default(); count],
+            face: vec![FaceId::default(); count],
+            barycentric: vec![[0.0; 3]; count],
+            distance: vec![0.0; count],
+            position: vec![DVec3::ZERO; count],
+            normal: vec![DVec3::ZERO; count],
+        };
+        let Self { patch, link, face, barycentric, distance, position, normal } = &mut hits;
+        let rows = (patch, link, face, barycentric, distance, position, normal, places).into_par_iter();
+        rows.with_min_len(RUN).for_each(
+            |(patch, link, face, barycentric, distance, position, normal, &place)| {
+                let hit = &sorted[place];
+                (*patch, *link, *face) = (hit.patch, hit.link, hit.point.face);
+                (*barycentric, *distance) = (hit.point.barycentric, hit.distance);
+                (*position, *normal) = (hit.position, hit.normal);
+            },
+        );
+        hits
+    }
+}
+
+/// The point of a coarse level nearest to a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reactive {
+    /// The level: the one asked for, or the coarsest of a patch that does not reach up to it.
+    pub level: LevelId,
+    /// The patch it lies on.
+    pub patch: PatchId,
+    /// The link of that patch.
+    pub link: LinkId,
+    /// Where on that level.
+    pub point: SurfacePoint,
+    /// How far the contact is outside the level, in m; negative inside.
+    pub distance: f64,
+    /// How far the contact's distance from the skin, without its sign, may be from that of
+    /// `distance`, in m. The skin comes at least as near to `position`.
+    pub error: f64,
+    /// Where the point lies, in m, in the frame that the query was given in.
+    pub position: DVec3,
+    /// The outward unit normal of the level there, in the same frame.
+    pub normal: DVec3,
+}
+
+/// A receptive field near a contact; on level 0 a taxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldHit {
+    /// Its patch.
+    pub patch: PatchId,
+    /// The link of that patch.
+    pub link: LinkId,
+    /// Its level.
+    pub level: LevelId,
+    /// The field: a vertex of that level.
+    pub field: VertexId,
+    /// Vendor id of the taxel at its centre.
+    pub taxel: TaxelId,
+    /// Distance of its centre from the point, in m.
+    pub distance: f64,
+    /// Its centre, in m, in the frame of the query.
+    pub position: DVec3,
+    /// The outward unit normal of the taxel at its centre, in the same frame. On a patch that follows
+    /// several links it is turned as its vertices are moved: by the weighted mean of the rotations.
+    pub normal: DVec3,
+}
+
+/// What has a place on the map: see [`ContactIndex::cell`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Found<'a> {
+    /// A point of level 0.
+    Hit(&'a Hit),
+    /// A point of a coarse level.
+    Reactive(&'a Reactive),
+    /// The centre of a field.
+    Field(&'a FieldHit),
+}
+
+impl<'a> From<&'a Hit> for Found<'a> {
+    fn from(hit: &'a Hit) -> Self {
+        Self::Hit(hit)
+    }
+}
+
+impl<'a> From<&'a Reactive> for Found<'a> {
+    fn from(answer: &'a Reactive) -> Self {
+        Self::Reactive(answer)
+    }
+}
+
+impl<'a> From<&'a FieldHit> for Found<'a> {
+    fn from(field: &'a FieldHit) -> Self {
+        Self::Field(field)
+    }
 }

@@ -1,37 +1,12 @@
 //! The answer of a coarse level alone, and its error bound.
 
-use glam::DVec3;
-
 use crate::{
     bvh::Start,
-    contact::{ContactError, ContactIndex, Query, coarse::CoarseLevel, patch_bvh::Best},
+    contact::{ContactError, ContactIndex, Query, Reactive, coarse::CoarseLevel, patch_bvh::Best},
     id::FaceId,
     mesh::SurfacePoint,
     pyramid::LevelId,
-    skin::{LinkId, PatchId},
 };
-
-/// The point of a coarse level nearest to a contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reactive {
-    /// The level: the one asked for, or the coarsest of a patch that does not reach up to it.
-    pub level: LevelId,
-    /// The patch it lies on.
-    pub patch: PatchId,
-    /// The link of that patch.
-    pub link: LinkId,
-    /// Where on that level.
-    pub point: SurfacePoint,
-    /// How far the contact is outside the level, in m; negative inside.
-    pub distance: f64,
-    /// How far the contact's distance from the skin, without its sign, may be from that of
-    /// `distance`, in m. The skin comes at least as near to `position`.
-    pub error: f64,
-    /// Where the point lies, in m, in the frame that the query was given in.
-    pub position: DVec3,
-    /// The outward unit normal of the level there, in the same frame.
-    pub normal: DVec3,
-}
 
 impl ContactIndex {
     /// The point of a level nearest to a query, which searches that level alone: several times

@@ -1,14 +1,12 @@
 //! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
 
 mod field_weights;
-mod positions;
-mod rows;
+mod places;
 
 use glam::DVec2;
 
 pub use field_weights::FieldWeights;
-use positions::{MapPosition, Positions};
-use rows::{Row, Rows};
+use places::{Positions, Row, Rows};
 
 use crate::{
     cut::PlaceId,
@@ -152,7 +150,9 @@ impl PatchCells {
         let [u, v, w] = self.positions.corners(at.face, anchor.corners).map(|place| cells.uv[place]);
         let [a, b, c] = at.barycentric;
         let uv = u * a + v * b + w * c;
-        cells.at_corners(anchor, MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) })
+        let (weights, field) = FieldWeights::of_corners(anchor.corners, at.barycentric);
+        let (pixel, taxel) = (self.positions.images[level].pixel(uv), cells.taxels[field]);
+        Cell { level, point: at, uv, pixel, field, taxel, weights }
     }
 
     /// The cell of a point of level 0 on a coarser level that there is.
@@ -160,14 +160,14 @@ impl PatchCells {
     fn above(&self, level: LevelId, Anchor { at, corners, nearest }: &Anchor) -> Cell {
         let (cells, above) = (&self.levels[level], level.index() - 1);
         let places = self.positions.corners(at.face, *corners);
-        let MapPosition { uv, pixel, .. } = self.positions.at(level, places, at.barycentric);
+        let uv = self.positions.at(level, places, at.barycentric);
         let rows = self.rows.of(places, above);
         let Row { face, weights, .. } = *rows[nearest % 3];
         let mut cell = Cell {
             level,
             point: SurfacePoint { face, barycentric: weights },
             uv,
-            pixel,
+            pixel: self.positions.images[level].pixel(uv),
             field: VertexId::default(),
             taxel: TaxelId::default(),
             weights: FieldWeights::none(),
@@ -203,11 +203,11 @@ impl PatchCells {
         let cells = self.levels.get(level)?;
         let face = *cells.first_faces.get(field)?;
         let corners = cells.triangles.get(face).filter(|corners| corners.contains(&field))?;
-        let barycentric = corners.map(|v| f64::from(u8::from(v == field)));
-        let weights = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
+        let point = SurfacePoint { face, barycentric: corners.map(|v| f64::from(u8::from(v == field))) };
+        let (weights, field) = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
         let uv = cells.uv[PlaceId::of_opened(field)];
-        let position = MapPosition { level, uv, pixel: self.positions.images[level].pixel(uv) };
-        Some(cells.cell(SurfacePoint { face, barycentric }, weights, position))
+        let (pixel, taxel) = (self.positions.images[level].pixel(uv), cells.taxels[field]);
+        Some(Cell { level, point, uv, pixel, field, taxel, weights })
     }
 }
 
@@ -246,22 +246,5 @@ impl LevelCells {
             first_faces: first_faces(&map.level.mesh),
             places: map.cut.as_ref().map(|cut| cut.triangles.clone()),
         }
-    }
-
-    /// The cell of a point of level 0 on level 0.
-    #[inline(always)]
-    fn at_corners(&self, Anchor { at, corners, .. }: &Anchor, position: MapPosition) -> Cell {
-        self.cell(*at, FieldWeights::of_corners(*corners, at.barycentric), position)
-    }
-
-    /// The cell at a point, of its fields and the strongest of them.
-    #[inline(always)]
-    fn cell(
-        &self,
-        point: SurfacePoint,
-        (weights, field): (FieldWeights, VertexId),
-        MapPosition { level, uv, pixel }: MapPosition,
-    ) -> Cell {
-        Cell { level, point, uv, pixel, field, taxel: self.taxels[field], weights }
     }
 }

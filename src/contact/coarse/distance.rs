@@ -12,7 +12,7 @@ use crate::{
     bvh::Start,
     contact::patch_bvh::{Best, PatchBvh},
     id::FaceId,
-    mesh::closest_point,
+    mesh::{closest_point, triangle_cross},
     skin::PatchId,
 };
 
@@ -144,7 +144,7 @@ impl Target<'_> {
             part.iter().map(height).map(|h| if h.abs() <= least { 0.0 } else { h }).collect()
         };
         let [p, q, r] = self.tree.mesh.corners(face);
-        let normal = (q - p).cross(r - p);
+        let normal = triangle_cross([p, q, r]);
         let outward = |(a, b): (DVec3, DVec3)| Some((a, (b - a).cross(normal).try_normalize()?));
         let beyond = |heights: &Vec<f64>| heights[far] > 0.0 && heights.iter().any(|&h| h < 0.0);
         let sides = [(p, q), (q, r), (r, p)].into_iter().filter_map(outward).map(above).filter(beyond);

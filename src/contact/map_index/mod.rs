@@ -18,8 +18,10 @@ use crate::{
     },
     cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PixelGrid, SkinMap},
-    mesh::{Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal},
+    map::{MapLevel, PatchMap, PixelGrid, SkinMap},
+    mesh::{
+        Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal, triangle_cross,
+    },
     numeric::along_curve,
     parallel::par_map,
     pyramid::LevelId,
@@ -40,18 +42,15 @@ const CLEAR: f64 = 1e-8;
 /// The maps of all levels made ready for the way back to the surface.
 #[derive(Debug, Clone)]
 pub struct MapIndex {
-    patches: IdVec<PatchId, IndexedMap>,
-}
-
-#[derive(Debug, Clone)]
-struct IndexedMap {
-    link: LinkId,
-    levels: IdVec<LevelId, Sheet>,
+    patches: IdVec<PatchId, IdVec<LevelId, LevelMap>>,
 }
 
 /// The map of a level.
 #[derive(Debug, Clone)]
-struct Sheet {
+struct LevelMap {
+    patch: PatchId,
+    link: LinkId,
+    level: LevelId,
     grid: PlaneGrid,
     /// What the answer reads of each place of the map, side by side.
     places: IdVec<VertexId, Place>,
@@ -106,47 +105,14 @@ impl MapIndex {
     /// As [`ContactIndex::new`](crate::contact::ContactIndex::new).
     pub fn new(map: &SkinMap) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(&map.patches, |patch| {
-            let level = |map: &MapLevel| {
-                let mesh = map.level.mesh.clone();
-                let (origins, vertices) = (map.level.origins.clone(), patch.taxels.ids.len());
-                let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
-                if mesh.triangles.is_empty() {
-                    return Err(ContactError::NoFaces { patch: patch.name.clone() });
-                }
-                let plane = plane(map);
-                check(&patch.name, &plane.positions)?;
-                let boxes: Vec<Aabb> =
-                    plane.triangles.ids().map(|face| Aabb::around(plane.corners(face))).collect();
-                let tree = BoxTree::new(&boxes).expect("the map is finite");
-                let (on_chart, same_point) = (ON_CHART * size(&plane), SAME_POINT * size(&mesh));
-                let grid = PlaneGrid::new(&plane, on_chart);
-                let mut places = IdVec::filled(Place::default(), plane.positions.len());
-                for (of_face, fields) in plane.triangles.iter().zip(&mesh.triangles) {
-                    for (&place, &field) in of_face.iter().zip(fields) {
-                        let taxel = patch.taxels.ids[map.level.origins[field]];
-                        let (uv, position) = (plane.positions[place].truncate(), mesh.positions[field]);
-                        places[place] = Place { uv, position, field, taxel };
-                    }
-                }
-                let image = PixelGrid::new(map.frame);
-                Ok(Sheet {
-                    grid,
-                    places,
-                    triangles: plane.triangles,
-                    tree,
-                    mesh,
-                    corners,
-                    origins,
-                    vertices,
-                    image,
-                    on_chart,
-                    same_point,
-                })
-            };
-            let levels = patch.levels.iter().map(level).collect::<Result<Vec<_>, ContactError>>()?;
-            Ok(IndexedMap { link: patch.link, levels: levels.into() })
-        });
+        let of_patch = |patch: PatchId| {
+            let levels = map.patches[patch].levels.ids();
+            levels
+                .map(|level| LevelMap::new(patch, &map.patches[patch], level))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let patches =
+            par_map(&map.patches.ids().collect::<Vec<_>>(), |&patch| of_patch(patch).map(IdVec::from));
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
     }
 
@@ -162,45 +128,43 @@ impl MapIndex {
         uv: DVec2,
         found: &mut Vec<MapPlace>,
     ) -> Result<(), ContactError> {
-        let known = self.patches.get(patch).and_then(|map| Some((map, map.levels.get(level)?)));
-        let (map, sheet) = known.ok_or(ContactError::NoMap { patch, level })?;
+        let known = self.patches.get(patch).and_then(|levels| levels.get(level));
+        let map = known.ok_or(ContactError::NoMap { patch, level })?;
         let point = uv.extend(0.0);
         // Also true for NaN.
         if !(uv.is_finite() && uv.abs().max_element() <= LARGEST) {
             return Err(ContactError::NotOnPlane { uv: uv.to_array() });
         }
         let first = found.len();
-        let of_face = |face: FaceId| (face, sheet.triangles[face]);
-        let is_listed = sheet.grid.each_at(uv, |face, corners| {
-            if let Some(closest) = sheet.at(uv, corners) {
-                found.push(sheet.place(map, (patch, level), (face, corners), closest, 0.0));
+        let is_listed = map.grid.each_at(uv, |face, corners| {
+            if let Some(closest) = map.at(uv, corners) {
+                found.push(map.place(face, corners, closest, 0.0));
             }
         });
         if !is_listed {
-            sheet.tree.each_near(point, sheet.on_chart, |face| {
-                let (face, corners) = of_face(FaceId::new(face));
-                let closest = sheet.closest(uv, corners);
-                if closest.squared <= sheet.on_chart * sheet.on_chart {
-                    found.push(sheet.place(map, (patch, level), (face, corners), closest, 0.0));
+            map.tree.each_near(point, map.on_chart, |face| {
+                let face = FaceId::new(face);
+                let closest = map.closest(uv, map.triangles[face]);
+                if closest.squared <= map.on_chart * map.on_chart {
+                    found.push(map.place(face, map.triangles[face], closest, 0.0));
                 }
-                sheet.on_chart
+                map.on_chart
             });
         }
         match found.len() - first {
             0 => {
                 let mut best = None;
-                sheet.tree.each_near(point, f64::INFINITY, |face| {
+                map.tree.each_near(point, f64::INFINITY, |face| {
                     let face = FaceId::new(face);
-                    Best::offer(&mut best, patch, face, sheet.closest(uv, sheet.triangles[face]));
+                    Best::offer(&mut best, patch, face, map.closest(uv, map.triangles[face]));
                     Best::squared(best.as_ref()).sqrt()
                 });
-                let nearest = best.map(|Best { face, closest, .. }| {
-                    sheet.place(map, (patch, level), of_face(face), closest, closest.squared.sqrt())
-                });
-                found.extend(nearest);
+                found.extend(best.map(|Best { face, closest, .. }| {
+                    map.place(face, map.triangles[face], closest, closest.squared.sqrt())
+                }));
             }
             1 => (),
-            _ => sheet.keep_sheets(found, first),
+            _ => map.keep_sheets(found, first),
         }
         Ok(())
     }
@@ -211,24 +175,61 @@ impl MapIndex {
     #[must_use]
     pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<MapPlace> {
         let patch = index.patches.get(place.patch)?;
-        let sheet = self.patches.get(place.patch)?.levels.get(place.cell.level)?;
+        let map = self.patches.get(place.patch)?.get(place.cell.level)?;
         let SurfacePoint { face, barycentric } = place.cell.point;
-        let fields = sheet.mesh.triangles.get(face)?;
+        let fields = map.mesh.triangles.get(face)?;
         let vertices = &patch.tree.mesh.positions;
-        if sheet.vertices != vertices.len() {
+        if map.vertices != vertices.len() {
             return None;
         }
         if patch.blend.is_none() {
             return Some(*place);
         }
-        let at = |field: VertexId| vertices[sheet.origins[field]];
+        let at = |field: VertexId| vertices[map.origins[field]];
         let position = fields.iter().zip(barycentric).map(|(&field, weight)| at(field) * weight).sum();
-        let normal = sheet.normal(at, face, Feature::at(barycentric)).normalize_or_zero();
+        let normal = map.normal(at, face, Feature::at(barycentric)).normalize_or_zero();
         Some(MapPlace { position, normal, ..*place })
     }
 }
 
-impl Sheet {
+impl LevelMap {
+    /// A level of a patch of a valid map.
+    fn new(id: PatchId, patch: &PatchMap, level: LevelId) -> Result<Self, ContactError> {
+        let map = &patch.levels[level];
+        let mesh = map.level.mesh.clone();
+        if mesh.triangles.is_empty() {
+            return Err(ContactError::NoFaces { patch: patch.name.clone() });
+        }
+        let plane = plane(map);
+        check(&patch.name, &plane.positions)?;
+        let boxes: Vec<Aabb> = plane.triangles.ids().map(|face| Aabb::around(plane.corners(face))).collect();
+        let on_chart = ON_CHART * size(&plane);
+        let mut places = IdVec::filled(Place::default(), plane.positions.len());
+        for (of_face, fields) in plane.triangles.iter().zip(&mesh.triangles) {
+            for (&place, &field) in of_face.iter().zip(fields) {
+                let taxel = patch.taxels.ids[map.level.origins[field]];
+                let (uv, position) = (plane.positions[place].truncate(), mesh.positions[field]);
+                places[place] = Place { uv, position, field, taxel };
+            }
+        }
+        Ok(Self {
+            patch: id,
+            link: patch.link,
+            level,
+            grid: PlaneGrid::new(&plane, on_chart),
+            places,
+            triangles: plane.triangles,
+            tree: BoxTree::new(&boxes).expect("the map is finite"),
+            corners: VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len()),
+            origins: map.level.origins.clone(),
+            vertices: patch.taxels.ids.len(),
+            image: PixelGrid::new(map.frame),
+            on_chart,
+            same_point: SAME_POINT * size(&mesh),
+            mesh,
+        })
+    }
+
     #[inline(always)]
     fn places_of(&self, corners: [VertexId; 3]) -> [&Place; 3] {
         corners.map(|place| &self.places[place])
@@ -259,9 +260,8 @@ impl Sheet {
     #[inline(always)]
     fn place(
         &self,
-        map: &IndexedMap,
-        (patch, level): (PatchId, LevelId),
-        (face, corners): (FaceId, [VertexId; 3]),
+        face: FaceId,
+        corners: [VertexId; 3],
         Closest { barycentric, feature, .. }: Closest,
         off_chart: f64,
     ) -> MapPlace {
@@ -274,12 +274,12 @@ impl Sheet {
         };
         let [a, b, c] = corners.map(|corner| corner.position);
         let normal = match feature {
-            Feature::Inside => (b - a).cross(c - a),
+            Feature::Inside => triangle_cross([a, b, c]),
             _ => self.normal(|field| self.mesh.positions[field], face, feature),
         };
         let position = a * barycentric[0] + b * barycentric[1] + c * barycentric[2];
-        let (cell, normal) = (own.cell(level, point, &self.image), normal.normalize_or_zero());
-        MapPlace { patch, link: map.link, off_chart, cell, position, normal }
+        let (cell, normal) = (own.cell(self.level, point, &self.image), normal.normalize_or_zero());
+        MapPlace { patch: self.patch, link: self.link, off_chart, cell, position, normal }
     }
 
     /// Keeps one of the places from `first` on for each sheet: where faces meet, the first one answers for

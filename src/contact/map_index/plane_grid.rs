@@ -263,7 +263,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        contact::soup,
+        contact::{patch_bvh::tests, soup},
         mesh::{TriMesh, closest_point, shapes},
     };
 
@@ -299,7 +299,7 @@ mod tests {
             large in prop::bool::ANY,
             places in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0), 40),
         ) {
-            let mut mesh = soup::mesh(&triangles);
+            let mut mesh = tests::mesh(&triangles);
             if large {
                 mesh.positions[VertexId::new(0)] *= 200.0;
             }

@@ -1,19 +1,85 @@
-//! [`Rows`]: what the coarser levels know of the vertices and faces of level 0, made ready to be added up.
+//! What an index knows of the places of level 0 on the maps of all levels, made ready to be added up over the
+//! corners of a face: where they lie ([`Positions`]) and the fields they are in ([`Rows`]).
 //!
-//! The fields of a contact on a level take the rows of the three corners of its face.
+//! On every level a map position is linear in the barycentric coordinates of the hit in its face of level 0.
+//! What is read of a corner is side by side for all levels.
 
 use glam::DVec2;
 
 use crate::{
-    contact::cell::{
-        field_weights::{FieldWeights, MOST_FIELDS},
-        positions::Positions,
-    },
+    contact::cell::field_weights::{FieldWeights, MOST_FIELDS},
     cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
-    map::MapLevel,
+    map::{MapLevel, PixelGrid},
     parallel::par_collect,
+    pyramid::LevelId,
 };
+
+/// Positions in a line of the cache.
+const LINE: usize = 4;
+
+/// A line of the cache.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+struct Line([DVec2; LINE]);
+
+/// Where the places of level 0 lie on the maps of all levels.
+#[derive(Debug, Clone)]
+pub(super) struct Positions {
+    /// For each place its positions on all levels, in m, level 0 first, and then up to a multiple
+    /// of `stride`: in as few lines as they fit into.
+    lines: Vec<Line>,
+    stride: usize,
+    /// The images of the levels.
+    pub(super) images: IdVec<LevelId, PixelGrid>,
+    /// The corners of the faces as places of the map of level 0, where that is cut; else they are
+    /// the vertices.
+    places: Option<IdVec<FaceId, [PlaceId; 3]>>,
+}
+
+impl Positions {
+    /// `levels`: where each place lies on the map of each level, level 0 first, in m.
+    pub(super) fn new(
+        levels: &[IdVec<PlaceId, DVec2>],
+        images: IdVec<LevelId, PixelGrid>,
+        places: Option<IdVec<FaceId, [PlaceId; 3]>>,
+    ) -> Self {
+        // Three would lie in two lines every other time.
+        let stride = levels.len() + usize::from(levels.len() % LINE == 3);
+        let slots = stride * levels.first().map_or(0, |level| level.len());
+        let lines = par_collect(slots.div_ceil(LINE), |range, lines| {
+            let at = |slot: usize| {
+                let level = levels.get(slot % stride);
+                level.and_then(|level| level.get(PlaceId::new(slot / stride))).copied().unwrap_or_default()
+            };
+            lines.extend(range.map(|line| Line(std::array::from_fn(|k| at(line * LINE + k)))));
+        });
+        Self { lines, stride, images, places }
+    }
+
+    /// The corners of a face, by its vertices, as places.
+    #[inline(always)]
+    pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [PlaceId; 3] {
+        match &self.places {
+            Some(places) => places[face],
+            None => vertices.map(PlaceId::of_opened),
+        }
+    }
+
+    #[inline(always)]
+    fn slot(&self, place: PlaceId, level: usize) -> DVec2 {
+        let slot = place.index() * self.stride + level;
+        self.lines[slot / LINE].0[slot % LINE]
+    }
+
+    /// Where a point of a face lies on the map of a level, in m; `corners` are places.
+    #[inline(always)]
+    pub(super) fn at(&self, level: LevelId, corners: [PlaceId; 3], barycentric: [f64; 3]) -> DVec2 {
+        let [u, v, w] = corners.map(|place| self.slot(place, level.index()));
+        let [a, b, c] = barycentric;
+        u * a + v * b + w * c
+    }
+}
 
 /// A vertex of level 0 on a coarser level.
 #[derive(Debug, Clone, Copy, Default)]
