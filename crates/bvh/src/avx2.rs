@@ -4,7 +4,7 @@ use std::arch::x86_64::{__m128, __m128i, __m256, __m256i, _CMP_LE_OQ};
 
 use pulp::{cast, x86::V3};
 
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::{LANES, Lanes, numbers};
 
 impl Lanes for V3 {
     type F = __m256;
@@ -68,49 +68,16 @@ impl Lanes for V3 {
         cast(a)
     }
 
-    #[inline(always)]
-    fn add(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_add_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sub(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_sub_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_mul_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn div(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_div_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: __m256) -> __m256 {
-        self.avx._mm256_sqrt_ps(a)
-    }
-
-    #[inline(always)]
-    fn max(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_max_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn min(self, a: __m256, b: __m256) -> __m256 {
-        self.avx._mm256_min_ps(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        self.fma._mm256_fmadd_ps(a, b, c)
-    }
-
-    #[inline(always)]
-    fn sub_mul(self, c: __m256, a: __m256, b: __m256) -> __m256 {
-        self.fma._mm256_fnmadd_ps(a, b, c)
+    numbers! {
+        fn add(self, a, b) { self.avx._mm256_add_ps(a, b) }
+        fn sub(self, a, b) { self.avx._mm256_sub_ps(a, b) }
+        fn mul(self, a, b) { self.avx._mm256_mul_ps(a, b) }
+        fn div(self, a, b) { self.avx._mm256_div_ps(a, b) }
+        fn sqrt(self, a) { self.avx._mm256_sqrt_ps(a) }
+        fn max(self, a, b) { self.avx._mm256_max_ps(a, b) }
+        fn min(self, a, b) { self.avx._mm256_min_ps(a, b) }
+        fn mul_add(self, a, b, c) { self.fma._mm256_fmadd_ps(a, b, c) }
+        fn sub_mul(self, c, a, b) { self.fma._mm256_fnmadd_ps(a, b, c) }
     }
 
     #[inline(always)]

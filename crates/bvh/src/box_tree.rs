@@ -504,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_are_none_are_refused() {
+    fn invalid_boxes_are_refused() {
         let ok = Aabb::flat([DVec2::ZERO, DVec2::ONE]);
         let nan = Aabb { hi: DVec3::new(1.0, f64::NAN, 1.0), ..ok };
         let infinite = Aabb { lo: DVec3::NEG_INFINITY, ..ok };

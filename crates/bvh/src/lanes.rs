@@ -48,6 +48,16 @@ pub(crate) trait Lanes: Copy {
     fn affine(self, columns: &[[f32; 4]; 4], p: [f32; 3]) -> [Self::F; 3];
 }
 
+/// Functions of eight numbers each.
+macro_rules! numbers {
+    ($(fn $name:ident($self:ident $(, $x:ident)*) $body:block)*) => {$(
+        #[inline(always)]
+        fn $name($self $(, $x: Self::F)*) -> Self::F $body
+    )*};
+}
+#[cfg(target_arch = "x86_64")]
+pub(crate) use numbers;
+
 /// For every processor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plain;
@@ -93,49 +103,16 @@ impl Lanes for Plain {
         a.to_array()
     }
 
-    #[inline(always)]
-    fn add(self, a: f32x8, b: f32x8) -> f32x8 {
-        a + b
-    }
-
-    #[inline(always)]
-    fn sub(self, a: f32x8, b: f32x8) -> f32x8 {
-        a - b
-    }
-
-    #[inline(always)]
-    fn mul(self, a: f32x8, b: f32x8) -> f32x8 {
-        a * b
-    }
-
-    #[inline(always)]
-    fn div(self, a: f32x8, b: f32x8) -> f32x8 {
-        a / b
-    }
-
-    #[inline(always)]
-    fn sqrt(self, a: f32x8) -> f32x8 {
-        a.sqrt()
-    }
-
-    #[inline(always)]
-    fn max(self, a: f32x8, b: f32x8) -> f32x8 {
-        a.fast_max(b)
-    }
-
-    #[inline(always)]
-    fn min(self, a: f32x8, b: f32x8) -> f32x8 {
-        a.fast_min(b)
-    }
-
-    #[inline(always)]
-    fn mul_add(self, a: f32x8, b: f32x8, c: f32x8) -> f32x8 {
-        a * b + c
-    }
-
-    #[inline(always)]
-    fn sub_mul(self, c: f32x8, a: f32x8, b: f32x8) -> f32x8 {
-        c - a * b
+    numbers! {
+        fn add(self, a, b) { a + b }
+        fn sub(self, a, b) { a - b }
+        fn mul(self, a, b) { a * b }
+        fn div(self, a, b) { a / b }
+        fn sqrt(self, a) { a.sqrt() }
+        fn max(self, a, b) { a.fast_max(b) }
+        fn min(self, a, b) { a.fast_min(b) }
+        fn mul_add(self, a, b, c) { a * b + c }
+        fn sub_mul(self, c, a, b) { c - a * b }
     }
 
     #[inline(always)]

@@ -10,9 +10,10 @@
 //! decide what is looked at. What is found is decided in `f64`, so answers are exact, and the same on
 //! every processor.
 //!
-//! Files in reading order: `aabb`, `ray`, `scaling`; `box_tree`, whose topology is obvhs'; `tree`, `node8`,
-//! `packets`, `fit` (eight oriented boxes a node over packets of eight), `lanes` and `avx2` (eight numbers at
-//! a time), `rounding` (the bound), `descent` (the walk); `point_tree`, `triangle_tree` (the searches).
+//! Files in reading order: `geometry` (boxes and rays), `scaling` (to `f32`, and what rounding may do);
+//! `box_tree`, whose topology is obvhs'; `tree`, `node8`, `packets` (eight oriented boxes a node over packets of
+//! eight), `lanes` and `avx2` (eight numbers at a time), `descent` (the walk); `point_tree`, `triangle_tree`
+//! (the searches).
 //!
 //! Boxes have no side along which they are thin, so obvhs' surface-area heuristic serves them well. Points
 //! and triangles of a skin have: their tree is halved by count, with boxes along the mean normal, which is
@@ -20,28 +21,48 @@
 //!
 //! This is the only crate that uses obvhs, pulp and wide.
 
-mod aabb;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod box_tree;
 mod descent;
-mod error;
-mod fit;
+mod geometry;
 mod lanes;
 mod node8;
 mod packets;
 mod point_tree;
-mod ray;
-mod rounding;
 mod scaling;
 #[cfg(test)]
 mod soup;
 mod tree;
 mod triangle_tree;
 
-pub use aabb::Aabb;
 pub use box_tree::BoxTree;
-pub use error::BvhError;
+pub use geometry::{Aabb, Meeting, Ray, meet};
 pub use point_tree::{Id, PointTree};
-pub use ray::{Meeting, Ray, meet};
 pub use triangle_tree::{Nearest, RayHit, Refitting, Start, TriangleTree};
+
+/// Why there is no tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BvhError {
+    /// A box with a coordinate that is not finite, or with a negative side.
+    #[error("box {index} is not finite or has a negative side")]
+    NotABox {
+        /// Which box.
+        index: usize,
+    },
+    /// A vertex that is too far away to be searched for, or not finite.
+    #[error("vertex {vertex} is too far from the origin, or not finite")]
+    TooFar {
+        /// Which vertex.
+        vertex: usize,
+    },
+    /// More elements than a tree can number, or none where there must be one.
+    #[error("a tree over {count} elements is not possible; at most {most} are")]
+    TooMany {
+        /// How many there are.
+        count: usize,
+        /// How many are possible.
+        most: usize,
+    },
+}

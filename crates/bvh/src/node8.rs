@@ -7,10 +7,10 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::Ray;
 use crate::{
+    Ray,
     lanes::{Kernel, LANES, Lanes, most_of_rows},
-    rounding::{FAR, slack},
+    scaling::{FAR, slack},
 };
 
 /// Steps of a node's boxes along each axis: one more fits into a byte.

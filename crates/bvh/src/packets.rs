@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    fit::Points,
     lanes::{Kernel, LANES, Lanes},
+    tree::Points,
 };
 
 /// Sides shorter than this (in the tree's units, squared) count as points: nothing is divided by
@@ -218,10 +218,10 @@ mod tests {
 
     use super::*;
     use crate::{
-        fit,
         lanes::{Plain, Simd},
-        rounding::slack,
+        scaling::slack,
         soup::{self, distance},
+        tree,
     };
 
     struct Distances<'a>(&'a Triangle8, DVec3);
@@ -237,7 +237,7 @@ mod tests {
     /// Distances to the triangles, computed in both ways.
     fn distances(triangles: &[[DVec3; 3]], q: DVec3) -> [[f32; LANES]; 2] {
         let mut corners = [[[0.0; LANES]; 3]; 3];
-        (0..LANES).for_each(|lane| fit::put(&mut corners, lane, triangles[lane.min(triangles.len() - 1)]));
+        (0..LANES).for_each(|lane| tree::put(&mut corners, lane, triangles[lane.min(triangles.len() - 1)]));
         let mut packet = Triangle8::default();
         Simd::detect().run(Framing(&corners, &mut packet));
         let squared = [Distances(&packet, q).run(Plain), Simd::detect().run(Distances(&packet, q))];

@@ -7,12 +7,10 @@ use glam::DVec3;
 use crate::{
     Aabb,
     descent::{Descent, Visitor, bound_of},
-    fit::{Points, put},
     lanes::{Kernel, Lanes, Simd},
     packets::Point8,
-    rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
-    scaling::Scaling,
-    tree::{Primitive, Tree, distinct},
+    scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32},
+    tree::{Points, Primitive, Tree, distinct, put},
 };
 
 /// A tree over points.

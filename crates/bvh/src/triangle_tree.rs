@@ -9,13 +9,11 @@ use glam::DVec3;
 use crate::{
     Aabb, BvhError, Meeting, Ray,
     descent::{Descent, Visitor, bound_of, entry, parts},
-    fit::Points,
     lanes::{Kernel, LANES, Lanes, Simd},
     meet,
     packets::{Framing, Triangle8},
-    rounding::{FAR, FAR_ROUND_UP, slack, squared_bound_f32},
-    scaling::Scaling,
-    tree::{MAX_PRIMITIVES, Primitive, Tree, distinct},
+    scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32},
+    tree::{MAX_PRIMITIVES, Points, Primitive, Tree, distinct},
 };
 
 /// Triangles that are collected before they are measured in `f64`.
@@ -78,7 +76,7 @@ impl TriangleTree {
     pub const MOST: usize = MAX_PRIMITIVES;
 
     /// Vertices farther from the origin than this are refused: their squares still fit into `f32`.
-    pub const LARGEST: f64 = crate::rounding::LARGEST;
+    pub const LARGEST: f64 = crate::scaling::LARGEST;
 
     /// A tree over at least one triangle, each the numbers of its corners.
     ///
