@@ -17,13 +17,9 @@ use faer::{
     },
     traits::ComplexField,
 };
-use glam::{DMat2, DVec2, DVec3};
+use glam::DVec3;
 
-use crate::{
-    Matrix, Pattern, SparseError,
-    lower::{Complex, Finite, Lower, complex},
-    ordering::order_rows,
-};
+use crate::{Entry, Matrix, Pattern, SparseError, lower::Lower, ordering::order_rows};
 
 /// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`]
 /// on it.
@@ -84,55 +80,19 @@ impl Cholesky {
         Ok(Self { symbolic, lower, block })
     }
 
-    /// Factors a real symmetric matrix on the pattern that was analysed; only its lower triangle is
-    /// read.
+    /// Factors a symmetric matrix on the pattern that was analysed, a Hermitian one if its entries are complex;
+    /// only its lower triangle is read.
     ///
     /// # Errors
     /// [`SparseError::NotPositiveDefinite`], [`SparseError::NotFinite`] or [`SparseError::TooLarge`].
     ///
     /// # Panics
-    /// If the matrix has another pattern.
-    pub fn factor(&self, matrix: &Matrix<'_, f64>) -> Result<Factor<'_>, SparseError> {
-        assert_eq!(self.block, 1, "analysed for blocks");
-        self.numeric(|slot, _, _| matrix.values()[slot], matrix.pattern())
-            .map(|values| Factor { of: self, values })
-    }
-
-    /// Factors a real symmetric matrix of 2 x 2 blocks; only its lower triangle is read.
-    ///
-    /// # Errors
-    /// As [`Cholesky::factor`].
-    ///
-    /// # Panics
-    /// If the matrix has another pattern.
-    pub fn factor_blocks(&self, matrix: &Matrix<'_, DMat2>) -> Result<Factor<'_>, SparseError> {
-        assert_eq!(self.block, 2, "analysed for single entries");
-        self.numeric(|slot, a, b| matrix.values()[slot].col(b)[a], matrix.pattern())
-            .map(|values| Factor { of: self, values })
-    }
-
-    /// Factors a complex Hermitian matrix; only its lower triangle is read.
-    ///
-    /// # Errors
-    /// As [`Cholesky::factor`].
-    ///
-    /// # Panics
-    /// If the matrix has another pattern.
-    pub fn factor_hermitian(&self, matrix: &Matrix<'_, DVec2>) -> Result<HermitianFactor<'_>, SparseError> {
-        assert_eq!(self.block, 1, "analysed for blocks");
-        self.numeric(|slot, _, _| complex(matrix.values()[slot]), matrix.pattern())
-            .map(|values| HermitianFactor { of: self, values })
-    }
-
-    /// The values of the factor; `entry(slot, a, b)` is row `a` and column `b` of the block in
-    /// `slot`.
-    fn numeric<T: ComplexField + Copy + Finite>(
-        &self,
-        entry: impl Fn(usize, usize, usize) -> T,
-        pattern: &Pattern,
-    ) -> Result<Vec<T>, SparseError> {
-        assert_eq!(self.lower.rows, self.block * pattern.rows(), "the pattern that was analysed");
-        self.factor_values(&self.lower.gather(pattern, self.block, entry)?)
+    /// If the matrix has another pattern, or entries of another size.
+    pub fn factor<T: Entry>(&self, matrix: &Matrix<'_, T>) -> Result<Factor<'_, T>, SparseError> {
+        assert_eq!(self.block, T::UNKNOWNS, "unknowns in a row of what was analysed");
+        assert_eq!(self.lower.rows, self.block * matrix.pattern().rows(), "the pattern that was analysed");
+        let values = self.factor_values(&self.lower.gather(matrix)?)?;
+        Ok(Factor { of: self, values })
     }
 
     /// The values of the factor of a matrix whose lower triangle is `values`, in the order of
@@ -166,11 +126,6 @@ impl Cholesky {
         }
     }
 
-    fn solve<T: ComplexField + Copy>(&self, factor: &[T], rhs: &mut [T]) -> Result<(), SparseError> {
-        assert_eq!(rhs.len(), self.lower.rows, "one right-hand side per unknown");
-        self.solve_columns(factor, rhs, 1)
-    }
-
     /// Solves for several right-hand sides, one after the other in `rhs`.
     pub(super) fn solve_columns<T: ComplexField + Copy>(
         &self,
@@ -199,47 +154,28 @@ impl Cholesky {
     }
 }
 
-/// A factored real matrix.
+/// A factored matrix.
 #[derive(Debug)]
-pub struct Factor<'c> {
+pub struct Factor<'c, T: Entry> {
     of: &'c Cholesky,
-    values: Vec<f64>,
+    values: Vec<T::Number>,
 }
 
-impl Factor<'_> {
-    /// Solves for one right-hand side, in place: one entry per row, or two where the matrix has
-    /// blocks.
+impl<T: Entry> Factor<'_, T> {
+    /// Solves for one right-hand side, in place: one entry per row, a vector where the matrix has blocks or
+    /// complex numbers.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`] without memory for a copy of `rhs`.
     ///
     /// # Panics
     /// If `rhs` has another length.
-    pub fn solve(&self, rhs: &mut [f64]) -> Result<(), SparseError> {
-        self.of.solve(&self.values, rhs)
-    }
-}
-
-/// A factored complex Hermitian matrix.
-#[derive(Debug)]
-pub struct HermitianFactor<'c> {
-    of: &'c Cholesky,
-    values: Vec<Complex>,
-}
-
-impl HermitianFactor<'_> {
-    /// Solves for one right-hand side of complex numbers (real, imaginary), in place.
-    ///
-    /// # Errors
-    /// [`SparseError::TooLarge`] without memory for a copy of `rhs`.
-    ///
-    /// # Panics
-    /// If `rhs` has not one entry per row.
-    pub fn solve(&self, rhs: &mut [DVec2]) -> Result<(), SparseError> {
-        let mut x: Vec<Complex> = rhs.iter().map(|&z| complex(z)).collect();
-        self.of.solve(&self.values, &mut x)?;
-        for (out, z) in rhs.iter_mut().zip(x) {
-            *out = DVec2::new(z.re, z.im);
+    pub fn solve(&self, rhs: &mut [T::Row]) -> Result<(), SparseError> {
+        let mut x: Vec<T::Number> = rhs.iter().flat_map(|&row| T::numbers(row)).collect();
+        assert_eq!(x.len(), self.of.lower.rows, "one right-hand side per row");
+        self.of.solve_columns(&self.values, &mut x, 1)?;
+        for (row, numbers) in rhs.iter_mut().zip(x.chunks_exact(T::UNKNOWNS)) {
+            *row = T::row(numbers);
         }
         Ok(())
     }
@@ -247,6 +183,8 @@ impl HermitianFactor<'_> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
 
     /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can
@@ -300,7 +238,7 @@ mod tests {
             })
             .collect();
         let cholesky = Cholesky::new(&pattern, &[]).unwrap();
-        cholesky.factor_hermitian(&m).unwrap().solve(&mut x).unwrap();
+        cholesky.factor(&m).unwrap().solve(&mut x).unwrap();
         assert!(x.iter().zip(&truth).all(|(a, b)| a.distance(*b) < 1e-12), "{x:?} is {truth:?}");
     }
 

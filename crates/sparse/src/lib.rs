@@ -22,7 +22,7 @@ mod pattern;
 mod selected_inverse;
 
 pub use block_system::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem};
-pub use cholesky::{Cholesky, Factor, HermitianFactor};
+pub use cholesky::{Cholesky, Factor};
 pub use conjugate_gradients::{BlockJacobi, CgOptions, CgReport, conjugate_gradients, dot};
 pub use error::SparseError;
 pub use lu::solve_unsymmetric;

@@ -1,9 +1,9 @@
 //! The lower triangle of a matrix, as faer reads it, and the numbers that faer computes with.
 
-use faer::sparse::SymbolicSparseColMatRef;
-use glam::DVec2;
+use faer::{sparse::SymbolicSparseColMatRef, traits::ComplexField};
+use glam::{DMat2, DVec2};
 
-use crate::{Pattern, SparseError};
+use crate::{Entry, Matrix, Pattern, SparseError};
 
 /// The lower triangle of a pattern, blocks expanded, column by column as faer reads it.
 #[derive(Debug)]
@@ -35,28 +35,23 @@ impl Lower {
         SymbolicSparseColMatRef::new_checked(self.rows, self.rows, &self.starts, None, &self.indices)
     }
 
-    /// The entries of the lower triangle in this order.
-    pub(crate) fn gather<T: Finite>(
-        &self,
-        pattern: &Pattern,
-        block: usize,
-        entry: impl Fn(usize, usize, usize) -> T,
-    ) -> Result<Vec<T>, SparseError> {
+    /// The numbers of the lower triangle in this order.
+    pub(crate) fn gather<T: Entry>(&self, matrix: &Matrix<'_, T>) -> Result<Vec<T::Number>, SparseError> {
+        let pattern = matrix.pattern();
         let mut values = Vec::with_capacity(self.indices.len());
         for j in 0..pattern.rows() {
-            for b in 0..block {
+            for b in 0..T::UNKNOWNS {
                 // Entry (i, j) below the diagonal: found from row i, so that only the lower
                 // triangle is read.
                 for &i in pattern.columns(j).iter().filter(|&&i| i as usize >= j) {
                     let slot = pattern.slot(i as usize, j).expect("patterns are symmetric");
-                    for a in 0..block {
-                        if block * i as usize + a >= block * j + b {
-                            let value = entry(slot, a, b);
-                            if !value.finite() {
-                                return Err(SparseError::NotFinite { row: i as usize });
-                            }
-                            values.push(value);
+                    // Of a block on the diagonal what is below its own diagonal.
+                    for a in if i as usize == j { b } else { 0 }..T::UNKNOWNS {
+                        let value = matrix.values()[slot].number(a, b);
+                        if !ComplexField::is_finite_impl(&value) {
+                            return Err(SparseError::NotFinite { row: i as usize });
                         }
+                        values.push(value);
                     }
                 }
             }
@@ -65,26 +60,74 @@ impl Lower {
     }
 }
 
+/// The numbers that an [`Entry`] and a row of unknowns are made of.
+pub trait Numbers: Copy {
+    /// What faer computes with.
+    type Number: ComplexField + Copy;
+    /// The unknowns of a row, or its right-hand side.
+    type Row: Copy;
+    /// How many numbers a row has.
+    const UNKNOWNS: usize;
+    /// Row `a` and column `b` of the entry.
+    fn number(self, a: usize, b: usize) -> Self::Number;
+    /// The numbers of a row.
+    fn numbers(row: Self::Row) -> impl Iterator<Item = Self::Number>;
+    /// The row of some numbers.
+    fn row(numbers: &[Self::Number]) -> Self::Row;
+}
+
+impl Numbers for f64 {
+    type Number = Self;
+    type Row = Self;
+    const UNKNOWNS: usize = 1;
+
+    fn number(self, _: usize, _: usize) -> Self {
+        self
+    }
+
+    fn numbers(row: Self) -> impl Iterator<Item = Self> {
+        [row].into_iter()
+    }
+
+    fn row(numbers: &[Self]) -> Self {
+        numbers[0]
+    }
+}
+
+impl Numbers for DVec2 {
+    type Number = Complex;
+    type Row = Self;
+    const UNKNOWNS: usize = 1;
+
+    fn number(self, _: usize, _: usize) -> Complex {
+        Complex::new(self.x, self.y)
+    }
+
+    fn numbers(row: Self) -> impl Iterator<Item = Complex> {
+        [row.number(0, 0)].into_iter()
+    }
+
+    fn row(numbers: &[Complex]) -> Self {
+        Self::new(numbers[0].re, numbers[0].im)
+    }
+}
+
+impl Numbers for DMat2 {
+    type Number = f64;
+    type Row = DVec2;
+    const UNKNOWNS: usize = 2;
+
+    fn number(self, a: usize, b: usize) -> f64 {
+        self.col(b)[a]
+    }
+
+    fn numbers(row: DVec2) -> impl Iterator<Item = f64> {
+        row.to_array().into_iter()
+    }
+
+    fn row(numbers: &[f64]) -> DVec2 {
+        DVec2::from_slice(numbers)
+    }
+}
+
 pub(crate) type Complex = faer::c64;
-
-/// The complex number with real part `z.x` and imaginary part `z.y`.
-pub(crate) fn complex(z: DVec2) -> Complex {
-    Complex::new(z.x, z.y)
-}
-
-/// Numbers that can be asked whether they are finite.
-pub(crate) trait Finite {
-    fn finite(&self) -> bool;
-}
-
-impl Finite for f64 {
-    fn finite(&self) -> bool {
-        self.is_finite()
-    }
-}
-
-impl Finite for Complex {
-    fn finite(&self) -> bool {
-        self.re.is_finite() && self.im.is_finite()
-    }
-}

@@ -15,7 +15,7 @@ use glam::DVec2;
 
 use crate::{
     Matrix, SparseError,
-    lower::{Complex, Finite, complex},
+    lower::{Complex, Numbers},
 };
 
 /// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in
@@ -35,8 +35,8 @@ pub fn solve_unsymmetric(matrix: &Matrix<'_, DVec2>, rhs: &mut [DVec2]) -> Resul
         // The pattern is symmetric, so a row tells where the column's entries are.
         for &row in pattern.columns(column) {
             let slot = pattern.slot(row as usize, column).expect("patterns are symmetric");
-            let value = complex(matrix.values()[slot]);
-            if !value.finite() {
+            let value = matrix.values()[slot].number(0, 0);
+            if !value.is_finite() {
                 return Err(SparseError::NotFinite { row: row as usize });
             }
             indices.push(row);
@@ -45,16 +45,16 @@ pub fn solve_unsymmetric(matrix: &Matrix<'_, DVec2>, rhs: &mut [DVec2]) -> Resul
         starts.push(u32::try_from(indices.len()).map_err(|_| SparseError::TooLarge { rows })?);
     }
     let shape = SymbolicSparseColMatRef::new_checked(rows, rows, &starts, None, &indices);
-    let mut x: Vec<Complex> = rhs.iter().map(|&z| complex(z)).collect();
+    let mut x: Vec<Complex> = rhs.iter().map(|z| z.number(0, 0)).collect();
     lower_upper(SparseColMatRef::new(shape, &values), &mut x).map_err(|e| match e {
         LuError::SymbolicSingular { .. } => SparseError::Singular { rows },
         LuError::Generic(_) => SparseError::TooLarge { rows },
     })?;
     for (out, z) in rhs.iter_mut().zip(x) {
-        if !z.finite() {
+        if !z.is_finite() {
             return Err(SparseError::Singular { rows });
         }
-        *out = DVec2::new(z.re, z.im);
+        *out = DVec2::row(&[z]);
     }
     Ok(())
 }

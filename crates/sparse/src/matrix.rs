@@ -3,7 +3,7 @@
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
-use crate::Pattern;
+use crate::{Pattern, lower::Numbers};
 
 /// Rows that one task multiplies; fixed, so that results do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 2048;
@@ -11,7 +11,7 @@ const ROWS_PER_TASK: usize = 2048;
 /// What can stand in a matrix.
 ///
 /// Not `Default`: that of a `DMat2` is the identity.
-pub trait Entry: Copy + Send + Sync {
+pub trait Entry: Numbers + Send + Sync {
     /// The entry of the zero matrix.
     const ZERO: Self;
 }

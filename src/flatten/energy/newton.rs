@@ -313,11 +313,11 @@ fn factored_step(
     let (mut gauge, mut most, mut added) = (GAUGE, WELL_SHAPED * energy, 0.0);
     loop {
         added += add_gauge(hessian, gauge, most);
-        match cholesky.factor_blocks(hessian) {
+        match cholesky.factor(hessian) {
             Ok(factor) => {
-                let mut x: Vec<f64> = rhs.iter().flat_map(|v| v.to_array()).collect();
+                let mut x = rhs.to_vec();
                 factor.solve(&mut x)?;
-                return Ok((x.chunks_exact(2).map(|c| DVec2::new(c[0], c[1])).collect(), added, true));
+                return Ok((x, added, true));
             }
             Err(SparseError::NotPositiveDefinite { .. }) if gauge < largest => {
                 (gauge, most) = (gauge * GAUGE_GROWTH, f64::INFINITY);

@@ -72,7 +72,7 @@ pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<Uv, Flatt
         for (v, m) in mass.enumerate() {
             matrix.at(v.index(), v.index()).x += (shift - added) * m;
         }
-        match cholesky.factor_hermitian(&matrix) {
+        match cholesky.factor(&matrix) {
             Ok(factor) => {
                 return inverse_iteration(outer_circle(domain), &mass, |z| factor.solve(z)).map_err(failed);
             }
