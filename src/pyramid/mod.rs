@@ -29,12 +29,13 @@
 //! number of threads. Not guaranteed: a vertex that no rule
 //! allows to remove stays, even if it is not a centre.
 //!
-//! The files in reading order: `level`, `prolongation`, `removal_log` (what comes out), `coarsen`
+//! The files in reading order: `level`, `prolongation`, `field`, `removal_log` (what comes out), `coarsen`
 //! (the steps), `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
 //! `retriangulation` (step 2) and `taxel_locations` (step 3).
 
 mod coarsen;
 mod error;
+mod field;
 mod independent_set;
 mod level;
 mod level_id;
@@ -45,6 +46,7 @@ mod removal_log;
 pub use coarsen::{CoarsenOptions, coarsen};
 pub(crate) use coarsen::{CutPyramid, coarsen_cut};
 pub use error::PyramidError;
+pub use field::Field;
 pub(crate) use level::check_levels;
 pub use level::{Level, Pyramid};
 pub use level_id::LevelId;
