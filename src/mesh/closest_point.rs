@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{VertexCorners, angle},
+    mesh::{VertexCorners, angle, triangle_cross},
 };
 
 /// A triangle whose doubled area is less than this part of its longest side squared is measured by
@@ -127,9 +127,8 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
 /// A vector on the outer side of a surface at a feature of `face`, not of unit length. `at` gives the
 /// positions of the corners of the faces.
 ///
-/// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right
-/// everywhere (Bærentzen and Aanæs, Signed distance computation using the angle weighted
-/// pseudonormal, 2005).
+/// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right everywhere
+/// (baerentzen2005).
 pub(crate) fn pseudo_normal(
     around: &VertexCorners,
     triangles: &IdVec<FaceId, [VertexId; 3]>,
@@ -137,10 +136,7 @@ pub(crate) fn pseudo_normal(
     face: FaceId,
     feature: Feature,
 ) -> DVec3 {
-    let cross = |f: FaceId| {
-        let [a, b, c] = triangles[f].map(at);
-        (b - a).cross(c - a)
-    };
+    let cross = |f: FaceId| triangle_cross(triangles[f].map(at));
     let unit = |f: FaceId| cross(f).normalize_or_zero();
     let ids = triangles[face];
     match feature {

@@ -145,7 +145,7 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
                 continue;
             }
             for k in i + 1..j {
-                let area = 0.5 * (at(k) - at(i)).cross(at(j) - at(i)).length();
+                let area = 0.5 * triangle_cross([at(i), at(k), at(j)]).length();
                 let total = cost[i * n + k] + cost[k * n + j] + area;
                 if total < cost[i * n + j] {
                     (cost[i * n + j], apex[i * n + j]) = (total, k);

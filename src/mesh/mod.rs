@@ -16,14 +16,11 @@ mod triangle_map;
 pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::{
-    boundary::{boundary_edges, boundary_loops, edges, loops_of},
-    components::{Part, face_components, separate},
-    edges::Edges,
+    adjacency::Rings,
+    edges::{Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of},
     halfedge::Halfedge,
     halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},
-    rings::Rings,
-    topology::Topology,
-    vertex_corners::VertexCorners,
+    topology::{Part, Topology, face_components, separate},
 };
 pub use error::MeshError;
 pub(crate) use error::too_many;

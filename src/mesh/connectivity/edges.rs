@@ -1,9 +1,11 @@
-//! The halfedges along every edge, found by bucket sort: all connectivity starts here.
+//! The halfedges along every edge, found by bucket sort, where all connectivity starts; the edges and the
+//! boundary that follow from them, and the corners around each vertex: of any triangles, manifold or not, whose
+//! corners exist.
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, MeshError},
-    numeric::Csr,
+    mesh::{Halfedge, MeshError, TriMesh},
+    numeric::{Csr, chains},
 };
 
 /// Visits the halfedges along every undirected edge of `triangles`, whose corners must all be below
@@ -106,4 +108,117 @@ fn same_way(triangles: &IdVec<FaceId, [VertexId; 3]>, along: &[Halfedge]) -> Mes
     let mut faces = along.iter().filter(|h| start(**h) == from).map(|h| h.face());
     let (first, second) = (faces.next().unwrap_or_default(), faces.next().unwrap_or_default());
     MeshError::NonManifoldEdge { from, to, first, second }
+}
+
+/// Every undirected edge once, smaller vertex first, sorted.
+pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges = Vec::new();
+    each_edge(&mesh.triangles, mesh.positions.len(), |along| {
+        let h = along[0];
+        let [a, b] = [h.start(mesh), h.end(mesh)];
+        edges.push([a.min(b), a.max(b)]);
+    });
+    edges
+}
+
+/// The edges of exactly one face, in the direction in which that face runs, sorted.
+pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
+    let mut edges = Vec::new();
+    each_edge(&mesh.triangles, mesh.positions.len(), |along| {
+        if let [h] = *along {
+            edges.push([h.start(mesh), h.end(mesh)]);
+        }
+    });
+    edges.sort_unstable();
+    edges
+}
+
+/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of
+/// triangles that are not an oriented manifold as far as it closes.
+pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
+    loops_of(&boundary_edges(mesh))
+}
+
+/// The loops of directed edges, which must be sorted.
+pub(crate) fn loops_of(edges: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
+    let next = |k: usize| {
+        let end = edges[k][1];
+        let place = edges.partition_point(|edge| edge[0] < end);
+        edges.get(place).is_some_and(|edge| edge[0] == end).then_some(place)
+    };
+    let vertices = |walk: Vec<usize>| walk.into_iter().map(|k| edges[k][0]).collect();
+    chains(edges.len(), next).into_iter().map(vertices).collect()
+}
+
+/// The corners around each vertex, in the order of their faces, for any set of triangles, manifold
+/// or not. A corner is named by the halfedge that leaves it.
+#[derive(Debug, Clone)]
+pub(crate) struct VertexCorners(Csr<Halfedge>);
+
+impl VertexCorners {
+    /// Lists the corners of the first `vertices` vertices; those of others are left out.
+    pub(crate) fn new(triangles: impl Iterator<Item = [VertexId; 3]> + Clone, vertices: usize) -> Self {
+        let corners = triangles.enumerate().flat_map(|(face, t)| {
+            let face = FaceId::new(face);
+            [0, 1, 2].map(|side| (t[side].index(), Halfedge::new(face, side)))
+        });
+        Self(Csr::from_pairs(vertices, corners.filter(move |&(v, _)| v < vertices)))
+    }
+
+    #[inline]
+    pub(crate) fn of(&self, v: VertexId) -> &[Halfedge] {
+        &self.0[v.index()]
+    }
+
+    /// The corners of all vertices, one vertex after the other.
+    pub(crate) fn all(&self) -> &[Halfedge] {
+        self.0.items()
+    }
+
+    /// The faces around `v`, smallest id first.
+    #[inline]
+    pub(crate) fn faces(&self, v: VertexId) -> impl Iterator<Item = FaceId> + Clone {
+        self.of(v).iter().map(|h| h.face())
+    }
+
+    /// Where the corners of `v` are among those of all vertices.
+    #[inline]
+    pub(crate) fn range(&self, v: VertexId) -> std::ops::Range<usize> {
+        self.0.range(v.index())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Adjacency, shapes};
+
+    #[test]
+    fn loops_are_those_of_the_adjacency() {
+        for mesh in [shapes::fan(5), shapes::lattice(7, 6, 1.0), shapes::tube(5, 4, 1.0, 2.0)] {
+            let adjacency = Adjacency::new(&mesh).unwrap();
+            assert_eq!(boundary_loops(&mesh), adjacency.boundary_loops());
+            assert_eq!(edges(&mesh).len(), adjacency.rings.edges());
+        }
+    }
+
+    #[test]
+    fn an_edge_of_three_faces_is_not_on_the_boundary() {
+        let book = TriMesh::from_arrays(vec![glam::DVec3::ZERO; 5], &[[0, 1, 2], [0, 1, 3], [1, 0, 4]]);
+        let found = boundary_edges(&book);
+        assert!(!found.contains(&[0, 1].map(VertexId::new)), "{found:?}");
+        assert_eq!(found.len(), 6);
+    }
+
+    #[test]
+    fn every_corner_is_listed_at_its_vertex() {
+        let mesh = shapes::fan(5);
+        let corners = VertexCorners::new(mesh.triangles.iter().copied(), 3);
+        for v in [0, 1, 2].map(VertexId::new) {
+            assert!(corners.of(v).iter().all(|h| h.start(&mesh) == v), "corners of {v}");
+            assert!(corners.faces(v).is_sorted(), "faces of {v}");
+            assert_eq!(corners.of(v).len(), if v.index() == 0 { 5 } else { 2 });
+        }
+        assert_eq!(corners.all().len(), 9, "corners of other vertices are left out");
+    }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::rings::Rings, triangle_cross},
+    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::adjacency::Rings, triangle_cross},
 };
 
 /// Two vertices with more neighbours than this are taken for neighbours without looking: between

@@ -6,7 +6,7 @@
 //! | any | one side of one face, in four bytes | `Halfedge` |
 //! | any | all faces along each edge | `Edges`, or `each_edge` to visit them once |
 //! | any | all faces around a vertex | `VertexCorners` |
-//! | any | edges, boundary edges, boundary loops | `boundary` |
+//! | any | edges, boundary edges, boundary loops | `edges`, `boundary_edges`, `boundary_loops` |
 //! | any | its components, by faces; each of them as a mesh | `face_components`; `separate` |
 //! | manifold, any winding | Euler characteristic and loops of each component | `Topology::of_components` |
 //! | oriented manifold | faces across sides, one-rings, topology | [`Adjacency`](crate::mesh::Adjacency) |
@@ -14,11 +14,7 @@
 //! | oriented manifold that changes | the same, while vertices are removed | `HalfedgeMesh` |
 
 pub(super) mod adjacency;
-pub(super) mod boundary;
-pub(super) mod components;
 pub(super) mod edges;
 pub(super) mod halfedge;
 pub(super) mod halfedge_mesh;
-pub(super) mod rings;
 pub(super) mod topology;
-pub(super) mod vertex_corners;
