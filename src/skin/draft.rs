@@ -27,49 +27,77 @@ pub struct Draft {
     pub materials: Vec<String>,
 }
 
-/// One sheet of triangles with their taxels, as written.
-///
-/// The optional arrays should be as long as `positions`, those of the texture and the materials as
-/// `triangles`. Nothing is guaranteed before the draft is assembled: arrays may be shorter, corners
-/// out of range, positions not finite, vertices unused or duplicated, winding mixed.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Sheet {
-    /// Name of the patch.
-    pub name: String,
-    /// The link it is fixed to.
-    pub link: Option<LinkId>,
-    /// Positions in the link's frame, in m.
-    pub positions: Vec<DVec3>,
+/// Defines [`Sheet`] with its columns, of which each has one entry a taxel, and what is done with all of them.
+macro_rules! sheet {
+    ($($(#[$doc:meta])* $column:ident: $type:ty,)*) => {
+        /// One sheet of triangles with their taxels, as written.
+        ///
+        /// The optional arrays should be as long as `positions`, those of the texture and the materials as
+        /// `triangles`. Nothing is guaranteed before the draft is assembled: arrays may be shorter, corners
+        /// out of range, positions not finite, vertices unused or duplicated, winding mixed.
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Sheet {
+            /// Name of the patch.
+            pub name: String,
+            /// The link it is fixed to.
+            pub link: Option<LinkId>,
+            /// Positions in the link's frame, in m.
+            pub positions: Vec<DVec3>,
+            /// Corner indices into `positions`.
+            pub triangles: Vec<[u32; 3]>,
+            /// Texture coordinates of the corners of each triangle, if the reader was asked for them.
+            pub texture: Option<Vec<[DVec2; 3]>>,
+            /// The material of each triangle, if the reader was asked for it; [`u32::MAX`] where there is
+            /// none.
+            pub materials: Option<Vec<u32>>,
+            $($(#[$doc])* pub $column: Option<Vec<$type>>,)*
+        }
+
+        impl Sheet {
+            /// The taxels `kept`, in that order, without triangles.
+            pub(crate) fn select(&self, kept: &[usize]) -> Self {
+                Self {
+                    name: self.name.clone(),
+                    link: self.link,
+                    positions: kept.iter().map(|&k| self.positions[k]).collect(),
+                    $($column: self.$column.as_ref().map(|all| kept.iter().map(|&k| all[k]).collect()),)*
+                    ..Self::default()
+                }
+            }
+
+            /// The names and lengths of the columns there are.
+            fn lengths(&self) -> impl Iterator<Item = (&'static str, usize)> {
+                let all = [$((stringify!($column), self.$column.as_ref().map(Vec::len))),*];
+                all.into_iter().filter_map(|(what, n)| Some((what, n?)))
+            }
+        }
+    };
+}
+
+sheet! {
     /// The numbers of the vertices in the file, where they are not their places in `positions`.
-    pub numbers: Option<Vec<u32>>,
-    /// Corner indices into `positions`.
-    pub triangles: Vec<[u32; 3]>,
-    /// Texture coordinates of the corners of each triangle, if the reader was asked for them.
-    pub texture: Option<Vec<[DVec2; 3]>>,
-    /// The material of each triangle, if the reader was asked for it; [`u32::MAX`] where there is
-    /// none.
-    pub materials: Option<Vec<u32>>,
+    numbers: u32,
     /// Vendor ids.
-    pub ids: Option<Vec<TaxelId>>,
+    ids: TaxelId,
     /// Normals in the link's frame.
-    pub normals: Option<Vec<DVec3>>,
+    normals: DVec3,
     /// The x axes of the taxels' frames in the link's frame, which are projected to the tangent
     /// planes when the sheet is assembled; zero where there is none.
-    pub tangents: Option<Vec<DVec3>>,
+    tangents: DVec3,
     /// Receptive areas, in m^2.
-    pub areas: Option<Vec<f64>>,
+    areas: f64,
     /// Taxels per m^2.
-    pub densities: Option<Vec<f64>>,
+    densities: f64,
     /// How much distortion of the map counts at each taxel, at least 0.
-    pub weights: Option<Vec<f64>>,
+    weights: f64,
     /// What each slot holds.
-    pub presence: Option<Vec<Presence>>,
+    presence: Presence,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
-    pub modules: Option<Vec<u32>>,
+    modules: u32,
     /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
-    pub covariances: Option<Vec<Covariance>>,
+    covariances: Covariance,
     /// The links that each taxel follows; `None`: the sheet's.
-    pub joints: Option<Vec<Joints>>,
+    joints: Joints,
 }
 
 impl Draft {
@@ -175,21 +203,7 @@ impl Sheet {
         if let Some(wrong) = given.find(|&(_, n)| n != self.triangles.len()) {
             return Some(wrong);
         }
-        let lengths = [
-            ("numbers", self.numbers.as_ref().map(Vec::len)),
-            ("ids", self.ids.as_ref().map(Vec::len)),
-            ("normals", self.normals.as_ref().map(Vec::len)),
-            ("tangents", self.tangents.as_ref().map(Vec::len)),
-            ("areas", self.areas.as_ref().map(Vec::len)),
-            ("densities", self.densities.as_ref().map(Vec::len)),
-            ("weights", self.weights.as_ref().map(Vec::len)),
-            ("presence", self.presence.as_ref().map(Vec::len)),
-            ("covariances", self.covariances.as_ref().map(Vec::len)),
-            ("joints", self.joints.as_ref().map(Vec::len)),
-            ("modules", self.modules.as_ref().map(Vec::len)),
-        ];
-        let mut given = lengths.into_iter().filter_map(|(what, n)| Some((what, n?)));
-        given.find(|&(_, n)| n != self.positions.len())
+        self.lengths().find(|&(_, n)| n != self.positions.len())
     }
 
     /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay; a sheet
@@ -230,32 +244,6 @@ impl Sheet {
         part.texture = self.texture.as_ref().map(|all| faces.iter().map(|&f| all[f]).collect());
         part.materials = self.materials.as_ref().map(|all| faces.iter().map(|&f| all[f]).collect());
         part
-    }
-
-    /// The taxels `kept`, in that order, without triangles.
-    pub(crate) fn select(&self, kept: &[usize]) -> Self {
-        fn pick<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
-            kept.iter().map(|&k| values[k]).collect()
-        }
-        Self {
-            name: self.name.clone(),
-            link: self.link,
-            positions: pick(&self.positions, kept),
-            numbers: self.numbers.as_ref().map(|x| pick(x, kept)),
-            triangles: Vec::new(),
-            texture: None,
-            materials: None,
-            ids: self.ids.as_ref().map(|x| pick(x, kept)),
-            normals: self.normals.as_ref().map(|x| pick(x, kept)),
-            tangents: self.tangents.as_ref().map(|x| pick(x, kept)),
-            areas: self.areas.as_ref().map(|x| pick(x, kept)),
-            densities: self.densities.as_ref().map(|x| pick(x, kept)),
-            weights: self.weights.as_ref().map(|x| pick(x, kept)),
-            presence: self.presence.as_ref().map(|x| pick(x, kept)),
-            modules: self.modules.as_ref().map(|x| pick(x, kept)),
-            covariances: self.covariances.as_ref().map(|x| pick(x, kept)),
-            joints: self.joints.as_ref().map(|x| pick(x, kept)),
-        }
     }
 }
 

@@ -1,10 +1,9 @@
 //! Assembling: a draft becomes a skin, and every repair is reported.
 //!
 //! [`assemble`] takes these steps for every sheet: `components` and `zero_area` (the faces that are
-//! connected), `patch` with `outward` (a patch of each).
+//! connected), `patch` (a patch of each).
 
 mod components;
-mod outward;
 mod patch;
 pub(in crate::skin) mod zero_area;
 

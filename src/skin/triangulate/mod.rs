@@ -4,9 +4,9 @@
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
-//! 1. `unique_points`, with `coincident`: each position once, in an order of its own;
+//! 1. `unique_points`: each position once, in an order of its own;
 //! 2. `neighbours`: the local spacing and who may be joined;
-//! 3. `normals`, then `orient_normals`: tangent planes, turned to one side (hoppe1992, konig2009);
+//! 3. `normals`: tangent planes, turned to one side (hoppe1992, konig2009);
 //! 4. `candidates`, with `delaunay_star`: triangles by the votes of their corners;
 //! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
 //! 6. `repair`: small holes, touching fans, isolated taxels;
@@ -43,12 +43,10 @@
 //! spacing and no normals tell them apart, they are joined.
 
 mod candidates;
-mod coincident;
 mod delaunay_star;
 mod growing_mesh;
 mod neighbours;
 mod normals;
-mod orient_normals;
 mod orient_outward;
 mod repair;
 mod unique_points;
@@ -67,8 +65,7 @@ use crate::{
             candidates::candidates,
             growing_mesh::GrowingMesh,
             neighbours::{Neighbours, PointCloud},
-            normals::PointNormals,
-            orient_normals::orient_normals,
+            normals::{PointNormals, orient_normals},
             orient_outward::{Outside, orient_outward},
             repair::{attach_isolated, fill_small_holes, remove_extra_fans},
         },
