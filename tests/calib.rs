@@ -29,6 +29,46 @@ fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {
     found
 }
 
+fn fit(observations: &Observations) -> Calibration {
+    solve(observations, &CalibOptions::default())
+}
+
+fn observed(options: &SimulateOptions) -> Observations {
+    simulate(options).unwrap().observations
+}
+
+/// What an edge observed in the positions model, and its information.
+fn offset(observations: &mut Observations, edge: usize) -> (&mut DVec3, &mut Information<3>) {
+    match &mut observations.edges[DisplacementId::new(edge)].measurement {
+        DisplacementMeasurement::Offset { offset, information } => (offset, information),
+        DisplacementMeasurement::Relative(_) => panic!("offsets in the positions model"),
+    }
+}
+
+/// Where a contact observed its taxel, and its information.
+fn touched(observations: &mut Observations, contact: usize) -> (&mut DVec3, &mut Information<3>) {
+    match &mut observations.contacts[ContactObservationId::new(contact)].measurement {
+        ContactMeasurement::Position { position, information }
+        | ContactMeasurement::PositionNormal { position, information, .. } => (position, information),
+        ContactMeasurement::Pose { .. } => panic!("positions are touched"),
+    }
+}
+
+/// Adds an edge of the positions model.
+fn join(observations: &mut Observations, [from, to]: [usize; 2], offset: DVec3, information: f64) {
+    let information = Information::diagonal([information; 3]);
+    let measurement = DisplacementMeasurement::Offset { offset, information };
+    let (from, to) = (VertexId::new(from), VertexId::new(to));
+    observations.edges.push(Displacement { from, to, measurement });
+}
+
+/// Adds a touched position.
+fn touch(observations: &mut Observations, taxel: usize, position: DVec3, information: [f64; 3]) {
+    let information = Information::diagonal(information);
+    let measurement = ContactMeasurement::Position { position, information };
+    observations.contacts.push(ContactObservation { taxel: VertexId::new(taxel), measurement });
+}
+
 fn robust(loss: Loss) -> CalibOptions {
     CalibOptions { robust: Some(loss), ..CalibOptions::default() }
 }
@@ -66,7 +106,7 @@ fn statistics(options: &SimulateOptions, degrees_of_freedom: usize) -> Statistic
     let runs: Vec<[f64; 3]> = (0..20)
         .map(|seed| {
             let simulation = simulate(&SimulateOptions { seed, ..*options }).unwrap();
-            let found = solve(&simulation.observations, &CalibOptions::default());
+            let found = fit(&simulation.observations);
             assert_eq!(found.fit.degrees_of_freedom, degrees_of_freedom);
             assert_eq!(found.free.is_empty(), options.anchors > 0, "contacts hold the skin");
             let comparison = compare(&found.poses, &simulation.truth).unwrap();
@@ -227,7 +267,7 @@ fn order_and_gauge_taxel_change_nothing() {
     for model in [Model::Positions, Model::Poses] {
         let simulation = simulate(&small(model)).unwrap();
         let (a, b) = (simulation.observations.clone(), reversed(&simulation.observations));
-        let (a, b) = (solve(&a, &CalibOptions::default()), solve(&b, &CalibOptions::default()));
+        let (a, b) = (fit(&a), fit(&b));
         assert_ne!(a.free[0].gauge, b.free[0].gauge, "another taxel holds the gauge");
         assert!((a.cost / b.cost - 1.0).abs() < 1e-9, "{} and {}", a.cost, b.cost);
         let back: IdVec<VertexId, Pose> = b.poses.iter().rev().copied().collect();
@@ -258,8 +298,8 @@ fn moving_the_frame_moves_the_skin() {
             *normal = (motion.rotation * *normal).normalize();
         }
     }
-    let a = solve(&simulation.observations, &CalibOptions::default());
-    let b = solve(&moved, &CalibOptions::default());
+    let a = fit(&simulation.observations);
+    let b = fit(&moved);
     assert!((a.cost / b.cost - 1.0).abs() < 1e-9);
     for (x, y) in a.poses.iter().zip(&b.poses) {
         assert!((motion * *x).position.distance(y.position) < 1e-9);
@@ -304,8 +344,8 @@ fn edges_without_information_change_nothing() {
         let mut without = simulation.observations.clone();
         let edges = without.edges.enumerate().filter(|(e, _)| e.index() % 10 != 0);
         without.edges = edges.map(|(_, e)| e.clone()).collect();
-        let a = solve(&silent, &CalibOptions::default());
-        let b = solve(&without, &CalibOptions::default());
+        let a = fit(&silent);
+        let b = fit(&without);
         assert!((a.cost / b.cost - 1.0).abs() < 1e-9, "{} and {}", a.cost, b.cost);
         assert_eq!(a.fit.degrees_of_freedom, b.fit.degrees_of_freedom);
         assert!(compare(&a.poses, &b.poses).unwrap().absolute < 1e-9);
@@ -316,7 +356,7 @@ fn edges_without_information_change_nothing() {
 #[test]
 fn edges_without_information_join_no_components() {
     for model in [Model::Positions, Model::Poses] {
-        let one = simulate(&small(model)).unwrap().observations;
+        let one = observed(&small(model));
         let both = side_by_side(&one, &one);
         let mut joined = both.clone();
         let mut silent = one.edges[DisplacementId::new(0)].clone();
@@ -328,7 +368,7 @@ fn edges_without_information_join_no_components() {
             DisplacementMeasurement::Relative(m) => m.information = Information::diagonal([0.0; 6]),
         }
         joined.edges.push(silent);
-        let (a, b) = (solve(&both, &CalibOptions::default()), solve(&joined, &CalibOptions::default()));
+        let (a, b) = (fit(&both), fit(&joined));
         assert!((a.cost / b.cost - 1.0).abs() < 1e-12, "{} and {}", a.cost, b.cost);
         assert_eq!((a.fit.degrees_of_freedom, a.free), (b.fit.degrees_of_freedom, b.free));
     }
@@ -338,7 +378,7 @@ fn edges_without_information_join_no_components() {
 #[test]
 fn units_do_not_change_the_degrees_of_freedom() {
     let options = SimulateOptions { noise: 1e-6, rotation_noise: 2_f64.to_radians(), ..poses(1) };
-    let found = solve(&simulate(&options).unwrap().observations, &CalibOptions::default());
+    let found = fit(&observed(&options));
     assert_eq!(found.fit.degrees_of_freedom, 6 * 1419 - 6 * 499);
     assert!(found.fit.p.unwrap() > 1e-3, "{:?}", found.fit);
 }
@@ -347,7 +387,7 @@ fn units_do_not_change_the_degrees_of_freedom() {
 /// skin.
 #[test]
 fn a_full_prior_leaves_nothing_free() {
-    let base = simulate(&small(Model::Poses)).unwrap().observations;
+    let base = observed(&small(Model::Poses));
     for translation in [1e2, 1e6, 1e10, 1e14] {
         let mut observations = base.clone();
         let taxel = VertexId::new(39);
@@ -358,7 +398,7 @@ fn a_full_prior_leaves_nothing_free() {
             taxel,
             measurement: ContactMeasurement::Pose { offset: Pose::default(), seen },
         });
-        let found = solve(&observations, &CalibOptions::default());
+        let found = fit(&observations);
         assert_eq!(found.free, [], "{translation}");
         assert!(found.poses[taxel].position.distance(pose.position) < 1e-6, "{translation}");
     }
@@ -368,26 +408,19 @@ fn a_full_prior_leaves_nothing_free() {
 #[test]
 fn one_touched_point_leaves_the_rotation_free() {
     let position = DVec3::new(1.0, 2.0, 3.0);
-    let touch = ContactMeasurement::Position { position, information: Information::diagonal([1e6; 3]) };
-    let observations = Observations {
-        model: Model::Poses,
-        taxels: vec![TaxelVariable { id: TaxelId(4), initial: None, fixed: false }].into(),
-        edges: IdVec::default(),
-        contacts: vec![ContactObservation { taxel: VertexId::new(0), measurement: touch }].into(),
-    };
-    let found = solve(&observations, &CalibOptions::default());
+    let taxel = TaxelVariable { id: TaxelId(4), initial: None, fixed: false };
+    let mut observations =
+        Observations { model: Model::Poses, taxels: vec![taxel].into(), ..Observations::default() };
+    touch(&mut observations, 0, position, [1e6; 3]);
+    let found = fit(&observations);
     assert_eq!((found.free[0].free_motions, found.fit.degrees_of_freedom), (3, 0));
     assert!(found.poses[VertexId::new(0)].position.distance(position) < 1e-12);
 }
 
 #[test]
 fn an_overflowing_cost_is_not_converged() {
-    let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
-    if let DisplacementMeasurement::Offset { offset, .. } =
-        &mut observations.edges[DisplacementId::new(3)].measurement
-    {
-        offset.x = 1e160;
-    }
+    let mut observations = observed(&small(Model::Positions));
+    offset(&mut observations, 3).0.x = 1e160;
     let found = calibrate(&observations, &CalibOptions::default()).unwrap();
     assert_eq!(found.termination, Termination::Overflow);
 }
@@ -395,7 +428,7 @@ fn an_overflowing_cost_is_not_converged() {
 /// Observations of fixed taxels can be wrong, too.
 #[test]
 fn observations_between_fixed_taxels_are_judged() {
-    let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
+    let mut observations = observed(&small(Model::Positions));
     observations.taxels.iter_mut().for_each(|t| t.fixed = true);
     let edges = observations.edges.len();
     let found = solve(&observations, &robust(Loss::Squared));
@@ -410,7 +443,7 @@ fn the_default_rejects_outliers_alone() {
             simulate(&SimulateOptions { outliers, seed: 4, ..SimulateOptions::default() }).unwrap();
         let mut observations = simulation.observations;
         scale_information(&mut observations, |_| stated.powi(-2));
-        let found = solve(&observations, &CalibOptions::default());
+        let found = fit(&observations);
         assert!(found.rejected().0.len() < 1419 / 2, "{outliers}, {stated}");
         found.loss
     };
@@ -422,7 +455,7 @@ fn the_default_rejects_outliers_alone() {
             simulate(&SimulateOptions { taxels: 200, seed, ..SimulateOptions::default() }).unwrap();
         let mut observations = simulation.observations;
         scale_information(&mut observations, |_| 0.35_f64.powi(-2));
-        let found = solve(&observations, &CalibOptions::default());
+        let found = fit(&observations);
         assert_eq!(found.loss, Loss::Squared, "seed {seed}, noise understated by a third");
     }
     for (outliers, stated) in [(0.02, 2.0), (0.05, 0.85), (0.05, 1.0), (0.2, 0.85), (0.2, 1.0)] {
@@ -433,27 +466,18 @@ fn the_default_rejects_outliers_alone() {
 /// One gross error among many hardly changes the sum of squares.
 #[test]
 fn one_gross_error_is_found() {
-    let mut observations =
-        simulate(&SimulateOptions { seed: 4, ..SimulateOptions::default() }).unwrap().observations;
-    let wrong = DisplacementId::new(700);
-    if let DisplacementMeasurement::Offset { offset, .. } = &mut observations.edges[wrong].measurement {
-        offset.x += 9e-3;
-    }
-    let found = solve(&observations, &CalibOptions::default());
-    assert!(found.rejected().0.contains(&wrong), "{:?}", found.fit);
+    let mut observations = observed(&SimulateOptions { seed: 4, ..SimulateOptions::default() });
+    offset(&mut observations, 700).0.x += 9e-3;
+    let found = fit(&observations);
+    assert!(found.rejected().0.contains(&DisplacementId::new(700)), "{:?}", found.fit);
 }
 
 /// Two edges that contradict each other, and nothing to tell which is wrong: both count.
 #[test]
 fn undecidable_contradictions_are_kept() {
-    let mut observations =
-        simulate(&SimulateOptions { taxels: 3, ..SimulateOptions::default() }).unwrap().observations;
-    if let DisplacementMeasurement::Offset { offset, .. } =
-        &mut observations.edges[DisplacementId::new(0)].measurement
-    {
-        offset.x += 20e-3;
-    }
-    let found = solve(&observations, &CalibOptions::default());
+    let mut observations = observed(&SimulateOptions { taxels: 3, ..SimulateOptions::default() });
+    offset(&mut observations, 0).0.x += 20e-3;
+    let found = fit(&observations);
     assert_eq!((found.loss, found.fit.degrees_of_freedom), (Loss::Squared, 3));
     assert!(found.fit.to_string().contains("disagree"), "{:?}", found.fit);
 }
@@ -464,11 +488,7 @@ fn rejected_contacts_are_no_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..SimulateOptions::default() };
     let simulation = simulate(&options).unwrap();
     let mut observations = simulation.observations;
-    if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts[ContactObservationId::new(0)].measurement
-    {
-        position.x += 0.03;
-    }
+    touched(&mut observations, 0).0.x += 0.03;
     let found = solve(&observations, &robust(Loss::Truncated));
     assert_eq!(found.rejected().1.len(), 2);
     let free = &found.free[0];
@@ -489,20 +509,12 @@ fn contradicting_weak_contacts_converge() {
         seed: 1,
         ..SimulateOptions::default()
     };
-    let mut observations = simulate(&options).unwrap().observations;
-    if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts[ContactObservationId::new(0)].measurement
-    {
-        position.x += 0.5;
-    }
+    let mut observations = observed(&options);
+    touched(&mut observations, 0).0.x += 0.5;
     for robust in [None, Some(Loss::Truncated), Some(Loss::Tukey)] {
         solve(&observations, &CalibOptions { robust, ..CalibOptions::default() });
     }
-    assert_eq!(
-        solve(&observations, &CalibOptions::default()).loss,
-        Loss::Squared,
-        "one of two: who can tell"
-    );
+    assert_eq!(fit(&observations).loss, Loss::Squared, "one of two: who can tell");
 }
 
 /// Huber's loss rejects nothing completely: contacts that contradict each other hold the skin all
@@ -510,12 +522,8 @@ fn contradicting_weak_contacts_converge() {
 #[test]
 fn contacts_under_the_loss_of_huber_are_anchors() {
     let options = SimulateOptions { anchors: 2, seed: 2, ..small(Model::Positions) };
-    let mut observations = simulate(&options).unwrap().observations;
-    if let ContactMeasurement::Position { position, .. } =
-        &mut observations.contacts[ContactObservationId::new(0)].measurement
-    {
-        position.x += 0.03;
-    }
+    let mut observations = observed(&options);
+    touched(&mut observations, 0).0.x += 0.03;
     let found = solve(&observations, &robust(Loss::Huber));
     assert!(!found.rejected().1.is_empty());
     assert!(found.free.is_empty(), "{:?}", found.free);
@@ -548,13 +556,11 @@ fn half_of_the_contacts_may_be_wrong() {
         let options = SimulateOptions { taxels: 120, anchors, seed, ..SimulateOptions::default() };
         let simulation = simulate(&options).unwrap();
         let mut observations = simulation.observations;
-        for (k, contact) in observations.contacts.iter_mut().take(anchors / 2).enumerate() {
-            if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
-                *position +=
-                    0.05 * DVec3::new((2.0 * k as f64).cos(), (2.0 * k as f64).sin(), 0.4 * k as f64);
-            }
+        for k in 0..anchors / 2 {
+            let (sin, cos) = (2.0 * k as f64).sin_cos();
+            *touched(&mut observations, k).0 += 0.05 * DVec3::new(cos, sin, 0.4 * k as f64);
         }
-        let found = solve(&observations, &CalibOptions::default());
+        let found = fit(&observations);
         // Noise alone makes one in three hundred as large.
         assert!(found.rejected().0.len() < 4, "{anchors} contacts");
         if anchors == 2 {
@@ -570,17 +576,14 @@ fn half_of_the_contacts_may_be_wrong() {
 /// Two sheets side by side and two long edges between them, which name the distance of the second
 /// from the first and the same plus `apart`.
 fn bridged(apart: f64) -> Observations {
-    let one = simulate(&SimulateOptions { outliers: 0.05, ..small(Model::Positions) }).unwrap().observations;
+    let one = observed(&SimulateOptions { outliers: 0.05, ..small(Model::Positions) });
     let other = SimulateOptions { outliers: 0.05, seed: 9, ..small(Model::Positions) };
-    let mut both = side_by_side(&one, &simulate(&other).unwrap().observations);
+    let mut both = side_by_side(&one, &observed(&other));
     let truth = simulate(&small(Model::Positions)).unwrap().truth;
     let away = DVec3::new(0.07, 0.0, 0.0);
     for (from, to, more) in [(3, 8, 0.0), (20, 25, apart)] {
-        let (from, to) = (VertexId::new(from), VertexId::new(to));
-        let offset = truth[to].position - truth[from].position + away + DVec3::X * more;
-        let motion = DisplacementMeasurement::Offset { offset, information: Information::diagonal([1e6; 3]) };
-        let to = VertexId::new(one.taxels.len() + to.index());
-        both.edges.push(Displacement { from, to, measurement: motion });
+        let [a, b] = [from, to].map(|v| truth[VertexId::new(v)].position);
+        join(&mut both, [from, one.taxels.len() + to], b - a + away + DVec3::X * more, 1e6);
     }
     both
 }
@@ -622,24 +625,19 @@ fn rejected_edges_have_a_cost() {
 /// A touched height that is 3.5 standard deviations off: too much for one number, not for three.
 #[test]
 fn outlier_bounds_follow_the_rank_of_an_observation() {
-    let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
+    let mut observations = observed(&small(Model::Positions));
     let at = simulate(&small(Model::Positions)).unwrap().truth;
     for k in 0..10 {
         let off = if k == 9 { 3.5e-3 } else { 0.0 };
-        let taxel = VertexId::new(4 * k);
-        let position = at[taxel].position + DVec3::Z * off;
-        let information = Information::diagonal([0.0, 0.0, 1e6]);
-        observations.contacts.push(ContactObservation {
-            taxel,
-            measurement: ContactMeasurement::Position { position, information },
-        });
+        let position = at[VertexId::new(4 * k)].position + DVec3::Z * off;
+        touch(&mut observations, 4 * k, position, [0.0, 0.0, 1e6]);
     }
     // Edges that are sure: all of the error is the contact's.
     scale_information(&mut observations, |_| 1e4);
-    for (k, edge) in observations.edges.iter_mut().enumerate() {
-        if let DisplacementMeasurement::Offset { offset, .. } = &mut edge.measurement {
-            *offset = at[edge.to].position - at[edge.from].position + DVec3::X * 1e-6 * (k % 3) as f64;
-        }
+    for k in 0..observations.edges.len() {
+        let Displacement { from, to, .. } = observations.edges[DisplacementId::new(k)];
+        let exact = at[to].position - at[from].position;
+        *offset(&mut observations, k).0 = exact + DVec3::X * 1e-6 * (k % 3) as f64;
     }
     let found = solve(&observations, &robust(Loss::Truncated));
     let rejected: Vec<usize> = found.rejected().1.iter().map(|c| c.index()).collect();
@@ -649,16 +647,14 @@ fn outlier_bounds_follow_the_rank_of_an_observation() {
 /// What one method may not finish, another must not either.
 #[test]
 fn the_default_keeps_the_limit_of_iterations() {
-    let observations = simulate(&SimulateOptions { outliers: 0.1, ..poses(4) }).unwrap().observations;
+    let observations = observed(&SimulateOptions { outliers: 0.1, ..poses(4) });
     let max_iterations = 1;
     let found =
         calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }).unwrap();
     assert_eq!(found.termination, Termination::OutOfIterations);
     // Enough for least squares, not for what they leave in doubt: what there is has the weights of
     // its last step.
-    let observations = simulate(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() })
-        .unwrap()
-        .observations;
+    let observations = observed(&SimulateOptions { outliers: 0.05, seed: 3, ..SimulateOptions::default() });
     let max_iterations = 10;
     let found =
         calibrate(&observations, &CalibOptions { max_iterations, ..CalibOptions::default() }).unwrap();
@@ -671,7 +667,7 @@ fn the_default_keeps_the_limit_of_iterations() {
 #[test]
 fn goodness_of_fit_does_not_depend_on_the_loss() {
     let options = SimulateOptions { taxels: 20_000, spacing: 1e-3, ..SimulateOptions::default() };
-    let observations = simulate(&options).unwrap().observations;
+    let observations = observed(&options);
     for robust in [Some(Loss::Squared), Some(Loss::Truncated)] {
         let options = CalibOptions { robust, covariances: false, ..CalibOptions::default() };
         let fit = solve(&observations, &options).fit;
@@ -695,8 +691,8 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
             ..SimulateOptions::default()
         };
         let simulation = simulate(&options).unwrap();
-        let found = solve(&simulation.observations, &CalibOptions::default());
-        let touched = simulation.observations.contacts.iter().next().map(|c| found.poses[c.taxel].position);
+        let found = fit(&simulation.observations);
+        let place = simulation.observations.contacts.iter().next().map(|c| found.poses[c.taxel].position);
         let mut sums = vec![DMat3::ZERO; 7];
         let mut push = |change: &dyn Fn(&mut Observations, f64)| {
             // The estimate bends: the mean of both directions leaves an error of third order.
@@ -705,7 +701,7 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
                 change(&mut changed, sigmas);
                 let options = CalibOptions { covariances: false, ..CalibOptions::default() };
                 let poses = solve(&changed, &options).poses;
-                if found.free.is_empty() { poses } else { aligned(&poses, &found, touched) }
+                if found.free.is_empty() { poses } else { aligned(&poses, &found, place) }
             });
             for (k, sum) in sums.iter_mut().enumerate() {
                 let v = VertexId::new(k);
@@ -729,11 +725,8 @@ fn covariances_of_poses_are_what_noise_does_after_alignment() {
         for contact in simulation.observations.contacts.ids() {
             for axis in 0..3 {
                 push(&|o, sigmas| {
-                    if let ContactMeasurement::Position { position, information } =
-                        &mut o.contacts[contact].measurement
-                    {
-                        position[axis] += information.0[axis][axis].powf(-0.5) * sigmas;
-                    }
+                    let (position, information) = touched(o, contact.index());
+                    position[axis] += information.0[axis][axis].powf(-0.5) * sigmas;
                 });
             }
         }
@@ -770,12 +763,8 @@ fn aligned(
 fn covariances_are_what_noise_does_to_the_estimate() {
     for (anchors, stretch) in [(0, 1.0), (2, 1.0), (0, 4.0), (2, 4.0)] {
         let options = SimulateOptions { taxels: 7, anchors, ..SimulateOptions::default() };
-        let mut observations = simulate(&options).unwrap().observations;
-        if let DisplacementMeasurement::Offset { information, .. } =
-            &mut observations.edges[DisplacementId::new(0)].measurement
-        {
-            information.0[0][0] *= stretch;
-        }
+        let mut observations = observed(&options);
+        offset(&mut observations, 0).1.0[0][0] *= stretch;
         let centred = |observations: &Observations| {
             let options = robust(Loss::Squared);
             let found = solve(observations, &options);
@@ -798,20 +787,14 @@ fn covariances_are_what_noise_does_to_the_estimate() {
         // A push of one standard deviation.
         for edge in observations.edges.ids() {
             push(&|o, axis| {
-                if let DisplacementMeasurement::Offset { offset, information } =
-                    &mut o.edges[edge].measurement
-                {
-                    offset[axis] += information.0[axis][axis].powf(-0.5);
-                }
+                let (offset, information) = offset(o, edge.index());
+                offset[axis] += information.0[axis][axis].powf(-0.5);
             });
         }
         for contact in observations.contacts.ids() {
             push(&|o, axis| {
-                if let ContactMeasurement::Position { position, information } =
-                    &mut o.contacts[contact].measurement
-                {
-                    position[axis] += information.0[axis][axis].powf(-0.5);
-                }
+                let (position, information) = touched(o, contact.index());
+                position[axis] += information.0[axis][axis].powf(-0.5);
             });
         }
         for (c, sum) in covariances.iter().zip(&sums) {
@@ -830,13 +813,9 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
     let simulation = simulate(&SimulateOptions { anchors: 3, ..small(Model::Positions) }).unwrap();
     let mut nearly = simulation.observations.clone();
     // One direction that differs in the last digits takes the path of blocks.
-    if let DisplacementMeasurement::Offset { information, .. } =
-        &mut nearly.edges[DisplacementId::new(0)].measurement
-    {
-        information.0[0][0] *= 1.0 + 1e-12;
-    }
-    let a = solve(&simulation.observations, &CalibOptions::default());
-    let b = solve(&nearly, &CalibOptions::default());
+    offset(&mut nearly, 0).1.0[0][0] *= 1.0 + 1e-12;
+    let a = fit(&simulation.observations);
+    let b = fit(&nearly);
     assert!((a.cost / b.cost - 1.0).abs() < 1e-9);
     let of = |c: &Calibration| c.marginals.as_ref().unwrap().positions[VertexId::new(5)];
     for (x, y) in <[f64; 6]>::from(of(&a)).into_iter().zip(<[f64; 6]>::from(of(&b))) {
@@ -850,7 +829,7 @@ fn anisotropic_information_with_equal_directions_is_isotropic_information() {
 fn partly_anchored_poses_keep_what_is_held() {
     for (anchors, directions) in [(1, 3), (2, 1), (3, 0)] {
         let simulation = simulate(&SimulateOptions { anchors, ..small(Model::Poses) }).unwrap();
-        let found = solve(&simulation.observations, &CalibOptions::default());
+        let found = fit(&simulation.observations);
         assert_eq!(found.free.iter().map(|f| f.free_motions).sum::<usize>(), directions, "{anchors} anchors");
         let observed = 6 * simulation.observations.edges.len() + 3 * anchors;
         assert_eq!(found.fit.degrees_of_freedom, observed - (6 * 40 - directions));
@@ -883,19 +862,18 @@ fn side_by_side(one: &Observations, other: &Observations) -> Observations {
 /// Two sheets that nothing joins, one of them anchored.
 #[test]
 fn components_are_calibrated_each_in_its_own_gauge() {
-    let one = simulate(&small(Model::Positions)).unwrap().observations;
-    let other = simulate(&SimulateOptions { seed: 9, ..small(Model::Positions) }).unwrap().observations;
+    let one = observed(&small(Model::Positions));
+    let other = observed(&SimulateOptions { seed: 9, ..small(Model::Positions) });
     let first = one.taxels.len();
     let shift = |v: VertexId| VertexId::new(v.index() + first);
     let mut both = side_by_side(&one, &other);
     let position = DVec3::new(1.0, 2.0, 3.0);
-    let touch = ContactMeasurement::Position { position, information: Information::diagonal([1e6; 3]) };
-    both.contacts.push(ContactObservation { taxel: shift(VertexId::new(4)), measurement: touch });
-    let found = solve(&both, &CalibOptions::default());
+    touch(&mut both, first + 4, position, [1e6; 3]);
+    let found = fit(&both);
     assert_eq!(found.free.len(), 1, "{:?}", found.free);
     assert_eq!((found.free[0].gauge.0, found.free[0].taxels), (0, 40));
     assert!(found.poses[shift(VertexId::new(4))].position.distance(position) < 1e-12, "the contact holds it");
-    let alone = solve(&other, &CalibOptions::default());
+    let alone = fit(&other);
     let part: IdVec<VertexId, Pose> = found.poses.iter().skip(first).copied().collect();
     assert!(compare(&part, &alone.poses).unwrap().rigid < 1e-12, "one does not feel the other");
 }
@@ -904,10 +882,10 @@ fn components_are_calibrated_each_in_its_own_gauge() {
 /// one by one.
 #[test]
 fn every_sheet_of_a_skin_is_seen_from_outside() {
-    let one = simulate(&small(Model::Poses)).unwrap().observations;
+    let one = observed(&small(Model::Poses));
     for other in [&one, &reversed(&one)] {
         let both = side_by_side(&one, other);
-        let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
+        let made = calibrated_skin(&fit(&both), &both, None).unwrap();
         assert_eq!(made.assumed, 0);
         for patch in &made.skin.patches {
             for face in patch.mesh.triangles.ids() {
@@ -923,7 +901,7 @@ fn every_sheet_of_a_skin_is_seen_from_outside() {
 fn tangents_are_the_x_axes_of_calibrated_frames() {
     for model in [Model::Poses, Model::Positions] {
         let simulation = simulate(&small(model)).unwrap();
-        let found = solve(&simulation.observations, &CalibOptions::default());
+        let found = fit(&simulation.observations);
         let made = calibrated_skin(&found, &simulation.observations, None).unwrap();
         let taxels = &made.skin.patches.iter().next().unwrap().taxels;
         assert_eq!(made.skin.validate(), Ok(()));
@@ -950,7 +928,7 @@ fn sheets_without_normals_look_away_from_the_origin() {
         let touch =
             ContactMeasurement::PositionNormal { position, information, normal, normal_information: 1.0 };
         both.contacts.push(ContactObservation { taxel, measurement: touch });
-        let made = calibrated_skin(&solve(&both, &CalibOptions::default()), &both, None).unwrap();
+        let made = calibrated_skin(&fit(&both), &both, None).unwrap();
         assert_eq!(made.assumed, 1, "nothing touched the second sheet");
         for (patch, side) in made.skin.patches.iter().zip([-1.0, 1.0]) {
             for face in patch.mesh.triangles.ids() {
@@ -964,8 +942,8 @@ fn sheets_without_normals_look_away_from_the_origin() {
 /// An edge to a neighbour's neighbour: a wrong one, or one that says nothing.
 #[test]
 fn rejected_and_empty_edges_form_no_triangles() {
-    let whole = simulate(&small(Model::Positions)).unwrap().observations;
-    let sound = calibrated_skin(&solve(&whole, &CalibOptions::default()), &whole, None).unwrap();
+    let whole = observed(&small(Model::Positions));
+    let sound = calibrated_skin(&fit(&whole), &whole, None).unwrap();
     let joined = |a: VertexId, b: VertexId| {
         whole.edges.iter().any(|e| [[e.from, e.to], [e.to, e.from]].contains(&[a, b]))
     };
@@ -981,11 +959,7 @@ fn rejected_and_empty_edges_form_no_triangles() {
         .unwrap();
     for (information, off) in [(0.0, 0.0), (1e6, 0.02)] {
         let mut observations = whole.clone();
-        let motion = DisplacementMeasurement::Offset {
-            offset: DVec3::X * off,
-            information: Information::diagonal([information; 3]),
-        };
-        observations.edges.push(Displacement { from: a, to: b, measurement: motion });
+        join(&mut observations, [a.index(), b.index()], DVec3::X * off, information);
         let found = solve(&observations, &robust(Loss::Truncated));
         let made = calibrated_skin(&found, &observations, None).unwrap();
         let triangles = |made: &CalibratedSkin| made.skin.patches[0.into()].mesh.triangles.len();
@@ -996,15 +970,10 @@ fn rejected_and_empty_edges_form_no_triangles() {
 /// Its 4 million triangles must not be listed to learn that it is no surface.
 #[test]
 fn a_graph_of_all_edges_is_no_skin() {
-    let mut observations =
-        simulate(&SimulateOptions { taxels: 300, ..SimulateOptions::default() }).unwrap().observations;
-    let information = Information::diagonal([1e6; 3]);
+    let mut observations = observed(&SimulateOptions { taxels: 300, ..SimulateOptions::default() });
     observations.edges = IdVec::default();
-    for from in observations.taxels.ids() {
-        for to in observations.taxels.ids().skip(from.index() + 1) {
-            let motion = DisplacementMeasurement::Offset { offset: DVec3::ZERO, information };
-            observations.edges.push(Displacement { from, to, measurement: motion });
-        }
+    for from in 0..300 {
+        (from + 1..300).for_each(|to| join(&mut observations, [from, to], DVec3::ZERO, 1e6));
     }
     let options = CalibOptions { robust: Some(Loss::Squared), covariances: false, ..CalibOptions::default() };
     let error = calibrated_skin(&solve(&observations, &options), &observations, None).unwrap_err();
@@ -1016,7 +985,7 @@ fn a_graph_of_all_edges_is_no_skin() {
 fn given_triangles_that_are_inside_out_are_turned() {
     let simulation = simulate(&small(Model::Poses)).unwrap();
     let observations = &simulation.observations;
-    let found = solve(observations, &CalibOptions::default());
+    let found = fit(observations);
     let mut triangles = simulation.mesh.triangles.to_vec();
     let right = calibrated_skin(&found, observations, Some(&triangles)).unwrap();
     triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -1040,15 +1009,10 @@ fn edges_whose_triangles_close_up_are_no_skin() {
         Observations { taxels: (10..14).map(unknown).collect(), ..Observations::default() };
     for i in 0..4 {
         for j in i + 1..4 {
-            let motion = DisplacementMeasurement::Offset {
-                offset: places[j] - places[i],
-                information: Information::diagonal([1.0; 3]),
-            };
-            let (from, to) = (VertexId::new(i), VertexId::new(j));
-            observations.edges.push(Displacement { from, to, measurement: motion });
+            join(&mut observations, [i, j], places[j] - places[i], 1.0);
         }
     }
-    let found = solve(&observations, &CalibOptions::default());
+    let found = fit(&observations);
     let error = calibrated_skin(&found, &observations, None).unwrap_err();
     assert_eq!(error, CalibError::NoTriangulation(SheetDefect::Closed { id: TaxelId(10) }));
 }
@@ -1056,12 +1020,12 @@ fn edges_whose_triangles_close_up_are_no_skin() {
 #[test]
 fn fixed_taxels_stay_where_they_are() {
     for model in [Model::Positions, Model::Poses] {
-        let mut observations = simulate(&small(model)).unwrap().observations;
+        let mut observations = observed(&small(model));
         let fixed = [VertexId::new(3), VertexId::new(20)];
         for v in fixed {
             observations.taxels[v].fixed = true;
         }
-        let found = solve(&observations, &CalibOptions::default());
+        let found = fit(&observations);
         for v in fixed {
             assert_eq!(Some(found.poses[v]), observations.taxels[v].initial);
             assert_eq!(sigmas(&found)[v], 0.0, "known exactly");
@@ -1072,43 +1036,29 @@ fn fixed_taxels_stay_where_they_are() {
 
 #[test]
 fn undetermined_taxels_are_named() {
-    let mut observations = simulate(&small(Model::Poses)).unwrap().observations;
+    let mut observations = observed(&small(Model::Poses));
     let lost = VertexId::new(5);
-    for edge in observations.edges.iter_mut() {
-        if let DisplacementMeasurement::Relative(m) = &mut edge.measurement
-            && (edge.from == lost || edge.to == lost)
-        {
-            m.information = Information::diagonal([0.0; 6]);
+    let mut found = |information: [f64; 6]| {
+        for edge in observations.edges.iter_mut().filter(|edge| edge.from == lost || edge.to == lost) {
+            if let DisplacementMeasurement::Relative(m) = &mut edge.measurement {
+                m.information = Information::diagonal(information);
+            }
         }
-    }
-    let found = calibrate(&observations, &CalibOptions::default()).err();
-    assert_eq!(found, Some(CalibError::Unobserved { id: observations.taxels[lost].id, others: 0 }));
+        calibrate(&observations, &CalibOptions::default()).err()
+    };
+    let id = TaxelId(5);
+    assert_eq!(found([0.0; 6]), Some(CalibError::Unobserved { id, others: 0 }));
     // Edges that say something, but not where.
-    for edge in observations.edges.iter_mut() {
-        if let DisplacementMeasurement::Relative(m) = &mut edge.measurement
-            && (edge.from == lost || edge.to == lost)
-        {
-            m.information = Information::diagonal([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
-        }
-    }
-    let found = calibrate(&observations, &CalibOptions::default()).err();
-    assert_eq!(found, Some(CalibError::Undetermined { id: observations.taxels[lost].id }));
+    assert_eq!(found([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), Some(CalibError::Undetermined { id }));
 }
 
 #[test]
 fn invalid_observations_are_refused() {
-    let whole = simulate(&small(Model::Positions)).unwrap().observations;
+    let whole = observed(&small(Model::Positions));
     let kind = |change: &dyn Fn(&mut Observations)| {
         let mut broken = whole.clone();
         change(&mut broken);
         calibrate(&broken, &CalibOptions::default()).unwrap_err().kind()
-    };
-    let first = |o: &mut Observations, f: &dyn Fn(&mut DVec3, &mut Information<3>)| {
-        if let DisplacementMeasurement::Offset { offset, information } =
-            &mut o.edges[DisplacementId::new(0)].measurement
-        {
-            f(offset, information);
-        }
     };
     let (five, edge) = (VertexId::new(5), DisplacementId::new(5));
     let lonely = TaxelVariable { id: TaxelId(77), initial: None, fixed: false };
@@ -1118,8 +1068,8 @@ fn invalid_observations_are_refused() {
             ContactMeasurement::PositionNormal { position, information, normal, normal_information: 1.0 };
         ContactObservation { taxel: VertexId::new(taxel), measurement }
     };
-    assert_eq!(kind(&|o| first(o, &|d, _| d.y = f64::NAN)), "invalid_edge");
-    assert_eq!(kind(&|o| first(o, &|_, i| i.0[1][1] = -1.0)), "indefinite_edge");
+    assert_eq!(kind(&|o| offset(o, 0).0.y = f64::NAN), "invalid_edge");
+    assert_eq!(kind(&|o| offset(o, 0).1.0[1][1] = -1.0), "indefinite_edge");
     assert_eq!(kind(&|o| o.edges[edge].to = VertexId::new(99)), "dangling");
     assert_eq!(kind(&|o| o.edges[edge].to = o.edges[edge].from), "self_edge");
     assert_eq!(kind(&|o| o.taxels[five].id = TaxelId(4)), "duplicate_taxel");
@@ -1144,7 +1094,7 @@ fn threads_do_not_change_a_bit() {
     let simulation = simulate(&poses(4)).unwrap();
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let found = pool.install(|| solve(&simulation.observations, &CalibOptions::default()));
+        let found = pool.install(|| fit(&simulation.observations));
         (found.poses, found.marginals, found.cost.to_bits())
     };
     assert!(run(1) == run(3), "one thread and three give the same bits");
@@ -1194,13 +1144,9 @@ fn impossible_caps_are_refused() {
 /// The generator and its logarithm are not the system's.
 #[test]
 fn a_seed_gives_the_same_bits_everywhere() {
-    let simulation = simulate(&SimulateOptions { seed: 1, ..SimulateOptions::default() }).unwrap();
-    let DisplacementMeasurement::Offset { offset, .. } =
-        &simulation.observations.edges[DisplacementId::new(0)].measurement
-    else {
-        panic!("offsets in the positions model")
-    };
-    assert_eq!(offset.to_array(), [0.005416726228776905, 0.0002511261165057918, 0.000455105232372978]);
+    let mut observations = observed(&SimulateOptions { seed: 1, ..SimulateOptions::default() });
+    let found = offset(&mut observations, 0).0.to_array();
+    assert_eq!(found, [0.005416726228776905, 0.0002511261165057918, 0.000455105232372978]);
 }
 
 /// An information matrix is judged with its diagonal scaled to one: a micrometre next to two degrees
@@ -1208,12 +1154,8 @@ fn a_seed_gives_the_same_bits_everywhere() {
 #[test]
 fn information_is_checked_with_a_unit_diagonal() {
     let accepts3 = |rows: [[f64; 3]; 3]| {
-        let mut observations = simulate(&small(Model::Positions)).unwrap().observations;
-        if let DisplacementMeasurement::Offset { information, .. } =
-            &mut observations.edges[DisplacementId::new(0)].measurement
-        {
-            information.0 = rows;
-        }
+        let mut observations = observed(&small(Model::Positions));
+        offset(&mut observations, 0).1.0 = rows;
         observations.validate().is_ok()
     };
     assert!(accepts3(Information::diagonal([1e6, 1e6, 0.0]).0), "zero is allowed");
@@ -1223,7 +1165,7 @@ fn information_is_checked_with_a_unit_diagonal() {
     }
     assert!(!accepts3([[1e308, 1.5e308, 0.0], [1.5e308, 1e308, 0.0], [0.0, 0.0, 1.0]]), "sums overflow");
     for (coupling, is_accepted) in [(1e7, true), (1e8, false)] {
-        let mut observations = simulate(&small(Model::Poses)).unwrap().observations;
+        let mut observations = observed(&small(Model::Poses));
         if let DisplacementMeasurement::Relative(m) =
             &mut observations.edges[DisplacementId::new(0)].measurement
         {
@@ -1232,31 +1174,21 @@ fn information_is_checked_with_a_unit_diagonal() {
         }
         assert_eq!(observations.validate().is_ok(), is_accepted, "{coupling}: correlated by more than one");
         if is_accepted {
-            let all = simulate(&small(Model::Poses)).unwrap().observations;
-            let [five, six] =
-                [observations, all].map(|o| solve(&o, &CalibOptions::default()).fit.measurements);
+            let all = observed(&small(Model::Poses));
+            let [five, six] = [observations, all].map(|o| fit(&o).fit.measurements);
             assert_eq!(five, six - 1, "the direction without information is not counted");
         }
-    }
-}
-
-/// How long an edge says two taxels are apart.
-fn length(edge: &Displacement) -> f64 {
-    match &edge.measurement {
-        DisplacementMeasurement::Offset { offset, .. } => offset.length(),
-        DisplacementMeasurement::Relative(m) => m.pose.position.length(),
     }
 }
 
 /// Wrong edges are long: what is long is rejected whatever its residual, what is short is kept.
 #[test]
 fn the_length_prior_rejects_long_edges() {
-    let simulation = simulate(&SimulateOptions { outliers: 0.1, ..SimulateOptions::default() }).unwrap();
-    let found = solve(&simulation.observations, &CalibOptions::default());
-    let rejected = found.rejected().0;
-    let lengths = simulation.observations.edges.map(length);
+    let mut simulation = simulate(&SimulateOptions { outliers: 0.1, ..SimulateOptions::default() }).unwrap();
+    let rejected = fit(&simulation.observations).rejected().0;
     let [mut kept_long, mut lost_short, mut short] = [0; 3];
-    for (e, &length) in lengths.enumerate() {
+    for k in 0..simulation.observations.edges.len() {
+        let (e, length) = (DisplacementId::new(k), offset(&mut simulation.observations, k).0.length());
         kept_long += usize::from(length > 15e-3 && !rejected.contains(&e));
         if length < 7e-3 && !simulation.outliers.contains(&e) {
             short += 1;
@@ -1271,13 +1203,11 @@ fn the_length_prior_rejects_long_edges() {
 /// is lost for it.
 #[test]
 fn the_length_prior_is_neutral_for_equal_lengths() {
-    let mut observations = simulate(&SimulateOptions::default()).unwrap().observations;
-    for edge in observations.edges.iter_mut().step_by(5) {
-        if let DisplacementMeasurement::Offset { offset, .. } = &mut edge.measurement {
-            *offset = -*offset;
-        }
+    let mut observations = observed(&SimulateOptions::default());
+    for k in (0..observations.edges.len()).step_by(5) {
+        *offset(&mut observations, k).0 *= -1.0;
     }
-    let found = solve(&observations, &CalibOptions::default());
+    let found = fit(&observations);
     let (wrong, right): (Vec<_>, Vec<_>) = found.rejected().0.into_iter().partition(|e| e.index() % 5 == 0);
     assert!(wrong.len() > 1419 / 5 - 5, "{} of 284", wrong.len());
     assert!(right.len() < 1419 / 25, "{} right edges are lost", right.len());

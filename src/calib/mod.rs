@@ -68,11 +68,10 @@ pub use solve::levenberg_marquardt::{Iteration, Termination};
 pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
 
-pub(in crate::calib) use observations::graph::{Component, Poses, components};
+pub(in crate::calib) use observations::{Component, Poses, components};
 pub(in crate::calib) use solve::{
     gauge::{FreeBody, GaugeFreedom, RigidMotion},
-    levenberg_marquardt::{Iterate, Solver},
-    linear_system::LinearSystem,
+    levenberg_marquardt::{Iterate, LinearSystem, Solver},
     loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting},
     normal_equations::{BlockLayout, Problem},
 };

@@ -83,7 +83,7 @@ impl fmt::Display for ResidualConvention {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
     /// Rotations as if they were free matrices, projected to rotations, then translations: two
-    /// linear systems (Martinec and Pajdla 2007, Carlone et al. 2015). Along a spanning tree where
+    /// linear systems (martinec2007, carlone2015). Along a spanning tree where
     /// that has no solution.
     #[default]
     Chordal,

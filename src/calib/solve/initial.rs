@@ -198,8 +198,8 @@ fn relaxed(
     Ok(rhs)
 }
 
-/// Moves every component without a fixed taxel as a whole to where its contacts say it is (Wahba
-/// 1965): the directions between touched points, touched normals and observed orientations vote for
+/// Moves every component without a fixed taxel as a whole to where its contacts say it is
+/// (wahba1965): the directions between touched points, touched normals and observed orientations vote for
 /// the rotation.
 fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     let (components, of_taxel) = components(observations, |_| true);

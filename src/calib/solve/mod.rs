@@ -3,7 +3,6 @@
 pub(super) mod gauge;
 pub(super) mod initial;
 pub(super) mod levenberg_marquardt;
-pub(super) mod linear_system;
 pub(super) mod loss;
 pub(super) mod marginals;
 pub(super) mod normal_equations;
