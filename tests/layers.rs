@@ -79,7 +79,8 @@ impl Source {
 
     fn of(text: String) -> Self {
         // Unit tests end a file, and may use whatever they need.
-        let (all, strings) = without_comments_and_strings(text.split("\n#[cfg(test)]\nmod ").next().unwrap());
+        let (all, strings) =
+            without_comments_and_strings(text.split("\n#[cfg(test)]\nmod tests {").next().unwrap());
         let (mut code, mut imports, mut reexports) = (String::new(), Vec::new(), Vec::new());
         for statement in all.split_inclusive(';') {
             let visibility = |at: usize| statement[..at].rsplit('\n').next().unwrap().trim();

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::{
     bvh::{Aabb, BoxTree, Ray, Start},
     contact::{
-        Cell, ContactError, Found, Hit, Hits, Query,
+        Cell, ContactError, Found, Hit, Hits, IndexOptions, Query,
         cell::Anchor,
         links::Links,
         patch::IndexedPatch,
@@ -28,17 +28,7 @@ use crate::{
 pub const ON_SKIN_SPACINGS: f64 = 10.0;
 
 /// Rounding parts the distances of equally far hits by a smaller part of them.
-const SAME_DISTANCE: f64 = 1.0 + 1e-12;
-
-/// What an index is made ready for, besides the nearest point of the skin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct IndexOptions {
-    /// [Reactive](ContactIndex::reactive) answers: every level has a tree of its own, and is measured
-    /// against the skin, which takes several times longer than the rest.
-    pub levels: bool,
-    /// Searches for taxels and receptive fields.
-    pub fields: bool,
-}
+pub(super) const SAME_DISTANCE: f64 = 1.0 + 1e-12;
 
 /// A map made ready for contacts.
 ///

@@ -100,7 +100,7 @@ mod soup;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
-pub use index::{ContactIndex, IndexOptions, ON_SKIN_SPACINGS};
+pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use query::{FieldHit, Found, Hit, Hits, Query, Reactive};
+pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive};

@@ -10,6 +10,16 @@ use crate::{
     skin::{LinkId, PatchId, TaxelId},
 };
 
+/// What an index is made ready for, besides the nearest point of the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct IndexOptions {
+    /// [Reactive](crate::contact::ContactIndex::reactive) answers: every level has a tree of its own, and is measured
+    /// against the skin, which takes several times longer than the rest.
+    pub levels: bool,
+    /// Searches for taxels and receptive fields.
+    pub fields: bool,
+}
+
 /// A point whose nearest skin is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Query {
