@@ -18,7 +18,7 @@ mod shell;
 mod simulate;
 mod touch;
 
-use std::process::ExitCode;
+use std::{ffi::OsString, process::ExitCode};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -77,9 +77,15 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-fn main() -> ExitCode {
+/// Runs the command with the arguments of this process.
+pub fn main() -> ExitCode {
+    run_with(std::env::args_os())
+}
+
+/// Runs the command with arguments, the first of which is its own name; signals that stop it end the process.
+pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let command = help::with_ends(with_negative_numbers(Cli::command()));
-    let parsed = command.clone().try_get_matches();
+    let parsed = command.clone().try_get_matches_from(args);
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
     let (mut cli, given) = match parsed {
         Ok(parsed) => parsed,
@@ -114,12 +120,10 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
     let threads = common.workers().map_err(|why| errors::advise(why, "correct it, or give --threads"))?;
-    if threads > 0 {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     clean_when_stopped();
     // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
-    rayon::scope(|_| run_command(cli))
+    pool.install(|| run_command(cli))
 }
 
 fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
