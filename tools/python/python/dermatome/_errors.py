@@ -1,0 +1,35 @@
+"""What can go wrong, as exceptions."""
+
+
+class Error(Exception):
+    """Any error of dermatome.
+
+    Attributes
+    ----------
+    kind : str
+        What went wrong as one word, which stays the same from version to version; `argument` where an argument
+        cannot be used.
+    """
+
+    def __init__(self, message: str, kind: str = "argument") -> None:
+        super().__init__(message)
+        self.kind = kind
+
+    def __reduce__(self):
+        return (type(self), (str(self), self.kind))
+
+
+class DataError(Error, ValueError):
+    """Arguments or data that cannot be used: the message says which element, what was found, what is needed."""
+
+
+class FileError(Error, OSError):
+    """A file that cannot be read or written."""
+
+
+class MissingFileError(FileError, FileNotFoundError):
+    """A file that does not exist."""
+
+
+for _class in (Error, DataError, FileError, MissingFileError):
+    _class.__module__ = "dermatome"

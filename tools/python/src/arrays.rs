@@ -1,0 +1,152 @@
+//! Arrays in and out: whatever numpy takes for an array of numbers becomes `f64` or `i64` in C order, and
+//! results become arrays that own their numbers.
+
+use std::fmt::Display;
+
+use glam::{DVec2, DVec3};
+use numpy::{
+    Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+    ndarray::Dimension,
+};
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::errors::bad;
+
+/// An argument as an array in C order of numbers of one kind.
+fn array_of<'py, T: Element>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    [kinds, dtype, needed]: [&str; 3],
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    let numpy = value.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
+        let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
+        bad(name, class, needed)
+    })?;
+    let found = array.getattr("dtype")?;
+    let kind: String = found.getattr("kind")?.extract()?;
+    let is_empty = array.getattr("size")?.extract::<usize>()? == 0;
+    if !(kinds.contains(&kind) || is_empty && kind == "f") {
+        return Err(bad(name, format!("dtype {found}"), needed));
+    }
+    let options = PyDict::new(value.py());
+    options.set_item("dtype", dtype)?;
+    options.set_item("order", "C")?;
+    numpy.call_method("asarray", (array,), Some(&options))?.extract()
+}
+
+/// Numbers of any shape.
+pub(crate) fn floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    array_of(name, value, ["iuf", "f8", "an array of real numbers"])
+}
+
+/// Whole numbers of any shape.
+fn integers<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, i64>> {
+    array_of(name, value, ["iu", "i8", "an array of integers"])
+}
+
+/// A shape as Python writes it.
+fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [one] => format!("shape ({one},)"),
+        many => format!("shape ({})", many.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Refuses an array of another shape.
+pub(crate) fn bad_shape(name: &str, shape: &[usize], needed: impl Display) -> PyErr {
+    bad(name, shape_text(shape), needed)
+}
+
+/// The rows of an array of the shape `(k, N)`.
+fn rows<T: Element + Copy, const N: usize>(
+    name: &str,
+    array: &PyReadonlyArrayDyn<'_, T>,
+) -> PyResult<Vec<[T; N]>> {
+    match array.shape() {
+        &[_, columns] if columns == N => Ok(array.as_slice()?.as_chunks().0.to_vec()),
+        shape => Err(bad_shape(name, shape, format!("shape (k, {N})"))),
+    }
+}
+
+/// Points or directions of space, `(k, 3)`.
+pub(crate) fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<DVec3>> {
+    Ok(rows(name, &floats(name, value)?)?.into_iter().map(DVec3::from_array).collect())
+}
+
+/// Points of the plane, `(k, 2)`.
+pub(crate) fn places(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<DVec2>> {
+    Ok(rows(name, &floats(name, value)?)?.into_iter().map(DVec2::from_array).collect())
+}
+
+/// Triangles, `(m, 3)`, whose corners are of `count` points.
+pub(crate) fn triangles(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<[u32; 3]>> {
+    let rows: Vec<[i64; 3]> = rows(name, &integers(name, value)?)?;
+    let corner = |row: usize, found: i64| {
+        let known = u32::try_from(found).ok().filter(|&v| (v as usize) < count);
+        known
+            .ok_or_else(|| bad(&format!("{name}[{row}]"), found, format!("0 to {}", count.saturating_sub(1))))
+    };
+    let triangle =
+        |(row, &[a, b, c]): (usize, &[i64; 3])| Ok([corner(row, a)?, corner(row, b)?, corner(row, c)?]);
+    rows.iter().enumerate().map(triangle).collect()
+}
+
+/// Pairs of whole numbers from 0 on, `(k, 2)`.
+pub(crate) fn pairs(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 2]>> {
+    let rows: Vec<[i64; 2]> = rows(name, &integers(name, value)?)?;
+    let pair = |(row, &[a, b]): (usize, &[i64; 2])| Ok([number(name, row, a)?, number(name, row, b)?]);
+    rows.iter().enumerate().map(pair).collect()
+}
+
+/// A whole number from 0 on at a place of an array.
+fn number(name: &str, place: usize, found: i64) -> PyResult<u32> {
+    u32::try_from(found).map_err(|_| bad(&format!("{name}[{place}]"), found, format!("0 to {}", u32::MAX)))
+}
+
+/// One number for each of `count` things.
+pub(crate) fn one_each(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
+    let array = floats(name, value)?;
+    if array.shape() != [count] {
+        return Err(bad_shape(name, array.shape(), shape_text(&[count])));
+    }
+    Ok(array.as_slice()?.to_vec())
+}
+
+/// One whole number from 0 on for each of `count` things.
+pub(crate) fn one_number_each(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u32>> {
+    let array = integers(name, value)?;
+    if array.shape() != [count] {
+        return Err(bad_shape(name, array.shape(), shape_text(&[count])));
+    }
+    array.as_slice()?.iter().enumerate().map(|(k, &found)| number(name, k, found)).collect()
+}
+
+/// A vector.
+pub(crate) fn vector<T: Element>(
+    py: Python<'_>,
+    values: impl IntoIterator<Item = T>,
+) -> Bound<'_, PyArray1<T>> {
+    PyArray1::from_vec(py, values.into_iter().collect())
+}
+
+/// A matrix of these rows.
+pub(crate) fn matrix<T: Element, const N: usize>(
+    py: Python<'_>,
+    rows: impl IntoIterator<Item = [T; N]>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let rows: Vec<[T; N]> = rows.into_iter().collect();
+    shaped(py, [rows.len(), N], rows.into_flattened())
+}
+
+/// An array of any shape.
+pub(crate) fn shaped<T: Element, const D: usize>(
+    py: Python<'_>,
+    shape: [usize; D],
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray<T, <[usize; D] as numpy::ndarray::IntoDimension>::Dim>>>
+where
+    [usize; D]: numpy::ndarray::IntoDimension<Dim: Dimension>,
+{
+    PyArray1::from_vec(py, values).reshape(shape)
+}

@@ -1,0 +1,38 @@
+//! Errors of the library, and of arguments, as exceptions of `dermatome._errors`.
+
+use std::fmt::Display;
+
+use dermatome::{Error, io::IoError};
+use pyo3::{prelude::*, types::PyDict};
+
+/// The module of the exceptions.
+const EXCEPTIONS: &str = "dermatome._errors";
+
+/// An error of the library as an exception.
+pub(crate) fn error(error: impl Into<Error>) -> PyErr {
+    let error = error.into();
+    let class = match &error {
+        Error::Io(IoError::Read { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            "MissingFileError"
+        }
+        Error::Io(IoError::Read { .. } | IoError::Write { .. }) => "FileError",
+        _ => "DataError",
+    };
+    exception(class, &error.to_string(), &error.kind())
+}
+
+/// An argument that cannot be used.
+pub(crate) fn bad(argument: &str, found: impl Display, needed: impl Display) -> PyErr {
+    exception("DataError", &format!("{argument}: found {found}; needed: {needed}"), "argument")
+}
+
+fn exception(class: &str, message: &str, kind: &str) -> PyErr {
+    Python::attach(|py| {
+        let make = || {
+            let kinds = PyDict::new(py);
+            kinds.set_item("kind", kind)?;
+            py.import(EXCEPTIONS)?.getattr(class)?.call((message,), Some(&kinds))
+        };
+        make().map_or_else(|failed| failed, PyErr::from_value)
+    })
+}

@@ -1,0 +1,562 @@
+//! `Index`, `Hits` and `Fields`: what is near points of space, on the skin and on its maps.
+
+use std::sync::Arc;
+
+use dermatome::{
+    SkinMap,
+    contact::{Cell, ContactError, ContactIndex, FieldHit, Hit, Hits, IndexOptions, Query, Reactive},
+    id::FaceId,
+    pyramid::LevelId,
+    skin::{LinkId, Motion, MotionFrame, PatchId},
+};
+use glam::{DAffine3, DMat3, DVec3};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::{prelude::*, types::PyDict};
+use rayon::prelude::*;
+
+use crate::{
+    arrays::{bad_shape, floats, matrix, points, vector},
+    errors::{bad, error},
+    jobs::run,
+    map::starts,
+    matrix::{PyMatrix, Rows},
+    options::{count, level},
+};
+
+/// A map made ready for contacts: what of the skin is near a point, and where that lies on the map.
+///
+/// Points are in m, in the world unless `link` names the link in whose frame they are. Answers are the same one by
+/// one and in a batch, with any number of threads. An index never changes.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+/// >>> skin = dermatome.Skin.from_arrays(grid, outside=(0, 0, 1))
+/// >>> hits = dermatome.build(skin).index().locate([[0.0201, 0.0202, 0.003]])
+/// >>> int(hits.taxel_id[0]), round(float(hits.distance[0]), 6)
+/// (53, 0.003)
+#[pyclass(frozen, module = "dermatome", name = "Index")]
+#[derive(Debug)]
+pub(crate) struct PyIndex {
+    index: Arc<ContactIndex>,
+    map: Arc<SkinMap>,
+}
+
+/// The points of the skin that were found, one entry for each query in their order.
+///
+/// A query without an answer has the patch -1, and NaN in arrays of real numbers. What concerns the map is None if
+/// it was asked for without a level.
+#[pyclass(frozen, get_all, module = "dermatome", name = "Hits")]
+#[derive(Debug)]
+pub(crate) struct PyHits {
+    /// (k,) int32 array: Number of the patch.
+    patch: Py<PyArray1<i32>>,
+    /// (k,) int32 array: Number of its link.
+    link: Py<PyArray1<i32>>,
+    /// (k,) int64 array: The face, on level 0 of the patch (of `Index.reactive`: on the level that answered).
+    face: Py<PyArray1<i64>>,
+    /// (k, 3) float64 array: Barycentric coordinates in the face.
+    barycentric: Py<PyArray2<f64>>,
+    /// (k,) float64 array: Distance from the skin, negative inside; of a ray that from its origin. In m.
+    distance: Py<PyArray1<f64>>,
+    /// (k, 3) float64 array: The point on the skin, in the frame of the query, in m.
+    point: Py<PyArray2<f64>>,
+    /// (k, 3) float64 array: The outward unit normal there, in the same frame.
+    normal: Py<PyArray2<f64>>,
+    /// (k,) float64 array or None: Of `Index.reactive`, how far the distance from the skin may be from `distance`.
+    error: Option<Py<PyArray1<f64>>>,
+    /// (k,) int32 array or None: The level of what follows.
+    level: Option<Py<PyArray1<i32>>>,
+    /// (k, 2) float64 array or None: Place on the map of the level, in m.
+    uv: Option<Py<PyArray2<f64>>>,
+    /// (k, 2) uint32 array or None: Row (from the top) and column of its pixel.
+    pixel: Option<Py<PyArray2<u32>>>,
+    /// (k,) int64 array or None: The receptive field with the largest weight, a vertex of the level; on level 0 a taxel.
+    field: Option<Py<PyArray1<i64>>>,
+    /// (k,) uint32 array or None: Id of the taxel at its centre.
+    taxel_id: Option<Py<PyArray1<u32>>>,
+    /// Matrix or None: Weights of all fields of the level, (k, fields of the whole map in its order).
+    fields: Option<Py<PyMatrix>>,
+}
+
+#[pymethods]
+impl PyHits {
+    fn __len__(&self, py: Python<'_>) -> usize {
+        self.patch.bind(py).len()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("<dermatome.Hits: {} points>", self.__len__(py))
+    }
+}
+
+/// The receptive fields near each query; on level 0 the taxels.
+///
+/// Those of query `i` are the entries `indptr[i]` to `indptr[i + 1]` of the other arrays.
+#[pyclass(frozen, get_all, module = "dermatome", name = "Fields")]
+#[derive(Debug)]
+pub(crate) struct PyFields {
+    /// (k + 1,) int64 array: Where the fields of each query begin, and the end of the last.
+    indptr: Py<PyArray1<i64>>,
+    /// (j,) int32 array: Number of the patch.
+    patch: Py<PyArray1<i32>>,
+    /// (j,) int64 array: The field, a vertex of the level; on level 0 a taxel.
+    field: Py<PyArray1<i64>>,
+    /// (j,) uint32 array: Id of the taxel at its centre.
+    taxel_id: Py<PyArray1<u32>>,
+    /// (j,) float64 array: Distance of its centre from the query, in m.
+    distance: Py<PyArray1<f64>>,
+    /// (j, 3) float64 array: Its centre, in the frame of the query, in m.
+    point: Py<PyArray2<f64>>,
+    /// (j, 3) float64 array: The outward unit normal there, in the same frame.
+    normal: Py<PyArray2<f64>>,
+}
+
+#[pymethods]
+impl PyFields {
+    fn __len__(&self, py: Python<'_>) -> usize {
+        self.indptr.bind(py).len() - 1
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let (queries, fields) = (self.__len__(py), self.patch.bind(py).len());
+        format!("<dermatome.Fields: {fields} of {queries} queries>")
+    }
+}
+
+/// In whose frame points are, and which links are searched.
+#[derive(Debug, Clone, Copy)]
+struct Where {
+    link: Option<LinkId>,
+    only_link: Option<LinkId>,
+}
+
+/// Answers as they come from the library, before they are arrays.
+#[derive(Debug, Default)]
+struct Answers {
+    hits: Hits,
+    /// Which queries have none.
+    missing: Vec<bool>,
+    errors: Option<Vec<f64>>,
+    cells: Option<Vec<Option<Cell>>>,
+}
+
+impl PyIndex {
+    pub(crate) fn new(
+        py: Python<'_>,
+        map: &Arc<SkinMap>,
+        levels: bool,
+        fields: bool,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let of = Arc::clone(map);
+        let options = IndexOptions { levels, fields };
+        let index = run(py, threads, move || ContactIndex::with_options(&of, &options))?.map_err(error)?;
+        Ok(Self { index: Arc::new(index), map: Arc::clone(map) })
+    }
+
+    fn link_named(&self, argument: &str, name: &str) -> PyResult<LinkId> {
+        let known = self.map.links.enumerate().find(|(_, link)| link.name == name);
+        known.map(|(id, _)| id).ok_or_else(|| {
+            let names: Vec<_> = self.map.links.iter().take(10).map(|link| link.name.as_str()).collect();
+            bad(argument, format!("{name:?}"), format!("one of {names:?}"))
+        })
+    }
+
+    fn frame(&self, link: Option<&str>, only_link: Option<&str>) -> PyResult<Where> {
+        let find =
+            |argument, name: Option<&str>| name.map(|name| self.link_named(argument, name)).transpose();
+        Ok(Where { link: find("link", link)?, only_link: find("only_link", only_link)? })
+    }
+
+    fn queries(&self, points: Vec<DVec3>, frame: Where) -> Vec<Query> {
+        let Where { link, only_link } = frame;
+        points.into_iter().map(|point| Query { point, link, only_link }).collect()
+    }
+
+    fn level(&self, found: i64) -> PyResult<LevelId> {
+        level("level", found, self.map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0))
+    }
+
+    /// The answers as arrays.
+    fn hits(&self, py: Python<'_>, answers: Answers) -> PyResult<PyHits> {
+        let Answers { hits, missing, errors, cells } = answers;
+        let is_missing = |k: usize| missing.get(k).copied().unwrap_or(false);
+        let number = |(k, id): (usize, u32)| if is_missing(k) { -1 } else { id as i32 };
+        let level = cells.as_ref().and_then(|cells| cells.iter().flatten().next()).map(|cell| cell.level);
+        let mut found = PyHits {
+            patch: vector(py, hits.patch.iter().map(|id| id.raw()).enumerate().map(number)).unbind(),
+            link: vector(py, hits.link.iter().map(|id| id.raw()).enumerate().map(number)).unbind(),
+            face: vector(
+                py,
+                hits.face
+                    .iter()
+                    .enumerate()
+                    .map(|(k, id)| if is_missing(k) { -1 } else { i64::from(id.raw()) }),
+            )
+            .unbind(),
+            barycentric: matrix(py, hits.barycentric)?.unbind(),
+            distance: vector(py, hits.distance).unbind(),
+            point: matrix(py, hits.position.into_iter().map(|p| p.to_array()))?.unbind(),
+            normal: matrix(py, hits.normal.into_iter().map(|p| p.to_array()))?.unbind(),
+            error: errors.map(|errors| vector(py, errors).unbind()),
+            level: None,
+            uv: None,
+            pixel: None,
+            field: None,
+            taxel_id: None,
+            fields: None,
+        };
+        let Some(cells) = cells else { return Ok(found) };
+        let of = |k: fn(&Cell) -> i64| cells.iter().map(move |cell| cell.as_ref().map_or(-1, k));
+        let levels = cells.iter().map(|cell| cell.map_or(-1, |cell| cell.level.raw() as i32));
+        found.level = Some(vector(py, levels).unbind());
+        found.field = Some(vector(py, of(|cell| i64::from(cell.field.raw()))).unbind());
+        found.uv = Some(
+            matrix(py, cells.iter().map(|cell| cell.map_or([f64::NAN; 2], |cell| cell.uv.to_array())))?
+                .unbind(),
+        );
+        let pixel = |cell: Option<Cell>| {
+            cell.map_or([u32::MAX; 2], |Cell { pixel: [column, row], .. }| [row, column])
+        };
+        found.pixel = Some(matrix(py, cells.iter().map(|cell| pixel(*cell)))?.unbind());
+        let taxels = cells.iter().map(|cell| cell.map_or(u32::MAX, |cell| cell.taxel.0));
+        found.taxel_id = Some(vector(py, taxels).unbind());
+        let starts = starts(&self.map, level.unwrap_or_default());
+        let mut rows = Rows::new();
+        for (cell, patch) in cells.iter().zip(&hits.patch) {
+            match cell {
+                Some(cell) => {
+                    rows.push(cell.weights.iter().map(|(v, w)| (starts[patch.index()] + v.index(), w)))
+                }
+                None => rows.push([]),
+            }
+        }
+        let columns = starts.last().copied().unwrap_or(0);
+        found.fields = Some(Py::new(py, rows.into_matrix(py, columns))?);
+        Ok(found)
+    }
+
+    fn fields_of(
+        &self,
+        py: Python<'_>,
+        queries: Vec<Query>,
+        threads: usize,
+        find: impl Fn(&ContactIndex, Query) -> Result<Vec<FieldHit>, ContactError> + Send + Sync + 'static,
+    ) -> PyResult<PyFields> {
+        let index = Arc::clone(&self.index);
+        let found = run(py, threads, move || -> Result<Vec<Vec<FieldHit>>, ContactError> {
+            queries.par_iter().with_min_len(FEW).map(|query| find(&index, *query)).collect()
+        })?;
+        let found = found.map_err(error)?;
+        let ends = found.iter().scan(0, |end, row| {
+            *end += row.len() as i64;
+            Some(*end)
+        });
+        let all = || found.iter().flatten();
+        Ok(PyFields {
+            indptr: vector(py, [0].into_iter().chain(ends)).unbind(),
+            patch: vector(py, all().map(|hit| hit.patch.raw() as i32)).unbind(),
+            field: vector(py, all().map(|hit| i64::from(hit.field.raw()))).unbind(),
+            taxel_id: vector(py, all().map(|hit| hit.taxel.0)).unbind(),
+            distance: vector(py, all().map(|hit| hit.distance)).unbind(),
+            point: matrix(py, all().map(|hit| hit.position.to_array()))?.unbind(),
+            normal: matrix(py, all().map(|hit| hit.normal.to_array()))?.unbind(),
+        })
+    }
+}
+
+/// Fewest queries for a task.
+const FEW: usize = 64;
+
+/// Columns of hits that were found one by one.
+fn columns(found: Vec<Option<Hit>>) -> Answers {
+    let mut answers = Answers::default();
+    for hit in found {
+        answers.missing.push(hit.is_none());
+        let hits = &mut answers.hits;
+        hits.patch.push(hit.map_or(PatchId::new(0), |hit| hit.patch));
+        hits.link.push(hit.map_or(LinkId::new(0), |hit| hit.link));
+        hits.face.push(hit.map_or(FaceId::new(0), |hit| hit.point.face));
+        hits.barycentric.push(hit.map_or([f64::NAN; 3], |hit| hit.point.barycentric));
+        hits.distance.push(hit.map_or(f64::NAN, |hit| hit.distance));
+        hits.position.push(hit.map_or(DVec3::NAN, |hit| hit.position));
+        hits.normal.push(hit.map_or(DVec3::NAN, |hit| hit.normal));
+    }
+    answers
+}
+
+/// Where hits lie on the map of a level.
+fn cells(index: &ContactIndex, answers: &mut Answers, level: Option<LevelId>) {
+    let Some(level) = level else { return };
+    let cell = |k: usize| {
+        let hit = answers.hits.get(k).filter(|_| !answers.missing.get(k).copied().unwrap_or(false))?;
+        index.cell(&hit, level)
+    };
+    let cells = (0..answers.hits.patch.len()).into_par_iter().with_min_len(FEW).map(cell).collect();
+    answers.cells = Some(cells);
+}
+
+#[pymethods]
+impl PyIndex {
+    /// Find the points of the skin nearest to points of space.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (k, 3) array_like
+    ///     The points, in m.
+    /// link : str, optional
+    ///     The link in whose frame they and the answers are; by default the world.
+    /// only_link : str, optional
+    ///     The link whose patches alone are searched.
+    /// level : int, optional
+    ///     The level on whose map the points are found; None for the skin alone, which is quicker.
+    /// threads : int
+    ///     0 for one per processor.
+    ///
+    /// Returns
+    /// -------
+    /// Hits
+    #[pyo3(signature = (points, *, link=None, only_link=None, level=0, threads=0))]
+    fn locate(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        link: Option<&str>,
+        only_link: Option<&str>,
+        level: Option<i64>,
+        threads: i64,
+    ) -> PyResult<PyHits> {
+        let points = self::points("points", points)?;
+        let queries = self.queries(points, self.frame(link, only_link)?);
+        let level = level.map(|level| self.level(level)).transpose()?;
+        let index = Arc::clone(&self.index);
+        let answers = run(py, count("threads", threads)?, move || {
+            let mut answers = Answers { hits: index.locate_all(&queries)?, ..Answers::default() };
+            cells(&index, &mut answers, level);
+            Ok(answers)
+        })?;
+        self.hits(py, answers.map_err(|e: ContactError| error(e))?)
+    }
+
+    /// Find the first points of the skin that rays meet, from either side.
+    ///
+    /// Parameters
+    /// ----------
+    /// origins, directions : (k, 3) array_like
+    ///     Where the rays begin, in m, and where they go; directions need not have unit length.
+    /// longest : float, optional
+    ///     How far the rays reach, in m; by default without end.
+    /// link, only_link, level, threads
+    ///     As in `locate`.
+    ///
+    /// Returns
+    /// -------
+    /// Hits
+    ///     `distance` is that from the origin. A ray that meets nothing has the patch -1.
+    #[pyo3(signature = (origins, directions, *, longest=None, link=None, only_link=None, level=0,
+        threads=0))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn ray(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        longest: Option<f64>,
+        link: Option<&str>,
+        only_link: Option<&str>,
+        level: Option<i64>,
+        threads: i64,
+    ) -> PyResult<PyHits> {
+        let (origins, directions) = (points("origins", origins)?, points("directions", directions)?);
+        if directions.len() != origins.len() {
+            return Err(bad(
+                "directions",
+                format!("{} rows", directions.len()),
+                format!("{} rows", origins.len()),
+            ));
+        }
+        let longest = longest.unwrap_or(f64::INFINITY);
+        let queries = self.queries(origins, self.frame(link, only_link)?);
+        let level = level.map(|level| self.level(level)).transpose()?;
+        let index = Arc::clone(&self.index);
+        let answers = run(py, count("threads", threads)?, move || -> Result<Answers, ContactError> {
+            let rays = queries.par_iter().zip(&directions).with_min_len(FEW);
+            let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
+            let mut answers = columns(rays.map(hit).collect::<Result<_, _>>()?);
+            cells(&index, &mut answers, level);
+            Ok(answers)
+        })?;
+        self.hits(py, answers.map_err(error)?)
+    }
+
+    /// Find the points of a coarse level nearest to points of space: faster than `locate`, and as exact as
+    /// `Hits.error` says. Needs an index with `levels`.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (k, 3) array_like
+    ///     The points, in m.
+    /// level : int
+    ///     The level; patches that do not reach up to it answer with their coarsest.
+    /// link, only_link, threads
+    ///     As in `locate`.
+    ///
+    /// Returns
+    /// -------
+    /// Hits
+    #[pyo3(signature = (points, level, *, link=None, only_link=None, threads=0))]
+    fn reactive(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        level: i64,
+        link: Option<&str>,
+        only_link: Option<&str>,
+        threads: i64,
+    ) -> PyResult<PyHits> {
+        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let level = self.level(level)?;
+        let index = Arc::clone(&self.index);
+        let answers = run(py, count("threads", threads)?, move || -> Result<Answers, ContactError> {
+            let found: Vec<Reactive> = queries
+                .par_iter()
+                .with_min_len(FEW)
+                .map(|query| index.reactive(*query, level))
+                .collect::<Result<_, _>>()?;
+            let hit = |found: &Reactive| {
+                let &Reactive { patch, link, point, distance, position, normal, .. } = found;
+                Some(Hit { patch, link, point, distance, position, normal })
+            };
+            let mut answers = columns(found.iter().map(hit).collect());
+            answers.errors = Some(found.iter().map(|found| found.error).collect());
+            answers.cells = Some(found.iter().map(|found| index.cell(found, found.level)).collect());
+            Ok(answers)
+        })?;
+        self.hits(py, answers.map_err(error)?)
+    }
+
+    /// Find the taxels or receptive fields nearest to points of space. Needs an index with `fields`.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (k, 3) array_like
+    ///     The points, in m.
+    /// count : int
+    ///     How many for each of them, at most.
+    /// level : int
+    ///     The level of the fields; 0 for taxels.
+    /// link, only_link, threads
+    ///     As in `locate`.
+    ///
+    /// Returns
+    /// -------
+    /// Fields
+    ///     The nearest first.
+    #[pyo3(signature = (points, count=1, *, level=0, link=None, only_link=None, threads=0))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn nearest(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        count: i64,
+        level: i64,
+        link: Option<&str>,
+        only_link: Option<&str>,
+        threads: i64,
+    ) -> PyResult<PyFields> {
+        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let (most, level) = (self::count("count", count)?, self.level(level)?);
+        let find = move |index: &ContactIndex, query: Query| index.nearest_fields(query, most, level);
+        self.fields_of(py, queries, self::count("threads", threads)?, find)
+    }
+
+    /// Find the taxels or receptive fields whose centres are within a distance of points of space. Needs an index
+    /// with `fields`.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (k, 3) array_like
+    ///     The points, in m.
+    /// radius : float
+    ///     The distance, in m.
+    /// level, link, only_link, threads
+    ///     As in `nearest`.
+    ///
+    /// Returns
+    /// -------
+    /// Fields
+    ///     By patch and field.
+    #[pyo3(signature = (points, radius, *, level=0, link=None, only_link=None, threads=0))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn within(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        radius: f64,
+        level: i64,
+        link: Option<&str>,
+        only_link: Option<&str>,
+        threads: i64,
+    ) -> PyResult<PyFields> {
+        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let level = self.level(level)?;
+        let find = move |index: &ContactIndex, query: Query| index.fields_within(query, radius, level);
+        self.fields_of(py, queries, count("threads", threads)?, find)
+    }
+
+    /// The same skin with its links elsewhere.
+    ///
+    /// Parameters
+    /// ----------
+    /// poses : dict of str to (4, 4) array_like
+    ///     Of each link that moves, its frame in the world: a rotation and a translation in m. Other links keep the
+    ///     pose relative to their parent that they have in the map.
+    ///
+    /// Returns
+    /// -------
+    /// Index
+    fn posed(&self, py: Python<'_>, poses: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut motion = Motion::default();
+        for (name, value) in poses {
+            let name: String = name.extract()?;
+            let link = self.link_named("poses", &name)?;
+            let argument = format!("poses[{name:?}]");
+            let array = floats(&argument, &value)?;
+            if array.shape() != [4, 4] {
+                return Err(bad_shape(&argument, array.shape(), "shape (4, 4)"));
+            }
+            let rows: &[[f64; 4]] = array.as_slice()?.as_chunks().0;
+            let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+            let turn = DMat3::from_cols(column(0), column(1), column(2));
+            let pose = DAffine3::from_mat3_translation(turn, column(3));
+            if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+                return Err(bad(&argument, format!("a last row {:?}", rows[3]), "[0, 0, 0, 1]"));
+            }
+            motion.set(link, MotionFrame::World, &[(0.0, pose)]).map_err(error)?;
+        }
+        let index = Arc::clone(&self.index);
+        let posed = run(py, 0, move || {
+            let mut posed = ContactIndex::clone(&index);
+            posed.set_motion(&motion, 0.0).map(|()| posed)
+        })?;
+        Ok(Self { index: Arc::new(posed.map_err(error)?), map: Arc::clone(&self.map) })
+    }
+
+    /// dict of str to (4, 4) float64 array: The frames of the links in the world.
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let poses = PyDict::new(py);
+        for (link, pose) in self.map.links.iter().zip(&self.index.poses()) {
+            let (turn, at) = (pose.matrix3, pose.translation);
+            let row = |k: usize| [turn.col(0)[k], turn.col(1)[k], turn.col(2)[k], at[k]];
+            poses.set_item(&link.name, matrix(py, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])?)?;
+        }
+        Ok(poses)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<dermatome.Index: {} patches>", self.map.patches.len())
+    }
+}

@@ -1,0 +1,54 @@
+//! The extension module of the Python package: it converts arrays, calls the library and converts back.
+//!
+//! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
+//! `index`, `mesh`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+
+mod arrays;
+mod errors;
+mod index;
+mod jobs;
+mod map;
+mod matrix;
+mod mesh;
+mod options;
+mod skin;
+
+use std::{ffi::OsString, process::ExitCode};
+
+use pyo3::prelude::*;
+
+/// Run the command.
+///
+/// Output goes to the standard streams of the process, and a signal that stops the run ends the process.
+///
+/// Parameters
+/// ----------
+/// args : sequence of str
+///     The arguments, the first of which is the command's own name.
+///
+/// Returns
+/// -------
+/// int
+///     The exit code.
+#[pyfunction]
+fn run_command(py: Python<'_>, args: Vec<OsString>) -> u8 {
+    let code = py.detach(|| dermatome_command::run_with(args));
+    (0..=u8::MAX).find(|&number| ExitCode::from(number) == code).unwrap_or(u8::MAX)
+}
+
+#[pymodule(gil_used = false)]
+mod _dermatome {
+    #[pymodule_export]
+    use super::{
+        index::{PyFields, PyHits, PyIndex},
+        map::{PyLevel, PyMap, PyPatch, build},
+        matrix::PyMatrix,
+        mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
+        run_command,
+        skin::{PySkin, check},
+    };
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "its name in Python")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

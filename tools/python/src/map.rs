@@ -1,0 +1,796 @@
+//! `build`, `Map`, `Patch` and `Level`: the maps of a skin as arrays.
+
+use std::{
+    collections::hash_map::DefaultHasher,
+    fs,
+    hash::{Hash, Hasher},
+    io::Write,
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
+
+use dermatome::{
+    SkinMap,
+    contact::MapIndex,
+    id::VertexId,
+    io::{IoError, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file},
+    map::{MapLevel, PatchMap},
+    pipeline::{BuildOptions, MagnifyOver, build_with_progress},
+    pyramid::{CoarsenOptions, Level, LevelId},
+    report::measure,
+    signal::{Duplicates, Frame, Join, Restrictor},
+    skin::{PatchId, Presence},
+};
+use glam::DVec3;
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::{
+    prelude::*,
+    types::{PyBytes, PyDict, PyTuple},
+};
+use rayon::prelude::*;
+
+use crate::{
+    arrays::{bad_shape, floats, matrix, places, vector},
+    errors::{bad, error},
+    jobs::run,
+    matrix::{PyMatrix, Rows},
+    options::{FlattenArgs, channels, count, cut, level, positive, word},
+    skin::PySkin,
+};
+
+/// The maps of a skin, as `map.glb` holds them: every patch on every level, its map, and the receptive fields.
+///
+/// Lengths are in m. Arrays of the whole map are in the order of its taxels: patch after patch, the taxels of each
+/// in the order of its level 0. A map is the same whether it was built, read or unpickled. It never changes, can be
+/// pickled (by its bytes) and compared.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+/// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid, patch="palm"))
+/// >>> map.n_taxels, len(map.patches["palm"].levels)
+/// (144, 2)
+#[pyclass(frozen, module = "dermatome", name = "Map")]
+#[derive(Debug)]
+pub(crate) struct PyMap {
+    pub(crate) map: Arc<SkinMap>,
+    /// The file that it was read from: what is written again has other last bits.
+    file: Arc<[u8]>,
+    back: OnceLock<Arc<MapIndex>>,
+}
+
+/// The number of vertices of a level of a patch, 0 if it does not reach up to it.
+fn size_of(patch: &PatchMap, level: LevelId) -> usize {
+    patch.levels.get(level).map_or(0, |map| map.level.mesh.positions.len())
+}
+
+/// Where the vertices of each patch begin among those of a level of the whole map, and the end of the last.
+pub(crate) fn starts(map: &SkinMap, level: LevelId) -> Vec<usize> {
+    let mut starts = vec![0];
+    let mut end = 0;
+    for patch in &map.patches {
+        end += size_of(patch, level);
+        starts.push(end);
+    }
+    starts
+}
+
+impl PyMap {
+    fn new(map: SkinMap, file: Vec<u8>) -> Self {
+        Self { map: Arc::new(map), file: file.into(), back: OnceLock::new() }
+    }
+
+    /// The map of a file.
+    fn of_file(file: Vec<u8>) -> Result<Self, IoError> {
+        Ok(Self::new(map_from_bytes(file.clone())?, file))
+    }
+
+    pub(crate) fn levels(&self) -> usize {
+        self.map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0)
+    }
+
+    pub(crate) fn patch_named(&self, name: &str) -> PyResult<PatchId> {
+        let known = self.map.patches.enumerate().find(|(_, patch)| patch.name == name);
+        known.map(|(id, _)| id).ok_or_else(|| {
+            let names: Vec<_> = self.map.patches.iter().take(10).map(|patch| patch.name.as_str()).collect();
+            bad("patch", format!("{name:?}"), format!("one of {names:?}"))
+        })
+    }
+
+    fn taxels<'a, T: 'a>(&'a self, of: impl Fn(PatchId, &'a PatchMap) -> Vec<T>) -> Vec<T> {
+        self.map.patches.enumerate().flat_map(|(id, patch)| of(id, patch)).collect()
+    }
+}
+
+#[pymethods]
+impl PyMap {
+    /// Read a map from a file.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     A `map.glb` that `write` or the command wrote.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let read = run(py, 0, move || {
+            let map = read_map(&path)?;
+            let file = if file_kind(&path) == "glb" {
+                fs::read(&path).map_err(|source| IoError::Read { path, source })?
+            } else {
+                map_to_bytes(&map)?
+            };
+            Ok(Self::new(map, file))
+        })?;
+        read.map_err(|e: IoError| error(e))
+    }
+
+    /// Read a map from the content of a file.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let file = data.to_vec();
+        run(py, 0, move || Self::of_file(file))?.map_err(error)
+    }
+
+    /// The content of the file that `write` writes.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.file)
+    }
+
+    /// Write the map to a file (.glb), whole or not at all.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        if file_kind(&path) != "glb" {
+            return Err(bad("path", path.display(), "a file .glb"));
+        }
+        let file = Arc::clone(&self.file);
+        run(py, 0, move || {
+            replace_file(&path, |output| {
+                output.write_all(&file).map_err(|source| IoError::Write { path: path.clone(), source })
+            })
+        })?
+        .map_err(error)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let py = slf.py();
+        Ok((py.get_type::<Self>().getattr("from_bytes")?, (slf.get().to_bytes(py),)))
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| self.file == other.get().file)
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.file.hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __repr__(&self) -> String {
+        let (patches, levels) = (self.map.patches.len(), self.levels());
+        format!("<dermatome.Map: {} taxels, {patches} patches, {levels} levels>", self.n_taxels())
+    }
+
+    /// dict of str to Patch: The patches by their names, in the order of the map.
+    #[getter]
+    fn patches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let patches = PyDict::new(py);
+        let starts = starts(&self.map, LevelId::new(0));
+        for ((id, patch), start) in self.map.patches.enumerate().zip(starts) {
+            patches.set_item(&patch.name, PyPatch { map: Arc::clone(&self.map), id, start })?;
+        }
+        Ok(patches)
+    }
+
+    /// tuple of str: Names of the links; a parent comes before its children.
+    #[getter]
+    fn links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.map.links.iter().map(|link| &link.name))
+    }
+
+    /// int: Number of taxels, N.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.map.patches.iter().map(|patch| patch.taxels.ids.len()).sum()
+    }
+
+    /// int: Number of levels of the patch that has most.
+    #[getter]
+    fn n_levels(&self) -> usize {
+        self.levels()
+    }
+
+    /// (N,) uint32 array: Ids of the taxels.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.taxels(|_, patch| patch.taxels.ids.iter().map(|id| id.0).collect()))
+    }
+
+    /// (N,) uint8 array: 1 a working taxel, 0 none, 2 a thermal pad.
+    #[getter]
+    fn present<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        let code = |presence: &Presence| match presence {
+            Presence::Absent => 0,
+            Presence::Present => 1,
+            Presence::ThermalPad => 2,
+        };
+        vector(py, self.taxels(|_, patch| patch.taxels.presence.iter().map(code).collect()))
+    }
+
+    /// (N,) uint32 array: The number of each taxel's patch.
+    #[getter]
+    fn patch_of<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.taxels(|id, patch| vec![id.raw(); patch.taxels.ids.len()]))
+    }
+
+    /// (N,) uint32 array: The number of each taxel's link.
+    #[getter]
+    fn link_of<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.taxels(|_, patch| vec![patch.link.raw(); patch.taxels.ids.len()]))
+    }
+
+    /// list of dict: The measures of every patch and level, as `report.json` has them.
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let map = Arc::clone(&self.map);
+        json(py, &run(py, 0, move || measure(&map))?)
+    }
+
+    /// How the taxels depend on the receptive fields of a level: the law of fields.
+    ///
+    /// Row `i` holds the weights, with sum 1, of at most three fields of taxel `i`. With `P` this matrix, `a` the
+    /// areas of the taxels and `m` 1 where there is a reading, a pressure `p` becomes `P.T @ (a m p) / P.T @ (a m)`
+    /// on the fields and a force `f` becomes `P.T @ (m f)`.
+    ///
+    /// Parameters
+    /// ----------
+    /// level : int
+    ///     The level, 0 for the taxels themselves.
+    /// patch : str, optional
+    ///     The patch; by default all, whose taxels and fields follow each other in the order of the map. Patches
+    ///     without this level have no fields.
+    ///
+    /// Returns
+    /// -------
+    /// Matrix
+    ///     (taxels, fields).
+    #[pyo3(signature = (level, *, patch=None))]
+    fn pooling(&self, py: Python<'_>, level: i64, patch: Option<&str>) -> PyResult<PyMatrix> {
+        let level = self::level("level", level, self.levels())?;
+        let only = patch.map(|name| self.patch_named(name)).transpose()?;
+        let (mut rows, mut first) = (Rows::new(), 0);
+        for (_, patch) in self.map.patches.enumerate().filter(|(id, _)| only.is_none_or(|only| only == *id)) {
+            let direct = patch.levels.get(level).and_then(|map| map.level.to_finest.as_ref());
+            for taxel in patch.taxels.ids.ids() {
+                match direct {
+                    Some(direct) => rows.push(direct.row(taxel).map(|(field, w)| (first + field.index(), w))),
+                    None if level.index() == 0 => rows.push([(first + taxel.index(), 1.0)]),
+                    None => rows.push([]),
+                }
+            }
+            first += size_of(patch, level);
+        }
+        Ok(rows.into_matrix(py, first))
+    }
+
+    /// Carry readings of the taxels to the receptive fields of a level.
+    ///
+    /// Parameters
+    /// ----------
+    /// values : (..., N) array_like
+    ///     Readings in the order of the map; NaN where there is none. Taxels that are not present have none.
+    /// level : int
+    ///     The level.
+    /// extensive : bool
+    ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures.
+    /// threads : int
+    ///     0 for one per processor.
+    ///
+    /// Returns
+    /// -------
+    /// (..., n) float32 array
+    ///     One value for each field of the level, patch after patch; NaN where all taxels of a field have none.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome, numpy as np
+    /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+    /// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid))
+    /// >>> pooled = map.pool(np.full((5, 144), 2.5), level=1)
+    /// >>> len(pooled), bool(np.all(pooled == 2.5))
+    /// (5, True)
+    #[pyo3(signature = (values, level, *, extensive=false, threads=0))]
+    fn pool<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        level: i64,
+        extensive: bool,
+        threads: i64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let level = self::level("level", level, self.levels())?;
+        let values = floats("values", values)?;
+        let needed = self.n_taxels();
+        let Some((&last, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
+            return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
+        };
+        let fields = starts(&self.map, level).last().copied().unwrap_or(0);
+        let shape: Vec<usize> = frames.iter().copied().chain([fields]).collect();
+        let (map, values) = (Arc::clone(&self.map), values.as_slice()?.to_vec());
+        let pooled =
+            run(py, count("threads", threads)?, move || pooled(&map, &values, last, level, extensive))?
+                .map_err(error)?;
+        let pooled = vector(py, pooled);
+        pooled.call_method1("reshape", (PyTuple::new(py, shape)?,))
+    }
+
+    /// Make the map ready to be asked what is near a point.
+    ///
+    /// Parameters
+    /// ----------
+    /// levels : bool
+    ///     Whether `Index.reactive` is needed.
+    /// fields : bool
+    ///     Whether `Index.nearest` and `Index.within` are needed.
+    /// threads : int
+    ///     0 for one per processor.
+    ///
+    /// Returns
+    /// -------
+    /// Index
+    #[pyo3(signature = (*, levels=false, fields=false, threads=0))]
+    fn index(
+        &self,
+        py: Python<'_>,
+        levels: bool,
+        fields: bool,
+        threads: i64,
+    ) -> PyResult<crate::index::PyIndex> {
+        crate::index::PyIndex::new(py, &self.map, levels, fields, count("threads", threads)?)
+    }
+
+    /// Find the points of the skin at places on the map of a patch.
+    ///
+    /// Parameters
+    /// ----------
+    /// patch : str
+    ///     The patch.
+    /// uv : (k, 2) array_like
+    ///     Places on the map, in m.
+    /// level : int
+    ///     The level whose map it is.
+    ///
+    /// Returns
+    /// -------
+    /// points : (k, 3) float64 array
+    ///     In m, in the frame of the patch's link: on level 0 of the skin, above on the mesh of the level.
+    /// normals : (k, 3) float64 array
+    ///     Outward unit normals there.
+    /// off_chart : (k,) float64 array
+    ///     How far outside of the map the place is, in m; the point is then that of the nearest place on it.
+    #[pyo3(signature = (patch, uv, *, level=0))]
+    #[expect(clippy::type_complexity, reason = "a tuple of arrays")]
+    fn to_skin<'py>(
+        &self,
+        py: Python<'py>,
+        patch: &str,
+        uv: &Bound<'py, PyAny>,
+        level: i64,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let patch = self.patch_named(patch)?;
+        let level = self::level("level", level, self.map.patches[patch].levels.len())?;
+        let uv = places("uv", uv)?;
+        let back = match self.back.get() {
+            Some(back) => Arc::clone(back),
+            None => {
+                let map = Arc::clone(&self.map);
+                let made = run(py, 0, move || MapIndex::new(&map))?.map_err(error)?;
+                Arc::clone(self.back.get_or_init(|| Arc::new(made)))
+            }
+        };
+        let found = run(py, 0, move || {
+            let mut found = Vec::new();
+            let mut place = |uv| {
+                found.clear();
+                back.places(patch, level, uv, &mut found)?;
+                Ok(found.first().map(|place| (place.position, place.normal, place.off_chart)))
+            };
+            uv.into_iter().map(&mut place).collect::<Result<Vec<_>, dermatome::contact::ContactError>>()
+        })?;
+        let found = found.map_err(error)?;
+        let nowhere = (DVec3::NAN, DVec3::NAN, f64::INFINITY);
+        let column = || found.iter().map(|place| place.unwrap_or(nowhere));
+        let points = matrix(py, column().map(|place| place.0.to_array()))?;
+        let normals = matrix(py, column().map(|place| place.1.to_array()))?;
+        Ok((points, normals, vector(py, column().map(|place| place.2))))
+    }
+}
+
+/// Frames of `width` readings on the fields of a level.
+fn pooled(
+    map: &SkinMap,
+    values: &[f64],
+    width: usize,
+    level: LevelId,
+    extensive: bool,
+) -> Result<Vec<f32>, dermatome::Error> {
+    let fields = starts(map, level).last().copied().unwrap_or(0);
+    let count = values.len().checked_div(width).unwrap_or(0);
+    if count == 0 || fields == 0 {
+        return Ok(Vec::new());
+    }
+    let join = Join::new(map, None, width, Duplicates::Refuse)?;
+    let restrictor = Restrictor::new(map, &channels(1, extensive));
+    let frame = Frame::new(map, 1);
+    let mut pooled = vec![0.0; count * fields];
+    let share = count.div_ceil(4 * rayon::current_num_threads());
+    let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
+    shares.for_each_init(
+        || (restrictor.clone(), frame.clone()),
+        |(restrictor, frame), (out, values)| {
+            for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
+                join.fill(values, frame);
+                let on_levels = restrictor.restrict(frame);
+                let of_patches = on_levels.values.iter().filter_map(|channels| channels[0].get(level));
+                for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
+                    *out = narrow(value);
+                }
+            }
+        },
+    );
+    Ok(pooled)
+}
+
+/// A number of a result, in 32 bits.
+#[expect(clippy::cast_possible_truncation, reason = "readings are given in fewer digits")]
+pub(crate) fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
+/// A value as the objects of Python that its JSON stands for.
+pub(crate) fn json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|e| bad("report", e, "numbers"))?;
+    py.import("json")?.call_method1("loads", (text,))
+}
+
+/// One patch of a map.
+#[pyclass(frozen, module = "dermatome", name = "Patch")]
+#[derive(Debug)]
+pub(crate) struct PyPatch {
+    map: Arc<SkinMap>,
+    id: PatchId,
+    /// int: The number of its first taxel among those of the map.
+    #[pyo3(get)]
+    start: usize,
+}
+
+impl PyPatch {
+    fn patch(&self) -> &PatchMap {
+        &self.map.patches[self.id]
+    }
+}
+
+#[pymethods]
+impl PyPatch {
+    /// str: Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.patch().name
+    }
+
+    /// str: The link it is fixed to.
+    #[getter]
+    fn link(&self) -> &str {
+        &self.map.links[self.patch().link].name
+    }
+
+    /// int: Number of its taxels.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.patch().taxels.ids.len()
+    }
+
+    /// (n,) uint32 array: Ids of its taxels.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.patch().taxels.ids.iter().map(|id| id.0))
+    }
+
+    /// tuple of Level: Its levels; 0 is the skin itself.
+    #[getter]
+    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let level = |level: LevelId| PyLevel { map: Arc::clone(&self.map), patch: self.id, id: level };
+        PyTuple::new(
+            py,
+            self.patch()
+                .levels
+                .ids()
+                .map(level)
+                .map(|level| Py::new(py, level))
+                .collect::<PyResult<Vec<_>>>()?,
+        )
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<dermatome.Patch {:?}: {} taxels, {} levels>",
+            self.name(),
+            self.n_taxels(),
+            self.patch().levels.len()
+        )
+    }
+}
+
+/// One level of a patch: a mesh whose vertices are the centres of receptive fields, and its map.
+///
+/// `n` is the number of vertices, `m` of faces. Where the map is cut, a vertex of the seam has several places on
+/// it; `p` is the number of places, elsewhere equal to `n`.
+#[pyclass(frozen, module = "dermatome", name = "Level")]
+#[derive(Debug)]
+pub(crate) struct PyLevel {
+    map: Arc<SkinMap>,
+    patch: PatchId,
+    id: LevelId,
+}
+
+impl PyLevel {
+    fn of_map(&self) -> &MapLevel {
+        &self.map.patches[self.patch].levels[self.id]
+    }
+
+    fn mesh(&self) -> &Level {
+        &self.of_map().level
+    }
+
+    fn vectors<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(VertexId) -> DVec3,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.mesh().origins.iter().map(|&taxel| of(taxel).to_array()))
+    }
+}
+
+#[pymethods]
+impl PyLevel {
+    /// int: Its number; 0 is the skin itself.
+    #[getter]
+    fn number(&self) -> usize {
+        self.id.index()
+    }
+
+    /// (n, 3) float64 array: Positions in the frame of the link, in m.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.mesh().mesh.positions.iter().map(DVec3::to_array))
+    }
+
+    /// (n, 3) float64 array: Outward unit normals of the taxels at the centres.
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let taxels = &self.map.patches[self.patch].taxels;
+        self.vectors(py, |taxel| taxels.normals[taxel])
+    }
+
+    /// (n, 3) float64 array or None: Unit tangents of the taxels at the centres, the x axes of their frames.
+    #[getter]
+    fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let tangents = self.map.patches[self.patch].taxels.tangents.as_ref();
+        tangents.map(|tangents| self.vectors(py, |taxel| tangents[taxel])).transpose()
+    }
+
+    /// (m, 3) uint32 array: Triangles, counter-clockwise from outside.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        matrix(py, self.mesh().mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))
+    }
+
+    /// (n,) float64 array: Receptive areas, in m^2.
+    #[getter]
+    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.mesh().areas.iter().copied())
+    }
+
+    /// (n,) uint32 array: The vertex of level 0 that each vertex is.
+    #[getter]
+    fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.mesh().origins.iter().map(|taxel| taxel.raw()))
+    }
+
+    /// (n,) uint32 array: Ids of the taxels at the centres.
+    #[getter]
+    fn taxel_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let ids = &self.map.patches[self.patch].taxels.ids;
+        vector(py, self.mesh().origins.iter().map(|&taxel| ids[taxel].0))
+    }
+
+    /// (p, 2) float64 array: Places on the map, in m.
+    #[getter]
+    fn uv<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.of_map().uv.iter().map(|at| at.to_array()))
+    }
+
+    /// (m, 3) uint32 array: The triangles as the map has them: their corners are places.
+    #[getter]
+    fn uv_faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let map = self.of_map();
+        matrix(py, self.mesh().mesh.triangles.ids().map(|face| map.places(face).map(|place| place.raw())))
+    }
+
+    /// (p,) uint32 array: The vertex that each place is.
+    #[getter]
+    fn vertex_of_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let map = self.of_map();
+        vector(py, map.uv.ids().map(|place| map.vertex_of(place).raw()))
+    }
+
+    /// tuple of float: Lower left corner of the image on the map, in m.
+    #[getter]
+    fn origin(&self) -> (f64, f64) {
+        self.of_map().frame.origin.into()
+    }
+
+    /// tuple of float: Width and height of the image, in m.
+    #[getter]
+    fn size(&self) -> (f64, f64) {
+        self.of_map().frame.size.into()
+    }
+
+    /// tuple of int: Height and width of the image, in pixels.
+    #[getter]
+    fn pixels(&self) -> (u32, u32) {
+        let [width, height] = self.of_map().frame.size_px;
+        (height, width)
+    }
+
+    /// dict: How faithful the map is.
+    #[getter]
+    fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json(py, &self.of_map().distortion)
+    }
+
+    /// How the vertices depend on those of the next coarser level: (n, vertices of that level), or None on the
+    /// coarsest.
+    fn up(&self, py: Python<'_>) -> Option<PyMatrix> {
+        let up = self.mesh().from_coarser.as_ref()?;
+        let mut rows = Rows::new();
+        up.indices.ids().for_each(|row| rows.push(up.row(row).map(|(v, w)| (v.index(), w))));
+        Some(rows.into_matrix(py, up.coarse_len))
+    }
+
+    fn __repr__(&self) -> String {
+        let Level { mesh, .. } = self.mesh();
+        let name = &self.map.patches[self.patch].name;
+        format!(
+            "<dermatome.Level {} of {name:?}: {} vertices, {} faces>",
+            self.id,
+            mesh.positions.len(),
+            mesh.triangles.len()
+        )
+    }
+}
+
+/// Build the maps of a skin: coarsen every patch into levels of receptive fields and map each level to the plane.
+///
+/// Parameters
+/// ----------
+/// skin : Skin, str or os.PathLike
+///     The skin, or a file that `Skin.read` reads.
+/// ratio : float, optional
+///     Number of vertices of a level over that of the next coarser one; by default about 4.
+/// levels : int, optional
+///     At most this many levels above level 0.
+/// coarsest : int
+///     Stop at about this many vertices per patch.
+/// method : {"intrinsic", "conformal", "linear"}
+///     How maps are computed.
+/// energy : {"sum", "symmetric-dirichlet"}
+///     What the intrinsic method minimises.
+/// angle, area, perimeter : float
+///     Weights of the terms of the sum.
+/// magnify : float
+///     0 true to the area, 1 equal map area per taxel.
+/// magnify_over : {"skin", "patch"}
+///     Over what densities are compared.
+/// overlap : {"prevent", "allow"}
+///     What happens where the map of least distortion overlaps itself.
+/// boundary : str
+///     "free", "circle", "rectangle" or "rectangle:WIDTH:HEIGHT".
+/// cut : {"auto", "none", "all"} or (k, 2) array_like of int
+///     Where to cut first; pairs are ids of taxels that an edge joins.
+/// max_area_ratio : float, optional
+///     Cut until no triangle of the map is larger or smaller than on the skin by more than this factor.
+/// pixel : float, optional
+///     Side of a pixel of the images, in m.
+/// keep_going : bool
+///     Leave out patches that cannot be mapped.
+/// threads : int
+///     0 for one per processor. The result does not depend on it.
+/// progress : callable, optional
+///     Called with the stage ("coarsen" or "flatten"), the number of patches that are done and that of all.
+///
+/// Returns
+/// -------
+/// Map
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+/// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid), coarsest=10)
+/// >>> [level.positions.shape for level in map.patches["skin"].levels][0]
+/// (144, 3)
+#[pyfunction]
+#[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
+    area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
+    max_area_ratio=None, pixel=None, keep_going=false, threads=0, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn build(
+    py: Python<'_>,
+    skin: &Bound<'_, PyAny>,
+    ratio: Option<f64>,
+    levels: Option<i64>,
+    coarsest: i64,
+    method: &str,
+    energy: &str,
+    angle: f64,
+    area: f64,
+    perimeter: f64,
+    magnify: f64,
+    magnify_over: &str,
+    overlap: &str,
+    boundary: &str,
+    cut: Option<&Bound<'_, PyAny>>,
+    max_area_ratio: Option<f64>,
+    pixel: Option<f64>,
+    keep_going: bool,
+    threads: i64,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<PyMap> {
+    let flatten = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
+    let options = BuildOptions {
+        cut: self::cut(cut, max_area_ratio)?,
+        coarsen: CoarsenOptions {
+            ratio,
+            levels: levels.map(|levels| count("levels", levels)).transpose()?,
+            coarsest: count("coarsest", coarsest)?,
+        },
+        flatten: flatten.options()?,
+        pixel: pixel.map(|side| positive("pixel", side)).transpose()?,
+        magnify_over: word(
+            "magnify_over",
+            magnify_over,
+            &[("skin", MagnifyOver::Skin), ("patch", MagnifyOver::Patch)],
+        )?,
+        keep_going,
+    };
+    let skin = match skin.cast::<PySkin>() {
+        Ok(skin) => Arc::clone(&skin.get().skin),
+        Err(_) => {
+            let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;
+            Arc::clone(&read.cast::<PySkin>()?.get().skin)
+        }
+    };
+    let tell = move |told: dermatome::pipeline::Progress| {
+        let Some(progress) = &progress else { return };
+        let stage = match told.stage {
+            dermatome::pipeline::Stage::Coarsen => "coarsen",
+            dermatome::pipeline::Stage::Flatten => "flatten",
+        };
+        Python::attach(|py| {
+            if let Err(e) = progress.call1(py, (stage, told.done, told.total)) {
+                e.write_unraisable(py, None);
+            }
+        });
+    };
+    let map = run(py, count("threads", threads)?, move || -> Result<PyMap, dermatome::Error> {
+        let built = build_with_progress(&skin, &options, &tell)?;
+        // What a file holds, so that a map is the same whether it was built, read or unpickled.
+        Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
+    })?;
+    map.map_err(error)
+}

@@ -1,0 +1,257 @@
+//! `flatten` and `coarsen`: one mesh, without a skin.
+
+use std::sync::Arc;
+
+use dermatome::{
+    Skin,
+    cut::Cut,
+    flatten::{Convergence, Distortion, distortion, flatten as flatten_mesh},
+    id::VertexId,
+    mesh::TriMesh,
+    pipeline::{BuildOptions, build},
+    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen as coarsen_mesh},
+    skin::{PatchId, Taxels},
+};
+use glam::DVec3;
+use numpy::{PyArray1, PyArray2};
+use pyo3::{prelude::*, types::PyList};
+
+use crate::{
+    arrays::{matrix, points, triangles, vector},
+    errors::error,
+    jobs::run,
+    map::json,
+    matrix::{PyMatrix, Rows},
+    options::{FlattenArgs, count, cut},
+};
+
+/// A mesh on the plane.
+#[pyclass(frozen, get_all, module = "dermatome", name = "Flattening")]
+#[derive(Debug)]
+pub(crate) struct PyFlattening {
+    /// (p, 2) float64 array: Where the places of the map lie, in m. Without a cut they are the vertices.
+    uv: Py<PyArray2<f64>>,
+    /// (m, 3) uint32 array: The triangles, whose corners are places.
+    faces: Py<PyArray2<u32>>,
+    /// (p,) uint32 array: The vertex that each place is.
+    vertex_of_place: Py<PyArray1<u32>>,
+    /// dict: How faithful the map is.
+    distortion: Py<PyAny>,
+    /// bool or None: Whether the energy is at its minimum; None for methods without one.
+    converged: Option<bool>,
+}
+
+/// A map before it becomes arrays.
+struct Flat {
+    uv: Vec<[f64; 2]>,
+    faces: Vec<[u32; 3]>,
+    vertices: Vec<u32>,
+    distortion: Distortion,
+    convergence: Option<Convergence>,
+}
+
+fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<TriMesh> {
+    let positions = points("vertices", vertices)?;
+    let faces = triangles("faces", faces, positions.len())?;
+    Ok(TriMesh::from_arrays(positions, &faces))
+}
+
+/// Map one mesh to the plane, without a flip and with a free boundary.
+///
+/// Parameters
+/// ----------
+/// vertices : (n, 3) array_like
+///     Positions, in m.
+/// faces : (m, 3) array_like of int
+///     Triangles, counter-clockwise from outside.
+/// cut : {"none", "auto", "all"} or (k, 2) array_like of int
+///     Where to cut first; pairs are vertices counted from 1. Meshes that are no disk with holes need a cut.
+/// max_area_ratio, method, energy, angle, area, perimeter, magnify, overlap, boundary, threads
+///     As in `build`.
+///
+/// Returns
+/// -------
+/// Flattening
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> bent = [[0, 0, 0], [1, 0, 0.2], [1, 1, 0], [0, 1, 0.2]]
+/// >>> flat = dermatome.flatten(bent, [[0, 1, 2], [0, 2, 3]])
+/// >>> flat.uv.shape, flat.distortion["flips"]
+/// ((4, 2), 0)
+#[pyfunction]
+#[pyo3(signature = (vertices, faces, *, cut=None, max_area_ratio=None, method="intrinsic", energy="sum", angle=1.0,
+    area=1.0, perimeter=0.0, magnify=0.0, overlap="prevent", boundary="free", threads=0))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn flatten(
+    py: Python<'_>,
+    vertices: &Bound<'_, PyAny>,
+    faces: &Bound<'_, PyAny>,
+    cut: Option<&Bound<'_, PyAny>>,
+    max_area_ratio: Option<f64>,
+    method: &str,
+    energy: &str,
+    angle: f64,
+    area: f64,
+    perimeter: f64,
+    magnify: f64,
+    overlap: &str,
+    boundary: &str,
+    threads: i64,
+) -> PyResult<PyFlattening> {
+    let mesh = mesh_of(vertices, faces)?;
+    let args = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
+    let options = args.options()?;
+    let cut = match (cut, max_area_ratio) {
+        (None, None) => Cut::None,
+        (cut, ratio) => self::cut(cut, ratio)?,
+    };
+    let flat = run(py, count("threads", threads)?, move || -> Result<Flat, dermatome::Error> {
+        mesh.validate()?;
+        if cut == Cut::None {
+            let map = flatten_mesh(&mesh, None, &options)?;
+            return Ok(Flat {
+                distortion: distortion(&mesh, &map.uv),
+                convergence: Some(map.convergence),
+                uv: map.uv.iter().map(|at| at.to_array()).collect(),
+                faces: mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)).collect(),
+                vertices: mesh.positions.ids().map(VertexId::raw).collect(),
+            });
+        }
+        let skin = Skin::from_mesh("mesh", mesh);
+        skin.validate()?;
+        let map = build(&skin, &BuildOptions { cut, flatten: options, ..BuildOptions::default() })?;
+        let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
+        Ok(Flat {
+            distortion: level.distortion,
+            convergence: level.convergence,
+            uv: level.uv.iter().map(|at| at.to_array()).collect(),
+            faces: level
+                .level
+                .mesh
+                .triangles
+                .ids()
+                .map(|face| level.places(face).map(|place| place.raw()))
+                .collect(),
+            vertices: level.uv.ids().map(|place| level.vertex_of(place).raw()).collect(),
+        })
+    })?;
+    let flat = flat.map_err(error)?;
+    Ok(PyFlattening {
+        uv: matrix(py, flat.uv)?.unbind(),
+        faces: matrix(py, flat.faces)?.unbind(),
+        vertex_of_place: vector(py, flat.vertices).unbind(),
+        distortion: json(py, &flat.distortion)?.unbind(),
+        converged: flat.convergence.map(|convergence| convergence.converged),
+    })
+}
+
+/// A level of a mesh: its vertices are vertices of the mesh.
+#[pyclass(frozen, module = "dermatome", name = "MeshLevel")]
+#[derive(Debug)]
+pub(crate) struct PyMeshLevel {
+    pyramid: Arc<Pyramid>,
+    id: LevelId,
+}
+
+#[pymethods]
+impl PyMeshLevel {
+    /// (n, 3) float64 array: Positions, in m.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.pyramid.levels[self.id].mesh.positions.iter().map(DVec3::to_array))
+    }
+
+    /// (m, 3) uint32 array: Triangles.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        matrix(
+            py,
+            self.pyramid.levels[self.id].mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)),
+        )
+    }
+
+    /// (n,) float64 array: Receptive areas, in m^2.
+    #[getter]
+    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.pyramid.levels[self.id].areas.iter().copied())
+    }
+
+    /// (n,) uint32 array: The vertex of the mesh that each vertex is.
+    #[getter]
+    fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.pyramid.levels[self.id].origins.iter().map(|v| v.raw()))
+    }
+
+    /// How the vertices of the mesh depend on those of this level: (vertices of the mesh, n), at most three entries
+    /// a row.
+    fn pooling(&self, py: Python<'_>) -> PyMatrix {
+        let level = &self.pyramid.levels[self.id];
+        let mut rows = Rows::new();
+        match &level.to_finest {
+            Some(direct) => {
+                direct.indices.ids().for_each(|row| rows.push(direct.row(row).map(|(v, w)| (v.index(), w))));
+            }
+            None => level.origins.iter().for_each(|v| rows.push([(v.index(), 1.0)])),
+        }
+        rows.into_matrix(py, level.mesh.positions.len())
+    }
+
+    fn __repr__(&self) -> String {
+        let mesh = &self.pyramid.levels[self.id].mesh;
+        format!(
+            "<dermatome.MeshLevel {}: {} vertices, {} faces>",
+            self.id,
+            mesh.positions.len(),
+            mesh.triangles.len()
+        )
+    }
+}
+
+/// Make the levels of a mesh, each about a quarter as fine as the one before; vertices are nested.
+///
+/// Parameters
+/// ----------
+/// vertices : (n, 3) array_like
+///     Positions, in m.
+/// faces : (m, 3) array_like of int
+///     Triangles, counter-clockwise from outside.
+/// ratio, levels, coarsest, threads
+///     As in `build`.
+///
+/// Returns
+/// -------
+/// list of MeshLevel
+///     The first is the mesh itself.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> grid = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(20) for x in range(20)])
+/// >>> levels = dermatome.coarsen(grid.positions, grid.faces)
+/// >>> len(levels[0].positions), len(levels) > 1
+/// (400, True)
+#[pyfunction]
+#[pyo3(signature = (vertices, faces, *, ratio=None, levels=None, coarsest=32, threads=0))]
+pub(crate) fn coarsen<'py>(
+    py: Python<'py>,
+    vertices: &Bound<'py, PyAny>,
+    faces: &Bound<'py, PyAny>,
+    ratio: Option<f64>,
+    levels: Option<i64>,
+    coarsest: i64,
+    threads: i64,
+) -> PyResult<Bound<'py, PyList>> {
+    let mesh = mesh_of(vertices, faces)?;
+    let levels = levels.map(|levels| count("levels", levels)).transpose()?;
+    let options = CoarsenOptions { ratio, levels, coarsest: count("coarsest", coarsest)? };
+    let pyramid = run(py, count("threads", threads)?, move || -> Result<Pyramid, dermatome::Error> {
+        mesh.validate()?;
+        Ok(coarsen_mesh(&mesh, &Taxels::from(&mesh), &options)?)
+    })?;
+    let pyramid = Arc::new(pyramid.map_err(error)?);
+    let levels =
+        pyramid.levels.ids().map(|id| Py::new(py, PyMeshLevel { pyramid: Arc::clone(&pyramid), id }));
+    PyList::new(py, levels.collect::<PyResult<Vec<_>>>()?)
+}

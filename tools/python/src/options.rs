@@ -1,0 +1,140 @@
+//! Options that are words, and the options of the command that several functions take.
+
+use dermatome::{
+    cut::Cut,
+    flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
+    mesh::FillHoles,
+    pyramid::LevelId,
+    signal::{Channel, Quantity},
+    skin::{TaxelId, Weld},
+};
+use pyo3::prelude::*;
+
+use crate::{arrays::pairs, errors::bad};
+
+/// What a word stands for.
+pub(crate) fn word<T: Clone>(argument: &str, found: &str, known: &[(&str, T)]) -> PyResult<T> {
+    let names = || known.iter().map(|(name, _)| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+    let value = known.iter().find(|(name, _)| *name == found).map(|(_, value)| value.clone());
+    value.ok_or_else(|| bad(argument, format!("{found:?}"), names()))
+}
+
+/// A number that counts something.
+pub(crate) fn count(argument: &str, found: i64) -> PyResult<usize> {
+    usize::try_from(found).map_err(|_| bad(argument, found, "a number from 0 on"))
+}
+
+/// A length or another number above 0.
+pub(crate) fn positive(argument: &str, found: f64) -> PyResult<f64> {
+    if found > 0.0 && found.is_finite() { Ok(found) } else { Err(bad(argument, found, "a number above 0")) }
+}
+
+/// One of the first levels.
+pub(crate) fn level(argument: &str, found: i64, levels: usize) -> PyResult<LevelId> {
+    let known = usize::try_from(found).ok().filter(|&k| k < levels);
+    known
+        .map(LevelId::new)
+        .ok_or_else(|| bad(argument, found, format!("a level from 0 to {}", levels.saturating_sub(1))))
+}
+
+/// A unit of length, in m: a word or a number.
+pub(crate) fn unit(value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    match value.extract::<f64>() {
+        Ok(metres) => positive("unit", metres),
+        Err(_) => {
+            let name: String = value.extract()?;
+            word("unit", &name, &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254)])
+        }
+    }
+}
+
+pub(crate) fn weld(found: &str) -> PyResult<Weld> {
+    let known = [("auto", Weld::Auto), ("all", Weld::All), ("none", Weld::None), ("texture", Weld::Texture)];
+    word("weld", found, &known)
+}
+
+/// Filling a hole costs the cube of its number of edges.
+const LARGEST_HOLE: i64 = 200;
+
+pub(crate) fn fill_holes(found: Option<i64>) -> PyResult<FillHoles> {
+    match found {
+        None => Ok(FillHoles::PinHoles),
+        Some(edges @ 0..=LARGEST_HOLE) => Ok(FillHoles::UpTo(count("fill_holes", edges)?)),
+        Some(found) => Err(bad("fill_holes", found, format!("a number of edges from 0 to {LARGEST_HOLE}"))),
+    }
+}
+
+/// Channels that are all alike.
+pub(crate) fn channels(count: usize, extensive: bool) -> Vec<Channel> {
+    let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
+    vec![Channel { quantity, ..Channel::default() }; count]
+}
+
+/// Where to cut: a word, or pairs of the ids of taxels that an edge joins.
+pub(crate) fn cut(value: Option<&Bound<'_, PyAny>>, max_area_ratio: Option<f64>) -> PyResult<Cut> {
+    let cut = match value.map(|value| (value, value.extract::<String>())) {
+        None => Cut::Auto,
+        Some((_, Ok(found))) => {
+            word("cut", &found, &[("auto", Cut::Auto), ("none", Cut::None), ("all", Cut::All)])?
+        }
+        Some((value, Err(_))) => {
+            Cut::Along(pairs("cut", value)?.into_iter().map(|pair| pair.map(TaxelId)).collect())
+        }
+    };
+    match (cut, max_area_ratio) {
+        (cut, None) => Ok(cut),
+        (Cut::Auto, Some(ratio)) if ratio > 1.0 => Ok(Cut::AreaRatio(ratio)),
+        (Cut::Auto, Some(ratio)) => Err(bad("max_area_ratio", ratio, "a number above 1")),
+        _ => Err(bad("max_area_ratio", "another cut than \"auto\"", "one of the two")),
+    }
+}
+
+/// How to flatten, as the command's options of the same names say it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FlattenArgs<'a> {
+    pub(crate) method: &'a str,
+    pub(crate) energy: &'a str,
+    pub(crate) angle: f64,
+    pub(crate) area: f64,
+    pub(crate) perimeter: f64,
+    pub(crate) magnify: f64,
+    pub(crate) overlap: &'a str,
+    pub(crate) boundary: &'a str,
+}
+
+impl FlattenArgs<'_> {
+    pub(crate) fn options(&self) -> PyResult<FlattenOptions> {
+        let Self { angle, area, perimeter, magnify, .. } = *self;
+        let sum = Energy::Sum { angle, area, perimeter };
+        let energy = word(
+            "energy",
+            self.energy,
+            &[("sum", sum), ("symmetric-dirichlet", Energy::SymmetricDirichlet)],
+        )?;
+        let known = [
+            ("intrinsic", Method::Intrinsic { energy, magnify }),
+            ("conformal", Method::Conformal),
+            ("linear", Method::Linear { angle, area }),
+        ];
+        let method = word("method", self.method, &known)?;
+        let overlap =
+            word("overlap", self.overlap, &[("prevent", Overlap::Prevent), ("allow", Overlap::Allow)])?;
+        let boundary = match self.boundary.split(':').collect::<Vec<_>>()[..] {
+            ["rectangle", width, height] => {
+                let side = |text: &str| {
+                    let side = text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
+                    side.ok_or_else(|| {
+                        bad("boundary", format!("{:?}", self.boundary), "rectangle:WIDTH:HEIGHT")
+                    })
+                };
+                Boundary::Rectangle { width: side(width)?, height: side(height)? }
+            }
+            _ => {
+                let square = Boundary::Rectangle { width: 1.0, height: 1.0 };
+                let known = [("free", Boundary::Free), ("circle", Boundary::Circle), ("rectangle", square)];
+                word("boundary", self.boundary, &known)?
+            }
+        };
+        Ok(FlattenOptions { method, overlap, boundary })
+    }
+}

@@ -1,0 +1,411 @@
+//! `Skin` and `check`: taxels from files and arrays.
+
+use std::{path::PathBuf, sync::Arc};
+
+use dermatome::{
+    Skin,
+    io::{ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
+    skin::{
+        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Presence, Severity, Sheet, TaxelId,
+        assemble, check as findings_of,
+    },
+};
+use glam::{DAffine3, DVec3};
+use numpy::{PyArray1, PyArray2};
+use pyo3::{
+    prelude::*,
+    types::{PyBytes, PyDict, PyList, PyTuple},
+};
+
+use crate::{
+    arrays::{matrix, one_each, one_number_each, points, triangles, vector},
+    errors::{bad, error},
+    jobs::run,
+    options::{fill_holes, unit, weld},
+};
+
+/// A skin: taxels on patches, joined by triangles, in the frames of the links of a robot.
+///
+/// Lengths are in m. Arrays are in the order of the skin: patch after patch, the taxels of each in their order.
+/// A skin never changes. It can be pickled; pickled positions are rounded to 32-bit numbers.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> square = [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]]
+/// >>> skin = dermatome.Skin.from_arrays(square, [[0, 1, 2], [0, 2, 3]], patch="palm")
+/// >>> skin.patches, skin.n_taxels
+/// (('palm',), 4)
+#[pyclass(frozen, module = "dermatome", name = "Skin")]
+#[derive(Debug)]
+pub(crate) struct PySkin {
+    pub(crate) skin: Arc<Skin>,
+    remarks: Vec<String>,
+}
+
+/// How a draft becomes a skin, from arguments.
+struct Reading<'a> {
+    gap: f64,
+    weld: &'a str,
+    repair: bool,
+    outside: Option<Bound<'a, PyAny>>,
+    fill_holes: Option<i64>,
+    keep_going: bool,
+}
+
+impl Reading<'_> {
+    fn options(&self) -> PyResult<AssembleOptions> {
+        let outside = self.outside.as_ref().map(|value| -> PyResult<DVec3> {
+            let given = DVec3::from_slice(&one_each("outside", value, 3)?).try_normalize();
+            given.ok_or_else(|| bad("outside", "no direction", "three numbers, not all 0"))
+        });
+        Ok(AssembleOptions {
+            gap: self.gap,
+            fill_holes: fill_holes(self.fill_holes)?,
+            weld: weld(self.weld)?,
+            repair: self.repair,
+            outside: outside.transpose()?,
+            keep_going: self.keep_going,
+        })
+    }
+}
+
+/// The sheets whose name fits one of some patterns of the shell.
+fn keep_patches(py: Python<'_>, draft: &mut Draft, patterns: &[String]) -> PyResult<()> {
+    let fits = py.import("fnmatch")?.getattr("fnmatchcase")?;
+    let mut kept = Vec::new();
+    for pattern in patterns {
+        let mut found = false;
+        for (k, sheet) in draft.sheets.iter().enumerate() {
+            if fits.call1((&sheet.name, pattern))?.extract()? {
+                kept.push(k);
+                found = true;
+            }
+        }
+        if !found {
+            let names: Vec<_> = draft.sheets.iter().take(10).map(|sheet| sheet.name.as_str()).collect();
+            return Err(bad("patches", format!("{pattern:?}"), format!("one of {names:?}")));
+        }
+    }
+    let mut k = 0..;
+    draft.sheets.retain(|_| k.next().is_some_and(|k: usize| kept.contains(&k)));
+    Ok(())
+}
+
+impl PySkin {
+    fn assembled(py: Python<'_>, draft: Draft, options: AssembleOptions) -> PyResult<Self> {
+        let assembled = run(py, 0, move || assemble(&draft, &options))?.map_err(error)?;
+        let remarks = assembled.remarks.iter().map(ToString::to_string).collect();
+        Ok(Self { skin: Arc::new(assembled.skin), remarks })
+    }
+}
+
+/// Whether a file is of CAD, whose triangles need repair more often than not.
+fn is_stl(path: &std::path::Path) -> bool {
+    path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("stl"))
+}
+
+#[pymethods]
+impl PySkin {
+    /// Read a skin from a file.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt.
+    /// unit : {"m", "mm", "cm", "in"} or float
+    ///     Unit of the lengths in the file; a number is a length in m.
+    /// gap : float
+    ///     Longest edge between taxels without triangles over their spacing, from 1 to 20.
+    /// weld : {"auto", "all", "none", "texture"}
+    ///     Which vertices at exactly one place become one taxel.
+    /// repair : bool, optional
+    ///     Whether faulty triangles are repaired; by default those of .stl files.
+    /// outside : (3,) array_like, optional
+    ///     Direction of the outside of taxels without triangles and normals.
+    /// fill_holes : int, optional
+    ///     Fill holes of at most this many edges; by default pin-holes.
+    /// patches : sequence of str, optional
+    ///     Take the patches of these names alone, in which * and ? stand for any characters.
+    /// keep_going : bool
+    ///     Leave out patches that cannot be repaired.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    #[staticmethod]
+    #[pyo3(signature = (path, *, unit=None, gap=2.5, weld="auto", repair=None, outside=None, fill_holes=None,
+        patches=None, keep_going=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn read(
+        py: Python<'_>,
+        path: PathBuf,
+        unit: Option<&Bound<'_, PyAny>>,
+        gap: f64,
+        weld: &str,
+        repair: Option<bool>,
+        outside: Option<Bound<'_, PyAny>>,
+        fill_holes: Option<i64>,
+        patches: Option<Vec<String>>,
+        keep_going: bool,
+    ) -> PyResult<Self> {
+        let repair = repair.unwrap_or_else(|| is_stl(&path));
+        let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
+        let metres = unit.map_or(Ok(1.0), self::unit)?;
+        let mut draft = run(py, 0, move || read_draft_with(&path, ReadParts::default()))?.map_err(error)?;
+        patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
+        draft.scale(metres);
+        Self::assembled(py, draft, options)
+    }
+
+    /// Read a skin from the content of a file, which may name no other files.
+    ///
+    /// Parameters
+    /// ----------
+    /// data : bytes
+    ///     The content.
+    /// kind : str
+    ///     The extension of such a file.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    #[staticmethod]
+    #[pyo3(signature = (data, kind="glb"))]
+    fn from_bytes(py: Python<'_>, data: &[u8], kind: &str) -> PyResult<Self> {
+        let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
+        let repair = is_stl(&name);
+        let draft = draft_from_bytes(&name, data.to_vec(), ReadParts::default()).map_err(error)?;
+        Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
+    }
+
+    /// Make a skin of one patch from arrays.
+    ///
+    /// Parameters
+    /// ----------
+    /// positions : (n, 3) array_like
+    ///     Positions of the taxels in the frame of the link, in m.
+    /// faces : (m, 3) array_like of int, optional
+    ///     Triangles, counter-clockwise from outside; without them the taxels are joined to their neighbours.
+    /// normals : (n, 3) array_like, optional
+    ///     Outward normals.
+    /// ids : (n,) array_like of int, optional
+    ///     Ids of the taxels; by default they count from 1.
+    /// present : (n,) array_like of int, optional
+    ///     1 a working taxel, 0 none, 2 a thermal pad.
+    /// link, patch : str
+    ///     Names of the link and of the patch.
+    /// gap, weld, repair, outside, fill_holes
+    ///     As in `read`.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    #[staticmethod]
+    #[pyo3(signature = (positions, faces=None, *, normals=None, ids=None, present=None, link="link", patch="skin",
+        gap=2.5, weld="auto", repair=false, outside=None, fill_holes=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn from_arrays(
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        faces: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'_, PyAny>>,
+        ids: Option<&Bound<'_, PyAny>>,
+        present: Option<&Bound<'_, PyAny>>,
+        link: &str,
+        patch: &str,
+        gap: f64,
+        weld: &str,
+        repair: bool,
+        outside: Option<Bound<'_, PyAny>>,
+        fill_holes: Option<i64>,
+    ) -> PyResult<Self> {
+        let options = Reading { gap, weld, repair, outside, fill_holes, keep_going: false }.options()?;
+        let mut draft = draft_of(positions, faces)?;
+        let sheet = &mut draft.sheets[0];
+        let count = sheet.positions.len();
+        sheet.name = patch.to_owned();
+        if let Some(value) = normals {
+            let normals = points("normals", value)?;
+            if normals.len() != count {
+                return Err(bad("normals", format!("{} rows", normals.len()), format!("{count} rows")));
+            }
+            sheet.normals = Some(normals);
+        }
+        let ids = ids.map(|value| one_number_each("ids", value, count)).transpose()?;
+        sheet.ids = ids.map(|ids| ids.into_iter().map(TaxelId).collect());
+        sheet.presence = present.map(|value| presence("present", value, count)).transpose()?;
+        sheet.link =
+            Some(draft.links.push(Link { name: link.to_owned(), parent: None, pose: DAffine3::IDENTITY }));
+        Self::assembled(py, draft, options)
+    }
+
+    /// Write the skin to a file; its kind follows from its extension.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let skin = Arc::clone(&self.skin);
+        run(py, 0, move || write_skin(&path, &skin))?.map_err(error)
+    }
+
+    /// The content of a file of this skin, of a kind that is one file.
+    #[pyo3(signature = (kind="glb"))]
+    fn to_bytes<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
+        Ok(PyBytes::new(py, &skin_to_bytes(&name, &self.skin).map_err(error)?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let py = slf.py();
+        Ok((py.get_type::<Self>().getattr("from_bytes")?, (slf.get().to_bytes(py, "glb")?,)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<dermatome.Skin: {} taxels, {} patches>", self.n_taxels(), self.skin.patches.len())
+    }
+
+    /// tuple of str: What was changed or left out when the skin was read.
+    #[getter]
+    fn remarks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.remarks)
+    }
+
+    /// tuple of str: Names of the patches, in the order of the skin.
+    #[getter]
+    fn patches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.skin.patches.iter().map(|patch| &patch.name))
+    }
+
+    /// tuple of str: Names of the links; a parent comes before its children.
+    #[getter]
+    fn links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.skin.links.iter().map(|link| &link.name))
+    }
+
+    /// int: Number of taxels, N.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum()
+    }
+
+    /// (N, 3) float64 array: Positions of the taxels in the frames of their links, in m.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let patches = self.skin.patches.iter();
+        matrix(py, patches.flat_map(|patch| patch.mesh.positions.iter().map(DVec3::to_array)))
+    }
+
+    /// (N, 3) float64 array: Outward unit normals.
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let patches = self.skin.patches.iter();
+        matrix(py, patches.flat_map(|patch| patch.taxels.normals.iter().map(DVec3::to_array)))
+    }
+
+    /// (m, 3) uint32 array: Triangles of all patches, which count taxels of the whole skin.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let mut first = 0;
+        let mut faces = Vec::new();
+        for patch in &self.skin.patches {
+            faces.extend(patch.mesh.triangles.iter().map(|corners| corners.map(|v| first + v.raw())));
+            first += u32::try_from(patch.mesh.positions.len()).unwrap_or(u32::MAX);
+        }
+        matrix(py, faces)
+    }
+
+    /// (N,) uint32 array: Ids of the taxels.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter().map(|id| id.0)))
+    }
+
+    /// (N,) float64 array: Receptive areas, in m^2.
+    #[getter]
+    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, self.skin.patches.iter().flat_map(|patch| patch.taxels.areas.iter().copied()))
+    }
+}
+
+/// A draft of one sheet.
+fn draft_of(positions: &Bound<'_, PyAny>, faces: Option<&Bound<'_, PyAny>>) -> PyResult<Draft> {
+    let positions = points("positions", positions)?;
+    let faces = faces.map(|faces| triangles("faces", faces, positions.len())).transpose()?;
+    let sheet = Sheet { positions, triangles: faces.unwrap_or_default(), ..Sheet::default() };
+    Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+}
+
+fn presence(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Presence>> {
+    let known = [Presence::Absent, Presence::Present, Presence::ThermalPad];
+    let numbers = one_number_each(name, value, count)?.into_iter().enumerate();
+    let of = |(k, found): (usize, u32)| {
+        known.get(found as usize).copied().ok_or_else(|| bad(&format!("{name}[{k}]"), found, "0, 1 or 2"))
+    };
+    numbers.map(of).collect()
+}
+
+/// List everything that is wrong with a skin; empty for a healthy one.
+///
+/// Parameters
+/// ----------
+/// source : str, os.PathLike or (n, 3) array_like
+///     A file, or positions of taxels in m.
+/// faces : (m, 3) array_like of int, optional
+///     The triangles of these taxels.
+/// unit, gap, weld, repair
+///     As in `Skin.read`.
+///
+/// Returns
+/// -------
+/// list of dict
+///     For each finding its `kind`, `severity` ("error": `build` refuses it), `patch`, `elements` (numbers of
+///     vertices or faces) and `message`.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> twisted = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+/// >>> [f["kind"] for f in dermatome.check(twisted, [[0, 1, 2], [1, 2, 3]])]
+/// ['inconsistent-winding']
+#[pyfunction]
+#[pyo3(signature = (source, faces=None, *, unit=None, gap=2.5, weld="auto", repair=None))]
+pub(crate) fn check<'py>(
+    py: Python<'py>,
+    source: &Bound<'py, PyAny>,
+    faces: Option<&Bound<'py, PyAny>>,
+    unit: Option<&Bound<'py, PyAny>>,
+    gap: f64,
+    weld: &str,
+    repair: Option<bool>,
+) -> PyResult<Bound<'py, PyList>> {
+    let (mut draft, stl) = match (source.extract::<PathBuf>(), faces) {
+        (Ok(path), None) => {
+            let stl = is_stl(&path);
+            (run(py, 0, move || read_draft_with(&path, ReadParts::default()))?.map_err(error)?, stl)
+        }
+        (Ok(_), Some(_)) => return Err(bad("faces", "triangles of a file", "None")),
+        (Err(_), faces) => (draft_of(source, faces)?, false),
+    };
+    let repair = repair.unwrap_or(stl);
+    let options =
+        Reading { gap, weld, repair, outside: None, fill_holes: None, keep_going: false }.options()?;
+    draft.scale(unit.map_or(Ok(1.0), self::unit)?);
+    let findings = run(py, 0, move || {
+        let mut findings = findings_of(&draft, &options);
+        let is_refused = findings.iter().any(|found| found.severity() == Severity::Error);
+        if !is_refused && let Err(reason) = assemble(&draft, &options) {
+            let kind = FindingKind::NoSkin { reason };
+            findings.push(Finding { patch: String::new(), kind, elements: Elements::Whole });
+        }
+        findings
+    })?;
+    let all = PyList::empty(py);
+    for found in findings {
+        let object = PyDict::new(py);
+        object.set_item("kind", found.kind.to_string())?;
+        object.set_item("severity", found.severity().to_string())?;
+        object.set_item("patch", &found.patch)?;
+        object.set_item("elements", found.elements.numbers())?;
+        object.set_item("message", found.message())?;
+        all.append(object)?;
+    }
+    Ok(all)
+}

@@ -1,0 +1,48 @@
+"""Named shapes that the tests use."""
+
+import numpy as np
+import pytest
+
+import dermatome
+
+
+def lattice(columns, rows, spacing=0.005):
+    """Positions and triangles of a flat lattice, seen from above."""
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    positions = np.stack([x.ravel() * spacing, y.ravel() * spacing, np.zeros(x.size)], axis=1)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
+    upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
+    return positions, np.concatenate([lower, upper])
+
+
+def dome(columns=16, rows=16, spacing=0.005, radius=0.08):
+    """A lattice bent onto a sphere, open at its rim."""
+    positions, faces = lattice(columns, rows, spacing)
+    middle = positions.mean(axis=0)
+    flat = positions - middle
+    positions[:, 2] = np.sqrt(radius**2 - (flat[:, :2] ** 2).sum(axis=1))
+    return positions, faces
+
+
+def tube(around=24, along=30, radius=0.02, spacing=0.005):
+    """An open cylinder: two loops, which is cut."""
+    turn = 2 * np.pi * np.arange(around) / around
+    rows = [np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(around, k * spacing)], 1) for k in range(along)]
+    faces = []
+    for k in range(along - 1):
+        for a in range(around):
+            b = (a + 1) % around
+            low, high = k * around, (k + 1) * around
+            faces += [[low + a, low + b, high + b], [low + a, high + b, high + a]]
+    return np.concatenate(rows), np.array(faces)
+
+
+@pytest.fixture(scope="session")
+def dome_map():
+    return dermatome.build(dermatome.Skin.from_arrays(*dome(), patch="dome", link="hand"))
+
+
+@pytest.fixture(scope="session")
+def tube_map():
+    return dermatome.build(dermatome.Skin.from_arrays(*tube(), patch="sleeve"), cut="all")

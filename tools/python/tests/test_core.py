@@ -1,0 +1,301 @@
+"""Skins, maps, levels, matrices and lookups: laws on small named shapes."""
+
+import gc
+import multiprocessing
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from conftest import dome, lattice, tube
+
+import dermatome
+
+
+def test_a_skin_keeps_its_arrays():
+    positions, faces = dome()
+    skin = dermatome.Skin.from_arrays(positions, faces, ids=np.arange(256) + 1000, patch="dome")
+    assert np.array_equal(skin.positions, positions)
+    assert np.array_equal(skin.ids, np.arange(256) + 1000)
+    assert sorted(map(tuple, skin.faces)) == sorted(map(tuple, faces))
+    assert skin.areas.sum() == pytest.approx(dermatome.build(skin).patches["dome"].levels[0].areas.sum(), rel=1e-6)
+
+
+def test_a_skin_is_written_and_read(tmp_path):
+    skin = dermatome.Skin.from_arrays(*dome(), patch="dome")
+    skin.write(tmp_path / "dome.glb")
+    again = dermatome.Skin.read(tmp_path / "dome.glb", patches=["d*"])
+    assert again.patches == ("dome",)
+    assert np.allclose(again.positions, skin.positions, atol=1e-8)
+    larger = dermatome.Skin.read(str(tmp_path / "dome.glb"), unit=2.0)
+    assert np.allclose(larger.positions, 2 * skin.positions, atol=1e-7)
+    assert pickle.loads(pickle.dumps(skin)).n_taxels == 256
+
+
+@pytest.mark.parametrize("form", [np.float32, np.float64, ">f8", "list", "fortran", "view", "read-only"])
+def test_every_form_of_an_array_gives_the_same_skin(form):
+    positions, faces = lattice(8, 8)
+    positions = np.round(positions * 1024) / 1024
+    if form == "list":
+        given = positions.tolist()
+    elif form == "fortran":
+        given = np.asfortranarray(positions)
+    elif form == "view":
+        given = np.repeat(positions, 2, axis=0)[::2]
+    else:
+        given = positions.astype(np.float64 if form == "read-only" else form)
+        given.flags.writeable = form != "read-only"
+    assert np.array_equal(dermatome.Skin.from_arrays(given, faces).positions, positions)
+
+
+def test_a_map_is_the_same_built_read_and_unpickled(dome_map, tmp_path):
+    dome_map.write(tmp_path / "map.glb")
+    for other in (
+        dermatome.Map.read(tmp_path / "map.glb"),
+        dermatome.Map.from_bytes(dome_map.to_bytes()),
+        pickle.loads(pickle.dumps(dome_map)),
+    ):
+        assert other == dome_map
+        assert hash(other) == hash(dome_map)
+        assert other.to_bytes() == dome_map.to_bytes()
+        assert np.array_equal(other.pooling(1).data, dome_map.pooling(1).data)
+    assert dome_map != "a map"
+    assert dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8))) != dome_map
+
+
+def test_the_number_of_threads_changes_nothing(dome_map):
+    skin = dermatome.Skin.from_arrays(*dome(), patch="dome", link="hand")
+    assert dermatome.build(skin, threads=1) == dermatome.build(skin, threads=3) == dome_map
+
+
+def test_levels_are_nested_and_areas_are_carried(dome_map):
+    levels = dome_map.patches["dome"].levels
+    assert len(levels) > 1
+    for level in levels:
+        n, m = len(level.positions), len(level.faces)
+        assert level.normals.shape == level.tangents.shape == (n, 3)
+        assert level.faces.max() < n and level.uv_faces.shape == (m, 3)
+        assert np.array_equal(level.positions, levels[0].positions[level.origins])
+        assert np.array_equal(level.vertex_of_place[level.uv_faces], level.faces)
+        assert np.array_equal(level.taxel_ids, dome_map.ids[level.origins])
+        assert level.distortion["flips"] == 0
+        pooling = dome_map.pooling(level.number).scipy()
+        assert pooling.shape == (256, n)
+        assert np.diff(pooling.indptr).max() <= 3
+        assert np.allclose(pooling.sum(axis=1), 1)
+        assert np.allclose(pooling.T @ levels[0].areas, level.areas, rtol=1e-5)
+    assert levels[0].up().shape == (256, len(levels[1].positions))
+    assert levels[-1].up() is None
+
+
+def test_a_cut_map_keeps_its_vertices_whole(tube_map):
+    level = tube_map.patches["sleeve"].levels[0]
+    assert len(level.positions) == 24 * 30 < len(level.uv)
+    assert np.array_equal(np.unique(level.vertex_of_place), np.arange(24 * 30))
+    assert np.array_equal(level.vertex_of_place[level.uv_faces], level.faces)
+
+
+def test_pool_is_the_pooling_matrix(dome_map):
+    values = np.random.default_rng(1).random((7, 256))
+    areas = dome_map.patches["dome"].levels[0].areas
+    for level in range(dome_map.n_levels):
+        weights = dome_map.pooling(level).scipy()
+        mean = (values * areas) @ weights / (areas @ weights)
+        assert np.allclose(dome_map.pool(values, level), mean, rtol=1e-6)
+        assert np.allclose(dome_map.pool(values, level, extensive=True), values @ weights, rtol=1e-6)
+        assert np.array_equal(dome_map.pool(values, level, threads=1), dome_map.pool(values, level, threads=2))
+        two = np.stack([values, 2 * values], axis=1)
+        assert np.array_equal(dome_map.pool(two, level)[:, 1], dome_map.pool(2 * values, level))
+    values[:] = np.nan
+    assert np.isnan(dome_map.pool(values, 1)).all()
+    assert dome_map.pool(np.empty((0, 256)), 1).shape[0] == 0
+
+
+def test_taxels_that_are_absent_have_no_reading():
+    positions, faces = lattice(10, 10)
+    present = np.ones(100, int)
+    present[37] = 0
+    map = dermatome.build(dermatome.Skin.from_arrays(positions, faces, present=present))
+    assert np.array_equal(map.present, present)
+    pooled = map.pool(np.arange(100.0), 0)
+    assert np.array_equal(np.flatnonzero(np.isnan(pooled)), [37])
+
+
+def test_points_are_located_where_they_are(dome_map):
+    level = dome_map.patches["dome"].levels[0]
+    index = dome_map.index()
+    hits = index.locate(level.positions + 1e-3 * level.normals, level=0)
+    assert len(hits) == 256
+    assert np.allclose(hits.point, level.positions, atol=3e-4)
+    assert np.allclose(hits.distance, 1e-3, atol=2e-5)
+    assert (hits.taxel_id == dome_map.ids).mean() > 0.9
+    corners = level.positions[level.faces[hits.face]]
+    assert np.allclose((hits.barycentric[:, :, None] * corners).sum(axis=1), hits.point)
+    fields = hits.fields.scipy()
+    assert fields.shape == (256, 256) and np.allclose(fields.sum(axis=1), 1)
+    one = index.locate(level.positions[7:8] + 1e-3 * level.normals[7:8], level=1, threads=1)
+    many = index.locate(level.positions + 1e-3 * level.normals, level=1, threads=2)
+    assert one.uv[0].tolist() == many.uv[7].tolist() and one.field[0] == many.field[7]
+    assert index.locate(level.positions, level=None).uv is None
+    assert len(index.locate(np.empty((0, 3)))) == 0
+
+
+def test_map_and_skin_are_inverse(dome_map):
+    level = dome_map.patches["dome"].levels[0]
+    hits = dome_map.index().locate(level.positions[40:60] + 1e-4, level=0)
+    points, normals, off_chart = dome_map.to_skin("dome", hits.uv)
+    assert np.allclose(points, hits.point, atol=1e-6)
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1) and (off_chart == 0).all()
+    assert dome_map.to_skin("dome", [[9.0, 9.0]])[2][0] > 8
+
+
+def test_rays_meet_the_skin_or_nothing(dome_map):
+    middle = dome()[0].mean(axis=0)
+    above, below = middle + [0, 0, 1], middle - [0, 0, 1]
+    hits = dome_map.index().ray([above, above], [[0, 0, -1], [0, 0, 1]])
+    assert hits.patch.tolist() == [0, -1] and np.isnan(hits.distance[1]) and hits.taxel_id[1] == 2**32 - 1
+    assert hits.point[0][2] == pytest.approx(0.08, abs=2e-4)
+    assert dome_map.index().ray([below], [[0, 0, 1]], longest=0.5).patch.tolist() == [-1]
+
+
+def test_reactive_answers_keep_their_bound(dome_map):
+    index = dome_map.index(levels=True)
+    points = dome()[0] + np.random.default_rng(2).normal(scale=0.003, size=(256, 3))
+    exact, quick = index.locate(points), index.reactive(points, 1)
+    assert (abs(abs(quick.distance) - abs(exact.distance)) <= quick.error + 1e-12).all()
+    with pytest.raises(dermatome.DataError, match="levels"):
+        dome_map.index().reactive(points, 1)
+
+
+def test_fields_near_a_point(dome_map):
+    index = dome_map.index(fields=True)
+    positions = dome()[0]
+    near = index.nearest(positions[:5] + 1e-4, 4)
+    assert np.diff(near.indptr).tolist() == [4] * 5
+    for k in range(5):
+        by_distance = np.argsort(np.linalg.norm(dome_map.patches["dome"].levels[0].positions - positions[k] - 1e-4, axis=1))
+        assert near.field[near.indptr[k]] == by_distance[0]
+    inside = index.within(positions[100:101], 0.011)
+    away = np.linalg.norm(dome_map.patches["dome"].levels[0].positions - positions[100], axis=1)
+    assert np.array_equal(inside.field, np.flatnonzero(away <= 0.011))
+
+
+def test_a_posed_index_moves_and_leaves_the_other(dome_map):
+    index = dome_map.index()
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    turn[:3, 3] = [1.0, 2.0, 3.0]
+    posed = index.posed({"hand": turn})
+    points = dome()[0] + 1e-3
+    moved = posed.locate(points @ turn[:3, :3].T + turn[:3, 3])
+    still = index.locate(points)
+    assert np.allclose(moved.distance, still.distance) and np.array_equal(moved.face, still.face)
+    assert np.allclose(posed.poses["hand"], turn) and np.allclose(index.poses["hand"], np.eye(4))
+    assert np.allclose(posed.locate(points, link="hand").point, still.point)
+    with pytest.raises(dermatome.DataError, match="rigid"):
+        index.posed({"hand": 2 * np.eye(4) - np.diag([0, 0, 0, 1])})
+
+
+def test_flatten_and_coarsen():
+    positions, faces = tube()
+    flat = dermatome.flatten(positions, faces, cut="all")
+    assert len(flat.uv) > len(positions) and flat.distortion["qc_max"] < 1.01 and flat.converged
+    assert np.array_equal(flat.vertex_of_place[flat.faces], faces)
+    ring = dermatome.flatten(positions, faces)
+    assert ring.uv.shape == (720, 2) and ring.distortion["flips"] == 0
+    levels = dermatome.coarsen(positions, faces)
+    assert np.allclose(levels[1].pooling().scipy().sum(axis=1), 1)
+    assert np.array_equal(levels[1].positions, positions[levels[1].origins])
+
+
+def test_findings_and_errors_are_named(tmp_path):
+    positions, faces = lattice(5, 5)
+    assert dermatome.check(positions, faces) == []
+    found = dermatome.check(positions, np.concatenate([faces, faces[:1]]))
+    assert [f["kind"] for f in found if f["severity"] == "error"]
+    with pytest.raises(FileNotFoundError, match="no.glb") as missing:
+        dermatome.Map.read(tmp_path / "no.glb")
+    assert isinstance(missing.value, dermatome.Error) and missing.value.kind == "read"
+    (tmp_path / "bad.glb").write_bytes(b"glTF")
+    with pytest.raises(dermatome.DataError, match="bad.glb"):
+        dermatome.Map.read(tmp_path / "bad.glb")
+    with pytest.raises(ValueError) as argument:
+        dermatome.Skin.from_arrays(positions[:, :2], faces)
+    assert str(argument.value) == "positions: found shape (25, 2); needed: shape (k, 3)"
+    assert argument.value.kind == "argument"
+    again = pickle.loads(pickle.dumps(argument.value))
+    assert (str(again), again.kind, type(again)) == (str(argument.value), "argument", dermatome.DataError)
+
+
+def worker(index_of, points):
+    return index_of.index(threads=1).locate(points, threads=2).distance.sum()
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_other_processes_answer_alike(dome_map, start):
+    points = dome()[0] + 1e-3
+    here = worker(dome_map, points)
+    with multiprocessing.get_context(start).Pool(2) as pool:
+        there = [pool.apply_async(worker, (dome_map, points)) for _ in range(3)]
+        assert {result.get(timeout=60) for result in there} == {here}
+
+
+def test_other_threads_run_meanwhile(dome_map):
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks.append(1)
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    before = len(ticks)
+    dermatome.build(dermatome.Skin.from_arrays(*dome(60, 60, spacing=0.0015)))
+    during = len(ticks) - before
+    done.set()
+    thread.join()
+    assert during > 3
+
+
+def test_interrupts_are_heard():
+    code = (
+        "import sys, dermatome; sys.path.insert(0, sys.argv[1]); from conftest import lattice\n"
+        "p, f = lattice(700, 700); p[:, 2] = (p[:, 0] - p[:, 1]) ** 2\n"
+        "print('begins', flush=True)\n"
+        "try: dermatome.flatten(p, f)\n"
+        "except KeyboardInterrupt: print('stopped', flush=True); import os; os._exit(7)\n"
+    )
+    from pathlib import Path
+
+    command = [sys.executable, "-c", code, str(Path(__file__).parent)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "begins\n"
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[0] == "stopped\n"
+        assert process.returncode == 7
+
+
+def test_memory_does_not_grow(dome_map):
+    resource = pytest.importorskip("resource")
+    index, point = dome_map.index(), dome()[0][:1]
+    for round in range(3):
+        for _ in range(3000):
+            index.locate(point, level=1)
+            dome_map.pool(np.zeros(256), 1)
+        gc.collect()
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        if round == 1:
+            before = peak
+    assert peak - before < 2048, "KiB more after 3000 calls of each"
+
+
+def test_progress_is_told():
+    told = []
+    dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), progress=lambda *step: told.append(step))
+    assert told == [("coarsen", 0, 1), ("coarsen", 1, 1), ("flatten", 0, 1), ("flatten", 1, 1)]

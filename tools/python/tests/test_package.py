@@ -1,0 +1,74 @@
+"""The package: its command, its types, its documentation."""
+
+import doctest
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import dermatome
+from dermatome import _dermatome
+
+
+def command(*args, **options):
+    return subprocess.run([sys.executable, "-m", "dermatome", *args], capture_output=True, text=True, **options)
+
+
+def test_the_command_is_in_the_package(tmp_path):
+    said = command("--version")
+    assert (said.returncode, said.stdout) == (0, f"dermatome {dermatome.__version__}\n")
+    wrong = command("build", "no.glb", "-o", str(tmp_path), "--quiet")
+    assert wrong.returncode == 2 and "no.glb" in wrong.stderr and wrong.stdout == ""
+    skin = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)])
+    skin.write(tmp_path / "palm.glb")
+    assert command("build", str(tmp_path / "palm.glb"), "-o", str(tmp_path / "out"), "--quiet").returncode == 0
+    assert dermatome.Map.read(tmp_path / "out" / "map.glb") == dermatome.build(tmp_path / "palm.glb")
+    script = Path(sys.executable).parent / "dermatome"
+    assert subprocess.run([script, "--version"], capture_output=True).returncode == 0
+
+
+def test_the_import_needs_no_other_package():
+    code = "import sys, dermatome; print([m for m in ('numpy', 'scipy', 'torch', 'trimesh') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+
+
+def public():
+    for name in dermatome.__all__:
+        thing = getattr(dermatome, name)
+        if callable(thing):
+            yield name, thing
+        if inspect.isclass(thing):
+            for member, value in vars(thing).items():
+                if not member.startswith("_"):
+                    yield f"{name}.{member}", value
+
+
+def test_every_public_name_is_documented():
+    assert [name for name, thing in public() if not inspect.getdoc(thing)] == []
+
+
+def test_examples_run():
+    runner, parser = doctest.DocTestRunner(), doctest.DocTestParser()
+    examples = 0
+    for name, thing in public():
+        text = inspect.getdoc(thing) or ""
+        test = parser.get_doctest(text, {}, name, None, None)
+        examples += len(test.examples)
+        runner.run(test)
+    assert runner.summarize().failed == 0
+    assert examples > 20
+
+
+def test_stubs_are_those_of_the_module():
+    said = subprocess.run(
+        [sys.executable, "-m", "mypy.stubtest", "dermatome._dermatome", "--ignore-missing-stub"],
+        capture_output=True,
+        text=True,
+    )
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_types_are_final_and_frozen():
+    for name in ("Skin", "Map", "Patch", "Level", "Index"):
+        thing = getattr(_dermatome, name)
+        assert thing.__module__ == "dermatome"
