@@ -134,6 +134,18 @@ fn features_of_a_recording_replace_no_input_either() {
     assert!(!at("o.npz").exists());
 }
 
+/// Where the features cannot be written there is no array either, and a user hears so at once.
+#[test]
+fn features_that_cannot_be_written_leave_no_array() {
+    let folder = folder();
+    dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
+    fs::create_dir(folder.path().join("o.features.json")).unwrap();
+    let before = listing(folder.path());
+    let run = dermatome(folder.path(), "render map.glb r.csv -o o.npz").assert();
+    run.code(2).stderr(contains("o.features.json: is a directory"));
+    assert_eq!(listing(folder.path()), before);
+}
+
 /// Every file that a recording becomes is named.
 #[test]
 fn render_names_all_files_that_it_wrote() {
@@ -369,6 +381,46 @@ mod stopped {
                 [".dermatome-1-2-another-run", "c.csv", "cap.obj", "map.glb"],
                 "{signal} {caller}"
             );
+        }
+    }
+
+    /// A live stream that is stopped ends there: its arrays and its contacts are written.
+    #[test]
+    fn a_stopped_stream_keeps_what_came_before() {
+        let folder = folder();
+        dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
+        let text = fs::read_to_string(folder.path().join("r.csv")).unwrap();
+        let (header, rows) = text.split_once('\n').unwrap();
+        for signal in [1, 2, 15].into_iter().filter(|signal| !is_ignored(*signal)) {
+            let before = listing(folder.path()).len();
+            let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+                .args(["render", "map.glb", "-", "-o", "o.npz", "--contacts", "t.csv", "--values-only"])
+                .current_dir(folder.path())
+                .stdin(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let mut input = child.stdin.take().unwrap();
+            input.write_all(format!("{header}\n").as_bytes()).unwrap();
+            // More than can be on its way when the last of it is taken: most of it is drawn by then.
+            repeat(&mut input, rows, 2_000_000);
+            interrupt(&mut child, signal, folder.path(), before);
+            let output = child.wait_with_output().unwrap();
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(128 + signal), "{said}");
+            assert!(said.contains("wrote o.npz, o.features.json, t.csv"), "{said}");
+            let expected = ["c.csv", "cap.obj", "map.glb", "o.features.json", "o.npz", "r.csv", "t.csv"];
+            assert_eq!(listing(folder.path()), expected);
+            assert!(fs::metadata(folder.path().join("o.npz")).unwrap().len() > 100_000);
+            ["o.npz", "o.features.json", "t.csv"]
+                .map(|name| fs::remove_file(folder.path().join(name)).unwrap());
+        }
+    }
+
+    /// Writes these rows again and again, `bytes` in all.
+    fn repeat(input: &mut impl Write, rows: &str, bytes: usize) {
+        for _ in 0..bytes.div_ceil(rows.len()) {
+            input.write_all(rows.as_bytes()).unwrap();
         }
     }
 }

@@ -24,7 +24,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::{
     console::errors,
-    files::{outputs, signals::clean_when_stopped},
+    files::{outputs, signals::catch_signals},
     options::Common,
 };
 
@@ -121,7 +121,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
     let threads = common.workers().map_err(|why| errors::advise(why, "correct it, or give --threads"))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    clean_when_stopped();
+    catch_signals();
     // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
     pool.install(|| run_command(cli))
 }

@@ -22,7 +22,10 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     console::{errors::advise, notes::note, print::print_json, progress},
-    files::outputs::{self, Outputs, is_stream},
+    files::{
+        outputs::{self, Outputs, is_stream},
+        signals,
+    },
     options::Common,
     render::{
         contacts::ContactsArgs,
@@ -140,7 +143,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     // Of a stream that ends badly, what came before is kept: it will not come again.
     let tally = match tally {
-        Err(error) if written == 0 || !is_stream(&args.readings) => return Err(error),
+        Err(error) if written == 0 || !is_stream(&args.readings) => {
+            return signals::stopped().map_or(Err(error), |code| Ok(code.into()));
+        }
         tally => tally,
     };
     if let Ok(tally) = &tally {
@@ -153,6 +158,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::wrote([args.output.as_path()], common);
     }
     outputs.publish(common)?;
+    if let Some(code) = signals::stopped() {
+        note!(common, "stopped after {written} frames");
+        return Ok(code.into());
+    }
     let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {

@@ -15,7 +15,7 @@ use crate::{
             writer::{ArrayId, ArrayWriter},
         },
         file::{
-            replace::replace_file,
+            replace::{StagedFiles, write_file},
             source::{file_kind, unfit},
         },
     },
@@ -260,15 +260,17 @@ impl RecordingWriter {
     /// # Errors
     /// If the disk is full.
     pub fn finish(self) -> Result<(), IoError> {
-        self.writer.finish()?;
+        let (writer, features) = (self.writer, self.features);
         if file_kind(&self.path) == "npy" {
-            return Ok(());
+            return writer.finish();
         }
         let path = self.path.with_extension("features.json");
-        replace_file(&path, |file| {
-            serde_json::to_writer_pretty(file, &self.features)
-                .map_err(|e| IoError::Write { path: path.clone(), source: e.into() })
-        })
+        let mut files = StagedFiles::default();
+        files.stage(|| {
+            writer.finish()?;
+            write_file(&path, |file| Ok(serde_json::to_writer_pretty(file, &features)?))
+        })?;
+        files.publish()
     }
 }
 

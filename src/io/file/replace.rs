@@ -84,12 +84,12 @@ impl StagedFiles {
         self.files.iter().map(|file| file.path.as_path())
     }
 
-    /// Puts all files in their places.
+    /// Puts all files in their places, or on the stage around this one.
     ///
     /// # Errors
     /// If a file cannot be renamed; those before it are in their places then.
     pub fn publish(self) -> Result<(), IoError> {
-        self.files.into_iter().try_for_each(Replacement::publish)
+        self.files.into_iter().try_for_each(Replacement::finish)
     }
 }
 

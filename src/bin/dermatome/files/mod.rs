@@ -7,5 +7,13 @@ pub(crate) mod signals;
 /// On other systems a stopped run leaves its temporary files.
 #[cfg(not(unix))]
 pub(crate) mod signals {
-    pub(crate) fn clean_when_stopped() {}
+    pub(crate) fn catch_signals() {}
+
+    pub(crate) fn stopped() -> Option<u8> {
+        None
+    }
+
+    pub(crate) fn live_input() -> std::io::Stdin {
+        std::io::stdin()
+    }
 }

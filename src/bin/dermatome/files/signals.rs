@@ -1,6 +1,17 @@
-//! Removes the temporary files of a run that is stopped by ^C, `kill` or a closed terminal.
+//! What ^C, `kill` and a closed terminal do: a live stream ends, and its run completes what it has;
+//! any other run, and a stream at the second signal, removes its temporary files.
 
-use std::{fs, process, sync::Arc, thread};
+use std::{
+    fs,
+    io::{self, Read, stdin},
+    process,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicI32, Ordering},
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    thread,
+};
 
 use dermatome::io::abandon_files;
 use signal_hook::{
@@ -11,17 +22,84 @@ use signal_hook::{
 /// Exit code of a stopped run, less the number of the signal; as shells have it.
 const STOPPED: i32 = 128;
 
-/// From now on a signal that stops this run removes its temporary files.
-pub(crate) fn clean_when_stopped() {
+/// Bytes that are read from a stream at once, and how many such pieces wait for the run.
+const PIECE: usize = 1 << 16;
+const WAITING: usize = 4;
+
+type Piece = io::Result<Vec<u8>>;
+
+/// The live stream, which a signal ends.
+static STREAM: Mutex<Option<SyncSender<Piece>>> = Mutex::new(None);
+
+/// The signal that ended it, or 0.
+static SIGNAL: AtomicI32 = AtomicI32::new(0);
+
+/// From now on a signal ends the live stream, or this run.
+pub(crate) fn catch_signals() {
     // Without a handler a stopped run only leaves its files, so go on.
     // A file beyond the limit of its size is then an error of its writer.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     let Ok(mut signals) = Signals::new(signals()) else { return };
     thread::spawn(move || {
-        let Some(signal) = signals.forever().next() else { return };
-        abandon_files();
-        process::exit(STOPPED + signal);
+        for signal in signals.forever() {
+            let Some(stream) = STREAM.lock().unwrap_or_else(PoisonError::into_inner).take() else {
+                abandon_files();
+                process::exit(STOPPED + signal);
+            };
+            SIGNAL.store(signal, Ordering::SeqCst);
+            // Wakes a run that waits. Where pieces wait for the run, it looks at the signal itself.
+            let _ = stream.try_send(Ok(Vec::new()));
+        }
     });
+}
+
+/// The exit code of a run whose live stream was ended by a signal.
+pub(crate) fn stopped() -> Option<u8> {
+    let signal = SIGNAL.load(Ordering::SeqCst);
+    u8::try_from(STOPPED + signal).ok().filter(|_| signal != 0)
+}
+
+/// Standard input as a live stream: a signal is an error of reading it.
+pub(crate) fn live_input() -> impl Read + Send + 'static {
+    let (sender, pieces) = sync_channel(WAITING);
+    *STREAM.lock().unwrap_or_else(PoisonError::into_inner) = Some(sender.clone());
+    thread::spawn(move || {
+        loop {
+            let mut piece = vec![0; PIECE];
+            let read = stdin().read(&mut piece);
+            let is_last = !matches!(read, Ok(1..));
+            let piece = read.map(|count| {
+                piece.truncate(count);
+                piece
+            });
+            if sender.send(piece).is_err() || is_last {
+                return;
+            }
+        }
+    });
+    LiveInput { pieces, piece: Vec::new(), used: 0 }
+}
+
+struct LiveInput {
+    pieces: Receiver<Piece>,
+    piece: Vec<u8>,
+    used: usize,
+}
+
+impl Read for LiveInput {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.used == self.piece.len() {
+            // The last piece is empty.
+            self.piece = self.pieces.recv().unwrap_or_else(|_| Ok(Vec::new()))?;
+            self.used = 0;
+        }
+        if stopped().is_some() {
+            return Err(io::Error::other("the run was stopped"));
+        }
+        let count = (&self.piece[self.used..]).read(buffer)?;
+        self.used += count;
+        Ok(count)
+    }
 }
 
 /// The signals that stop a run. A hangup that the caller ignores stays ignored: `nohup` says so, and

@@ -59,6 +59,9 @@ impl Kind {
         match outputs::kind(output).as_str() {
             kind @ ("npy" | "npz") => {
                 outputs::check_file(output)?;
+                if kind == "npz" {
+                    outputs::check_file(&output.with_extension("features.json"))?;
+                }
                 Ok(Self::Array(if kind == "npy" { Array::Npy } else { Array::Npz }))
             }
             "" => {

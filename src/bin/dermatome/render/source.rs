@@ -1,12 +1,12 @@
 //! Where `render` gets its frames from: readings that are read, joined to the map and conditioned.
 
-use std::{io::stdin, path::Path};
+use std::path::Path;
 
 use dermatome::{
     Error,
     io::{ReadingsReader, read_gains},
     map::SkinMap,
-    signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Frame, Join, JoinReport, Quantity},
+    signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Frame, Join, JoinReport},
 };
 
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
         errors::advise,
         notes::{note, note_count},
     },
-    files::outputs::is_stream,
+    files::{outputs::is_stream, signals::live_input},
     options::Common,
     render::readings_args::{FramesArgs, ReadingsArgs},
 };
@@ -83,7 +83,7 @@ impl<'a> Readings<'a> {
     pub(crate) fn open(&self) -> anyhow::Result<Pass<'a>> {
         let Self { args, frames, path, map } = *self;
         let mut reader = if is_stream(path) {
-            ReadingsReader::stream(Path::new("standard input"), stdin())
+            ReadingsReader::stream(Path::new("standard input"), live_input())
         } else {
             ReadingsReader::open(path, args.layout)
         }
@@ -123,10 +123,9 @@ fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> 
         ));
     }
     for (channel, unit) in channels.iter_mut().zip(units) {
-        let named = Channel::new(&channel.name, unit);
         // Readings without a name are called pressure until their unit says what they are.
-        let is_force = *channel == Channel::default() && named.quantity == Quantity::Extensive;
-        *channel = if is_force { Channel { name: "force".into(), ..named } } else { named };
+        let name = if *channel == Channel::default() { "" } else { &channel.name };
+        *channel = Channel::new(name, unit);
     }
     Ok(())
 }
