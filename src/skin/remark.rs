@@ -186,7 +186,7 @@ remark_kinds! {
         /// The same at the median spacing, in m.
         longest: f64,
     } => "{taxels} bare taxels were joined by {triangles} triangles; edges longer than {gap} times the \
-          spacing, here {}, are gaps", length(*longest);
+          local spacing, {} at its median, are gaps", length(*longest);
     /// Repair: several taxels at one place became one.
     Merged {
         /// The taxels that were merged with an earlier one.
