@@ -343,6 +343,30 @@ fn what_the_writer_of_readings_writes_is_read_back() {
     }
 }
 
+/// Taxels that share a placeholder id are written in their order, absent ones too, without ids.
+#[test]
+fn readings_of_taxels_with_the_same_id_are_read_back_in_their_order() {
+    let mut skin = Skin::from_mesh("square", shapes::square());
+    let taxels = &mut skin.patches[PatchId::new(0)].taxels;
+    taxels.ids = vec![TaxelId(0), TaxelId(0), TaxelId(7), TaxelId(8)].into();
+    taxels.presence[3.into()] = Presence::Absent;
+    let map = SkinMap::flat(shapes::square(), 0.1);
+    let mut frame = Frame::new(&map, 1);
+    frame.values[PatchId::new(0)][0] = vec![1.0, 2.0, 3.0, f64::NAN].into();
+    let folder = TempDir::new().unwrap();
+    for name in ["a.csv", "a.npz"] {
+        let path = folder.path().join(name);
+        let taxels = skin.patches.iter().map(|p| &p.taxels);
+        let mut writer = ReadingsWriter::create(&path, taxels, &Channel::new("force", "N")).unwrap();
+        writer.write(&frame).unwrap();
+        writer.finish().unwrap();
+        let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();
+        assert_eq!((found.ids, found.channels[0].name.as_str()), (None, "force"), "{name}");
+        assert_eq!(found.frames[0][..3], [1.0, 2.0, 3.0], "{name}");
+        assert!(found.frames[0][3].is_nan(), "{name}: the absent taxel");
+    }
+}
+
 #[test]
 fn broken_texts_are_refused_with_their_line() {
     for (name, text, place) in [
@@ -449,6 +473,7 @@ fn archives_whose_arrays_do_not_fit_are_refused() {
         (vec![values(), named("ids", "<f8", 4, &doubles([1.0, -2.0, 2.0, 3.0]))], "element 1: found -2"),
         (vec![values(), named("timestamps", "<f8", 2, &doubles([0.0; 2]))], "one for each frame"),
         (vec![values(), named("timestamps", "<f8", 3, &doubles([0.0, f64::NAN, 1.0]))], "row 1: found NaN"),
+        (vec![values(), named("timestamps", "<f8", 3, &doubles([1.7e12; 3]))], "row 0: found 1700000000000"),
         (vec![values(), named("units", "<f8", 1, &doubles([1.0]))], "needed: strings"),
         (vec![other("a"), other("b")], "a (3, 4) f8, b (3, 4) f8"),
         (vec![], "arrays: found none"),

@@ -28,7 +28,8 @@ pub struct Channel {
 impl Channel {
     /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`,
     /// `lbf`, `C`, with a prefix such as `m` or not), or if it has none and is called `force`,
-    /// `force.N` or `charge`. A temperature is intensive, though its unit be `C`.
+    /// `force.N` or `charge`. A temperature is intensive, though its unit be `C`. Without a name it is
+    /// called `force` if it is extensive, else `pressure`.
     #[must_use]
     pub fn new(name: &str, unit: &str) -> Self {
         let first = name.split('.').next().unwrap_or_default().to_ascii_lowercase();
@@ -39,6 +40,11 @@ impl Channel {
             _ => ["N", "gf", "lbf", "C"].contains(&base) && !first.starts_with("temp"),
         };
         let quantity = if is_amount { Quantity::Extensive } else { Quantity::Intensive };
+        let name = match (name, quantity) {
+            ("", Quantity::Extensive) => "force",
+            ("", Quantity::Intensive) => "pressure",
+            _ => name,
+        };
         Self { name: name.into(), unit: unit.into(), quantity }
     }
 
@@ -93,7 +99,7 @@ impl Channel {
 impl Default for Channel {
     /// A pressure in no known unit.
     fn default() -> Self {
-        Self { name: "pressure".into(), unit: String::new(), quantity: Quantity::Intensive }
+        Self::new("", "")
     }
 }
 
@@ -119,7 +125,9 @@ mod tests {
             let found = Channel::new(name, unit).quantity == Quantity::Extensive;
             assert_eq!(found, is_amount, "{name} in {unit:?}");
         }
-        assert_eq!(Channel::new("pressure", ""), Channel::default());
+        assert_eq!(Channel::new("", ""), Channel::default());
+        assert_eq!(Channel::new("", "mN"), Channel::new("force", "mN"));
+        assert_eq!(Channel::new("", "kPa"), Channel::new("pressure", "kPa"));
         for (unit, newtons) in [
             ("N", Some(1.0)),
             ("mN", Some(1e-3)),

@@ -13,7 +13,7 @@ use crate::{
             npy::ElementType,
         },
         file::source::{excerpt, invalid},
-        readings::header::MAX_NUMBERS,
+        readings::header::{LATEST, MAX_NUMBERS},
     },
     signal::Channel,
     skin::TaxelId,
@@ -108,9 +108,9 @@ impl ArrayReadings {
             let mut number = [f64::NAN];
             times.read(&self.path, &mut number)?;
             [*time] = number;
-            if !time.is_finite() {
+            if time.is_nan() || time.abs() > LATEST {
                 let element = format!("{}, row {}", times.element, times.done - 1);
-                return Err(invalid(&self.path, element, time.to_string(), "a finite time, in s"));
+                return Err(invalid(&self.path, element, time.to_string(), "a time in s"));
             }
         }
         Ok(true)
@@ -229,7 +229,7 @@ fn read_channels(
         texts.transpose()
     };
     let names = texts(names)?.unwrap_or_else(|| match count {
-        1 => vec![Channel::default().name],
+        1 => vec![String::new()],
         _ => (0..count).map(|k| format!("channel{k}")).collect(),
     });
     let units = texts(units)?.unwrap_or_else(|| vec![String::new(); count]);

@@ -36,7 +36,10 @@ pub(super) enum Cell {
 /// The columns of a text of readings.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
-    pub(super) ids: Vec<TaxelId>,
+    /// Number of columns of each channel.
+    pub(super) width: usize,
+    /// The id of each column; `None` if they are all taxels in their order.
+    pub(super) ids: Option<Vec<TaxelId>>,
     pub(super) channels: Vec<Channel>,
     pub(super) cells: Vec<Cell>,
 }
@@ -46,7 +49,8 @@ pub(super) struct Header {
 /// `ID.CHANNEL` or `ID.CHANNEL[UNIT]`. With `leading`, rows have a number and a time before the
 /// readings that the line does not name, unless it names a time itself.
 ///
-/// An id that comes twice with the same channel is another column.
+/// An id that comes twice with the same channel is another column. Names without ids, `.CHANNEL`, are
+/// all taxels in their order.
 pub(super) fn parse_header<'t>(
     words: impl Iterator<Item = &'t str>,
     leading: bool,
@@ -78,6 +82,9 @@ pub(super) fn parse_header<'t>(
     if columns.ids.is_empty() {
         return Err(at.invalid("no taxel id", SHAPES));
     }
+    if columns.has_ids && columns.lacks_ids {
+        return Err(at.invalid("columns with and without an id", SHAPES));
+    }
     let (width, channels) = (columns.ids.len(), columns.channels.len());
     if width.saturating_mul(channels) > MAX_NUMBERS {
         let found = format!("{width} taxels and {channels} channels");
@@ -92,7 +99,8 @@ pub(super) fn parse_header<'t>(
         Place::Reading { channel, column } => Cell::Reading(channel * width + column),
     };
     let cells = places.into_iter().map(cell).collect();
-    Ok(Header { ids: columns.ids, channels: columns.channels, cells })
+    let ids = columns.has_ids.then_some(columns.ids);
+    Ok(Header { width, ids, channels: columns.channels, cells })
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -120,7 +128,7 @@ pub(super) fn per_second(word: &str) -> Option<u32> {
 }
 
 /// More seconds than this are no time in s: 1e11 s after 1970 is the year 5138, 1e11 ms is 1973.
-const LATEST: f64 = 1e11;
+pub(super) const LATEST: f64 = 1e11;
 
 /// The time in a cell, in s: a number, or a date and time of ISO 8601, from 1970 on.
 pub(super) fn seconds(
@@ -193,6 +201,8 @@ struct Columns {
     /// How often an id came with a channel.
     seen: HashMap<(TaxelId, usize), usize>,
     channel_of: HashMap<String, usize>,
+    has_ids: bool,
+    lacks_ids: bool,
 }
 
 impl Columns {
@@ -202,7 +212,10 @@ impl Columns {
         if channel.starts_with(|c: char| c.is_ascii_digit()) {
             return Err(Broken::NotAnId);
         }
-        let id = TaxelId(id.trim().parse().map_err(|_| Broken::NotAnId)?);
+        let lacks_id = id.trim().is_empty() && !channel.is_empty();
+        *(if lacks_id { &mut self.lacks_ids } else { &mut self.has_ids }) = true;
+        let id = if lacks_id { 0 } else { id.trim().parse().map_err(|_| Broken::NotAnId)? };
+        let id = TaxelId(id);
         let channel = self.channel(channel)?;
         let nth = self.seen.entry((id, channel)).or_default();
         let column = *self.column_of.entry((id, *nth)).or_insert_with(|| {
@@ -223,11 +236,7 @@ impl Columns {
             let first = &self.channels[known].unit;
             return if first == unit { Ok(known) } else { Err(Broken::Unit { first: first.clone() }) };
         }
-        let channel = match name {
-            "" => Channel { unit: unit.into(), ..Channel::default() },
-            name => Channel::new(name, unit),
-        };
-        self.channels.push(channel);
+        self.channels.push(Channel::new(name, unit));
         self.channel_of.insert(name.into(), self.channels.len() - 1);
         Ok(self.channels.len() - 1)
     }
@@ -248,11 +257,14 @@ mod tests {
     fn channels_and_columns_keep_their_order() {
         use Cell::{Reading, Time, Unused};
         let found = header("frame,Time [s],7.force.N[N],9.force.N[N],9.heat,7.force.N[N]", false).unwrap();
-        assert_eq!(found.ids, [7, 9, 7].map(TaxelId), "an id twice is two columns");
+        assert_eq!(found.ids.unwrap(), [7, 9, 7].map(TaxelId), "an id twice is two columns");
         let names: Vec<_> = found.channels.iter().map(|c| (c.name.as_str(), c.unit.as_str())).collect();
         assert_eq!(names, [("force.N", "N"), ("heat", "")]);
         let time = |per_second| Time { per_second };
         assert_eq!(found.cells, [Unused, time(1), Reading(0), Reading(1), Reading(4), Reading(2)]);
+        let found = header(".force[N],.heat,.force[N],.heat", false).unwrap();
+        assert_eq!((found.ids, found.width), (None, 2), "two taxels in their order");
+        assert_eq!(found.cells, [Reading(0), Reading(2), Reading(1), Reading(3)]);
         assert_eq!(header("5,6", true).unwrap().cells, [Unused, time(1), Reading(0), Reading(1)]);
         assert_eq!(header("timestamp[ms],5", false).unwrap().cells, [time(1000), Reading(0)]);
         assert_eq!(header("5,6", false).unwrap().cells, [Reading(0), Reading(1)]);
@@ -277,6 +289,7 @@ mod tests {
             ("time,frame", "no taxel id"),
             ("time,left", "column 2"),
             ("0,0.5,17", "column 2"),
+            ("5.force,.force", "with and without"),
             ("-1", "\"-1\""),
             ("4294967296", "column 1"),
             ("time,5,time", "column 3: found a second time"),

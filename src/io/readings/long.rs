@@ -113,7 +113,7 @@ impl Rows {
         let Some(per_second) = per_second(&names[time]) else { return Ok(None) };
         let name = lines.words.get(value).unwrap_or_default();
         let unit = name.split_once('[').map_or("", |(_, unit)| unit.trim_end_matches(']').trim());
-        let channel = Channel::new(&Channel::default().name, unit);
+        let channel = Channel::new("", unit);
         Ok(Some((Self { time, per_second, id, value, cells: names.len(), lines }, channel)))
     }
 

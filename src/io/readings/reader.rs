@@ -115,10 +115,10 @@ impl ReadingsReader {
     }
 
     fn text(path: &Path, input: Box<dyn Read + Send>, is_csv: bool) -> Result<Self, IoError> {
-        let (text, Header { ids, channels, cells: _ }) = TextReadings::open(path, input, is_csv)?;
+        let (text, Header { width, ids, channels, cells: _ }) = TextReadings::open(path, input, is_csv)?;
         Ok(Self {
-            width: ids.len(),
-            ids: Some(ids),
+            width,
+            ids,
             channels,
             frames: None,
             has_times: text.has_times(),

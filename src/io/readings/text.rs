@@ -80,7 +80,7 @@ impl TextReadings {
     ) -> Result<(Self, Header), IoError> {
         let lines = TextLines::open(path, input, is_csv)?;
         let header = parse_header(lines.words.iter(), lines.separator == Separator::Blanks, lines.at())?;
-        let numbers = header.ids.len() * header.channels.len();
+        let numbers = header.width * header.channels.len();
         let cells = header.cells.clone();
         Ok((Self { lines, cells, numbers, has_rows: false }, header))
     }

@@ -29,8 +29,10 @@ use crate::{
 ///
 /// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present, as
 /// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, `timestamps`
-/// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Nothing appears in the file's place
-/// before [`ReadingsWriter::finish`]; memory does not depend on the number of frames.
+/// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
+/// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
+/// Nothing appears in the file's place before [`ReadingsWriter::finish`]; memory does not depend on
+/// the number of frames.
 pub struct ReadingsWriter {
     taxels: Vec<(PatchId, VertexId)>,
     output: Output,
@@ -49,37 +51,36 @@ impl ReadingsWriter {
     /// Starts a file of readings of the taxels that are present, given patch by patch.
     ///
     /// # Errors
-    /// If the file is of another kind or cannot be created, no taxel is present, or two have the
-    /// same id: readings are found by their ids.
+    /// If the file is of another kind or cannot be created, or no taxel is present.
     pub fn create<'a>(
         path: &Path,
         patches: impl IntoIterator<Item = &'a Taxels>,
         channel: &Channel,
     ) -> Result<Self, IoError> {
-        let (mut taxels, mut ids) = (Vec::new(), Vec::new());
+        let (mut all, mut present) = (Vec::new(), Vec::new());
         for (patch, of_patch) in patches.into_iter().enumerate() {
-            for (taxel, _) in of_patch.presence.enumerate().filter(|(_, p)| **p == Presence::Present) {
-                taxels.push((PatchId::new(patch), taxel));
-                ids.push(of_patch.ids[taxel].0);
+            for (taxel, presence) in of_patch.presence.enumerate() {
+                all.push((PatchId::new(patch), taxel));
+                if *presence == Presence::Present {
+                    present.push(((PatchId::new(patch), taxel), of_patch.ids[taxel].0));
+                }
             }
         }
-        let mut seen = HashSet::new();
-        if let Some(id) = ids.iter().find(|id| !seen.insert(**id)) {
-            return Err(unfit(
-                path,
-                format!("taxel {id}"),
-                "the same id twice",
-                "an id of its own for each taxel",
-            ));
-        }
-        if ids.is_empty() {
+        if present.is_empty() {
             return Err(unfit(path, "the skin", "no taxel that is present", "at least one"));
+        }
+        let (mut taxels, mut ids): (Vec<_>, Vec<_>) = present.into_iter().unzip();
+        let mut seen = HashSet::new();
+        let has_ids = ids.iter().all(|id| seen.insert(*id));
+        if !has_ids {
+            (taxels, ids) = (all, Vec::new());
         }
         let output = match file_kind(path).as_str() {
             "csv" => {
                 let unit =
                     if channel.unit.is_empty() { String::new() } else { format!("[{}]", channel.unit) };
-                let names = ids.iter().map(|id| format!("{id}.{}{unit}", channel.name));
+                let id = |column| ids.get(column).map_or(String::new(), u32::to_string);
+                let names = (0..taxels.len()).map(|column| format!("{}.{}{unit}", id(column), channel.name));
                 let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
                 let file = Replacement::open(path)?;
                 Output::Table { path: path.into(), file, text: (header.join(",") + "\n").into_bytes() }
@@ -87,8 +88,10 @@ impl ReadingsWriter {
             "npz" => {
                 let mut writer = ArrayWriter::create(path)?;
                 let times = writer.growing("timestamps", ElementType::F64, &[])?;
-                let values = writer.growing("values", ElementType::F64, &[ids.len()])?;
-                writer.constant("ids", &[ids.len()], Elements::U32(&ids))?;
+                let values = writer.growing("values", ElementType::F64, &[taxels.len()])?;
+                if has_ids {
+                    writer.constant("ids", &[ids.len()], Elements::U32(&ids))?;
+                }
                 writer.constant("channels", &[1], Elements::Text(std::slice::from_ref(&channel.name)))?;
                 writer.constant("units", &[1], Elements::Text(std::slice::from_ref(&channel.unit)))?;
                 Output::Arrays { writer, times, values }
