@@ -1,5 +1,7 @@
 //! Links: the frames of a robot that patches are fixed to.
 
+use std::collections::HashSet;
+
 use glam::DAffine3;
 
 use crate::id::{IdVec, define_id};
@@ -35,11 +37,12 @@ pub fn world_pose(links: &IdVec<LinkId, Link>, link: LinkId) -> DAffine3 {
 /// The name that maps and queries use for each link: its own, or `link` and its number.
 #[must_use]
 pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
+    let taken: HashSet<&str> = links.iter().map(|link| &*link.name).collect();
     let name = |(id, link): (LinkId, &Link)| {
         let mut name = link.name.clone();
         if name.is_empty() {
             name = format!("link{}", id.raw());
-            while links.iter().any(|other| other.name == name) {
+            while taken.contains(&*name) {
                 name.push('_');
             }
         }

@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Motion, Patch, Presence, Skin, link_names},
+    skin::{Motion, Patch, Presence, link_names},
 };
 use serde_json::{Value, json};
 
@@ -29,8 +29,10 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let skin =
-        read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(&args.file), common)?;
-    let rows = skin.patches.iter().map(|patch| row(&skin, patch)).collect::<Result<Vec<_>, Error>>()?;
+        read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(&[&args.file]), common)?;
+    let links = link_names(&skin.links);
+    let row = |patch: &Patch| row(&links[patch.link], patch);
+    let rows = skin.patches.iter().map(row).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let animations: Vec<_> = skin.animations.iter().map(animation).collect();
@@ -57,7 +59,7 @@ fn animation(animation: &Motion) -> Value {
 
 type Row = [(&'static str, Value); 12];
 
-fn row(skin: &Skin, patch: &Patch) -> Result<Row, Error> {
+fn row(link: &str, patch: &Patch) -> Result<Row, Error> {
     let adjacency = Adjacency::new(&patch.mesh)?;
     let count = |what| patch.taxels.presence.iter().filter(|p| **p == what).count();
     let range = |[low, high]: [f64; 2], &x: &f64| [low.min(x), high.max(x)];
@@ -65,7 +67,7 @@ fn row(skin: &Skin, patch: &Patch) -> Result<Row, Error> {
     let densities = densities.map(|all| all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], range));
     Ok([
         ("name", json!(patch.name)),
-        ("link", json!(link_names(&skin.links)[patch.link])),
+        ("link", json!(link)),
         ("vertices", json!(patch.mesh.positions.len())),
         ("faces", json!(patch.mesh.triangles.len())),
         ("boundary_loops", json!(adjacency.boundary_loops().len())),
