@@ -266,3 +266,26 @@ fn slivers_without_area_do_not_end_a_build() {
     let refused = dermatome(folder.path(), words).assert().code(2);
     refused.stderr(contains("without area after rounding").and(contains("not finite").not()));
 }
+
+/// Several files and folders are one skin, a patch for each, in the order of the names.
+#[test]
+fn several_files_are_one_skin() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::create_dir(path.join("parts")).unwrap();
+    fs::write(path.join("parts/notes.txt"), "of these parts").unwrap();
+    write(path, "parts/b.stl", shapes::cap(60, 0.05, 0.5));
+    write(path, "parts/a.obj", shapes::lattice(6, 6, 0.005));
+    let build = |words: &str| dermatome(path, &format!("build {words}")).assert();
+    build("parts/a.obj parts/b.stl").code(2).stderr(contains("-o DIR"));
+    build("parts/a.obj parts/b.stl -o named").success();
+    build("parts").success();
+    build("parts -o parts").success();
+    build("parts -o parts").code(2).stderr(contains("would replace an input"));
+    let maps = ["named", "parts.map"].map(|folder| fs::read(path.join(folder).join("map.glb")).unwrap());
+    assert!(maps[0] == maps[1], "the files of the folder");
+    let map = read_map(&path.join("named/map.glb")).unwrap();
+    assert_eq!(map.patches.iter().map(|patch| &*patch.name).collect::<Vec<_>>(), ["a", "b"]);
+    fs::create_dir(path.join("empty")).unwrap();
+    build("empty").code(2).stderr(contains("no file with triangles"));
+}

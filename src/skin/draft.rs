@@ -120,6 +120,32 @@ impl Draft {
         }
     }
 
+    /// Adds what another file holds: its links, sheets and animations. A link of a name, parent and pose
+    /// that are there already is the same link.
+    ///
+    /// # Panics
+    /// If a parent of a link, or the link of a sheet or joint, is no earlier link of `other`.
+    pub fn append(&mut self, other: Self) {
+        let mut links = IdVec::<LinkId, LinkId>::default();
+        for mut link in other.links {
+            link.parent = link.parent.map(|parent| links[parent]);
+            let known = self.links.enumerate().find(|(_, known)| **known == link).map(|(id, _)| id);
+            links.push(known.unwrap_or_else(|| self.links.push(link)));
+        }
+        let materials = u32::try_from(self.materials.len()).unwrap_or(u32::MAX);
+        self.sheets.extend(other.sheets.into_iter().map(|mut sheet| {
+            sheet.link = sheet.link.map(|link| links[link]);
+            let joints = sheet.joints.iter_mut().flatten().flatten();
+            joints.for_each(|(link, _)| *link = links[*link]);
+            let of_faces = sheet.materials.iter_mut().flatten();
+            of_faces.for_each(|material| *material = material.saturating_add(materials));
+            sheet
+        }));
+        self.animations.extend(other.animations.into_iter().map(|motion| motion.of_links(&links)));
+        self.remarks.extend(other.remarks);
+        self.materials.extend(other.materials);
+    }
+
     /// Keeps the triangles for which `keep` holds, of sheets that have some, and the taxels of the
     /// others; sheets without any are dropped. `keep` takes the sheet and the number of the
     /// triangle, or of the taxel, in it; it is called for each of them in their order.
@@ -250,4 +276,36 @@ impl Sheet {
 /// The number of a vertex; drafts with more than 32 bits hold are refused.
 fn number(v: usize) -> u32 {
     u32::try_from(v).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+
+    /// A link that both files have is one; others keep their parents and sheets.
+    #[test]
+    fn files_share_the_links_of_one_name_and_pose() {
+        let link = |name: &str, parent: Option<u32>| Link {
+            name: name.into(),
+            parent: parent.map(LinkId::from),
+            pose: DAffine3::IDENTITY,
+        };
+        let on = |link: u32| Sheet { link: Some(link.into()), ..Sheet::default() };
+        let draft = |names: [&str; 2]| Draft {
+            links: vec![link(names[0], None), link(names[1], Some(0))].into(),
+            sheets: vec![on(1)],
+            ..Draft::default()
+        };
+        let mut both = draft(["base", "left"]);
+        both.append(draft(["base", "right"]));
+        let names: Vec<_> = both.links.iter().map(|link| &*link.name).collect();
+        assert_eq!(names, ["base", "left", "right"]);
+        assert_eq!(both.links[LinkId::new(2)].parent, Some(LinkId::new(0)));
+        assert_eq!(
+            both.sheets.iter().map(|sheet| sheet.link).collect::<Vec<_>>(),
+            [1, 2].map(|k| Some(k.into()))
+        );
+    }
 }

@@ -93,6 +93,14 @@ impl Motion {
         self.tracks.enumerate().filter_map(|(link, track)| Some((link, track.as_ref()?)))
     }
 
+    /// The same poses of other links: those that `links` has in their places.
+    pub(super) fn of_links(&self, links: &IdVec<LinkId, LinkId>) -> Self {
+        let mut motion = Self { name: self.name.clone(), ..Self::default() };
+        let known = self.tracks().filter_map(|(link, track)| Some((*links.get(link)?, track)));
+        known.for_each(|(link, track)| motion.insert(link, track.clone()));
+        motion
+    }
+
     /// Multiplies all lengths by `metres`.
     pub(super) fn scale(&mut self, metres: f64) {
         for track in self.tracks.iter_mut().flatten() {

@@ -22,12 +22,13 @@ use serde::Serialize;
 
 use crate::{
     console::{
+        errors::advise,
         notes::{note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams},
         print::{json, plain, print_json, print_levels},
         progress,
     },
     files::{
-        input::read_good_patches,
+        input::{names, read_good_patches, skin_files},
         outputs::{self, Outputs, cannot_write},
     },
     options::{AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm},
@@ -36,10 +37,12 @@ use crate::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
-    skin: PathBuf,
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt; several files, or
+    /// folders of meshes, are one skin
+    #[arg(required = true, value_hint = clap::ValueHint::AnyPath)]
+    skin: Vec<PathBuf>,
     /// Folder for map.glb, map.exr, report.json and timings.json; created if it does not exist
-    /// [default: that of the skin, as forearm.map for forearm.glb]
+    /// [default: that of the skin, as forearm.map for forearm.glb; needed with several files]
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -74,10 +77,16 @@ const MAGNIFY_OVER: [Choice<MagnifyOver>; 2] = [
 ];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let folder = &args.output.clone().unwrap_or_else(|| args.skin.with_extension("map"));
+    let folder = &match (&args.output, &args.skin[..]) {
+        (Some(folder), _) => folder.clone(),
+        (None, [skin]) => skin.with_extension("map"),
+        (None, _) => return Err(advise("several files are one skin", "name its folder with -o DIR")),
+    };
+    let inputs = skin_files(&args.skin)?;
     let files: Vec<PathBuf> =
         FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| folder.join(name)).collect();
     outputs::guard(files.iter().map(PathBuf::as_path), &common.inputs)?;
+    outputs::guard(files.iter().map(PathBuf::as_path), &inputs)?;
     let mut options = BuildOptions {
         cut: args.flatten.cut()?,
         coarsen: args.coarsen.options(),
@@ -90,9 +99,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let assemble = AssembleOptions {
         fill_holes: args.coarsen.fill_holes(),
         keep_going: args.keep_going,
-        ..args.read.options(&args.skin)
+        ..args.read.options(&inputs)
     };
-    let (mut skin, left_out) = read_good_patches(&args.skin, &args.read, &args.chosen, &assemble, common)?;
+    let (mut skin, left_out) = read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
     check_output(folder, &files)?;
     args.acuity.apply(&mut skin)?;
@@ -102,14 +111,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
     let built = build_with_progress(&skin, &options, &on_progress)
-        .with_context(|| format!("cannot map {}", args.skin.display()))?;
+        .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     let mut outputs = Outputs::default();
     let [rasterise, write] = write_files(&built.map, folder, &mut outputs, &bar)?;
     bar.finish_and_clear();
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
-        input: args.skin.display().to_string(),
+        input: names(&args.skin).display().to_string(),
         patches: measure(&built.map),
     };
     let timings = Timings {

@@ -47,7 +47,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let (path, known) = (args.output.clone(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
-    let assemble = AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options(&args.skin) };
+    let assemble =
+        AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options(&[&args.skin]) };
     let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin)?;
     let options = args.coarsen.options();

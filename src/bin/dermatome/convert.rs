@@ -29,7 +29,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(&args.input), common)?;
+    let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(&[&args.input]), common)?;
     let mut outputs = Outputs::default();
     outputs.stage(|| write_skin(&args.output, &skin)).map_err(|e| match e {
         Error::Io(IoError::UnknownKind { .. }) => {

@@ -47,7 +47,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.flatten.options()?;
-    let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&args.mesh) };
+    let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&[&args.mesh]) };
     let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin)?;
     if skin.patches.len() != 1 {

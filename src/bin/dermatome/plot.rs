@@ -126,7 +126,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
         (None, None) => {
-            let (read, chosen) = (args.read.options(&args.map), PatchArgs::named(&args.patches));
+            let (read, chosen) = (args.read.options(&[&args.map]), PatchArgs::named(&args.patches));
             let skin = read_skin(&args.map, &args.read, &chosen, &read, common)?;
             plot_skin(&skin, &options).map_err(Error::from)?
         }

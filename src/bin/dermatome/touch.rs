@@ -87,9 +87,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.truth.as_deref().map_or(Ok(()), outputs::check_table)?;
     let skin = match read_map_if_any(&args.skin)? {
         Some(map) => finest(&map),
-        None => {
-            read_skin(&args.skin, &args.read, &PatchArgs::default(), &args.read.options(&args.skin), common)?
-        }
+        None => read_skin(
+            &args.skin,
+            &args.read,
+            &PatchArgs::default(),
+            &args.read.options(&[&args.skin]),
+            common,
+        )?,
     };
     let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
     let mut touches = Vec::new();

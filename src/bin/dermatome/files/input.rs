@@ -1,6 +1,10 @@
 //! Reading a skin as every subcommand does: draft, assembly, remarks.
 
-use std::path::Path;
+use std::{
+    fs::DirEntry,
+    io,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context;
 use dermatome::{
@@ -28,18 +32,50 @@ pub(crate) fn read_skin(
     options: &AssembleOptions,
     common: &Common,
 ) -> anyhow::Result<Skin> {
-    Ok(read_good_patches(path, read, chosen, options, common)?.0)
+    Ok(read_good_patches(&[path.to_owned()], read, chosen, options, common)?.0)
 }
 
-/// The same, and how many patches that are not valid were left out, if that is asked for.
+/// Kinds of files with triangles: those that are taken of a folder.
+const MESHES: [&str; 7] = ["glb", "gltf", "json", "obj", "off", "ply", "stl"];
+
+/// The files of a skin: those that are named, and the meshes of the folders that are named, by name.
+pub(crate) fn skin_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in named {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let fail = |source| Error::from(IoError::Read { path: path.clone(), source });
+        let all = path.read_dir().and_then(Iterator::collect::<io::Result<Vec<_>>>).map_err(fail)?;
+        let mut meshes: Vec<_> = all.iter().map(DirEntry::path).collect();
+        meshes.retain(|file| file.is_file() && MESHES.contains(&&*outputs::kind(file)));
+        meshes.sort();
+        if meshes.is_empty() {
+            let kinds = MESHES.join(", ");
+            return Err(advise(
+                format!("the folder {} has no file with triangles: {kinds}", path.display()),
+                "name the files of the skin, or a folder that has them",
+            ));
+        }
+        files.append(&mut meshes);
+    }
+    Ok(files)
+}
+
+/// The same of several files, one skin, and how many patches that are not valid were left out, if that
+/// is asked for.
 pub(crate) fn read_good_patches(
-    path: &Path,
+    paths: &[PathBuf],
     read: &ReadArgs,
     chosen: &PatchArgs,
     options: &AssembleOptions,
     common: &Common,
 ) -> anyhow::Result<(Skin, usize)> {
-    let mut draft = read.read(path, chosen.wants_materials())?;
+    let path = &*names(paths);
+    let mut drafts = paths.iter().map(|path| read.read(path, chosen.wants_materials()));
+    let mut draft = drafts.next().transpose()?.unwrap_or_default();
+    drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     chosen.keep_faces(&mut draft, path)?;
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
     // assembled.
@@ -76,6 +112,12 @@ pub(crate) fn read_good_patches(
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
     let left_out = assembled.remarks.iter().filter(is_left_out).count();
     Ok((assembled.skin, left_out))
+}
+
+/// The names of the files of one skin.
+pub(crate) fn names(paths: &[PathBuf]) -> PathBuf {
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    names.join(", ").into()
 }
 
 /// More names than this are not listed.

@@ -62,9 +62,10 @@ const SEAMS: [Choice<Weld>; 1] = [("uv", Weld::Texture, "Seams of the texture")]
 impl ReadArgs {
     /// The options for a file. Those of CAD programs need repair more often than not (57 % of 110 robot
     /// parts), and their format has no other way to say which faces are one sheet.
-    pub(crate) fn options(&self, path: &Path) -> AssembleOptions {
+    pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {
         let weld = self.seams.or(self.weld).unwrap_or_default();
-        let is_stl = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("stl"));
+        let is_stl = |path: &Path| path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("stl"));
+        let is_stl = paths.iter().any(|path| is_stl(path.as_ref()));
         let (gap, repair, outside) = (self.gap, self.repair || is_stl, self.outside);
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
     }
