@@ -320,6 +320,7 @@ fn outputs_that_cannot_be_are_refused_before_work() {
         (&["-o", "x.npz", "--level", "9"], "level 9"),
         (&["-o", "x.npz", "--size", "0", "5"], "canvas"),
         (&["-o", "x.npz", "--size", "4000", "4000", "--max-memory", "50"], "at most 50 MB"),
+        (&["-o", "x.npz", "--size", "2000", "2000", "--max-disk", "50"], "on the disk; at most 50 MB"),
         (&["-o", "x.npz", "--readings-unit", "Pa,K"], "2 units"),
         (&["-o", "x.npz", "--clip", "5,1"], "lower"),
         (&["-o", "x.npz", "--from", "5", "--to", "2"], "--to 2 is before --from 5"),

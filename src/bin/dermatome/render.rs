@@ -21,7 +21,12 @@ use dermatome::{
 use serde_json::{Map, Value, json};
 
 use crate::{
-    console::{errors::advise, notes::note, print::print_json, progress},
+    console::{
+        errors::advise,
+        notes::{note, note_count},
+        print::print_json,
+        progress,
+    },
     files::{
         outputs::{self, Outputs, is_stream},
         signals,
@@ -97,6 +102,9 @@ struct ImageArgs {
     /// Refuse images that need more memory than this
     #[arg(long, value_name = "MB", default_value_t = 4096, hide = true)]
     max_memory: u64,
+    /// Refuse recordings that need more space on the disk than this
+    #[arg(long, value_name = "MB", default_value_t = 4096, hide = true)]
+    max_disk: u64,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -128,8 +136,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let mut output = Output::open(&args.output, kind, &args.colours, &content)?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
+    let space = Space::new(args, kind, &map, &atlas, channels.len());
+    space.check(pass.frames().unwrap_or(0))?;
     let mut written = 0;
     let tally = pass.run(|number, frame| {
+        space.check(written + 1)?;
         let levels = values.of(frame);
         let images = if args.images.values_only { &[] } else { renderer.render(levels) };
         output.write(number, levels, images, &channels)?;
@@ -143,9 +154,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     // Of a stream that ends badly, what came before is kept: it will not come again.
     let tally = match tally {
-        Err(error) if written == 0 || !is_stream(&args.readings) => {
-            return signals::stopped().map_or(Err(error), |code| Ok(code.into()));
-        }
+        Err(error) if written == 0 || !is_stream(&args.readings) => return Err(error),
         tally => tally,
     };
     if let Ok(tally) = &tally {
@@ -158,9 +167,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::wrote([args.output.as_path()], common);
     }
     outputs.publish(common)?;
-    if let Some(code) = signals::stopped() {
-        note!(common, "stopped after {written} frames");
-        return Ok(code.into());
+    if tally.is_err() && signals::stopped().is_some() {
+        note_count(common, written, "frames", "written; the stream was stopped");
     }
     let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
@@ -283,6 +291,41 @@ fn check_one_image(atlas: &Atlas, level: Option<LevelId>) -> anyhow::Result<()> 
 
 /// Bytes that a pixel takes besides its values: coverage, spans and weights.
 const BYTES_PER_PIXEL: u64 = 48;
+
+/// The space that frames of a file take on the disk: a few bytes of an array or a table can ask for
+/// many images.
+struct Space {
+    bytes_per_frame: u64,
+    max_mb: u64,
+}
+
+impl Space {
+    fn new(args: &Args, kind: Kind, map: &SkinMap, atlas: &Atlas, channels: usize) -> Self {
+        let is_drawn = |k: LevelId| args.images.level.is_none_or(|level| k == LevelId::from(level));
+        let parts = atlas.parts.iter().filter(|part| is_drawn(part.level) && !args.images.values_only);
+        let pixels: u64 = parts.map(|part| part.frame.size_px.map(u64::from).iter().product::<u64>()).sum();
+        let levels = map.patches.iter().flat_map(|patch| patch.levels.enumerate());
+        let values = levels.filter(|(k, _)| is_drawn(*k) && matches!(kind, Kind::Array(_)));
+        let values: u64 = values.map(|(_, level)| level.level.mesh.positions.len() as u64).sum();
+        // The frames of a stream come in their own time, and a pipe takes no space.
+        let is_bounded = kind != Kind::Pipe && !is_stream(&args.readings);
+        let bytes_per_frame = if is_bounded { 4 * channels as u64 * (pixels + values) } else { 0 };
+        Self { bytes_per_frame, max_mb: args.images.max_disk }
+    }
+
+    fn check(&self, frames: u64) -> anyhow::Result<()> {
+        let needed = self.bytes_per_frame.saturating_mul(frames).div_ceil(1_000_000);
+        if needed <= self.max_mb {
+            return Ok(());
+        }
+        let max_mb = self.max_mb;
+        Err(advise(
+            format!("{frames} frames need up to {needed} MB on the disk; at most {max_mb} MB are allowed"),
+            "write fewer frames (--every, --to), one level (--level), larger pixels (--pixel-mm) or numbers alone \
+             (--values-only), or allow more (--max-disk)",
+        ))
+    }
+}
 
 /// Refuses images that would need too much memory, before any of it is taken.
 fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: u64) -> anyhow::Result<()> {
