@@ -191,6 +191,21 @@ fn json_holds_nothing_that_a_terminal_obeys() {
     assert_eq!(common::json(text.as_bytes())["patches"][0]["name"], "a\u{9b}31m\u{202e}b");
 }
 
+/// A map that lookups refuse is not without findings because it is a sound skin.
+#[test]
+fn check_refuses_a_map_that_is_none() {
+    let folder = folder();
+    dermatome(folder.path(), "check map.glb").assert().success();
+    let mut bytes = fs::read(folder.path().join("map.glb")).unwrap();
+    let (level, other) = (b"\"level\":0", b"\"level\":7");
+    let at = bytes.windows(level.len()).position(|found| found == level).unwrap();
+    bytes[at..at + level.len()].copy_from_slice(other);
+    fs::write(folder.path().join("broken.glb"), bytes).unwrap();
+    for words in ["lookup broken.glb c.csv", "check broken.glb"] {
+        dermatome(folder.path(), words).assert().code(2).stderr(contains("level"));
+    }
+}
+
 /// A sleeve that is not cut becomes a flat ring: one line says so, and what helps.
 #[test]
 fn a_poor_map_is_said_in_one_line_with_what_mends_it() {
@@ -223,6 +238,10 @@ fn bad_usage_is_an_error_in_two_lines() {
         assert_eq!(text.lines().count(), 2, "{words}: {text}");
         assert!(text.starts_with("error: ") && text.contains("\n help: "), "{words}: {text}");
     }
+    let long = format!("build cap.obj --gap {}", "9".repeat(3000));
+    let refused = dermatome(folder.path(), &long).assert().code(2);
+    let said = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    assert!(said.len() < 600 && said.contains("a number from 1 to 20"), "{said}");
     let refused = dermatome(folder.path(), "info cap.obj").env("RAYON_NUM_THREADS", "100000").assert();
     refused.code(2).stderr(contains("RAYON_NUM_THREADS is \"100000\"; needed: a number from 0 to 512"));
 }
@@ -412,8 +431,9 @@ mod stopped {
             let expected = ["c.csv", "cap.obj", "map.glb", "o.features.json", "o.npz", "r.csv", "t.csv"];
             assert_eq!(listing(folder.path()), expected);
             assert!(fs::metadata(folder.path().join("o.npz")).unwrap().len() > 100_000);
-            ["o.npz", "o.features.json", "t.csv"]
-                .map(|name| fs::remove_file(folder.path().join(name)).unwrap());
+            for name in ["o.npz", "o.features.json", "t.csv"] {
+                fs::remove_file(folder.path().join(name)).unwrap();
+            }
         }
     }
 

@@ -55,6 +55,13 @@ impl Distortion {
     pub fn is_far_from_isometric(&self) -> bool {
         self.symmetric_dirichlet > FAR
     }
+
+    /// Whether a user should know that the map is poor: the symmetric Dirichlet energy is beyond 6, or
+    /// the stretches of some face beyond a ratio of 20.
+    #[must_use]
+    pub fn is_poor(&self) -> bool {
+        !(self.symmetric_dirichlet <= 6.0 && self.qc_max <= 20.0)
+    }
 }
 
 /// Measures the map `uv` (m) of `mesh`.

@@ -14,6 +14,7 @@ use crate::{
         notes::note,
         print::{line, print, print_json},
     },
+    files::input::read_map_if_any,
     options::{Common, ReadArgs},
 };
 
@@ -37,7 +38,9 @@ const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let draft = args.read.read(&args.file, false)?;
-    let options = args.read.options(&args.file);
+    // A map that lookups refuse is no skin without findings.
+    read_map_if_any(&args.file)?;
+    let options = args.read.options(&[&args.file]);
     let findings = check(&draft, &options);
     let (notes, mut findings): (Vec<_>, Vec<_>) =
         findings.into_iter().partition(|f| f.kind == FindingKind::Bare);

@@ -24,7 +24,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::{
     console::errors,
-    files::{outputs, signals::catch_signals},
+    files::{outputs, signals},
     options::Common,
 };
 
@@ -102,7 +102,7 @@ pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
     match run(&cli) {
         Ok(code) => code,
-        Err(e) => errors::report(&e, color),
+        Err(e) => signals::stopped().map_or_else(|| errors::report(&e, color), ExitCode::from),
     }
 }
 
@@ -120,8 +120,13 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
     let threads = common.workers().map_err(|why| errors::advise(why, "correct it, or give --threads"))?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    catch_signals();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| {
+        errors::advise(
+            format!("cannot start the threads: {e}"),
+            "give fewer --threads, or allow more memory and processes (ulimit -v, -u)",
+        )
+    })?;
+    signals::catch_signals();
     // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
     pool.install(|| run_command(cli))
 }

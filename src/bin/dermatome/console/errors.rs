@@ -67,7 +67,7 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     // clap's paragraphs: the error, tips, the usage, a pointer to --help.
     let mut paragraphs =
         text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "));
-    let what = paragraphs.next().unwrap_or_default();
+    let what = short(&paragraphs.next().unwrap_or_default());
     let tips: Vec<String> = paragraphs
         .filter_map(|p| {
             // No option is meant as a value.
@@ -80,6 +80,17 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     say(format_args!("{} {}", label("error:", "31"), line(what.strip_prefix("error: ").unwrap_or(&what))));
     say(format_args!("{} {}", label(" help:", "32"), line(&tips.join(". "))));
     ExitCode::from(BAD_INPUT)
+}
+
+/// A message about a value of any length: its beginning, and its end that says what is needed.
+fn short(text: &str) -> String {
+    const KEPT: usize = 200;
+    let count = text.chars().count();
+    if count <= 2 * KEPT {
+        return text.to_owned();
+    }
+    let begin = text.chars().take(KEPT);
+    begin.chain(" ... ".chars()).chain(text.chars().skip(count - KEPT)).collect()
 }
 
 /// A label in colour where the terminal shows it.

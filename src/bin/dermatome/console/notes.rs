@@ -205,19 +205,11 @@ pub(crate) fn note_dropped(triangles: Option<&Path>, common: &Common) {
     }
 }
 
-/// A map is poor whose symmetric Dirichlet energy is above this (4 at an isometry).
-const POOR_ENERGY: f64 = 6.0;
-
-/// A map is poor where some face has a larger ratio of its stretches.
-const POOR_RATIO: f64 = 20.0;
-
 /// Prints which finest maps are poor, in one line with the option that mends them, and which are not at
 /// a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
-    let is_poor = |patch: &&PatchReport| {
-        let measures = patch.levels.first().map(|finest| finest.distortion);
-        measures.is_some_and(|d| !(d.symmetric_dirichlet <= POOR_ENERGY && d.qc_max <= POOR_RATIO))
-    };
+    let is_poor =
+        |patch: &&PatchReport| patch.levels.first().is_some_and(|finest| finest.distortion.is_poor());
     let poor: Vec<&PatchReport> = patches.iter().filter(is_poor).collect();
     let names: Vec<String> = poor.iter().map(|patch| patch.name.clone()).collect();
     if let Some(finest) = poor.first().and_then(|patch| patch.levels.first()) {

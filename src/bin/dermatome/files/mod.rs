@@ -13,7 +13,7 @@ pub(crate) mod signals {
         None
     }
 
-    pub(crate) fn live_input() -> std::io::Stdin {
-        std::io::stdin()
+    pub(crate) fn live_input() -> std::io::Result<std::io::Stdin> {
+        Ok(std::io::stdin())
     }
 }

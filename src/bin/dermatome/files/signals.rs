@@ -40,7 +40,7 @@ pub(crate) fn catch_signals() {
     // A file beyond the limit of its size is then an error of its writer.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     let Ok(mut signals) = Signals::new(signals()) else { return };
-    thread::spawn(move || {
+    let _ = thread::Builder::new().spawn(move || {
         for signal in signals.forever() {
             let Some(stream) = STREAM.lock().unwrap_or_else(PoisonError::into_inner).take() else {
                 abandon_files();
@@ -60,10 +60,13 @@ pub(crate) fn stopped() -> Option<u8> {
 }
 
 /// Standard input as a live stream: a signal is an error of reading it.
-pub(crate) fn live_input() -> impl Read + Send + 'static {
+///
+/// # Errors
+/// If no thread can be started that reads it.
+pub(crate) fn live_input() -> io::Result<impl Read + Send + 'static> {
     let (sender, pieces) = sync_channel(WAITING);
     *STREAM.lock().unwrap_or_else(PoisonError::into_inner) = Some(sender.clone());
-    thread::spawn(move || {
+    thread::Builder::new().spawn(move || {
         loop {
             let mut piece = vec![0; PIECE];
             let read = stdin().read(&mut piece);
@@ -76,8 +79,8 @@ pub(crate) fn live_input() -> impl Read + Send + 'static {
                 return;
             }
         }
-    });
-    LiveInput { pieces, piece: Vec::new(), used: 0 }
+    })?;
+    Ok(LiveInput { pieces, piece: Vec::new(), used: 0 })
 }
 
 struct LiveInput {

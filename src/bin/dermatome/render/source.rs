@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dermatome::{
     Error,
-    io::{ReadingsReader, read_gains},
+    io::{IoError, ReadingsReader, read_gains},
     map::SkinMap,
     signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Frame, Join, JoinReport},
 };
@@ -83,7 +83,9 @@ impl<'a> Readings<'a> {
     pub(crate) fn open(&self) -> anyhow::Result<Pass<'a>> {
         let Self { args, frames, path, map } = *self;
         let mut reader = if is_stream(path) {
-            ReadingsReader::stream(Path::new("standard input"), live_input())
+            let name = Path::new("standard input");
+            let fail = |source| IoError::Read { path: name.to_owned(), source };
+            live_input().map_err(fail).and_then(|input| ReadingsReader::stream(name, input))
         } else {
             ReadingsReader::open(path, args.layout)
         }
