@@ -355,6 +355,25 @@ fn a_faulty_map_is_framed_in_red() {
     assert!(flipped.contains(red) && flipped.contains("level 0: flipped triangles"), "{flipped}");
     let thin = plot(&|uv| uv.iter_mut().for_each(|p| p.x *= 1e-3));
     assert!(thin.contains(red) && thin.contains("level 0: far from isometric"));
+    let poor = plot(&|uv| uv.iter_mut().for_each(|p| p.x *= 0.2));
+    assert!(poor.contains(red) && poor.contains("level 0: poor"));
+}
+
+/// Level 0 of a mesh too fine for lines and dots is no blank shape: squares of the map are seen.
+#[test]
+fn a_fine_mesh_has_a_checker() {
+    let colours = |columns| {
+        let map = SkinMap::flat(shapes::lattice(columns, columns, 0.004), 1e-3);
+        let png = plot::plot_map(&map, &PlotOptions::default()).unwrap().to_png().unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let pixels = bytes.as_chunks::<3>().0;
+        [[0xe3, 0xea, 0xf2], [0xc3, 0xcf, 0xdf]].map(|colour| pixels.iter().filter(|p| **p == colour).count())
+    };
+    let [skin, shade] = colours(100);
+    assert!(skin > 1000 && shade > 1000 && skin < 2 * shade && shade < 2 * skin, "{skin}, {shade}");
+    assert_eq!(colours(10)[1], 0, "a coarse mesh has lines and dots");
 }
 
 /// Patches of a large robot stand side by side, so that the picture is seen at a glance.

@@ -333,3 +333,31 @@ fn the_command_draws_skins_and_maps_alike() {
     }
     assert!(!svg.exists(), "nothing is written");
 }
+
+/// A body that is tallest along y, as in files with y up, stands in the picture.
+#[test]
+fn a_body_that_stands_along_y_stands_in_the_picture() {
+    let tube = shapes::tube(12, 20, 0.02, 0.2);
+    let lying = tube.positions.map(|p| DVec3::new(p.x, p.z, -p.y));
+    let [along_z, along_y] = [tube.positions, lying].map(|positions| {
+        let skin = Skin::from_mesh("tube", TriMesh { positions, triangles: tube.triangles.clone() });
+        plot_skin(&skin, &PlotOptions { dots: true, ..PlotOptions::default() }).unwrap()
+    });
+    let height = |svg: &str| {
+        let (low, high) = dots(svg).iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p.y), h.max(p.y)));
+        high - low
+    };
+    assert!(along_y.contains(", y up") && !along_z.contains("y up"));
+    assert!((height(&along_y) / height(&along_z) - 1.0).abs() < 0.02, "the same picture");
+}
+
+/// Where taxels lie closer than elsewhere their dots do not cover the mesh.
+#[test]
+fn dots_do_not_cover_each_other() {
+    let svg = plot_skin(&Skin::from_mesh("fan", shapes::fan(500)), &from(0.0, 90.0)).unwrap();
+    let dots = dots(&svg);
+    assert!(dots.len() > 50, "{}", dots.len());
+    for (k, a) in dots.iter().enumerate() {
+        assert!(dots[..k].iter().all(|b| a.distance(*b) > 7.5), "{a}");
+    }
+}

@@ -1,10 +1,12 @@
 //! A mesh and the colours of its triangles or of the cells around its vertices.
 
+use glam::DVec2;
+
 use crate::{
     atlas::{Stretch, face_stretch, largest},
     id::{FaceId, IdVec, VertexId},
     map::MapLevel,
-    mesh::TriMesh,
+    mesh::{TriMesh, rectangle_around},
     plot::{
         Paint, PlotError,
         colour::{
@@ -19,6 +21,13 @@ use crate::{
 
 /// A grey that can be seen on both ends of every scale.
 const DOT_ON_VALUES: Colour = Colour(0xc8, 0xc8, 0xc8);
+
+/// The other squares of a checker of the colour of skin.
+const SKIN_SHADE: Colour = Colour(0xc3, 0xcf, 0xdf);
+
+/// Squares along the longer side of a map, and from how many vertices on they are drawn.
+const SQUARES: f64 = 16.0;
+const CHECKERED: usize = 1500;
 
 /// Steps of a continuous scale: finer ones cannot be distinguished, and each is one path.
 const STEPS: u32 = 64;
@@ -120,20 +129,39 @@ impl<'a> ColouredMesh<'a> {
             Paint::Area => {
                 Ok(by_stretch(need_map("areas")?, DIVERGING, &|s| limits.place(paint, s.area.abs())))
             }
-            Paint::Fields => match level.filter(|level| level.level.to_finest.is_some()) {
-                None => of_taxels(Fill::Faces(patch.mesh.triangles.map(|_| SKIN))),
-                Some(level) => {
-                    let groups = dominant_fields(level);
-                    let colours = field_colours(&groups, patch.mesh, level.level.mesh.positions.len());
-                    of_taxels(Fill::Cells { groups, colours })
+            Paint::Fields => {
+                match level.filter(|level| level.level.to_finest.is_some()) {
+                    None => of_taxels(Fill::Faces(level.map_or_else(
+                        || patch.mesh.triangles.map(|_| SKIN),
+                        |level| checker(level, patch.mesh),
+                    ))),
+                    Some(level) => {
+                        let groups = dominant_fields(level);
+                        let colours = field_colours(&groups, patch.mesh, level.level.mesh.positions.len());
+                        of_taxels(Fill::Cells { groups, colours })
+                    }
                 }
-            },
+            }
             Paint::Taxel => of_taxels(by_value(&ranks_of_ids(patch, limits), ORDER)),
             Paint::Sigma => {
                 of_taxels(by_value(&patch.sigmas()?.map(|&s| limits.place(paint, s)), SEQUENTIAL))
             }
         }
     }
+}
+
+/// Level 0 in the colour of skin; a mesh so fine that nothing else is drawn within it has a checker of
+/// squares of the map, which also says how the map lies on the skin.
+fn checker(level: &MapLevel, mesh: &TriMesh) -> IdVec<FaceId, Colour> {
+    let (corner, end) = rectangle_around(level.uv.iter().copied());
+    let side = (end - corner).max_element() / SQUARES;
+    let is_fine = mesh.positions.len() > CHECKERED && side > 0.0;
+    let colour = |face| {
+        let at = level.uv_of(face).into_iter().sum::<DVec2>() / 3.0 - corner;
+        let square = (at / side).floor();
+        if is_fine && (square.x + square.y).rem_euclid(2.0) == 1.0 { SKIN_SHADE } else { SKIN }
+    };
+    mesh.triangles.ids().map(colour).collect()
 }
 
 fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> f64) -> ColouredMesh<'a> {

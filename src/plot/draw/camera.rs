@@ -1,12 +1,19 @@
 //! The camera that a skin in space is seen with.
 
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use crate::{mesh::TriMesh, plot::Viewpoint};
+use crate::{id::VertexId, mesh::TriMesh, plot::Viewpoint};
 
 /// How far the default viewpoint leans from the outside of the skin towards [`SIDE`]: enough for a
 /// cap to show its bulge and little enough to see all of it. Below 1, so that the two never cancel.
 const LEAN: f64 = 0.85;
+
+/// A body this many times taller along y than along z is taken to stand on its xz plane, as in files
+/// with y up.
+const STANDS: f64 = 1.5;
+
+/// The turn from y up to z up.
+const FROM_Y_UP: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
 
 /// Where the default viewpoint leans to: the front, a little to the right and above.
 const SIDE: DVec3 = DVec3::new(0.4, -0.87, 0.3);
@@ -21,14 +28,19 @@ pub(crate) struct Camera {
     toward: DVec3,
     /// The direction in whole degrees, azimuth and elevation.
     pub(crate) degrees: [f64; 2],
+    /// Whether y is up in the picture.
+    has_y_up: bool,
 }
 
 impl Camera {
-    /// Looks at a mesh that `pose` places in the world; z is up.
-    pub(crate) fn new(viewpoint: Viewpoint, mesh: &TriMesh, pose: DAffine3) -> Self {
+    /// Looks at a mesh with a seam that `pose` places in the world; z is up, or y by default where the
+    /// mesh stands along it.
+    pub(crate) fn new(viewpoint: Viewpoint, mesh: &TriMesh, pose: DAffine3, seam: &[[VertexId; 2]]) -> Self {
+        let has_y_up = viewpoint == Viewpoint::Outside && stands_along_y(mesh, pose);
+        let pose = if has_y_up { DAffine3::from_mat3(FROM_Y_UP) * pose } else { pose };
         let degrees = match viewpoint {
             // Whole degrees, so that the direction in a caption gives the same picture.
-            Viewpoint::Outside => outside(mesh, pose).map(|angle| angle.to_degrees().round()),
+            Viewpoint::Outside => outside(mesh, pose, seam).map(|angle| angle.to_degrees().round()),
             Viewpoint::From { azimuth, elevation } => [azimuth, elevation].map(f64::to_degrees),
         };
         let [azimuth, elevation] = degrees.map(f64::to_radians);
@@ -39,7 +51,12 @@ impl Camera {
         let up = elevation.cos() * DVec3::Z - elevation.sin() * level;
         let into_link = pose.matrix3.transpose();
         let [right, up, toward] = [up.cross(toward), up, toward].map(|axis| into_link * axis);
-        Self { right, up, toward, degrees }
+        Self { right, up, toward, degrees, has_y_up }
+    }
+
+    /// What a caption adds to the direction.
+    pub(crate) fn stands_on(&self) -> &'static str {
+        if self.has_y_up { ", y up" } else { "" }
     }
 
     /// A point on the picture plane, in m, right and up.
@@ -65,9 +82,48 @@ impl Camera {
     }
 }
 
-/// The default direction: azimuth and elevation, in radians.
-fn outside(mesh: &TriMesh, pose: DAffine3) -> [f64; 2] {
-    let sum: DVec3 = mesh.triangles.ids().map(|face| mesh.face_cross(face)).sum();
+/// The default direction, azimuth and elevation, in radians: from where most of the seam is seen, or
+/// without one most of the outside.
+fn outside(mesh: &TriMesh, pose: DAffine3, seam: &[[VertexId; 2]]) -> [f64; 2] {
+    let sum: DVec3 = if seam.is_empty() {
+        mesh.triangles.ids().map(|face| mesh.face_cross(face)).sum()
+    } else {
+        let normals = mesh.vertex_normals();
+        let of_edge = |&[a, b]: &[VertexId; 2]| {
+            mesh.positions[a].distance(mesh.positions[b]) * (normals[a] + normals[b])
+        };
+        seam.iter().map(of_edge).sum()
+    };
     let toward = pose.transform_vector3(sum).normalize_or_zero() + LEAN * SIDE.normalize();
     [toward.y.atan2(toward.x), toward.z.atan2(toward.truncate().length())]
+}
+
+/// *Heuristic*: whether a mesh is a body, seen from all sides, that stands along y.
+fn stands_along_y(mesh: &TriMesh, pose: DAffine3) -> bool {
+    let crosses = || mesh.triangles.ids().map(|face| mesh.face_cross(face));
+    let is_body = crosses().sum::<DVec3>().length() < 0.5 * crosses().map(DVec3::length).sum::<f64>();
+    let places = || mesh.positions.iter().map(|&p| pose.transform_point3(p));
+    let size = places().fold(DVec3::NEG_INFINITY, DVec3::max) - places().fold(DVec3::INFINITY, DVec3::min);
+    is_body && size.y > STANDS * size.z && size.y >= size.x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{edges, shapes};
+
+    /// A seam on the far side of a ball turns the default viewpoint to it.
+    #[test]
+    fn the_default_sees_the_seam() {
+        let ball = shapes::ball(8, 0.1);
+        let is_far = |&[a, _]: &[VertexId; 2]| SIDE.dot(ball.positions[a]) < -0.09;
+        let seam: Vec<_> = edges(&ball).into_iter().filter(is_far).collect();
+        let is_seen = |seam: &[[VertexId; 2]]| {
+            let camera = Camera::new(Viewpoint::Outside, &ball, DAffine3::IDENTITY, seam);
+            camera.sees(ball.positions[seam.first().map_or(VertexId::new(0), |edge| edge[0])])
+        };
+        assert!(!seam.is_empty() && is_seen(&seam));
+        let camera = Camera::new(Viewpoint::Outside, &ball, DAffine3::IDENTITY, &[]);
+        assert!(!camera.sees(ball.positions[seam[0][0]]), "without it, it is behind");
+    }
 }

@@ -1,6 +1,8 @@
 //! A mesh laid out on the picture: what is drawn of it pixel by pixel, and from which size on
 //! lines and dots are.
 
+use std::collections::HashMap;
+
 use glam::{DVec2, DVec3};
 
 use crate::{
@@ -106,7 +108,21 @@ pub(crate) fn taxel_dots(
     fill: &Fill,
 ) -> Vec<Shape> {
     let (colour, size) = fill.dots();
-    let (live, silent): (Vec<_>, Vec<_>) = taxels.partition(|taxel| taxel.1);
+    // Where taxels lie closer than elsewhere, dots that would cover each other and the mesh are left out.
+    let mut drawn = HashMap::<[i64; 2], Vec<DVec2>>::new();
+    let apart = 2.0 * radius;
+    let is_apart = |&(at, _): &(DVec2, bool)| {
+        #[expect(clippy::cast_possible_truncation, reason = "places of a picture")]
+        let [x, y] = (at / apart).floor().to_array().map(|k| k as i64);
+        let cells = (x - 1..=x + 1).flat_map(|x| (y - 1..=y + 1).map(move |y| [x, y]));
+        let mut near = cells.filter_map(|cell| drawn.get(&cell)).flatten();
+        let is_apart = near.all(|other| other.distance(at) >= apart);
+        if is_apart {
+            drawn.entry([x, y]).or_default().push(at);
+        }
+        is_apart
+    };
+    let (live, silent): (Vec<_>, Vec<_>) = taxels.filter(is_apart).partition(|taxel| taxel.1);
     let dots = |taxels: Vec<(DVec2, bool)>, colour, has_rim| Shape::Dots {
         centres: taxels.into_iter().map(|taxel| taxel.0).collect(),
         radius: size * radius,

@@ -39,7 +39,7 @@ impl<'a> Panel<'a> {
 
     /// The skin in space, with the colours of a level; of the coarsest if the patch has fewer.
     pub(crate) fn in_space(patch: &'a PatchView<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
-        let camera = Camera::new(viewpoint, patch.mesh, patch.pose);
+        let camera = Camera::new(viewpoint, patch.mesh, patch.pose, &patch.seam());
         let slot = Slot {
             bounds: rectangle_around(patch.mesh.positions.iter().map(|&p| camera.project(p))),
             caption: caption_in_space(patch, &camera),
@@ -134,8 +134,11 @@ fn fault(level: &MapLevel) -> Option<&'static str> {
         Some("flipped triangles")
     } else if d.crossings > 0 {
         Some("overlaps itself")
+    } else if d.is_far_from_isometric() {
+        Some("far from isometric")
     } else {
-        d.is_far_from_isometric().then_some("far from isometric")
+        // Without a face that has an area there is nothing to be poor.
+        (d.is_poor() && !d.symmetric_dirichlet.is_nan()).then_some("poor")
     }
 }
 
@@ -166,7 +169,7 @@ fn caption_in_space(patch: &PatchView<'_>, camera: &Camera) -> Caption {
         which: ", in space".into(),
         about: [
             format!("{taxels} taxels, {triangles} triangles"),
-            format!("seen from azimuth {azimuth}, elevation {elevation}"),
+            format!("seen from azimuth {azimuth}, elevation {elevation}{}", camera.stands_on()),
         ],
     }
 }

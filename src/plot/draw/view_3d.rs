@@ -17,7 +17,6 @@ use crate::{
         patch_view::PatchView,
         picture::{Path, Shape},
     },
-    pyramid::LevelId,
 };
 
 /// Brightness of a surface that no light falls on; light from the viewer's upper left adds the
@@ -63,8 +62,7 @@ pub(crate) fn draw_in_space(
     let lines = unhidden(&canvas, &canvas.edges, &buffer);
     shapes.extend(triangle_lines(&canvas, lines, &coloured.fill));
     let mut rims = boundary_edges(mesh);
-    let cut = patch.level(LevelId::new(0)).and_then(|finest| finest.cut.as_ref());
-    rims.extend(cut.and_then(|cut| cut.seam(mesh).ok()).unwrap_or_default());
+    rims.extend(patch.seam());
     shapes.push(boundary_line(unhidden(&canvas, &rims, &buffer)));
     if let (Some(radius), false) = (dot_radius(canvas.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
