@@ -51,11 +51,14 @@ fn run(folder: &Path, line: &str) {
 #[test]
 fn every_command_of_the_readme_works() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let pages = ["README.md", "docs/experiment.md"].map(|page| fs::read_to_string(root.join(page)).unwrap());
+    let pages = ["README.md", "docs/experiment.md", "meshes/README.md"];
+    let pages = pages.map(|page| fs::read_to_string(root.join(page)).unwrap());
     let commands = commands(&pages.concat());
     assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");
     let folder = checkout();
     commands.iter().for_each(|line| run(folder.path(), line));
+    // What they write lies in one folder, which git ignores.
+    assert_eq!(common::listing(folder.path()), ["meshes", "out"]);
 }
 
 #[test]

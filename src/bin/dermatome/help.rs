@@ -63,7 +63,7 @@ const ENDS: [(&str, &str, &[&str]); 14] = [
         &[
             "dermatome build meshes/forearm.glb -o forearm",
             "dermatome touch forearm/map.glb -o touch.csv --presses 1 --rate-hz 20",
-            "dermatome render forearm/map.glb touch.csv -o touch.npz --contacts contacts.csv",
+            "dermatome render forearm/map.glb touch.csv -o touch.npz --contacts regions.csv",
         ],
     ),
     ("simulate", "", &["dermatome simulate -o seen.g2o --truth truth.csv --spacing-mm 4mm --outliers 0.1"]),
