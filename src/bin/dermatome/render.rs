@@ -173,7 +173,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
     if let Some((count, Some(threshold))) = found {
-        note!(common, "{count} contacts above {threshold:.4}");
+        let contacts = if count == 1 { "contact" } else { "contacts" };
+        note!(common, "{count} {contacts} above {threshold:.4}");
     }
     if args.json {
         print_json("dermatome.render/1", &report(&tally, &channels, renderer.images(), found))?;

@@ -94,7 +94,11 @@ fn outside(mesh: &TriMesh, pose: DAffine3, seam: &[[VertexId; 2]]) -> [f64; 2] {
         };
         seam.iter().map(of_edge).sum()
     };
-    let toward = pose.transform_vector3(sum).normalize_or_zero() + LEAN * SIDE.normalize();
+    let outside = pose.transform_vector3(sum).normalize_or_zero();
+    // From behind, if the seam is there.
+    let is_behind = !seam.is_empty() && outside.truncate().dot(SIDE.truncate()) < 0.0;
+    let side = if is_behind { SIDE * DVec3::new(-1.0, -1.0, 1.0) } else { SIDE };
+    let toward = outside + LEAN * side.normalize();
     [toward.y.atan2(toward.x), toward.z.atan2(toward.truncate().length())]
 }
 
