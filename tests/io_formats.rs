@@ -361,7 +361,8 @@ fn ply_reads_text_and_big_endian() {
     binary.extend(3i32.to_be_bytes());
     binary.push(4);
     binary.extend((0..4i32).flat_map(i32::to_be_bytes));
-    for bytes in [text.into_bytes(), binary] {
+    let shouted = text.replacen("ply", "PLY", 1);
+    for bytes in [text.into_bytes(), shouted.into_bytes(), binary] {
         let sheet = &read_bytes("ply", &bytes).unwrap().sheets[0];
         assert_eq!(sheet.positions, [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
         assert_eq!(sheet.triangles, [[0, 1, 2], [0, 2, 3]]);

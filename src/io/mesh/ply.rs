@@ -1,6 +1,6 @@
 //! PLY: text or binary of either byte order in, binary little endian out.
 
-use std::{io::Write, path::Path};
+use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::DVec3;
 use ply_rs_bw::{
@@ -98,7 +98,12 @@ impl PropertyAccess for Row {
 /// thermal pad).
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let broken = |e: ParseError| parse_error(source, &e);
-    let mut reader = Reader::new(source.bytes());
+    let mut bytes = Cow::Borrowed(source.bytes());
+    // Some programs write `PLY`.
+    if bytes.starts_with(b"PLY") {
+        bytes.to_mut()[..3].make_ascii_lowercase();
+    }
+    let mut reader = Reader::new(&*bytes);
     let header = Parser::<Row>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
