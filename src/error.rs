@@ -40,6 +40,9 @@ pub enum Error {
     /// A file that cannot be read or written.
     #[error(transparent)]
     Io(#[from] crate::io::IoError),
+    /// A patch that cannot be unfolded: its system does not fit into memory.
+    #[error("it cannot be unfolded: {0}")]
+    Unfold(#[from] crate::sparse::SparseError),
     /// A map that cannot be drawn.
     #[error(transparent)]
     Plot(#[from] crate::plot::PlotError),
@@ -79,6 +82,7 @@ impl Error {
             Self::Atlas(e) => e.kind(),
             Self::Image(e) => e.kind(),
             Self::Io(e) => e.kind(),
+            Self::Unfold(e) => variant_name(e),
             Self::Plot(e) => e.kind(),
             Self::Patch { source, .. } => source.kind(),
             Self::Several(errors) => errors.first().map_or_else(|| variant_name(self), Self::kind),

@@ -38,6 +38,7 @@ pub mod pyramid;
 pub mod flatten;
 pub mod map;
 pub mod atlas;
+pub mod unfold;
 pub mod signal;
 pub mod image;
 pub mod contact;

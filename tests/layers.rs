@@ -12,7 +12,8 @@ use std::{
 /// The modules of the library; each may name only those before it.
 const MODULES: &[&str] = &[
     "id", "parallel", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "calib", "cut", "pyramid",
-    "flatten", "map", "atlas", "contact", "signal", "image", "io", "plot", "report", "error", "pipeline",
+    "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot", "report", "error",
+    "pipeline",
 ];
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.

@@ -18,21 +18,30 @@ use crate::{
 /// Smaller weights are rounding: a taxel of the seam lies on its edge.
 const ROUNDED: f64 = 1e-6;
 
+/// A place of level 0 in terms of the places of a coarser level, and their weights.
+pub(crate) type CarriedRow = ([PlaceId; 3], [f64; 3]);
+
 /// Where each place of the map of level 0 lies on the map of a level, in m: at the mean of the fields
 /// of its taxel, by their weights.
 pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, DVec2> {
-    let Some(rows) = &level.level.to_finest else { return level.uv.clone() };
-    let at = |(taxel, named): (VertexId, [PlaceId; 3])| -> DVec2 {
-        named.into_iter().zip(rows.weights[taxel]).map(|(place, w)| w * level.uv[place]).sum()
-    };
-    let mut carried = IdVec::<PlaceId, Option<DVec2>>::filled(None, finest.uv.len());
-    let mut open: Vec<(PlaceId, Vec<DVec2>)> = Vec::new();
+    let Some(rows) = carried_rows(finest, level) else { return level.uv.clone() };
+    rows.map(|row| mean_place(level, row))
+}
+
+/// Each place of level 0 in terms of the places of a level, by the weights of its taxel; `None` where
+/// the level is level 0.
+pub(crate) fn carried_rows(finest: &MapLevel, level: &MapLevel) -> Option<IdVec<PlaceId, CarriedRow>> {
+    let rows = level.level.to_finest.as_ref()?;
+    let mut carried = IdVec::<PlaceId, Option<CarriedRow>>::filled(None, finest.uv.len());
+    let mut open: Vec<(PlaceId, Vec<CarriedRow>)> = Vec::new();
     let candidates = Candidates::new(finest, level, rows);
     for place in finest.uv.ids() {
         let taxel = finest.vertex_of(place);
         match candidates.of(taxel).as_slice() {
-            &[only] => carried[place] = Some(at((taxel, only))),
-            several => open.push((place, several.iter().map(|&named| at((taxel, named))).collect())),
+            &[only] => carried[place] = Some((only, rows.weights[taxel])),
+            several => {
+                open.push((place, several.iter().map(|&named| (named, rows.weights[taxel])).collect()));
+            }
         }
     }
     // From neighbour to neighbour along the seam.
@@ -42,9 +51,10 @@ pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<Place
         let mut decided = Vec::new();
         open.retain(|(place, several)| {
             let around = sides.faces(place.opened()).flat_map(|face| finest.places(face));
-            let known: Vec<DVec2> = around.filter_map(|near| carried[near]).collect();
+            let known: Vec<DVec2> =
+                around.filter_map(|near| carried[near].as_ref().map(|row| mean_place(level, row))).collect();
             let middle = known.iter().sum::<DVec2>() / known.len() as f64;
-            let far = |at: &DVec2| at.distance_squared(middle);
+            let far = |row: &CarriedRow| mean_place(level, row).distance_squared(middle);
             let nearest = several.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)));
             decided.extend(nearest.filter(|_| !known.is_empty()).map(|nearest| (*place, nearest)));
             known.is_empty() || nearest.is_none()
@@ -56,9 +66,13 @@ pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<Place
     }
     let usual = |place| {
         let taxel = finest.vertex_of(place);
-        at((taxel, rows.indices[taxel].map(PlaceId::of_opened)))
+        (rows.indices[taxel].map(PlaceId::of_opened), rows.weights[taxel])
     };
-    carried.enumerate().map(|(place, found)| found.unwrap_or_else(|| usual(place))).collect()
+    Some(carried.enumerate().map(|(place, found)| found.unwrap_or_else(|| usual(place))).collect())
+}
+
+fn mean_place(level: &MapLevel, &(places, weights): &CarriedRow) -> DVec2 {
+    places.into_iter().zip(weights).map(|(place, w)| w * level.uv[place]).sum()
 }
 
 /// The places that rows may name.

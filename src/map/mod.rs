@@ -8,7 +8,7 @@ mod error;
 mod frame;
 mod skin_map;
 
-pub(crate) use carried_places::carried_places;
+pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
