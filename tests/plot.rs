@@ -490,3 +490,18 @@ fn the_command_says_what_it_cannot_draw() {
     plot(&svg).arg("-o").arg(&svg).assert().code(2);
     assert!(!svg.exists() && !jpg.exists(), "nothing is written before everything is known to be right");
 }
+
+/// The strip begins with the skin in space, ends with the map, and has a panel for each time.
+#[test]
+fn the_unfolding_is_a_strip_of_panels() {
+    let options = PlotOptions { unfold: vec![0.0, 0.5, 1.0], ..PlotOptions::default() };
+    for paint in [Paint::Fields, Paint::Angle, Paint::Area, Paint::Taxel] {
+        let svg = plot_map(&skin(vec![palm()]), &PlotOptions { paint, ..options.clone() }).unwrap();
+        let (_, texts) = elements(&svg);
+        for which in ["palm, in space", "palm, 50 % unfolded", "palm, its map"] {
+            assert!(texts.iter().any(|text| text == which), "{which} in {texts:?}");
+        }
+    }
+    let beyond = PlotOptions { unfold: vec![1.5], ..PlotOptions::default() };
+    assert!(matches!(plot_map(&skin(vec![palm()]), &beyond), Err(PlotError::Time { .. })));
+}

@@ -1,6 +1,6 @@
 //! Why a picture cannot be drawn.
 
-use crate::{map::MapError, pyramid::LevelId, skin::SkinError};
+use crate::{map::MapError, pyramid::LevelId, skin::SkinError, sparse::SparseError};
 
 /// Why a picture cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -48,6 +48,20 @@ pub enum PlotError {
         azimuth: f64,
         /// The elevation asked for, in degrees.
         elevation: f64,
+    },
+    /// A time of the unfolding that is not between its ends.
+    #[error("there is no unfolding at {time}; it begins at 0, the skin in space, and ends at 1, its map")]
+    Time {
+        /// The time asked for.
+        time: f64,
+    },
+    /// A patch whose unfolding does not fit into memory.
+    #[error("patch {patch:?} cannot be unfolded: {source}")]
+    Unfold {
+        /// The patch.
+        patch: String,
+        /// Why its system cannot be solved.
+        source: SparseError,
     },
     /// A width that the panels of a row do not fit into, or that is too large.
     #[error(

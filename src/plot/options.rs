@@ -38,6 +38,9 @@ pub struct PlotOptions {
     pub paint: Paint,
     /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
     pub space: Option<Viewpoint>,
+    /// Times at which the skin is drawn as it unfolds, side by side: 0 is the skin in space, 1 its map. None:
+    /// levels are drawn instead.
+    pub unfold: Vec<f64>,
     /// Values at the ends of the scale of colours: of [`Paint::Angle`], [`Paint::Area`] or
     /// [`Paint::Sigma`] (m), or of readings in the unit of their channel, of an extensive one per m^2.
     /// `None`: those of all but a hundredth of what is drawn, of readings all, rounded.
@@ -55,6 +58,7 @@ impl Default for PlotOptions {
             levels: Vec::new(),
             paint: Paint::default(),
             space: None,
+            unfold: Vec::new(),
             range: None,
             dots: false,
             width_px: 1600,

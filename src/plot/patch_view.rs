@@ -50,7 +50,7 @@ impl<'a> PatchView<'a> {
         Self::of_taxels(&patch.name, &patch.mesh, world_pose(&skin.links, patch.link), &patch.taxels)
     }
 
-    fn of_taxels(name: &'a str, mesh: &'a TriMesh, pose: DAffine3, taxels: &'a Taxels) -> Self {
+    pub(crate) fn of_taxels(name: &'a str, mesh: &'a TriMesh, pose: DAffine3, taxels: &'a Taxels) -> Self {
         Self::new(name, mesh, pose, &taxels.ids, &taxels.presence, taxels.covariances.as_ref())
     }
 

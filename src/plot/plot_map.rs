@@ -14,6 +14,7 @@ use crate::{
     },
     pyramid::LevelId,
     skin::{PatchId, Skin},
+    unfold::Unfolding,
 };
 
 /// The panels of a patch; a level that it lacks leaves its slot empty.
@@ -21,6 +22,9 @@ type Row<'a> = Vec<Option<Panel<'a>>>;
 
 /// Levels drawn when none is asked for: as many as are legible side by side in a README.
 const LEVELS_SIDE_BY_SIDE: usize = 3;
+
+/// The level whose fields colour the unfolding skin: few enough to be followed by eye.
+const UNFOLDED_LEVEL: u32 = 2;
 
 /// Draws levels of patches side by side, all at one scale.
 ///
@@ -30,6 +34,9 @@ const LEVELS_SIDE_BY_SIDE: usize = 3;
 /// level 0 itself dots are the taxels. Dots of absent taxels and thermal pads are hollow. With
 /// [`PlotOptions::space`] the first panel of a row is the skin in space, as [`plot_skin`] draws it,
 /// with the colours of the first level drawn.
+///
+/// With [`PlotOptions::unfold`] the skin is drawn as it unfolds instead: it turns towards the viewer while it
+/// becomes flat, so that the last panel is its map.
 ///
 /// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
 /// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.
@@ -46,6 +53,16 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
     let views: Vec<_> =
         patches.iter().map(|patch| PatchView::of_map(map, patch)).collect::<Result<_, _>>()?;
     let first = levels.first().copied().unwrap_or_default();
+    if !options.unfold.is_empty() {
+        let rows = patches.iter().zip(&views).map(|(patch, view)| unfolding_row(patch, view, options));
+        let rows = rows.collect::<Result<_, _>>()?;
+        return draw(
+            title("How the skin unfolds:", views.iter().map(|view| view.name)),
+            &views,
+            rows,
+            options,
+        );
+    }
     let row = |view| {
         let in_space = options.space.map(|viewpoint| Some(Panel::in_space(view, first, viewpoint)));
         let maps = levels.iter().map(|&level| Panel::on_map(view, level));
@@ -53,6 +70,29 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
     };
     let rows: Vec<Row<'_>> = views.iter().map(row).collect();
     draw(title("Somatosensory maps of", views.iter().map(|view| view.name)), &views, rows, options)
+}
+
+/// A patch at each time of its unfolding.
+///
+/// The colours are those of the first level that is asked for, or of the coarsest up to level
+/// [`UNFOLDED_LEVEL`]; stretches are those of level 0, whose triangles are drawn.
+fn unfolding_row<'a>(
+    patch: &PatchMap,
+    view: &'a PatchView<'a>,
+    options: &PlotOptions,
+) -> Result<Row<'a>, PlotError> {
+    if let Some(&time) = options.unfold.iter().find(|time| !(0.0..=1.0).contains(*time)) {
+        return Err(PlotError::Time { time });
+    }
+    let unfolding =
+        Unfolding::new(patch).map_err(|source| PlotError::Unfold { patch: patch.name.clone(), source })?;
+    let level = match options.paint {
+        Paint::Angle | Paint::Area => LevelId::default(),
+        _ => options.levels.first().copied().unwrap_or(UNFOLDED_LEVEL.into()),
+    };
+    let viewpoint = options.space.unwrap_or_default();
+    let panel = |&time: &f64| Panel::unfolding(view, patch, &unfolding, time, level, viewpoint);
+    Ok(options.unfold.iter().map(panel).collect())
 }
 
 /// Draws a skin in space, all of its patches where their links are.

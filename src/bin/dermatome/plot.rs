@@ -53,6 +53,10 @@ pub(crate) struct Args {
     /// plane, in degrees [default: from outside, tilted so that its shape is visible]
     #[arg(long, alias = "from", value_name = "AZIMUTH,ELEVATION", value_parser = viewpoint, allow_hyphen_values = true)]
     view: Option<Viewpoint>,
+    /// Draw the skin as it unfolds into its map, at these times side by side: 0 is the skin in space, 1 its
+    /// map
+    #[arg(long, value_name = "T,T,...", value_delimiter = ',', value_parser = time, conflicts_with_all = ["readings", "space"])]
+    unfold: Vec<f64>,
     /// Values at the ends of the colour scale: of --show angle or area, of --show sigma in mm, of
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
@@ -109,6 +113,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         patches: Vec::new(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
         paint: args.show,
+        unfold: args.unfold.clone(),
         space: args.view.or(args.space.then(Viewpoint::default)),
         range: args
             .range
@@ -180,6 +185,11 @@ fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
         let what = format!("the readings have no channel {name:?}; they have {}", names.join(", "));
         advise(what, "give --channel one of them, or leave it out to draw the first")
     })
+}
+
+fn time(text: &str) -> Result<f64, String> {
+    let time = text.trim().parse::<f64>().ok().filter(|time| (0.0..=1.0).contains(time));
+    time.ok_or_else(|| "needed: numbers from 0 to 1, as in 0,0.25,0.5,0.75,1".into())
 }
 
 fn viewpoint(text: &str) -> Result<Viewpoint, String> {

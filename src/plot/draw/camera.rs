@@ -59,6 +59,11 @@ impl Camera {
         if self.has_y_up { ", y up" } else { "" }
     }
 
+    /// The rotation that takes the plane z = 0 to the picture plane: x to the right, y up.
+    pub(crate) fn picture_plane(&self) -> DMat3 {
+        DMat3::from_cols(self.right, self.up, self.toward)
+    }
+
     /// A point on the picture plane, in m, right and up.
     pub(crate) fn project(&self, at: DVec3) -> DVec2 {
         DVec2::new(self.right.dot(at), self.up.dot(at))

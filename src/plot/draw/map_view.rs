@@ -89,7 +89,7 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
 }
 
 /// Colours of vertices as those of their places.
-fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, VertexId>>) -> Cow<'a, Fill> {
+pub(super) fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, VertexId>>) -> Cow<'a, Fill> {
     match (fill, unsplit) {
         (Fill::Cells { groups, colours }, Some(unsplit)) => Cow::Owned(Fill::Cells {
             groups: unsplit.iter().map(|&v| groups[v]).collect(),

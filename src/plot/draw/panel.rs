@@ -1,18 +1,28 @@
 //! A panel: one picture of one patch, with its caption.
 
+use glam::DQuat;
+
 use crate::{
+    cut::PlaceId,
     id::{IdVec, VertexId},
-    map::MapLevel,
-    mesh::rectangle_around,
+    map::{MapLevel, PatchMap},
+    mesh::{TriMesh, rectangle_around},
     plot::{
         Paint, PlotError, PlotOptions, Viewpoint,
         colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known},
-        draw::{camera::Camera, canvas::FINE, map_view::draw_map, view_3d::draw_in_space},
+        draw::{
+            camera::Camera,
+            canvas::FINE,
+            map_view::{draw_map, on_places},
+            view_3d::draw_in_space,
+        },
         layout::{Caption, Slot, View, minus, number, printable},
         patch_view::PatchView,
         picture::{Path, Shape, Stroke},
     },
     pyramid::{LevelId, Prolongation},
+    skin::Taxels,
+    unfold::Unfolding,
 };
 
 pub(crate) struct Panel<'a> {
@@ -25,6 +35,17 @@ enum Look<'a> {
     OnMap(&'a MapLevel),
     /// The skin itself, coloured by a level if it has a map.
     InSpace(Camera, Option<&'a MapLevel>),
+    Between(Camera, Box<Between<'a>>),
+}
+
+/// A skin between its shape in space and its map.
+struct Between<'a> {
+    /// The places of level 0.
+    mesh: TriMesh,
+    taxels: Taxels,
+    finest: &'a MapLevel,
+    /// The level whose colours are shown.
+    level: &'a MapLevel,
 }
 
 impl<'a> Panel<'a> {
@@ -47,10 +68,39 @@ impl<'a> Panel<'a> {
         Self { patch, look: Look::InSpace(camera, patch.level_at_most(number)), slot }
     }
 
+    /// The skin at a time of its unfolding, with the colours of a level; `None` without a map.
+    pub(crate) fn unfolding(
+        patch: &'a PatchView<'a>,
+        map: &PatchMap,
+        unfolding: &Unfolding,
+        time: f64,
+        level: LevelId,
+        viewpoint: Viewpoint,
+    ) -> Option<Self> {
+        let finest = patch.level(LevelId::default())?;
+        let camera = Camera::new(viewpoint, patch.mesh, patch.pose, &patch.seam());
+        // It turns to the viewer slowly at both ends.
+        let ease = time * time * (3.0 - 2.0 * time);
+        let facing = DQuat::from_mat3(&(camera.picture_plane() * unfolding.sheet.matrix3.transpose()));
+        let turn = DQuat::IDENTITY.slerp(facing, ease);
+        let positions = unfolding.at(time).iter().map(|&p| turn * p).collect();
+        let mesh = TriMesh { positions, triangles: finest.opened().triangles.clone() };
+        let slot = Slot {
+            bounds: rectangle_around(mesh.positions.iter().map(|&p| camera.project(p))),
+            caption: caption_of_unfolding(patch, time),
+        };
+        let taxels = map
+            .taxels
+            .select(&mesh.positions.ids().map(|v| finest.vertex_of(PlaceId::of_opened(v))).collect());
+        let between = Between { mesh, taxels, finest, level: patch.level_at_most(level)? };
+        Some(Self { patch, look: Look::Between(camera, Box::new(between)), slot })
+    }
+
     pub(crate) fn level(&self) -> Option<&'a MapLevel> {
         match self.look {
             Look::OnMap(level) => Some(level),
             Look::InSpace(_, level) => level,
+            Look::Between(_, ref between) => Some(between.level),
         }
     }
 
@@ -76,6 +126,18 @@ impl<'a> Panel<'a> {
                 };
                 let dots = if options.dots || dots.len() <= FINE { &dots[..] } else { &[] };
                 draw_in_space(self.patch, &coloured, camera, view, dots)
+            }
+            Look::Between(camera, between) => {
+                let Between { mesh, taxels, finest, level } = &**between;
+                let patch = PatchView::of_taxels(self.patch.name, mesh, self.patch.pose, taxels);
+                coloured.fill = on_places(&coloured.fill, finest.unsplit()).into_owned();
+                coloured.mesh = mesh;
+                let is_shown = options.paint.has_dots() && (options.dots || finest.uv.len() <= FINE);
+                let is_centre = |place: &PlaceId| {
+                    options.paint != Paint::Fields || level.level.origins.contains(&finest.vertex_of(*place))
+                };
+                let dots = finest.uv.ids().filter(|place| is_shown && is_centre(place));
+                draw_in_space(&patch, &coloured, camera, view, &dots.map(PlaceId::opened).collect::<Vec<_>>())
             }
         })
     }
@@ -117,6 +179,7 @@ impl<'a> Panel<'a> {
                 let dots = if has_dots { self.centres(*level) } else { Vec::new() };
                 draw_in_space(self.patch, &coloured, camera, view, &dots)
             }
+            Look::Between(..) => Vec::new(),
         }
     }
 }
@@ -159,6 +222,18 @@ fn caption_of_map(name: &str, id: LevelId, level: &MapLevel) -> Caption {
         which: format!(", level {id}{}", fault(level).map_or_else(String::new, |word| format!(": {word}"))),
         about: [format!("{count} {kind}, {} flips", d.flips), format!("{stretch}, {area}")],
     }
+}
+
+fn caption_of_unfolding(patch: &PatchView<'_>, time: f64) -> Caption {
+    let which = if time == 0.0 {
+        ", in space".into()
+    } else if time == 1.0 {
+        ", its map".into()
+    } else {
+        format!(", {} % unfolded", number(100.0 * time, 0))
+    };
+    let taxels = patch.mesh.positions.len();
+    Caption { name: printable(patch.name), which, about: [format!("{taxels} taxels"), String::new()] }
 }
 
 fn caption_in_space(patch: &PatchView<'_>, camera: &Camera) -> Caption {
