@@ -46,6 +46,7 @@ pub mod io;
 pub mod plot;
 pub mod report;
 pub mod error;
+pub mod page;
 pub mod pipeline;
 
 pub use calib::{Calibration, Observations, calibrate};

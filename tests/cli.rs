@@ -36,7 +36,7 @@ fn build_writes_its_four_files_and_nothing_else() {
     let (folder, skin) = folder_with_a_cap();
     let out = folder.path().join("new/out");
     command().arg("build").arg(&skin).arg("-o").arg(&out).assert().success().stdout(contains("cap/L0"));
-    assert_eq!(listing(&out), ["map.exr", "map.glb", "report.json", "timings.json"]);
+    assert_eq!(listing(&out), ["map.exr", "map.glb", "report.html", "report.json", "timings.json"]);
 }
 
 #[test]

@@ -369,7 +369,10 @@ fn commands_name_what_they_wrote() {
     fs::write(path.join("c.csv"), "x,y,z\n0,0,0\n").unwrap();
     wrote("convert a.csv a.glb", &["a.glb"]);
     wrote("convert a.glb b.csv", &["b.csv", "b.triangles.csv"]);
-    let said = wrote("build a.csv -o M", &["M/map.glb", "M/map.exr", "M/report.json", "M/timings.json"]);
+    let said = wrote(
+        "build a.csv -o M",
+        &["M/map.glb", "M/map.exr", "M/report.json", "M/timings.json", "M/report.html"],
+    );
     assert!(said.contains("3 of 4 taxels have a placeholder id"), "{said}");
     wrote("coarsen a.glb -o l.glb", &["l.glb"]);
     wrote("flatten a.glb -o f.obj -o f.npz", &["f.obj", "f.npz"]);

@@ -13,7 +13,7 @@ use std::{
 const MODULES: &[&str] = &[
     "id", "parallel", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "calib", "cut", "pyramid",
     "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot", "report", "error",
-    "pipeline",
+    "page", "pipeline",
 ];
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.
@@ -24,11 +24,11 @@ const DOORS: &[(&str, &[&str])] = &[
     ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
-    ("base64", &["io/gltf", "plot/picture/svg.rs"]),
-    ("flate2", &["io/arrays", "io/image"]),
+    ("base64", &["io/gltf", "page", "plot/picture/svg.rs"]),
+    ("flate2", &["io/arrays", "io/image", "page"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
-    ("serde", &["flatten/distortion.rs", "io", "report.rs", "bin"]),
-    ("serde_json", &["io", "bin"]),
+    ("serde", &["flatten/distortion.rs", "io", "page", "report.rs", "bin"]),
+    ("serde_json", &["io", "page", "bin"]),
     ("tempfile", &["io/file", "bin"]),
     ("zip", &["io/arrays"]),
     ("zmij", &["io/table"]),

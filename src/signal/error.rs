@@ -121,6 +121,16 @@ pub enum SignalError {
         /// Taxels of each patch of the map.
         needed: Vec<usize>,
     },
+    /// A recording of more readings than a page holds.
+    #[error("{frames} frames of {taxels} taxels do not fit into a page; at most {most} do")]
+    TooLong {
+        /// Frames that were read.
+        frames: usize,
+        /// Taxels of the map.
+        taxels: usize,
+        /// Most frames of them.
+        most: usize,
+    },
     /// A contact that cannot be answered.
     #[error(transparent)]
     Contact(#[from] ContactError),

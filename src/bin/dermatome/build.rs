@@ -13,6 +13,7 @@ use dermatome::{
     atlas::skin_images,
     io::{write_images, write_map},
     map::SkinMap,
+    page::Page,
     pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress},
     report::{PatchReport, measure},
     skin::AssembleOptions,
@@ -41,7 +42,7 @@ pub(crate) struct Args {
     /// folders of meshes, are one skin
     #[arg(required = true, value_hint = clap::ValueHint::AnyPath)]
     skin: Vec<PathBuf>,
-    /// Folder for map.glb, map.exr, report.json and timings.json; created if it does not exist
+    /// Folder for map.glb, map.exr, report.json, report.html and timings.json; created if it does not exist
     /// [default: that of the skin, as forearm.map for forearm.glb; needed with several files]
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let inputs = skin_files(&args.skin)?;
     let files: Vec<PathBuf> =
-        FILES.into_iter().chain([REPORT, TIMINGS]).map(|name| folder.join(name)).collect();
+        FILES.into_iter().chain([REPORT, PAGE, TIMINGS]).map(|name| folder.join(name)).collect();
     outputs::guard(files.iter().map(PathBuf::as_path), &common.inputs)?;
     outputs::guard(files.iter().map(PathBuf::as_path), &inputs)?;
     let mut options = BuildOptions {
@@ -135,6 +136,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     for (name, text) in texts {
         outputs.stage_bytes(&folder.join(name), text.as_bytes())?;
     }
+    let page = Page::new(&built.map, title(&args.skin, folder))?.to_html()?;
+    outputs.stage_bytes(&folder.join(PAGE), page.as_bytes())?;
     outputs.publish(common)?;
     note_seams(&report.patches, common);
     note_built(&built, common);
@@ -165,6 +168,12 @@ fn write_files(
     outputs.stage(|| write_map(&folder.join(map_file), map))?;
     outputs.stage(|| write_images(&folder.join(images_file), &images))?;
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
+}
+
+/// What the page is called: as the file of the skin, or as the folder where there are several.
+fn title(skin: &[PathBuf], folder: &Path) -> String {
+    let path = if let [skin] = skin { skin } else { folder };
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Prints which patches and levels have no map, and which pixels were chosen.
@@ -223,6 +232,9 @@ const FILES: [&str; 2] = ["map.glb", "map.exr"];
 
 /// The file of measures, next to [`FILES`].
 const REPORT: &str = "report.json";
+
+/// The file that shows the map in a browser.
+const PAGE: &str = "report.html";
 
 /// What the keys of [`REPORT`] mean.
 const SCHEMA: &str = "dermatome.build/1";

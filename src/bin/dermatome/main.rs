@@ -14,6 +14,7 @@ mod lookup;
 mod options;
 mod plot;
 mod render;
+mod report;
 mod shell;
 mod simulate;
 mod touch;
@@ -47,7 +48,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Build the maps of a skin: writes map.glb, map.exr, report.json and timings.json.
+    /// Build the maps of a skin: writes map.glb, map.exr, report.json, report.html and timings.json.
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
@@ -67,6 +68,8 @@ enum Command {
     Plot(plot::Args),
     /// Draw readings as tactile images on every level.
     Render(render::Args),
+    /// Write a page that shows the skin, its map and a recording in a browser.
+    Report(report::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Simulate touches: a sphere that presses and rolls on a skin, as readings.
@@ -144,6 +147,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
         Command::Render(args) => render::run(args, common),
+        Command::Report(args) => report::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Touch(args) => touch::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut Cli::command()),

@@ -179,7 +179,7 @@ fn picture_of_frame(
     })
 }
 
-fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
+pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
     channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
         let names: Vec<_> = channels.iter().take(10).map(|channel| channel.name.as_str()).collect();
         let what = format!("the readings have no channel {name:?}; they have {}", names.join(", "));

@@ -1,0 +1,148 @@
+//! `dermatome report MAP.glb [READINGS] -o report.html`: the skin, its map and a recording as one page.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use anyhow::Context;
+use dermatome::{
+    Error,
+    io::{IoError, read_map},
+    map::SkinMap,
+    page::{LiveServer, Page},
+};
+
+use crate::{
+    console::{
+        notes::note,
+        print::{plain, print},
+        progress,
+    },
+    files::outputs::{self, Outputs, is_stream},
+    options::Common,
+    plot::find_channel,
+    render::{FramesArgs, Readings, ReadingsArgs},
+};
+
+/// Write a page that shows the skin, its map and a recording in a browser, without a network.
+///
+/// The skin unfolds into its map; what the pointer touches lights on both. A recording plays, with its
+/// contacts.
+#[derive(Debug, clap::Args)]
+#[command(mut_arg("units", |arg| arg.alias("unit")))]
+pub(crate) struct Args {
+    /// The map, written by `dermatome build`
+    #[arg(value_name = "MAP.glb")]
+    map: PathBuf,
+    /// Readings to play: text with a line of taxel ids, .csv, .npy or .npz; `-`: text or CSV on standard
+    /// input
+    #[arg(value_name = "READINGS")]
+    readings: Option<PathBuf>,
+    /// Show readings while they come: the page is served to this machine alone, at an address that is
+    /// printed, until they end [default readings: standard input]
+    #[arg(long, conflicts_with = "output")]
+    live: bool,
+    /// Output file: .html; `-`: standard output [default: report.html next to the map]
+    #[arg(short, long, value_name = "OUT.html")]
+    output: Option<PathBuf>,
+    /// The channel that is shown [default: the first]
+    #[arg(long, value_name = "NAME", requires = "readings")]
+    channel: Option<String>,
+    /// Title of the page [default: the name of the map's folder or file]
+    #[arg(long, value_name = "TEXT")]
+    title: Option<String>,
+    #[command(flatten)]
+    readings_args: ReadingsArgs,
+    #[command(flatten)]
+    frames: FramesArgs,
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let output = &args.output.clone().unwrap_or_else(|| args.map.with_file_name("report.html"));
+    if !is_stream(output) && outputs::kind(output) != "html" {
+        return Err(Error::from(IoError::UnknownKind { path: output.clone(), known: ".html" }).into());
+    }
+    outputs::guard([output.as_path()], &common.inputs)?;
+    args.frames.check()?;
+    let map = read_map(&args.map).map_err(Error::from)?;
+    let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
+    let mut page = Page::new(&map, title)?;
+    if args.live {
+        return serve(args, &map, page, common);
+    }
+    if let Some(readings) = &args.readings {
+        record(args, readings, &map, &mut page, common)?;
+    }
+    let html = page.to_html()?;
+    if is_stream(output) {
+        print(&html)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut outputs = Outputs::default();
+    outputs.stage_bytes(output, html.as_bytes())?;
+    outputs.publish(common)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Shows readings while they come.
+fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
+    let path = args.readings.as_deref().unwrap_or(Path::new("-"));
+    let pass = Readings::new(&args.readings_args, args.frames, path, map).open()?;
+    let channels = pass.channels().to_vec();
+    let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
+    let (html, mut frames) = page.to_live_html(&channels, shown)?;
+    let server = LiveServer::start(html).context("cannot serve the page to this machine")?;
+    print(&format!("{}\n", server.address()))?;
+    pass.remark(&path.display().to_string(), common);
+    let tally = pass.run(|_, frame| {
+        server.show(frames.next(frame));
+        Ok(true)
+    });
+    server.end();
+    tally?.remark(args.readings_args.baseline, common);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Plays readings into a page.
+fn record(
+    args: &Args,
+    path: &Path,
+    map: &SkinMap,
+    page: &mut Page<'_>,
+    common: &Common,
+) -> anyhow::Result<()> {
+    let pass = Readings::new(&args.readings_args, args.frames, path, map).open()?;
+    let channels = pass.channels().to_vec();
+    let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
+    pass.remark(&path.display().to_string(), common);
+    let bar = progress::frames(common, pass.frames(), is_stream(path));
+    let tally = pass.run(|_, frame| {
+        page.record(frame, &channels, shown)?;
+        bar.inc(1);
+        Ok(true)
+    });
+    bar.finish_and_clear();
+    let tally = tally?;
+    args.frames.check_any(tally.read, tally.frames)?;
+    tally.remark(args.readings_args.baseline, common);
+    if channels.len() > 1 && args.channel.is_none() {
+        let count = channels.len();
+        note!(
+            common,
+            "of {count} channels the page shows {}; --channel names another",
+            plain(&channels[0].name)
+        );
+    }
+    Ok(())
+}
+
+/// `forearm` for `forearm.map/map.glb` and for `forearm.glb`.
+pub(crate) fn title_of(map: &Path) -> String {
+    let stem = map.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = map.parent().and_then(Path::file_stem);
+    match folder {
+        Some(folder) if stem == "map" => folder.to_string_lossy().into_owned(),
+        _ => stem,
+    }
+}

@@ -1,0 +1,285 @@
+//! `report.html`: a skin, its map and a recording as one file that a browser shows without a network.
+//!
+//! [`Page::new`] takes a map, [`Page::record`] the frames of a recording, and [`Page::to_html`] writes them
+//! into the page that `tools/page` makes, which is kept packed (`page.html.gz`). The page draws the skin in
+//! space next to its map; its slider unfolds the one into the other
+//! ([`Unfolding`](crate::unfold::Unfolding)). What it needs is packed (`pack`) from the map (`skin`) and
+//! the readings (`recording`). Without WebGL it shows the picture of
+//! [`plot_map`](crate::plot::plot_map()) and the numbers of `report.json`.
+//!
+//! Names of files, patches and links are text, whatever they hold: in the table they are escaped, and the
+//! rest of the page never takes them as markup. Its content policy allows its own script alone and no
+//! connection.
+//!
+//! Positions are rounded to 65535ths of the patch's box, weights to 255ths, readings to 254ths.
+
+mod live;
+mod pack;
+mod recording;
+mod skin;
+
+pub use live::LiveServer;
+pub use recording::LiveFrames;
+
+use std::{fmt::Write, io::Read};
+
+use flate2::read::GzDecoder;
+use serde::Serialize;
+
+use crate::{
+    Error,
+    map::SkinMap,
+    page::{
+        pack::Packer,
+        recording::{Recorder, RecordingHeader},
+        skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets},
+    },
+    plot::{Paint, PlotOptions, plot_map},
+    pyramid::LevelId,
+    report::{PatchReport, measure},
+    signal::{Channel, Frame},
+    skin::link_names,
+    unfold::Unfolding,
+};
+
+/// The page without its data; `tools/page` makes it.
+const PAGE: &[u8] = include_bytes!("page.html.gz");
+
+/// Width of the picture that is shown without WebGL, in pixels.
+const PICTURE_PX: u32 = 900;
+
+/// Most patches on that picture, and vertices of the level that it shows: it is a part of every page.
+const PICTURE_PATCHES: usize = 12;
+const PICTURE_VERTICES: usize = 600;
+
+/// A map on its way into a page.
+///
+/// ```
+/// use dermatome::{map::SkinMap, mesh::shapes, page::Page};
+///
+/// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+/// let html = Page::new(&map, "palm <1>")?.to_html()?;
+/// assert!(html.contains("<title>palm &lt;1&gt;</title>"));
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Page<'m> {
+    map: &'m SkinMap,
+    title: String,
+    recorder: Option<Recorder<'m>>,
+}
+
+/// What the page reads first.
+#[derive(Debug, Serialize)]
+struct Header<'a> {
+    version: &'static str,
+    title: &'a str,
+    links: Vec<LinkHeader>,
+    patches: Vec<PatchHeader>,
+    recording: Option<RecordingHeader>,
+}
+
+impl<'m> Page<'m> {
+    /// A page of a map, without readings.
+    ///
+    /// # Errors
+    /// If the map breaks a rule of [`SkinMap::validate`], or has no patch.
+    pub fn new(map: &'m SkinMap, title: impl Into<String>) -> Result<Self, Error> {
+        map.validate().map_err(Error::from)?;
+        Ok(Self { map, title: title.into(), recorder: None })
+    }
+
+    /// Adds the next frame of a recording; of these channels the page shows number `shown`.
+    ///
+    /// # Errors
+    /// If the recording has more readings than a page can hold.
+    ///
+    /// # Panics
+    /// If the frame is of another map or lacks the channel.
+    pub fn record(&mut self, frame: &Frame, channels: &[Channel], shown: usize) -> Result<(), Error> {
+        if self.recorder.is_none() {
+            self.recorder = Some(Recorder::new(self.map, &channels[shown], shown)?);
+        }
+        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.record(frame)).map_err(Error::from)
+    }
+
+    /// The page.
+    ///
+    /// # Errors
+    /// If the system of an unfolding does not fit into memory, or the map cannot be drawn.
+    pub fn to_html(self) -> Result<String, Error> {
+        let mut packer = Packer::default();
+        let recording = self.recorder.map(|recorder| recorder.finish(&mut packer));
+        html(self.map, &self.title, recording, packer, &template())
+    }
+
+    /// The page for a [`LiveServer`], and what turns frames of these channels into what it shows, number
+    /// `shown` of them.
+    ///
+    /// # Errors
+    /// As [`Self::to_html`].
+    ///
+    /// # Panics
+    /// If there is no such channel.
+    pub fn to_live_html(self, channels: &[Channel], shown: usize) -> Result<(String, LiveFrames), Error> {
+        let (frames, header) = LiveFrames::new(self.map, &channels[shown], shown)?;
+        // It may fetch frames from where it comes from.
+        let template =
+            template().replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1);
+        Ok((html(self.map, &self.title, Some(header), Packer::default(), &template)?, frames))
+    }
+}
+
+fn html(
+    map: &SkinMap,
+    title: &str,
+    recording: Option<RecordingHeader>,
+    mut packer: Packer,
+    template: &str,
+) -> Result<String, Error> {
+    let packer = &mut packer;
+    let offsets = sheet_offsets(map);
+    let mut patches = Vec::new();
+    for (patch, offset) in map.patches.iter().zip(offsets) {
+        let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
+        patches.push(pack_patch(packer, map, patch, &unfolding, offset));
+    }
+    let links = map.links.iter().zip(link_names(&map.links));
+    let links =
+        links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
+    let header = Header { version: env!("CARGO_PKG_VERSION"), title, links, patches, recording };
+    let data = packer.finish(&header);
+    let levels = vec![picture_level(map)];
+    let shown = map.patches.iter().take(PICTURE_PATCHES).map(|patch| patch.name.clone()).collect();
+    let options = PlotOptions {
+        patches: shown,
+        levels,
+        paint: Paint::Angle,
+        width_px: PICTURE_PX,
+        ..PlotOptions::default()
+    };
+    let picture = plot_map(map, &options)?.to_svg();
+    let fill =
+        [("TITLE", escape(title)), ("PICTURE", picture), ("NUMBERS", numbers(&measure(map))), ("DATA", data)];
+    Ok(filled(template, &fill))
+}
+
+/// The finest level that is small enough for the picture, else the coarsest.
+fn picture_level(map: &SkinMap) -> LevelId {
+    let deepest = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
+    let count = |level: &LevelId| -> usize {
+        map.patches.iter().filter_map(|patch| patch.levels.get(*level)).map(|map| map.uv.len()).sum()
+    };
+    let small = (0..deepest).map(LevelId::new).find(|level| count(level) <= PICTURE_VERTICES);
+    small.unwrap_or(LevelId::new(deepest.saturating_sub(1)))
+}
+
+fn template() -> String {
+    let mut text = String::new();
+    let read = GzDecoder::new(PAGE).read_to_string(&mut text);
+    read.expect("the asset is what a test unpacks");
+    text
+}
+
+/// The page with its markers `%%NAME%%` replaced; what replaces them is not looked at again.
+fn filled(template: &str, fill: &[(&str, String)]) -> String {
+    let mut page =
+        String::with_capacity(template.len() + fill.iter().map(|(_, text)| text.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some(at) = rest.find("%%") {
+        page.push_str(&rest[..at]);
+        rest = &rest[at + 2..];
+        let name = rest.split_once("%%").map(|(name, _)| name);
+        match name.and_then(|name| fill.iter().find(|(known, _)| *known == name)) {
+            Some((name, text)) => {
+                page.push_str(text);
+                rest = &rest[name.len() + 2..];
+            }
+            None => page.push_str("%%"),
+        }
+    }
+    page.push_str(rest);
+    page
+}
+
+/// The numbers of `report.json` as a table.
+fn numbers(patches: &[PatchReport]) -> String {
+    const NAMES: [&str; 10] = [
+        "patch",
+        "level",
+        "taxels or fields",
+        "triangles",
+        "flips",
+        "crossings",
+        "s1/s2 mean",
+        "max",
+        "area ratio mean",
+        "max",
+    ];
+    let mut table = String::from("<table><thead><tr>");
+    // Writing to a string cannot fail.
+    NAMES.iter().for_each(|name| {
+        let _ = write!(table, "<th>{name}</th>");
+    });
+    table.push_str("</tr></thead><tbody>");
+    for patch in patches {
+        for level in &patch.levels {
+            let d = &level.distortion;
+            let _ = write!(
+                table,
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.4}</td><td>{:.3}</td><td>{:.4}</td>\
+                 <td>{:.3}</td></tr>",
+                escape(&patch.name),
+                level.level,
+                level.vertices,
+                level.faces,
+                d.flips,
+                d.crossings,
+                d.qc_mean,
+                d.qc_max,
+                d.area_mean,
+                d.area_max
+            );
+        }
+    }
+    table.push_str("</tbody></table>");
+    table
+}
+
+/// A text as HTML shows it.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            c if c.is_control() && c != '\n' && c != '\t' => escaped.push('\u{fffd}'),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_has_a_place_for_everything_and_names_its_licence() {
+        let page = template();
+        for name in ["TITLE", "PICTURE", "NUMBERS", "DATA"] {
+            assert!(page.contains(&format!("%%{name}%%")), "{name}");
+        }
+        assert!(page.contains("three.js") && page.contains("Permission is hereby granted"));
+        assert!(page.contains("default-src 'none'; script-src 'sha256-"));
+    }
+
+    #[test]
+    fn what_fills_the_page_is_not_filled_again() {
+        let fill = [("A", "%%B%%".to_owned()), ("B", "<b>".to_owned())];
+        assert_eq!(filled("x%%A%%y%%B%% 100%% %%C%%", &fill), "x%%B%%y<b> 100%% %%C%%");
+    }
+}

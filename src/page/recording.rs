@@ -1,0 +1,202 @@
+//! The readings and contacts of a recording, as a page plays them.
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use serde::Serialize;
+
+use crate::{
+    id::IdVec,
+    map::SkinMap,
+    numeric::narrow,
+    page::pack::Packer,
+    signal::{
+        Channel, ContactEvent, ContactRegion, ContactTracker, Frame, Quantity, SignalError, TrackerOptions,
+    },
+    skin::PatchId,
+};
+
+/// Readings that a page holds at most: a quarter of a gigabyte while it is made.
+const MAX_READINGS: usize = 1 << 26;
+
+/// Frames of one channel.
+#[derive(Debug)]
+pub(super) struct Recorder<'m> {
+    map: &'m SkinMap,
+    channel: Channel,
+    shown: usize,
+    tracker: ContactTracker,
+    times: Vec<f64>,
+    totals: Vec<f64>,
+    contacts: Vec<ContactRow>,
+    /// Of each patch, taxel after taxel, frame after frame.
+    values: IdVec<PatchId, Vec<f32>>,
+    readings: usize,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct RecordingHeader {
+    channel: String,
+    unit: String,
+    is_amount: bool,
+    lo: f64,
+    hi: f64,
+    /// Whether contacts have a force.
+    force: bool,
+    times: Vec<f64>,
+    /// Sum of the readings of each frame.
+    totals: Vec<f64>,
+    /// Of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
+    values: Vec<usize>,
+    contacts: Vec<ContactRow>,
+    threshold: Option<f64>,
+    /// Whether frames come while the page is open.
+    is_live: bool,
+}
+
+/// Frame, track, event, patch, taxels, area, force, u, v, and the taxel of the largest reading.
+type ContactRow = (usize, u64, u8, usize, usize, f64, Option<f64>, f64, f64, u32);
+
+impl<'m> Recorder<'m> {
+    pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Result<Self, SignalError> {
+        let options = TrackerOptions { channel: shown, ..TrackerOptions::default() };
+        Ok(Self {
+            map,
+            channel: channel.clone(),
+            shown,
+            tracker: ContactTracker::new(map, channel, &options)?,
+            times: Vec::new(),
+            totals: Vec::new(),
+            contacts: Vec::new(),
+            values: map.patches.map(|_| Vec::new()),
+            readings: 0,
+        })
+    }
+
+    pub(super) fn record(&mut self, frame: &Frame) -> Result<(), SignalError> {
+        let number = self.times.len();
+        let taxels: usize = self.map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        self.readings += taxels;
+        if self.readings > MAX_READINGS {
+            return Err(SignalError::TooLong {
+                frames: number + 1,
+                taxels,
+                most: MAX_READINGS / taxels.max(1),
+            });
+        }
+        self.times.push(if frame.time.is_finite() { frame.time } else { number as f64 });
+        let mut total = 0.0;
+        for (values, of) in self.values.iter_mut().zip(&frame.values) {
+            let read = &of[self.shown];
+            total += read.iter().filter(|x| x.is_finite()).sum::<f64>();
+            values.extend(read.iter().map(|&x| narrow(x)));
+        }
+        self.totals.push(total);
+        self.contacts.extend(self.tracker.track(frame).iter().map(|region| contact_row(number, region)));
+        Ok(())
+    }
+
+    pub(super) fn finish(self, packer: &mut Packer) -> RecordingHeader {
+        let known = || self.values.iter().flatten().copied().filter(|x| x.is_finite()).map(f64::from);
+        let (lo, hi) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+        let (lo, hi) = match lo < hi {
+            true => (lo, hi),
+            false if lo.is_finite() => (lo, lo + 1.0),
+            false => (0.0, 1.0),
+        };
+        let byte = |&x: &f32| -> u32 {
+            if x.is_finite() {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 255")]
+                let step = (1.0 + 254.0 * (f64::from(x) - lo) / (hi - lo)).round() as u32;
+                step
+            } else {
+                0
+            }
+        };
+        let values = self.values.iter().map(|of| packer.bytes(of.iter().map(byte).collect())).collect();
+        RecordingHeader {
+            unit: self.channel.unit.clone(),
+            is_amount: self.channel.quantity == Quantity::Extensive,
+            lo,
+            hi,
+            force: self.channel.newtons().is_some(),
+            times: self.times,
+            totals: self.totals,
+            values,
+            contacts: self.contacts,
+            threshold: self.tracker.threshold(),
+            is_live: false,
+            channel: self.channel.name,
+        }
+    }
+}
+
+fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
+    let event = match region.event {
+        ContactEvent::Onset => 0,
+        ContactEvent::Move => 1,
+        ContactEvent::Release => 2,
+    };
+    let force = Some(region.force).filter(|force| force.is_finite());
+    let (u, v) = region.map.into();
+    let peak = region.peak_taxel.raw();
+    let (patch, taxels) = (region.patch.index(), region.taxels.len());
+    (frame, region.track, event, patch, taxels, region.area, force, u, v, peak)
+}
+
+/// Turns frames that come into what an open page reads.
+#[derive(Debug)]
+pub struct LiveFrames {
+    shown: usize,
+    tracker: ContactTracker,
+    count: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct LiveFrame {
+    time: f64,
+    /// The readings of all taxels, patch after patch, as little-endian `f32` in base64.
+    values: String,
+    contacts: Vec<ContactRow>,
+}
+
+impl LiveFrames {
+    /// Frames of a map of which one channel is shown, and what the page must know of them before the first.
+    pub(super) fn new(
+        map: &SkinMap,
+        channel: &Channel,
+        shown: usize,
+    ) -> Result<(Self, RecordingHeader), SignalError> {
+        let options = TrackerOptions { channel: shown, ..TrackerOptions::default() };
+        let tracker = ContactTracker::new(map, channel, &options)?;
+        let header = RecordingHeader {
+            channel: channel.name.clone(),
+            unit: channel.unit.clone(),
+            is_amount: channel.quantity == Quantity::Extensive,
+            lo: 0.0,
+            hi: 1e-9,
+            force: channel.newtons().is_some(),
+            times: Vec::new(),
+            totals: Vec::new(),
+            values: Vec::new(),
+            contacts: Vec::new(),
+            threshold: None,
+            is_live: true,
+        };
+        Ok((Self { shown, tracker, count: 0 }, header))
+    }
+
+    /// The next frame, for [`LiveServer::show`](super::LiveServer::show).
+    ///
+    /// # Panics
+    /// If the frame is of another map or lacks the channel.
+    #[must_use]
+    pub fn next(&mut self, frame: &Frame) -> String {
+        let readings = frame.values.iter().flat_map(|of| of[self.shown].iter());
+        let bytes: Vec<u8> = readings.flat_map(|&x| narrow(x).to_le_bytes()).collect();
+        let contacts = self.tracker.track(frame).iter().map(|region| contact_row(0, region)).collect();
+        let time = if frame.time.is_finite() { frame.time } else { self.count as f64 };
+        self.count += 1;
+        let json = serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts });
+        let json = json.expect("numbers and texts are JSON");
+        json[1..json.len() - 1].to_owned()
+    }
+}

@@ -1,0 +1,230 @@
+//! What a page needs of a map.
+
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use crate::{
+    cut::PlaceId,
+    id::{IdVec, VertexId},
+    map::{PatchMap, SkinMap},
+    mesh::rectangle_around,
+    page::pack::{Packer, Region, Rows, Values, share},
+    pyramid::LevelId,
+    skin::{Covariance, PatchId, Presence, world_pose},
+    unfold::{Unfolding, origins},
+};
+
+/// Space between the maps of patches on the sheet, as a share of the side of all of them.
+const GAP: f64 = 0.03;
+
+/// Width over height of the sheet that is aimed at.
+const ASPECT: f64 = 0.8;
+
+#[derive(Debug, Serialize)]
+pub(super) struct LinkHeader {
+    pub(super) name: String,
+    pub(super) parent: Option<usize>,
+}
+
+/// A patch: numbers, and the numbers of its arrays.
+#[derive(Debug, Serialize)]
+pub(super) struct PatchHeader {
+    name: String,
+    link: usize,
+    taxels: usize,
+    filled: usize,
+    /// The link in the world, and the map in the link: the columns of their matrices.
+    pose: [f64; 12],
+    sheet: [f64; 12],
+    /// From the map to the common sheet, in m.
+    offset: [f64; 2],
+    space: Region,
+    map: Region,
+    between: Region,
+    most_turn: f64,
+    positions: usize,
+    places: usize,
+    triangles: usize,
+    /// The taxels of the places that follow after the first one of every taxel.
+    unsplit: usize,
+    ids: usize,
+    presence: usize,
+    areas: Values,
+    keys: usize,
+    turns: usize,
+    key_origins: usize,
+    key_rows: Option<Rows>,
+    values: Vec<Values>,
+    levels: Vec<LevelHeader>,
+}
+
+#[derive(Debug, Serialize)]
+struct LevelHeader {
+    vertices: usize,
+    /// Pairs of places of level 0.
+    edges: usize,
+    origins: usize,
+    direct: Option<Rows>,
+}
+
+/// Packs a patch; its map lies at `offset` on the sheet.
+pub(super) fn pack_patch(
+    packer: &mut Packer,
+    map: &SkinMap,
+    patch: &PatchMap,
+    unfolding: &Unfolding,
+    offset: DVec2,
+) -> PatchHeader {
+    let finest = &patch.levels[LevelId::default()];
+    let taxels = finest.level.mesh.positions.len();
+    let (positions, space) = packer.points(&[&finest.level.mesh.positions]);
+    let (places, of_map) = packer.places(&finest.uv);
+    let corner = |k: usize| finest.corners().iter().map(|c| c[k].raw()).collect();
+    let triangles = packer.planes(&[corner(0), corner(1), corner(2)]);
+    let unsplit = finest.unsplit().map(|all| all.iter().skip(taxels).map(|v| v.raw()).collect());
+    let unsplit = packer.planes(&[unsplit.unwrap_or_default()]);
+    let of = &patch.taxels;
+    let ids = packer.planes(&[of.ids.iter().map(|id| id.0).collect()]);
+    let presence = of.presence.iter().map(|presence| match presence {
+        Presence::Absent => 0,
+        Presence::Present => 1,
+        Presence::ThermalPad => 2,
+    });
+    let presence = packer.planes(&[presence.collect()]);
+    let areas = packer.values("area", "m²", &of.areas);
+    let [a, b, c] = &unfolding.keys;
+    let (keys, between) = packer.points(&[a, b, c]);
+    let most_turn = unfolding.turns.iter().map(|turn| turn.abs().max_element()).fold(1e-9, f64::max);
+    let turn = |axis: usize| -> Vec<u32> {
+        let of = |turn: &DVec3| share(turn[axis] + most_turn, 2.0 * most_turn);
+        unfolding.turns.iter().map(of).collect()
+    };
+    let turns = packer.planes(&[turn(0), turn(1), turn(2)]);
+    let key_origins = packer.planes(&[unfolding.origins.iter().map(|place| place.raw()).collect()]);
+    let mut values = Vec::new();
+    if let Some(covariances) = &of.covariances {
+        let sigmas: Vec<f64> = covariances.iter().map(|c: &Covariance| 1e3 * c.sigma()).collect();
+        values.push(packer.values("sigma", "mm", &sigmas));
+    }
+    if let Some(densities) = &of.densities {
+        let per_cm2: Vec<f64> = densities.iter().map(|d| 1e-4 * d).collect();
+        values.push(packer.values("density", "1/cm²", &per_cm2));
+    }
+    if let Some(acuities) = &of.acuities {
+        values.push(packer.values("acuity", "", acuities));
+    }
+    let levels: Vec<LevelHeader> = patch.levels.ids().map(|level| pack_level(packer, patch, level)).collect();
+    let key_rows = match &unfolding.rows {
+        // The same rows, where places are taxels.
+        Some(_) if finest.cut.is_none() => levels[unfolding.level.index()].direct.clone(),
+        rows => rows.as_ref().map(|rows| {
+            packer.rows(rows.iter().map(|(named, weights)| (named.map(PlaceId::raw), *weights)), 255)
+        }),
+    };
+    PatchHeader {
+        name: patch.name.clone(),
+        link: patch.link.index(),
+        taxels,
+        filled: patch.filled,
+        pose: world_pose(&map.links, patch.link).to_cols_array(),
+        sheet: unfolding.sheet.to_cols_array(),
+        offset: offset.to_array(),
+        space,
+        map: of_map,
+        between,
+        most_turn,
+        positions,
+        places,
+        triangles,
+        unsplit,
+        ids,
+        presence,
+        areas,
+        keys,
+        turns,
+        key_origins,
+        key_rows,
+        values,
+        levels,
+    }
+}
+
+fn pack_level(packer: &mut Packer, patch: &PatchMap, id: LevelId) -> LevelHeader {
+    let (finest, map) = (&patch.levels[LevelId::default()], &patch.levels[id]);
+    let origins = origins(finest, map);
+    let mut edges: Vec<[PlaceId; 2]> = Vec::new();
+    for corners in map.corners().iter() {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]].map(|place| origins[place]);
+            edges.push([a.min(b), a.max(b)]);
+        }
+    }
+    edges.sort_unstable();
+    edges.dedup();
+    let end = |k: usize| edges.iter().map(|edge| edge[k].raw()).collect();
+    let edges = packer.planes(&[end(0), end(1)]);
+    let origins = packer.planes(&[map.level.origins.iter().map(|v| v.raw()).collect()]);
+    let direct = map.level.to_finest.as_ref().map(|rows| {
+        let rows = rows.indices.iter().zip(&rows.weights);
+        packer.rows(rows.map(|(named, weights)| (named.map(VertexId::raw), *weights)), 255)
+    });
+    LevelHeader { vertices: map.level.mesh.positions.len(), edges, origins, direct }
+}
+
+/// Where the map of each patch lies on the sheet, in m: on shelves in their order.
+pub(super) fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
+    let boxes = map.patches.map(|patch| {
+        let uv = &patch.levels[LevelId::default()].uv;
+        rectangle_around(uv.iter().copied())
+    });
+    let area: f64 = boxes.iter().map(|(lo, hi)| (hi.x - lo.x) * (hi.y - lo.y)).sum();
+    let gap = if boxes.len() > 1 { GAP * area.sqrt() } else { 0.0 };
+    let widest = boxes.iter().map(|(lo, hi)| hi.x - lo.x).fold(0.0, f64::max);
+    let width = widest.max((ASPECT * area).sqrt() * 1.1 + gap);
+    let (mut shelf, mut high, mut x) = (0.0, 0.0_f64, 0.0);
+    let mut corners = Vec::new();
+    for (lo, hi) in &boxes {
+        let size = *hi - *lo;
+        if x > 0.0 && x + size.x > width {
+            (shelf, high, x) = (shelf + high + gap, 0.0, 0.0);
+        }
+        corners.push((DVec2::new(x, shelf), size.y));
+        (x, high) = (x + size.x + gap, high.max(size.y));
+    }
+    // Shelves fill from the top, as a reader does.
+    let top = shelf + high;
+    let place = |((lo, _), (corner, height)): (&(DVec2, DVec2), (DVec2, f64))| {
+        DVec2::new(corner.x, top - corner.y - height) - *lo
+    };
+    boxes.iter().zip(corners).map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn maps_on_the_sheet_do_not_overlap() {
+        let one = SkinMap::flat(shapes::lattice(9, 5, 0.01), 1e-3);
+        let mut map = SkinMap { patches: IdVec::default(), ..one.clone() };
+        for _ in 0..7 {
+            map.patches.push(one.patches[PatchId::new(0)].clone());
+        }
+        let boxes: Vec<(DVec2, DVec2)> = sheet_offsets(&map)
+            .iter()
+            .zip(&map.patches)
+            .map(|(&offset, patch)| {
+                let uv = patch.levels[LevelId::default()].uv.iter();
+                rectangle_around(uv.map(|&at| at + offset))
+            })
+            .collect();
+        for (k, (lo, hi)) in boxes.iter().enumerate() {
+            assert!(lo.min_element() > -1e-12, "{lo} is on the sheet");
+            for (other_lo, other_hi) in &boxes[..k] {
+                let apart = lo.x > other_hi.x || other_lo.x > hi.x || lo.y > other_hi.y || other_lo.y > hi.y;
+                assert!(apart, "{lo} to {hi} meets {other_lo} to {other_hi}");
+            }
+        }
+    }
+}
