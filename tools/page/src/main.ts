@@ -1,0 +1,699 @@
+// The page: what is shown, and how it is steered.
+
+import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
+import { load, type Contact, type Data, type RecordingHeader } from './data';
+import { Grid, nearest } from './grid';
+import { Patch } from './patch';
+import { View } from './view';
+
+const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
+const text = (tag: string, content: string, className = ''): HTMLElement => {
+  const element = document.createElement(tag);
+  element.textContent = content;
+  if (className) element.className = className;
+  return element;
+};
+
+interface Taxel { patch: number; taxel: number }
+interface LiveFrame { time: number; values: string; contacts: Contact[]; dropped: number }
+/** Frame of contacts by number: `[frame, track, event, patch, taxels, area, force, u, v, peak]`. */
+const [TRACK, EVENT, PATCH, TAXELS, AREA, FORCE, U, V, PEAK] = [1, 2, 3, 4, 5, 6, 7, 8, 9];
+const RELEASE = 2;
+
+class Page {
+  readonly patches: Patch[];
+  readonly view: View;
+  readonly sheet: [number, number];
+  private gridMade: Grid | null = null;
+  private paints: Paint;
+  private hovered: Taxel | null = null;
+  private pinned: Taxel | null = null;
+  private level = 0;
+  private frame = 0;
+  private playing = false;
+  private started = [0, 0];
+  private readings: Uint8Array[] = [];
+  private contacts: Contact[][] = [];
+  /** Whether a picture is on its way; at first that of the size observer. */
+  private queued = true;
+  private isRecolouring = true;
+  private isRelighting = true;
+  private readonly overlay = byId<HTMLCanvasElement>('overlay');
+  private readonly stage = byId('stage');
+
+  constructor(readonly data: Data) {
+    const { header } = data;
+    this.patches = header.patches.map((patch) => new Patch(data, patch));
+    this.sheet = [0, 1].map((a) => this.patches.reduce((most, p) => {
+      for (let k = a; k < p.sheet.length; k += 2) if (p.sheet[k] > most) most = p.sheet[k];
+      return most;
+    }, 1e-9)) as [number, number];
+    this.view = new View(byId<HTMLCanvasElement>('canvas'), this.patches, this.sheet);
+    if (header.recording && !header.recording.is_live) this.readRecording();
+    this.paints = paint('plain', this.patches, 0);
+    this.controls();
+    this.tree();
+    this.restore();
+    this.setTheme(document.documentElement.dataset.theme ?? (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
+    // Called at once, before the first picture: nothing is drawn twice.
+    if (header.recording?.is_live) this.listen(header.recording);
+    new ResizeObserver(() => this.resize()).observe(this.stage);
+  }
+
+  private get grid(): Grid { return (this.gridMade ??= new Grid(this.patches, this.sheet)); }
+
+  // Drawing
+
+  private resize(): void {
+    const box = this.stage.getBoundingClientRect();
+    const at = (id: string): { x: number; y: number; width: number; height: number } => {
+      const r = byId(id).getBoundingClientRect();
+      return { x: r.left - box.left, y: r.top - box.top, width: r.width, height: r.height };
+    };
+    this.view.skin = at('skin');
+    this.view.map = at('map');
+    const ratio = Math.min(2, devicePixelRatio || 1);
+    this.view.resize(box.width, box.height, ratio);
+    this.overlay.width = box.width * ratio;
+    this.overlay.height = box.height * ratio;
+    this.queued = false;
+    this.draw();
+    document.documentElement.dataset.ready = 'yes';
+  }
+
+  private invalidate(): void {
+    if (this.queued) return;
+    this.queued = true;
+    requestAnimationFrame(() => { if (this.queued) { this.queued = false; this.draw(); } });
+  }
+
+  private draw(): void {
+    if (this.isRecolouring) this.recolour();
+    if (this.isRelighting) this.light();
+    this.view.draw();
+    this.drawOverlay();
+  }
+
+  private recolour(): void {
+    this.isRecolouring = false;
+    this.patches.forEach((patch, k) => {
+      colour(this.paints, patch, k, this.level, this.view.colours(k));
+      this.view.coloursChanged(k);
+    });
+  }
+
+  private get chosen(): Taxel | null { return this.hovered ?? this.pinned; }
+
+  /** Lights a taxel, or all of the field that it belongs to most, with the weights of its taxels. */
+  private light(): void {
+    this.isRelighting = false;
+    const lit = this.lit();
+    this.patches.forEach((patch, k) => {
+      const colours = this.view.colours(k);
+      for (let place = 0; place < patch.places; place++) colours[4 * place + 3] = 0;
+      if (lit && lit.patch === k) for (const [taxel, w] of lit.members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
+      this.view.coloursChanged(k);
+    });
+    this.describe();
+  }
+
+  private levelOf(patch: number): number { return Math.min(this.level, this.patches[patch].fields.length - 1); }
+
+  private lit(): { patch: number; field: number; members: [number, number][] } | null {
+    const at = this.chosen;
+    if (!at) return null;
+    const patch = this.patches[at.patch], level = this.levelOf(at.patch);
+    const [[field]] = patch.fieldsOf(level, at.taxel);
+    return { patch: at.patch, field, members: patch.members(level, field) };
+  }
+
+  private drawOverlay(): void {
+    const c = this.overlay.getContext('2d')!;
+    const ratio = this.overlay.width / Math.max(1, this.overlay.clientWidth);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    const style = getComputedStyle(document.documentElement);
+    const [ink, accent, back] = ['--ink', '--accent', '--view'].map((name) => style.getPropertyValue(name).trim());
+    this.scaleBar(c, ink);
+    if (this.paints.name === 'recording') this.drawContacts(c, accent, back);
+    const at = this.chosen;
+    if (!at || !this.view.isShown(at.patch)) return;
+    for (const isMap of [false, true]) for (const place of this.patches[at.patch].placesOf(at.taxel)) {
+      const [x, y] = this.view.toPixels(isMap, at.patch, [[place, 1]]);
+      if (!this.inside(isMap, x, y)) continue;
+      for (const [width, stroke] of [[5, back], [2.2, accent]] as [number, string][]) {
+        c.beginPath(); c.arc(x, y, 8, 0, 7); c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
+      }
+    }
+  }
+
+  private inside(isMap: boolean, x: number, y: number): boolean {
+    const r = isMap ? this.view.map : this.view.skin;
+    return x >= r.x && y >= r.y && x <= r.x + r.width && y <= r.y + r.height;
+  }
+
+  private scaleBar(c: CanvasRenderingContext2D, ink: string): void {
+    const metres = this.view.metresPerPixel(true), { x, y, width, height } = this.view.map;
+    const longest = metres * Math.min(160, 0.4 * width), power = 10 ** Math.floor(Math.log10(longest));
+    const length = power * [5, 2, 1].find((k) => k * power <= longest)!;
+    const px = length / metres, right = x + width - 14, at = y + height - 14;
+    c.strokeStyle = c.fillStyle = ink; c.lineWidth = 1.5;
+    c.beginPath(); c.moveTo(right - px, at - 4); c.lineTo(right - px, at); c.lineTo(right, at); c.lineTo(right, at - 4); c.stroke();
+    c.font = '12px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = 'right';
+    c.fillText(`${+(1000 * length).toPrecision(3)} mm`, right, at - 8);
+  }
+
+  /** Centres of contacts with their numbers, and where they came from. */
+  private drawContacts(c: CanvasRenderingContext2D, accent: string, back: string): void {
+    const now = this.contacts[this.frame] ?? [];
+    for (const contact of now.filter((of) => of[EVENT] !== RELEASE)) {
+      const trail: Contact[] = [];
+      for (let f = this.frame; f >= Math.max(0, this.frame - 60); f--) {
+        const before = this.contacts[f]?.find((of) => of[TRACK] === contact[TRACK] && of[PATCH] === contact[PATCH]);
+        if (!before) break;
+        trail.push(before);
+      }
+      for (const isMap of [false, true]) {
+        const points = trail.map((of) => this.contactPixels(isMap, of)).filter((p): p is [number, number] => !!p);
+        if (points.length === 0 || !this.view.isShown(contact[PATCH])) continue;
+        c.lineJoin = 'round';
+        for (const [width, stroke] of [[4, back], [2, accent]] as [number, string][]) {
+          c.beginPath(); points.forEach(([x, y], k) => (k ? c.lineTo(x, y) : c.moveTo(x, y)));
+          c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
+        }
+        const [x, y] = points[0];
+        const radius = Math.max(6, Math.sqrt(contact[AREA] / Math.PI) / this.view.metresPerPixel(isMap));
+        c.beginPath(); c.arc(x, y, radius, 0, 7); c.stroke();
+        c.font = '600 12px system-ui, sans-serif'; c.textAlign = 'left';
+        c.lineWidth = 3; c.strokeStyle = back; c.strokeText(`${contact[TRACK]}`, x + radius + 3, y - radius);
+        c.fillStyle = accent; c.fillText(`${contact[TRACK]}`, x + radius + 3, y - radius);
+      }
+    }
+  }
+
+  private contactPixels(isMap: boolean, contact: Contact): [number, number] | null {
+    const patch = this.patches[contact[PATCH]], [dx, dy] = patch.header.offset;
+    const at = this.grid.find(contact[U] + dx, contact[V] + dy, 1e-2);
+    const places: [number, number][] = at && at.patch === contact[PATCH]
+      ? [0, 1, 2].map((k) => [patch.triangles[3 * at.face + k], at.weights[k]])
+      : [[contact[PEAK], 1]];
+    return this.view.toPixels(isMap, contact[PATCH], places);
+  }
+
+  // What is said
+
+  private describe(): void {
+    const box = byId('taxel'), at = this.chosen;
+    box.replaceChildren();
+    document.documentElement.dataset.taxel = at ? `${at.patch}:${at.taxel}` : '';
+    document.documentElement.dataset.lit = `${this.lit()?.members.length ?? 0}`;
+    if (!at) {
+      box.append(text('p', 'Point at the skin or the map. Click to keep a taxel, Esc to let it go.'));
+      return;
+    }
+    const patch = this.patches[at.patch], list = document.createElement('dl');
+    const row = (name: string, value: string): void => { list.append(text('dt', name), text('dd', value)); };
+    const mm = (x: number): string => (1000 * x).toFixed(1).replace('-', '\u2212');
+    const [position, normal] = patch.frame(at.taxel);
+    const presence = ['absent', 'present', 'thermal pad'][patch.presence[at.taxel]];
+    row('id', `${patch.ids[at.taxel]}${presence === 'present' ? '' : `, ${presence}`}${at === this.pinned ? ' (kept)' : ''}`);
+    row('patch', `${patch.header.name}, ${this.data.header.links[patch.header.link].name}`);
+    row('position', `${position.toArray().map(mm).join(', ')} mm`);
+    row('normal', normal.toArray().map((x) => x.toFixed(2).replace('-', '\u2212')).join(', '));
+    const places = patch.placesOf(at.taxel), [dx, dy] = patch.header.offset;
+    row(places.length > 1 ? `on the map, ${places.length} places` : 'on the map', places.map((p) => `${mm(patch.sheet[2 * p] - dx)}, ${mm(patch.sheet[2 * p + 1] - dy)}`).join(' and ') + ' mm');
+    for (const value of patch.values) row(value.name, `${figures(value.of[at.taxel])} ${value.unit}`);
+    row('area', `${figures(1e6 * patch.areas[at.taxel])} mm²`);
+    const level = this.levelOf(at.patch);
+    if (level > 0) {
+      const of = patch.fieldsOf(level, at.taxel), lit = this.lit()!;
+      row('fields', of.map(([f, w]) => `${f}: ${w.toFixed(2)}`).join(', '));
+      const heaviest = [...lit.members].sort((a, b) => b[1] - a[1]).slice(0, 12);
+      row(`field ${lit.field}`, `${lit.members.length} taxels: ` + heaviest.map(([t, w]) => `${patch.ids[t]}: ${w.toFixed(2)}`).join(', ') + (lit.members.length > 12 ? ', …' : ''));
+    }
+    if (this.paints.name === 'recording') {
+      row(this.data.header.recording!.channel, `${figures(this.paints.values![at.patch][at.taxel])} ${this.data.header.recording!.unit}`);
+    }
+    box.append(list);
+  }
+
+  private legend(): void {
+    const canvas = byId<HTMLCanvasElement>('legend'), c = canvas.getContext('2d')!, { width, height } = canvas;
+    const says = byId('legend-text');
+    c.clearRect(0, 0, width, height);
+    says.replaceChildren();
+    const p = this.paints;
+    canvas.style.display = p.values ? '' : 'none';
+    if (p.values) {
+      const bins = new Float64Array(70);
+      p.values.forEach((of, k) => of.forEach((x, place) => {
+        if (place < this.patches[k].taxels && x === x) bins[Math.min(69, Math.max(0, Math.floor((70 * (x - p.lo)) / (p.hi - p.lo))))]++;
+      }));
+      // A root, so that few touched taxels show beside many that are not.
+      const most = Math.sqrt(Math.max(1, ...bins));
+      bins.forEach((n, k) => {
+        c.fillStyle = `rgb(${mix(p.ramp, (k + 0.5) / 70).join()})`;
+        const x = (k * width) / 70, high = (Math.sqrt(n) / most) * (height - 22);
+        c.fillRect(x, height - 14, width / 70 + 1, 14);
+        c.fillStyle = getComputedStyle(document.documentElement).getPropertyValue('--soft');
+        c.fillRect(x, height - 18 - high, width / 70 - 1, high);
+      });
+      const unit = p.unit ? ` ${p.unit}` : '';
+      says.append(text('span', `${figures(p.lo)}${unit}`), text('span', p.label), text('span', `${figures(p.hi)}${unit}`));
+    } else if (p.categories) {
+      p.categories.names.forEach((name, k) => {
+        if (!name) return;
+        const span = document.createElement('span'), swatch = text('span', '', 'swatch');
+        swatch.style.background = `rgb(${(name === 'absent' ? UNKNOWN : CATEGORIES[k % 12]).join()})`;
+        span.append(swatch, name);
+        says.append(span);
+      });
+    } else says.append(text('span', p.label));
+  }
+
+  private tree(): void {
+    const { links } = this.data.header, root = byId('tree'), lists: HTMLElement[] = [];
+    const used = new Set<number>();
+    for (const p of this.patches) for (let at: number | null = p.header.link; at !== null; at = links[at].parent) used.add(at);
+    links.forEach((link, k) => {
+      lists.push(document.createElement('ul'));
+      if (!used.has(k)) return;
+      const item = text('li', '', 'of-link');
+      item.append(text('span', link.name, 'link'), lists[k]);
+      if (link.parent !== null) lists[link.parent].append(item);
+      else { const list = document.createElement('ul'); list.append(item); root.append(list); }
+    });
+    this.patches.forEach((patch, k) => {
+      const item = document.createElement('li'), label = document.createElement('label'), box = document.createElement('input');
+      box.type = 'checkbox';
+      box.checked = true;
+      box.addEventListener('change', () => { this.view.show(k, box.checked); this.invalidate(); });
+      label.append(box, ` ${patch.header.name} `, text('small', `${patch.taxels}`));
+      item.append(label);
+      lists[patch.header.link].insertBefore(item, lists[patch.header.link].querySelector(':scope > .of-link'));
+    });
+    const total = (of: (p: Patch) => number): number => this.patches.reduce((sum, p) => sum + of(p), 0);
+    byId('counts').textContent = `${this.patches.length} ${this.patches.length === 1 ? 'patch' : 'patches'}, ${total((p) => p.taxels)} taxels, ${total((p) => p.faces)} triangles, ${Math.max(...this.patches.map((p) => p.fields.length))} levels`;
+  }
+
+  // Steering
+
+  setUnfold(x: number): void {
+    this.view.unfold = Math.min(1, Math.max(0, x));
+    byId<HTMLInputElement>('unfold').value = `${Math.round(1000 * this.view.unfold)}`;
+    const u = this.view.unfold, says = u === 0 ? 'the skin in space' : u === 1 ? 'the map' : `${Math.round(100 * u)} % unfolded`;
+    byId('unfold-text').textContent = says;
+    byId<HTMLInputElement>('unfold').setAttribute('aria-valuetext', says);
+    byId('skin-label').textContent = u === 0 ? 'skin' : says;
+    this.view.dropIds();
+    this.invalidate();
+    this.keep();
+  }
+
+  setLevel(level: number): void {
+    const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
+    this.level = this.view.level = Math.min(most, Math.max(0, level));
+    const count = this.patches.reduce((sum, p, k) => sum + p.fields[this.levelOf(k)].vertices, 0);
+    const says = `level ${this.level}: ${count} ${this.level === 0 ? 'taxels' : 'fields'}`;
+    const slider = byId<HTMLInputElement>('level');
+    slider.max = `${most}`;
+    slider.value = `${this.level}`;
+    slider.setAttribute('aria-valuetext', says);
+    byId('level-text').textContent = says;
+    if (this.paints.name === 'field') this.setPaint('field'); else { this.isRecolouring = this.isRelighting = true; this.invalidate(); }
+    if (this.paints.name === 'recording') this.setFrame(this.frame);
+    this.keep();
+  }
+
+  setPaint(name: string): void {
+    const recording = this.data.header.recording;
+    this.paints = name === 'recording' && recording
+      ? recordingPaint(recording.channel, recording.unit, untouched(recording), recording.hi, this.patches)
+      : paint(name, this.patches, this.level);
+    byId<HTMLSelectElement>('colour').value = name;
+    if (name === 'recording') this.setFrame(this.frame);
+    this.isRecolouring = this.isRelighting = true;
+    this.legend();
+    this.invalidate();
+    this.keep();
+  }
+
+  private readRecording(): void {
+    const { recording } = this.data.header;
+    this.readings = recording!.values.map((index) => this.data.array(index).numbers as Uint8Array);
+    this.contacts = recording!.times.map(() => []);
+    for (const contact of recording!.contacts) this.contacts[contact[0]].push(contact);
+  }
+
+  /** Shows frames that the server sends, the newest at each picture. */
+  private listen(recording: RecordingHeader): void {
+    const source = new EventSource('frames');
+    let newest: LiveFrame | null = null;
+    const show = (): void => {
+      if (newest) this.showLive(recording, newest);
+      newest = null;
+    };
+    source.addEventListener('message', (e) => {
+      const isWaiting = newest !== null;
+      newest = JSON.parse(e.data as string) as LiveFrame;
+      if (!isWaiting) requestAnimationFrame(show);
+    });
+    const ended = (): void => {
+      source.close();
+      document.documentElement.dataset.live = 'ended';
+      byId('frame-text').textContent += ', ended';
+    };
+    source.addEventListener('end', ended);
+    source.addEventListener('error', ended);
+    byId('play').hidden = true;
+    byId('frame').hidden = true;
+  }
+
+  private live: Float32Array | null = null;
+
+  private showLive(recording: RecordingHeader, frame: LiveFrame): void {
+    this.live = new Float32Array(Uint8Array.from(atob(frame.values), (c) => c.charCodeAt(0)).buffer);
+    let total = 0, hi = recording.hi, lo = recording.totals.length ? recording.lo : Infinity;
+    for (const x of this.live) if (x === x) { total += x; hi = Math.max(hi, x); lo = Math.min(lo, x); }
+    recording.lo = lo;
+    // The scale grows in steps, so that colours keep their meaning for a while.
+    if (hi > recording.hi) recording.hi = hi * 1.2;
+    recording.times.push(frame.time);
+    recording.totals.push(total);
+    if (recording.times.length > 600) { recording.times.shift(); recording.totals.shift(); }
+    this.contacts = recording.times.map(() => []);
+    this.contacts[recording.times.length - 1] = frame.contacts;
+    this.paints.lo = this.paints.name === 'recording' ? untouched(recording) : this.paints.lo;
+    if (this.paints.name === 'recording' && this.paints.hi !== recording.hi) { this.paints.hi = recording.hi; this.legend(); }
+    this.setFrame(recording.times.length - 1);
+    if (frame.dropped > 0) byId('frame-text').textContent += `, ${frame.dropped} frames skipped`;
+    document.documentElement.dataset.frames = `${+(document.documentElement.dataset.frames ?? 0) + 1}`;
+  }
+
+  setFrame(frame: number): void {
+    const { recording } = this.data.header;
+    if (!recording || recording.times.length === 0) return;
+    const count = recording.times.length;
+    this.frame = Math.min(count - 1, Math.max(0, frame));
+    if (this.paints.name === 'recording') {
+      const step = (recording.hi - recording.lo) / 254;
+      let first = 0;
+      this.patches.forEach((patch, k) => {
+        const values = this.paints.values![k], of = this.readings[k];
+        const taxels = this.live ? this.live.subarray(first, first + patch.taxels) : new Float32Array(patch.taxels);
+        first += patch.taxels;
+        if (!this.live) for (let t = 0; t < patch.taxels; t++) { const x = of[this.frame * patch.taxels + t]; taxels[t] = x === 0 ? NaN : recording.lo + (x - 1) * step; }
+        const shown = this.levelOf(k) > 0 ? this.blurred(patch, this.levelOf(k), taxels, recording.is_amount) : taxels;
+        for (let p = 0; p < patch.places; p++) values[p] = shown[patch.taxelOf[p]];
+      });
+      this.isRecolouring = this.isRelighting = true;
+      if (!this.playing && !this.live) this.legend();
+    }
+    const time = recording.times[this.frame], now = this.contacts[this.frame]?.filter((c) => c[EVENT] !== RELEASE) ?? [];
+    const force = recording.force ? `, ${figures(now.reduce((sum, c) => sum + (c[FORCE] ?? 0), 0))} N` : '';
+    byId('frame-text').textContent = `${time.toFixed(2)} s${now.length ? `, ${now.length} contact${now.length > 1 ? 's' : ''} (${now.reduce((n, c) => n + c[TAXELS], 0)} taxels)${force}` : ''}`;
+    byId<HTMLInputElement>('frame').value = `${this.frame}`;
+    this.curve();
+    this.invalidate();
+  }
+
+  /** What the fields of a level know of readings, on the taxels: fields have the mean or the sum of theirs. */
+  private blurred(patch: Patch, level: number, taxels: Float32Array, isAmount: boolean): Float32Array {
+    const { indices, weights, vertices } = patch.fields[level];
+    const sums = new Float32Array(vertices), areas = new Float32Array(vertices), n = patch.taxels;
+    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) {
+      const w = weights![c * n + t], x = taxels[t];
+      if (w === 0 || x !== x) continue;
+      const f = indices![c * n + t], a = w * patch.areas[t];
+      // An amount is shown per taxel, so that one scale serves all levels.
+      sums[f] += isAmount ? w * x : a * x;
+      areas[f] += isAmount ? w : a;
+    }
+    const out = new Float32Array(n);
+    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) { const w = weights![c * n + t]; if (w > 0) { const f = indices![c * n + t]; out[t] += areas[f] > 0 ? (w * sums[f]) / areas[f] : NaN; } }
+    return out;
+  }
+
+  private curve(): void {
+    const canvas = byId<HTMLCanvasElement>('curve'), { totals, times } = this.data.header.recording!;
+    const width = (canvas.width = Math.max(2, canvas.clientWidth)), height = (canvas.height = 28), c = canvas.getContext('2d')!;
+    const style = getComputedStyle(document.documentElement);
+    const least = totals.reduce((a, x) => Math.min(a, x), Infinity), most = totals.reduce((a, x) => Math.max(a, x - least), 1e-30);
+    c.fillStyle = style.getPropertyValue('--line');
+    c.beginPath(); c.moveTo(0, height);
+    totals.forEach((x, k) => c.lineTo((k / Math.max(1, times.length - 1)) * width, height - ((x - least) / most) * (height - 2)));
+    c.lineTo(width, height); c.fill();
+    c.fillStyle = style.getPropertyValue('--accent');
+    c.fillRect((this.frame / Math.max(1, times.length - 1)) * (width - 2), 0, 2, height);
+  }
+
+  private play(on: boolean): void {
+    const times = this.data.header.recording?.times;
+    if (!times || times.length < 2) return;
+    this.playing = on;
+    byId('play').textContent = on ? '❚❚' : '▶';
+    byId('play').setAttribute('aria-label', on ? 'pause' : 'play');
+    if (!on) { this.legend(); this.keep(); return; }
+    if (this.frame >= times.length - 1) this.frame = 0;
+    this.started = [performance.now(), times[this.frame]];
+    const next = (): void => {
+      if (!this.playing) return;
+      const at = this.started[1] + (performance.now() - this.started[0]) / 1000;
+      let frame = this.frame;
+      while (frame < times.length - 1 && times[frame + 1] <= at) frame++;
+      if (frame !== this.frame) this.setFrame(frame);
+      if (frame >= times.length - 1) this.play(false); else requestAnimationFrame(next);
+    };
+    requestAnimationFrame(next);
+  }
+
+  private animation = 0;
+  private toggleUnfold(): void {
+    const from = this.view.unfold, to = from < 0.5 ? 1 : 0;
+    cancelAnimationFrame(this.animation);
+    if (matchMedia('(prefers-reduced-motion: reduce)').matches) { this.setUnfold(to); return; }
+    const start = performance.now();
+    const step = (): void => {
+      const t = Math.min(1, (performance.now() - start) / 2600);
+      this.setUnfold(from + (to - from) * t);
+      if (t < 1) this.animation = requestAnimationFrame(step);
+    };
+    step();
+  }
+
+  /** The taxel under a pixel of a view. */
+  private taxelAt(isMap: boolean, x: number, y: number): Taxel | null {
+    const on = isMap ? this.view.mapAt(x, y) : this.view.sheetAt(x, y);
+    if (!on) return null;
+    let at = this.grid.find(on[0], on[1], isMap ? 1e-4 : 0.02);
+    if (!at && isMap) {
+      const m = this.view.metresPerPixel(true);
+      for (const [dx, dy] of [[3, 0], [-3, 0], [0, 3], [0, -3]]) at ??= this.grid.find(on[0] + dx * m, on[1] + dy * m);
+    }
+    if (!at || !this.view.isShown(at.patch)) return null;
+    const patch = this.patches[at.patch];
+    return { patch: at.patch, taxel: patch.taxelOf[nearest(patch, at)] };
+  }
+
+  private hover(at: Taxel | null): void {
+    if (at?.patch === this.hovered?.patch && at?.taxel === this.hovered?.taxel) return;
+    this.hovered = at;
+    this.isRelighting = true;
+    this.invalidate();
+  }
+
+  private pin(at: Taxel | null): void {
+    this.pinned = at;
+    this.isRelighting = true;
+    this.invalidate();
+    this.keep();
+  }
+
+  /** From the kept taxel to its neighbour in a direction of the map. */
+  private walk(dx: number, dy: number): void {
+    if (!this.pinned) return;
+    const patch = this.patches[this.pinned.patch], from = this.pinned.taxel, s = patch.sheet;
+    let best = -1, most = 0.3;
+    for (let e = 0; e < patch.edges.length; e += 2) for (const [a, b] of [[patch.edges[e], patch.edges[e + 1]], [patch.edges[e + 1], patch.edges[e]]]) {
+      if (patch.taxelOf[a] !== from) continue;
+      const x = s[2 * b] - s[2 * a], y = s[2 * b + 1] - s[2 * a + 1], along = (x * dx + y * dy) / (Math.hypot(x, y) || 1);
+      if (along > most) { most = along; best = patch.taxelOf[b]; }
+    }
+    if (best >= 0) { this.hovered = null; this.pin({ patch: this.pinned.patch, taxel: best }); }
+  }
+
+  private controls(): void {
+    const { recording } = this.data.header;
+    const select = byId<HTMLSelectElement>('colour');
+    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null)) {
+      const option = text('option', label) as HTMLOptionElement;
+      option.value = name;
+      select.append(option);
+    }
+    select.addEventListener('change', () => this.setPaint(select.value));
+    byId<HTMLInputElement>('unfold').addEventListener('input', (e) => this.setUnfold(+(e.target as HTMLInputElement).value / 1000));
+    byId<HTMLInputElement>('level').addEventListener('input', (e) => this.setLevel(+(e.target as HTMLInputElement).value));
+    if (recording) {
+      byId('time').hidden = false;
+      const slider = byId<HTMLInputElement>('frame');
+      slider.max = `${recording.times.length - 1}`;
+      slider.addEventListener('input', () => { this.play(false); this.setFrame(+slider.value); this.keep(); });
+      byId('play').addEventListener('click', () => this.play(!this.playing));
+    }
+    byId('theme').addEventListener('click', () => this.setTheme(document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark'));
+    byId('help-button').addEventListener('click', () => byId<HTMLDialogElement>('help').showModal());
+    for (const isMap of [false, true]) this.pointers(byId(isMap ? 'map' : 'skin'), isMap);
+    addEventListener('keydown', (e) => this.key(e));
+    addEventListener('beforeprint', () => this.print());
+  }
+
+  private key(e: KeyboardEvent): void {
+    const target = e.target as HTMLElement, isField = ['INPUT', 'SELECT', 'BUTTON'].includes(target.tagName);
+    if (e.ctrlKey || e.metaKey || e.altKey) return;
+    const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    if (e.key in arrows && target.classList.contains('view')) this.walk(...arrows[e.key]);
+    else if (e.key === 'u') this.toggleUnfold();
+    else if (e.key === '+' || e.key === '=') this.setLevel(this.level - 1);
+    else if (e.key === '-') this.setLevel(this.level + 1);
+    else if (e.key === ' ' && !isField) this.play(!this.playing);
+    else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
+    else if (e.key === 'Escape') { this.hovered = null; this.pin(null); }
+    else if (e.key === '?') byId<HTMLDialogElement>('help').showModal();
+    else return;
+    e.preventDefault();
+  }
+
+  private pointers(box: HTMLElement, isMap: boolean): void {
+    const eye = isMap ? this.view.mapEye : this.view.skinEye, down = new Map<number, [number, number]>();
+    let moved = 0;
+    const local = (e: MouseEvent): [number, number] => { const r = box.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; };
+    const zoom = (factor: number, [x, y]: [number, number]): void => {
+      const r = isMap ? this.view.map : this.view.skin, before = this.view.metresPerPixel(isMap);
+      eye.zoom = Math.min(200, Math.max(0.2, eye.zoom * factor));
+      const less = before - this.view.metresPerPixel(isMap);
+      eye.x += (x - r.width / 2) * less;
+      eye.y -= (y - r.height / 2) * less;
+      this.view.dropIds();
+      this.invalidate();
+    };
+    box.addEventListener('wheel', (e) => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY), local(e)); }, { passive: false });
+    box.addEventListener('pointerdown', (e) => { box.setPointerCapture(e.pointerId); down.set(e.pointerId, local(e)); moved = 0; });
+    box.addEventListener('pointermove', (e) => {
+      const at = local(e), before = down.get(e.pointerId);
+      if (!before) { if (e.pointerType !== 'touch') this.hover(this.taxelAt(isMap, ...at)); return; }
+      const [dx, dy] = [at[0] - before[0], at[1] - before[1]];
+      moved += Math.abs(dx) + Math.abs(dy);
+      if (down.size === 2) {
+        const other = [...down].find(([id]) => id !== e.pointerId)![1];
+        zoom(Math.hypot(at[0] - other[0], at[1] - other[1]) / Math.max(1, Math.hypot(before[0] - other[0], before[1] - other[1])), other);
+      } else if (isMap || e.shiftKey || e.buttons === 2) {
+        const m = this.view.metresPerPixel(isMap);
+        eye.x -= dx * m; eye.y += dy * m;
+      } else {
+        eye.azimuth -= 0.009 * dx;
+        eye.elevation = Math.min(1.57, Math.max(-1.57, eye.elevation + 0.009 * dy));
+      }
+      down.set(e.pointerId, at);
+      this.view.dropIds();
+      this.invalidate();
+    });
+    const up = (e: PointerEvent): void => {
+      if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) this.pin(this.taxelAt(isMap, ...local(e)));
+      else this.keep();
+    };
+    box.addEventListener('pointerup', up);
+    box.addEventListener('pointercancel', up);
+    box.addEventListener('pointerleave', () => this.hover(null));
+    box.addEventListener('contextmenu', (e) => e.preventDefault());
+  }
+
+  private setTheme(theme: string): void {
+    document.documentElement.dataset.theme = theme;
+    const isDark = theme === 'dark';
+    this.view.setTheme({ background: isDark ? '#1b1f26' : '#ffffff', ink: isDark ? [0.02, 0.03, 0.05] : [0.1, 0.12, 0.17], accent: isDark ? '#ff4f8f' : '#d4266a' });
+    this.legend();
+    if (this.data.header.recording) this.curve();
+    this.invalidate();
+  }
+
+  /** The print shows what the screen shows. */
+  private print(): void {
+    const image = new Image();
+    image.alt = 'skin and map';
+    image.src = this.view.image();
+    byId('picture').replaceChildren(image);
+    byId<HTMLDetailsElement>('numbers').open = true;
+  }
+
+  // The state in the address
+
+  private timer = 0;
+  private keep(): void {
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => {
+      const { skinEye: s, mapEye: m } = this.view, round = (x: number): number => +x.toPrecision(4);
+      const state: Record<string, string> = {
+        unfold: `${round(this.view.unfold)}`, level: `${this.level}`, colour: this.paints.name, frame: `${this.frame}`,
+        taxel: this.pinned ? `${this.pinned.patch}:${this.pinned.taxel}` : '',
+        skin: [s.azimuth, s.elevation, s.x, s.y, s.zoom].map(round).join(), map: [m.x, m.y, m.zoom].map(round).join(),
+      };
+      history.replaceState(null, '', `#${new URLSearchParams(state)}`);
+    }, 250);
+  }
+
+  private restore(): void {
+    const state = new URLSearchParams(location.hash.slice(1));
+    const numbers = (name: string, count: number): number[] | null => {
+      const found = (state.get(name) ?? '').split(',').map(Number);
+      return state.has(name) && found.length === count && found.every(Number.isFinite) ? found : null;
+    };
+    const [skin, map] = [numbers('skin', 5), numbers('map', 3)];
+    if (skin) [this.view.skinEye.azimuth, this.view.skinEye.elevation, this.view.skinEye.x, this.view.skinEye.y] = skin;
+    if (skin && skin[4] > 0) this.view.skinEye.zoom = skin[4];
+    if (map) [this.view.mapEye.x, this.view.mapEye.y] = map;
+    if (map && map[2] > 0) this.view.mapEye.zoom = map[2];
+    const names = [...byId<HTMLSelectElement>('colour').options].map((o) => o.value), wanted = state.get('colour') ?? '';
+    const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
+    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording ? 0 : Math.min(2, most)));
+    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : most > 0 ? 'field' : 'angle');
+    this.setFrame(numbers('frame', 1)?.[0] ?? this.firstTouch());
+    this.setUnfold(numbers('unfold', 1)?.[0] ?? 0);
+    const [patch, taxel] = (state.get('taxel') ?? '').split(':').map(Number);
+    if (state.get('taxel') && this.patches[patch] && taxel >= 0 && taxel < this.patches[patch].taxels) this.pin({ patch, taxel });
+  }
+
+  /** The frame with most touch: a recording mostly begins with none. */
+  private firstTouch(): number {
+    const totals = this.data.header.recording?.totals ?? [];
+    return totals.reduce((best, x, k) => (x > totals[best] ? k : best), 0);
+  }
+}
+
+/** The value of the pale end: zero, where readings are about it, or the least of raw counts. */
+function untouched({ lo, hi }: RecordingHeader): number { return hi > 0 && lo < 0.5 * hi ? 0 : lo; }
+
+function explain(message: string): void {
+  document.body.classList.add('flat');
+  const box = byId('message');
+  box.hidden = false;
+  box.textContent = message;
+  byId<HTMLDetailsElement>('numbers').open = true;
+  document.documentElement.dataset.ready = 'flat';
+}
+
+async function start(): Promise<void> {
+  if (!document.createElement('canvas').getContext('webgl2')) {
+    explain('This browser shows no WebGL 2: here are the map and its numbers.');
+    return;
+  }
+  try {
+    const data = await load(byId('data'));
+    const page = new Page(data);
+    (window as unknown as { dermatome: Page }).dermatome = page;
+  } catch (error) {
+    explain(`The views cannot be shown: ${error instanceof Error ? error.message : error}`);
+    console.error(error);
+  }
+}
+
+void start();

@@ -1,0 +1,308 @@
+// What a reader sees and does, in Debian's Chromium: `node test.mjs PROGRAM FOLDER`.
+import assert from 'node:assert/strict';
+import { execFileSync, spawn } from 'node:child_process';
+import { existsSync, mkdirSync, readFileSync, statSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { chromium } from 'playwright-core';
+
+const [program, folder] = process.argv.slice(2);
+const meshes = new URL('../../meshes/', import.meta.url).pathname;
+const executablePath = [process.env.CHROMIUM, '/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find((p) => p && existsSync(p));
+mkdirSync(folder, { recursive: true });
+const run = (...args) => execFileSync(program, [...args, '--quiet'], { encoding: 'utf8', maxBuffer: 1 << 28 });
+const browser = await chromium.launch({ executablePath, args: ['--no-sandbox', '--disable-gpu'] });
+let failed = 0;
+
+async function test(name, body) {
+  const start = performance.now();
+  try {
+    await body();
+    console.log(`ok   ${name} (${Math.round(performance.now() - start)} ms)`);
+  } catch (error) {
+    failed++;
+    console.log(`FAIL ${name}, with playwright ${JSON.parse(readFileSync(new URL('node_modules/playwright-core/package.json', import.meta.url))).version} and chromium ${browser.version()}\n${error.stack}`);
+  }
+}
+
+/** Opens a page and fails on whatever it complains about or asks the network for. */
+async function open(path, options = {}, hash = '') {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce', ...options });
+  const complaints = [];
+  page.on('pageerror', (e) => complaints.push(`page error: ${e}`));
+  page.on('console', (m) => { if (m.type() === 'error') complaints.push(`console: ${m.text()}`); });
+  page.on('request', (r) => { if (!/^(file|data|blob):/.test(r.url())) complaints.push(`request: ${r.url()}`); });
+  page.on('dialog', (d) => { complaints.push(`dialog: ${d.message()}`); void d.dismiss(); });
+  await page.goto(pathToFileURL(path) + hash);
+  await page.waitForSelector('html[data-ready]', { timeout: 60000 });
+  page.complaints = complaints;
+  return page;
+}
+
+async function close(page) {
+  assert.deepEqual(page.complaints, []);
+  await page.close();
+}
+
+const settle = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done()))));
+
+/** Moves the mouse over taxels and says how many were named. */
+async function hits(page, isMap, count) {
+  const targets = await page.evaluate(([isMap, count]) => {
+    const d = window.dermatome, box = document.getElementById('stage').getBoundingClientRect(), found = [];
+    for (let n = 0; n < 40 * count && found.length < count; n++) {
+      const patch = n % d.patches.length, p = d.patches[patch], taxel = (n * 7919 + 13) % p.taxels;
+      const [x, y] = d.view.toPixels(isMap, patch, [[taxel, 1]]);
+      const r = isMap ? d.view.map : d.view.skin;
+      if (x < r.x + 4 || y < r.y + 4 || x > r.x + r.width - 4 || y > r.y + r.height - 4) continue;
+      // In space only what nothing hides.
+      if (!isMap) {
+        const on = d.view.sheetAt(x - r.x, y - r.y);
+        if (!on || Math.hypot(on[0] - p.sheet[2 * taxel], on[1] - p.sheet[2 * taxel + 1]) > 0.3 * p.spacing) continue;
+      }
+      found.push({ patch, taxel, x: x + box.left, y: y + box.top });
+    }
+    return found;
+  }, [isMap, count]);
+  let right = 0;
+  for (const { patch, taxel, x, y } of targets) {
+    await page.mouse.move(x, y);
+    await settle(page);
+    if (await page.evaluate(() => document.documentElement.dataset.taxel) === `${patch}:${taxel}`) right++;
+  }
+  return [right, targets.length];
+}
+
+/** How many pixels of the canvas around a point of the stage are in the colour of what is lit. */
+async function accentAt(page, x, y) {
+  return page.evaluate(([x, y]) => {
+    const d = window.dermatome, source = d.view.canvas, ratio = source.width / source.clientWidth;
+    d.view.draw();
+    const copy = document.createElement('canvas');
+    copy.width = copy.height = 24;
+    const c = copy.getContext('2d');
+    c.drawImage(source, x * ratio - 12, y * ratio - 12, 24, 24, 0, 0, 24, 24);
+    const { data } = c.getImageData(0, 0, 24, 24);
+    let count = 0;
+    for (let k = 0; k < data.length; k += 4) if (data[k] > 120 && data[k + 1] < 110 && data[k] - data[k + 1] > 60) count++;
+    return count;
+  }, [x, y]);
+}
+
+const maps = {};
+for (const name of ['forearm', 'hand', 'robot', 'glove']) {
+  run('build', join(meshes, `${name}.glb`), '-o', join(folder, name));
+  maps[name] = join(folder, name, 'report.html');
+}
+run('touch', join(folder, 'robot', 'map.glb'), '-o', join(folder, 'robot.npz'));
+run('report', join(folder, 'robot', 'map.glb'), join(folder, 'robot.npz'), '-o', join(folder, 'recording.html'));
+
+for (const [name, path] of Object.entries(maps)) {
+  await test(`${name}: a taxel under the pointer lights in both views, at every stage of unfolding`, async () => {
+    const page = await open(path);
+    for (const unfold of [0, 0.5, 1]) {
+      await page.evaluate((x) => window.dermatome.setUnfold(x), unfold);
+      await settle(page);
+      for (const isMap of [false, true]) {
+        const [right, of] = await hits(page, isMap, 6);
+        assert.ok(of >= 3 && right >= of - 1, `${right} of ${of} at ${unfold}, ${isMap ? 'map' : 'space'}`);
+      }
+      const at = await page.evaluate(() => {
+        const d = window.dermatome, [patch, taxel] = document.documentElement.dataset.taxel.split(':').map(Number);
+        return d.view.toPixels(true, patch, [[taxel, 1]]);
+      });
+      assert.ok(await accentAt(page, ...at) > 0, `lit on the map at ${unfold}`);
+    }
+    await close(page);
+  });
+}
+
+await test('the skin at 1 is the map', async () => {
+  const page = await open(maps.robot);
+  const far = await page.evaluate(() => {
+    const d = window.dermatome;
+    d.setUnfold(1);
+    let worst = 0;
+    const scale = d.view.metresPerPixel(false), mapScale = d.view.metresPerPixel(true);
+    const centre = (isMap) => { const r = isMap ? d.view.map : d.view.skin; return [r.x + r.width / 2, r.y + r.height / 2]; };
+    d.patches.forEach((p, k) => { for (let t = 0; t < p.taxels; t += 7) {
+      const [a, b] = [false, true].map((isMap) => d.view.toPixels(isMap, k, [[t, 1]]).map((x, i) => (x - centre(isMap)[i]) * (isMap ? mapScale : scale)));
+      worst = Math.max(worst, Math.hypot(a[0] - b[0], a[1] - b[1]));
+    } });
+    return worst;
+  });
+  assert.ok(far < 1e-5, `${far} m apart`);
+  await close(page);
+});
+
+await test('a field of level 2 lights the taxels of the matrix in the map, with its weights', async () => {
+  const page = await open(maps.forearm);
+  const { json, binary } = glb(readFileSync(join(folder, 'forearm', 'map.glb')));
+  const { direct } = json.meshes.find((m) => m.name.endsWith('/L2')).extras.dermatome;
+  const indices = accessor(json, binary, direct.indices), weights = accessor(json, binary, direct.weights);
+  for (const taxel of [5, 321, 777]) {
+    const shown = await page.evaluate((taxel) => {
+      const d = window.dermatome;
+      d.setLevel(2);
+      d.pin({ patch: 0, taxel });
+      return d.lit();
+    }, taxel);
+    const expected = [];
+    for (let t = 0; t < indices.length / 3; t++) for (let k = 0; k < 3; k++) if (weights[3 * t + k] > 0 && indices[3 * t + k] === shown.field) expected.push([t, weights[3 * t + k]]);
+    assert.deepEqual(shown.members.map(([t]) => t), expected.map(([t]) => t));
+    shown.members.forEach(([, w], k) => assert.ok(Math.abs(w - expected[k][1]) < 1 / 100, `${w} is ${expected[k][1]}`));
+  }
+  await close(page);
+});
+
+await test('all places of a taxel on a seam are named', async () => {
+  const page = await open(maps.robot);
+  const says = await page.evaluate(() => {
+    const d = window.dermatome, patch = d.patches.findIndex((p) => p.places > p.taxels);
+    d.pin({ patch, taxel: d.patches[patch].taxelOf[d.patches[patch].places - 1] });
+    d.draw();
+    return document.getElementById('taxel').textContent;
+  });
+  assert.match(says, /2 places/);
+  await close(page);
+});
+
+await test('sliders and keys change what they say', async () => {
+  const page = await open(maps.hand);
+  const level = () => page.textContent('#level-text');
+  await page.focus('#level');
+  const before = await level();
+  await page.keyboard.press('ArrowRight');
+  assert.notEqual(await level(), before);
+  assert.match(await level(), /^level 3: \d+ fields$/);
+  await page.keyboard.press('+');
+  assert.match(await level(), /^level 2: /);
+  await page.focus('#unfold');
+  for (let k = 0; k < 5; k++) await page.keyboard.press('ArrowRight');
+  assert.equal(await page.inputValue('#unfold'), '5');
+  await page.focus('#map');
+  await page.keyboard.press('u');
+  assert.equal(await page.textContent('#unfold-text'), 'the map');
+  for (const name of ['angle', 'area', 'receptive', 'presence', 'patch', 'field']) {
+    await page.selectOption('#colour', name);
+    assert.notEqual((await page.textContent('#legend-text')).trim(), '', name);
+  }
+  await close(page);
+});
+
+await test('arrows walk to a neighbour, and the address keeps the state', async () => {
+  const page = await open(maps.forearm);
+  await page.evaluate(() => window.dermatome.pin({ patch: 0, taxel: 500 }));
+  await page.focus('#map');
+  await page.keyboard.press('ArrowLeft');
+  const taxel = await page.evaluate(() => { window.dermatome.draw(); return document.documentElement.dataset.taxel; });
+  assert.notEqual(taxel, '0:500');
+  await page.evaluate(() => window.dermatome.setUnfold(0.25));
+  await page.waitForTimeout(400);
+  const hash = new URL(page.url()).hash;
+  await close(page);
+  const again = await open(maps.forearm, {}, hash);
+  assert.equal(await again.evaluate(() => document.documentElement.dataset.taxel), taxel);
+  assert.equal(await again.inputValue('#unfold'), '250');
+  await close(again);
+});
+
+await test('a recording plays, with its contacts', async () => {
+  const page = await open(join(folder, 'recording.html'));
+  assert.match(await page.textContent('#frame-text'), /contact/);
+  const before = await page.inputValue('#frame');
+  await page.evaluate(() => window.dermatome.setFrame(0));
+  await page.focus('#map');
+  await page.keyboard.press(' ');
+  await page.waitForFunction(() => +document.getElementById('frame').value > 3, null, { timeout: 20000 });
+  await page.keyboard.press(' ');
+  assert.notEqual(before, '0');
+  await close(page);
+});
+
+await test('hostile names stay text', async () => {
+  run('convert', join(meshes, 'forearm.glb'), join(folder, 'hostile.csv'));
+  const hostile = `<img src=x onerror=alert(1)></script><script>alert(2)</script>`;
+  const csv = readFileSync(join(folder, 'hostile.csv'), 'utf8').split('\n');
+  const column = csv[0].split(',').indexOf('patch');
+  writeFileSync(join(folder, 'hostile.csv'), csv.map((line, k) => { const cells = line.split(','); if (k > 0 && cells.length > column) cells[column] = hostile; return cells.join(','); }).join('\n'));
+  run('build', join(folder, 'hostile.csv'), '-o', join(folder, 'hostile'));
+  run('report', join(folder, 'hostile', 'map.glb'), '--title', `%%DATA%%${hostile}`, '-o', join(folder, 'hostile.html'));
+  const page = await open(join(folder, 'hostile.html'));
+  await page.evaluate(() => { window.dermatome.pin({ patch: 0, taxel: 3 }); window.dermatome.setPaint('patch'); window.dermatome.draw(); });
+  assert.equal(await page.locator('img').count(), 0);
+  assert.equal(await page.textContent('h1'), `%%DATA%%${hostile}`);
+  assert.ok((await page.textContent('#tree')).includes(hostile));
+  assert.ok((await page.textContent('#numbers')).includes(hostile));
+  await close(page);
+});
+
+await test('without WebGL the picture and the numbers are there', async () => {
+  const plain = await chromium.launch({ executablePath, args: ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'] });
+  const page = await plain.newPage();
+  await page.goto(pathToFileURL(maps.forearm).href);
+  await page.waitForSelector('html[data-ready=flat]');
+  assert.ok(await page.locator('#picture svg').isVisible());
+  assert.ok(await page.locator('#numbers table').isVisible());
+  await plain.close();
+});
+
+await test('390 pixels need no sideways scrolling, and print shows the picture', async () => {
+  const page = await open(join(folder, 'recording.html'), { viewport: { width: 390, height: 844 } });
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390);
+  await page.screenshot({ path: join(folder, 'phone.png'), fullPage: true });
+  await page.evaluate(() => dispatchEvent(new Event('beforeprint')));
+  await page.emulateMedia({ media: 'print' });
+  assert.ok((await page.locator('#picture img').boundingBox()).width > 100);
+  await close(page);
+});
+
+await test('readings are shown while they come, and to nobody else', async () => {
+  const map = join(folder, 'forearm', 'map.glb');
+  const live = spawn(program, ['report', map, '--live', '--quiet'], { stdio: ['pipe', 'pipe', 'inherit'] });
+  const ids = Array.from({ length: 1000 }, (_, k) => k + 1);
+  live.stdin.write(`time,${ids.join()}\n`);
+  let frame = 0;
+  const row = () => `${(frame++ / 50).toFixed(2)},${ids.map((id) => (Math.abs(id - 400 - frame) < 4 ? 5 : 0)).join()}\n`;
+  const timer = setInterval(() => live.stdin.write(row()), 20);
+  const address = await new Promise((done) => { let said = ''; live.stdout.on('data', (d) => { said += d; if (said.includes('\n')) done(said.trim()); }); });
+  assert.match(address, /^http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/$/);
+  const wrong = address.replace(/[0-9a-f]{32}/, '0'.repeat(32));
+  assert.equal((await fetch(wrong)).status, 404);
+  assert.equal((await fetch(address, { headers: { Origin: 'https://example.com' } })).status, 403);
+  const page = await browser.newPage();
+  const complaints = [];
+  page.on('pageerror', (e) => complaints.push(`${e}`));
+  page.on('console', (m) => { if (m.type() === 'error') complaints.push(m.text()); });
+  await page.goto(address);
+  await page.waitForFunction(() => +document.documentElement.dataset.frames > 5, null, { timeout: 30000 });
+  assert.match(await page.textContent('#frame-text'), / s/);
+  clearInterval(timer);
+  live.stdin.end();
+  await page.waitForSelector('html[data-live=ended]', { timeout: 10000 });
+  assert.equal(await new Promise((done) => live.on('exit', done)), 0);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+await test('a page of a thousand taxels is small', async () => {
+  const size = statSync(maps.forearm).size;
+  assert.ok(size < 900_000, `${size} bytes`);
+});
+
+await browser.close();
+process.exit(failed ? 1 : 0);
+
+/** The two chunks of a .glb. */
+function glb(bytes) {
+  const length = bytes.readUInt32LE(12);
+  return { json: JSON.parse(bytes.subarray(20, 20 + length).toString()), binary: bytes.subarray(28 + length) };
+}
+
+/** The numbers of an accessor of VEC3. */
+function accessor(json, binary, index) {
+  const { bufferView, byteOffset = 0, count, componentType } = json.accessors[index];
+  const view = json.bufferViews[bufferView], start = (view.byteOffset ?? 0) + byteOffset;
+  const read = componentType === 5126 ? (k) => binary.readFloatLE(k) : (k) => binary.readUInt32LE(k);
+  return Array.from({ length: 3 * count }, (_, k) => read(start + Math.floor(k / 3) * (view.byteStride ?? 12) + 4 * (k % 3)));
+}
