@@ -26,6 +26,8 @@ const DOORS: &[(&str, &[&str])] = &[
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "page", "plot/picture/svg.rs"]),
     ("flate2", &["io/arrays", "io/image", "page"]),
+    ("half", &["io/arrays"]),
+    ("itoa", &["io/table"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
     ("serde", &["flatten/distortion.rs", "io", "page", "report.rs", "bin"]),
     ("serde_json", &["io", "page", "bin"]),

@@ -59,24 +59,19 @@ pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_py
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use error::{Feature, IoError};
 pub use file::{
+    file_kind,
     replace::{StagedFiles, abandon_files, replace_file},
-    source::file_kind,
 };
-pub use image::{
-    exr::write_images,
-    frame::{FrameContent, write_frame, write_raw_frame},
-};
+pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
 pub use mesh::{
-    flat::write_flat,
-    formats::{draft_from_bytes, read_draft, read_draft_with, skin_to_bytes, write_skin},
+    draft_from_bytes,
     parts::{ReadParts, read_faces},
+    read_draft, read_draft_with,
     skin_csv::triangles_path,
+    skin_to_bytes, write_flat, write_skin,
 };
-pub use observations::{
-    read_write::{read_observations, write_observations},
-    remark::ObservationRemark,
-};
-pub use readings::{arrays::ReadingsLayout, reader::ReadingsReader, writer::ReadingsWriter};
+pub use observations::{builder::ObservationRemark, read_observations, write_observations};
+pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 pub use table::{
     by_taxel::{read_acuities, read_boundary, read_gains, read_seams},
     calibration::{

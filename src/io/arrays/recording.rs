@@ -10,13 +10,14 @@ use crate::{
     image::TactileImage,
     io::{
         IoError,
-        arrays::write::{
+        arrays::{
             npy::{ElementType, Elements},
-            writer::{ArrayId, ArrayWriter},
+            write::{ArrayId, ArrayWriter},
         },
         file::{
+            file_kind,
             replace::{StagedFiles, write_file},
-            source::{file_kind, unfit},
+            unfit,
         },
     },
     map::SkinMap,

@@ -9,7 +9,7 @@ use std::{
 use crate::{
     io::{
         IoError,
-        file::source::{Source, excerpt, invalid},
+        file::{Source, excerpt, invalid},
     },
     skin::TaxelId,
 };

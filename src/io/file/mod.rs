@@ -1,10 +1,159 @@
-//! What every reader and writer needs of a file, whatever its format: [`source`] reads it whole,
-//! [`lines`] line by line, [`replace`] writes it whole or not at all.
+//! What every reader and writer needs of a file, whatever its format: [`Source`] is a file that is read
+//! whole, [`lines`] reads line by line, [`replace`] writes a file whole or not at all.
 
 pub(super) mod lines;
 pub(super) mod replace;
-pub(super) mod source;
+
+use std::{
+    fs::{self, File},
+    io::{self, Read},
+    path::{Path, PathBuf},
+};
+
+use crate::io::{Feature, IoError};
 
 pub(super) use lines::{LONGEST, LineLocation, Lines, finite};
 pub(super) use replace::{cannot_write, replace_file, write_file, write_to};
-pub(super) use source::{Source, excerpt, file_kind, invalid, stem, unfit};
+
+/// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so
+/// below this size no count of elements passes the 32 bits of an id.
+const MAX_BYTES: u64 = u32::MAX as u64;
+
+/// Longest piece of a file that an error repeats, in characters.
+const MAX_EXCERPT: usize = 60;
+
+/// The content of a file, under the name that errors call it by.
+pub(crate) struct Source {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    is_file: bool,
+}
+
+impl Source {
+    /// Reads a regular file whole, after a look at its length.
+    pub(crate) fn open(path: &Path) -> Result<Self, IoError> {
+        let fail = cannot_read(path);
+        let about = fs::metadata(path).map_err(fail)?;
+        if about.is_dir() {
+            return Err(fail(io::ErrorKind::IsADirectory.into()));
+        }
+        // A device or a pipe has no length, and need not have an end.
+        if !about.is_file() {
+            return Err(fail(io::Error::other("it is not a regular file")));
+        }
+        check_length(path, about.len())?;
+        let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
+        // The limit holds for a file that grows meanwhile, too.
+        File::open(path).and_then(|f| f.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
+        Ok(Self { path: path.into(), bytes, is_file: true })
+    }
+
+    /// Bytes of memory, whose kind follows from the extension of `name`.
+    pub(crate) fn from_bytes(name: &Path, bytes: Vec<u8>) -> Result<Self, IoError> {
+        check_length(name, bytes.len() as u64)?;
+        Ok(Self { path: name.into(), bytes, is_file: false })
+    }
+
+    /// Whether it lies in a folder, where it may name other files.
+    pub(crate) fn is_file(&self) -> bool {
+        self.is_file
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// The content as text, without a byte order mark.
+    pub(crate) fn text(&self) -> Result<&str, IoError> {
+        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
+            let at = e.valid_up_to();
+            let line = 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count();
+            let found = format!("byte 0x{:02x}", self.bytes[at]);
+            self.invalid(format!("line {line}, byte {at} of the file"), found, "text in UTF-8")
+        })?;
+        Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+    }
+
+    /// The name of the file without folder and extension: what a sheet without a name is called.
+    pub(crate) fn stem(&self) -> String {
+        stem(&self.path)
+    }
+
+    pub(crate) fn invalid(
+        &self,
+        element: impl Into<String>,
+        found: impl Into<String>,
+        needed: impl Into<String>,
+    ) -> IoError {
+        invalid(&self.path, element, found, needed)
+    }
+
+    pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<Feature>) -> IoError {
+        IoError::Unsupported { path: self.path.clone(), element: element.into(), feature: feature.into() }
+    }
+}
+
+pub(crate) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> IoError + Copy + '_ {
+    |source| IoError::Read { path: path.into(), source }
+}
+
+/// Refuses what is empty, or too long to count its elements with 32 bits.
+fn check_length(path: &Path, length: u64) -> Result<(), IoError> {
+    let found = format!("{length} bytes");
+    match length {
+        0 => Err(invalid(path, "file", found, "some content")),
+        1..=MAX_BYTES => Ok(()),
+        _ => Err(invalid(path, "file", found, format!("at most {MAX_BYTES} bytes"))),
+    }
+}
+
+/// The kind of a file: its extension in lower case, empty without one.
+#[must_use]
+pub fn file_kind(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+pub(crate) fn stem(path: &Path) -> String {
+    path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+pub(crate) fn invalid(
+    path: &Path,
+    element: impl Into<String>,
+    found: impl Into<String>,
+    needed: impl Into<String>,
+) -> IoError {
+    IoError::Invalid {
+        path: path.into(),
+        element: element.into(),
+        found: found.into(),
+        needed: needed.into(),
+    }
+}
+
+/// An error about something that does not fit into the file `path`, which is about to be written.
+pub(crate) fn unfit(
+    path: &Path,
+    element: impl Into<String>,
+    found: impl Into<String>,
+    needed: impl Into<String>,
+) -> IoError {
+    IoError::Unfit { path: path.into(), element: element.into(), found: found.into(), needed: needed.into() }
+}
+
+/// A piece of a file as an error repeats it: on one line, and not too long.
+pub(crate) fn excerpt(text: &str) -> String {
+    let mut short: String = text.chars().take(MAX_EXCERPT).flat_map(char::escape_debug).collect();
+    if text.chars().nth(MAX_EXCERPT).is_some() {
+        short.push_str("...");
+    }
+    format!("\"{short}\"")
+}

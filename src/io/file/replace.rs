@@ -185,6 +185,16 @@ impl Replacement {
     }
 }
 
+impl Write for Replacement {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// A file without a name on the disk of `path`, which vanishes when it is closed or the run stops.
 pub(crate) fn spool_for(path: &Path) -> io::Result<File> {
     let target = follow_links(path);

@@ -9,11 +9,11 @@ use crate::{
     id::IdVec,
     io::{
         Feature, IoError,
-        file::source::Source,
+        file::Source,
         gltf::{
+            Notes,
             document::Document,
             nodes::{RIGID, Tree, read_node_tree},
-            notes::Notes,
         },
     },
     skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names},

@@ -12,7 +12,7 @@ use crate::{
     id::IdVec,
     io::{
         error::Result,
-        gltf::{document::Document, extras::NodeExtras, json::Transform},
+        gltf::{NodeExtras, document::Document, json::Transform},
     },
     skin::{Link, LinkId},
 };

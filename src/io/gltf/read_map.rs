@@ -17,12 +17,11 @@ use crate::{
         error::Result,
         file::Source,
         gltf::{
+            FrameExtras, LevelExtras, Notes, RowsExtras,
             animation::read_animations,
             document::Document,
-            extras::{FrameExtras, LevelExtras, RowsExtras},
             joints::Binding,
             nodes::read_node_tree,
-            notes::Notes,
             primitive::{Attributes, Shape},
             read_skin::{read_covariances, read_ids, read_presence},
         },

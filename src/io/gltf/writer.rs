@@ -21,7 +21,7 @@ use crate::{
     io::{
         error::Result,
         file::{cannot_write, unfit, write_to},
-        gltf::{extras::NodeExtras, nodes::RIGID},
+        gltf::{NodeExtras, nodes::RIGID},
     },
     mesh::rotation_defect,
     numeric::narrow,

@@ -1,8 +1,6 @@
-//! Skins and flat meshes in the formats of other programs; `formats.rs` lists what each keeps. `flat.rs` writes
-//! flattened meshes.
+//! Skins and flat meshes in all formats: [`read_draft`] and [`write_skin`] say which extension is read and
+//! written by which file, and what each format keeps.
 
-pub(super) mod flat;
-pub(super) mod formats;
 mod icub;
 mod npz;
 mod obj;
@@ -13,16 +11,209 @@ mod robotskin;
 pub(super) mod skin_csv;
 mod stl;
 
-use crate::skin::Skin;
+use std::{io::Write, path::Path};
 
-/// The corners of the triangles of all patches, numbered through the vertices of all.
-fn all_triangles(skin: &Skin) -> impl Iterator<Item = [usize; 3]> + '_ {
-    let before = skin.patches.iter().scan(0, |sum, patch| {
-        let before = *sum;
-        *sum += patch.mesh.positions.len();
-        Some(before)
-    });
-    skin.patches.iter().zip(before).flat_map(|(patch, before)| {
-        patch.mesh.triangles.iter().map(move |corners| corners.map(|v| before + v.index()))
+use glam::DVec2;
+
+use crate::{
+    id::{IdVec, VertexId},
+    io::{
+        IoError,
+        arrays::{npy::Elements, write::ArrayWriter},
+        file::{Source, file_kind, replace_file, unfit, write_file},
+        gltf,
+        mesh::parts::ReadParts,
+    },
+    mesh::TriMesh,
+    skin::{Draft, Skin},
+};
+
+/// Reads a skin or a mesh as it was written, by the extension of its file:
+///
+/// | extension | what | keeps |
+/// |---|---|---|
+/// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, as 32 bits |
+/// | `json` | robotskinlib, version 2 | ids, normals, link frame |
+/// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
+/// | `npz` | arrays of numpy, `V`, `F`, `N` and `ids`: one sheet | ids, normals |
+/// | `off` | OFF of Geomview, as text: one sheet | normals |
+/// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
+/// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
+/// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
+/// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
+///
+/// Every number of the draft is finite and every corner exists; nothing else has been judged.
+///
+/// ```
+/// use dermatome::io::read_draft;
+///
+/// let path = std::env::temp_dir().join("dermatome-read-draft.obj");
+/// std::fs::write(&path, "o palm\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+/// let draft = read_draft(&path)?;
+/// assert_eq!(draft.sheets[0].name, "palm");
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its
+/// format.
+pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
+    read_draft_with(path, ReadParts::default())
+}
+
+/// The same as [`read_draft`], with more parts of the file.
+///
+/// # Errors
+/// As [`read_draft`], or if texture coordinates are not finite numbers.
+pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> {
+    // A file of an unknown kind is not opened.
+    let read = reader_of(path)?;
+    read(Source::open(path)?, parts)
+}
+
+/// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may
+/// name no other files.
+///
+/// # Errors
+/// As [`read_draft`].
+pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result<Draft, IoError> {
+    reader_of(name)?(Source::from_bytes(name, bytes)?, parts)
+}
+
+type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
+
+fn reader_of(path: &Path) -> Result<Reader, IoError> {
+    Ok(match file_kind(path).as_str() {
+        "glb" | "gltf" => gltf::read_gltf,
+        "obj" => |source, parts| obj::read(&source, parts),
+        "npz" => |source, _| npz::read(&source),
+        "json" => |source, _| robotskin::read(&source),
+        "off" => |source, _| off::read(&source),
+        "ply" => |source, _| ply::read(&source),
+        "stl" => |source, _| stl::read(&source),
+        "csv" => |source, _| skin_csv::read(&source),
+        "txt" => |source, _| icub::read(&source),
+        _ => {
+            let known = "glb, gltf, json, obj, off, ply, stl, csv, npz, txt";
+            return Err(IoError::UnknownKind { path: path.into(), known });
+        }
     })
+}
+
+/// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
+/// each keeps.
+///
+/// OBJ, OFF, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives
+/// one frame at the origin. JSON has one frame, which it keeps if all patches share a link.
+/// Decimals are the shortest that read back as the same `f64`; glTF rounds to `f32`.
+///
+/// ```
+/// use dermatome::{io::{read_draft, write_skin}, mesh::shapes, skin::Skin};
+///
+/// let mesh = shapes::lattice(5, 4, 0.01);
+/// let count = mesh.positions.len();
+/// let skin = Skin::from_mesh("palm", mesh);
+/// let path = std::env::temp_dir().join("dermatome-write-skin.ply");
+/// write_skin(&path, &skin)?;
+/// assert_eq!(read_draft(&path)?.sheets[0].positions.len(), count);
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the skin breaks a promise of its type, a number in it does not fit the format, or the file
+/// cannot be written; an older file stays as it was.
+pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    if file_kind(path) == "csv" {
+        check(path, skin)?;
+        return skin_csv::write(path, skin);
+    }
+    let write = writer_of(path)?;
+    check(path, skin)?;
+    replace_file(path, |file| write(file, path, skin))
+}
+
+/// The content of a file that [`write_skin`] writes, but for CSV, which is two files; its kind follows
+/// from the extension of `name`.
+///
+/// # Errors
+/// If the skin breaks a promise of its type, or a number in it does not fit the format.
+pub fn skin_to_bytes(name: &Path, skin: &Skin) -> Result<Vec<u8>, IoError> {
+    let write = writer_of(name)?;
+    check(name, skin)?;
+    let mut bytes = Vec::new();
+    write(&mut bytes, name, skin)?;
+    Ok(bytes)
+}
+
+type Writer = fn(&mut dyn Write, &Path, &Skin) -> Result<(), IoError>;
+
+fn writer_of(path: &Path) -> Result<Writer, IoError> {
+    Ok(match file_kind(path).as_str() {
+        "glb" | "gltf" => gltf::write_skin,
+        "json" => robotskin::write,
+        "obj" => obj::write,
+        "off" => off::write,
+        "ply" => ply::write,
+        "stl" => stl::write,
+        _ => {
+            let known = "glb, gltf, json, obj, off, ply, stl, csv";
+            return Err(IoError::UnknownKind { path: path.into(), known });
+        }
+    })
+}
+
+fn check(path: &Path, skin: &Skin) -> Result<(), IoError> {
+    skin.validate().map_err(|e| unfit(path, "skin to write", e.to_string(), "a valid one"))
+}
+
+/// Writes a mesh with its map: `uv` in m, `v` up, one per vertex.
+///
+/// | extension | positions | map |
+/// |---|---|---|
+/// | `npz` | `V` (n x 3, `f64`), with `F` (m x 3, `i64`) | `UV` (n x 2, `f64`), in m |
+/// | `obj` | `v`, shortest decimals | `vt`, in m, upwards |
+///
+/// # Errors
+/// If the mesh is broken, the map does not fit it, or the file cannot be written.
+pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    let write = match file_kind(path).as_str() {
+        "npz" => write_npz,
+        "obj" => write_obj,
+        _ => return Err(IoError::UnknownKind { path: path.into(), known: "obj, npz" }),
+    };
+    mesh.validate().map_err(|e| unfit(path, "mesh to write", e.to_string(), "a valid one"))?;
+    if uv.len() != mesh.positions.len() {
+        let needed = format!("{}, one per vertex", mesh.positions.len());
+        return Err(unfit(path, "map to write", format!("{} positions", uv.len()), needed));
+    }
+    write(path, mesh, uv)
+}
+
+fn write_obj(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    write_file(path, |file| {
+        for p in &mesh.positions {
+            writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
+        }
+        for p in uv {
+            writeln!(file, "vt {:?} {:?}", p.x, p.y)?;
+        }
+        for &corners in &mesh.triangles {
+            let [a, b, c] = corners.map(|v| v.index() + 1);
+            writeln!(file, "f {a}/{a} {b}/{b} {c}/{c}")?;
+        }
+        Ok(())
+    })
+}
+
+fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+    let positions: Vec<f64> = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
+    let corners: Vec<i64> = mesh.triangles.iter().flatten().map(|v| i64::from(v.raw())).collect();
+    let map: Vec<f64> = uv.iter().flat_map(|p| p.to_array()).collect();
+    let mut file = ArrayWriter::create(path)?;
+    file.constant("V", &[mesh.positions.len(), 3], Elements::F64(&positions))?;
+    file.constant("F", &[mesh.triangles.len(), 3], Elements::I64(&corners))?;
+    file.constant("UV", &[uv.len(), 2], Elements::F64(&map))?;
+    file.finish()
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::{
     io::{
         IoError,
-        arrays::read::whole::{NumberArray, read_number_arrays},
+        arrays::read::{NumberArray, read_number_arrays},
         file::{Source, invalid},
     },
     skin::{Draft, Sheet, TaxelId},

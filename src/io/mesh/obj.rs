@@ -10,9 +10,9 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     io::{
-        ReadParts,
         error::Result,
         file::{LineLocation, Source, excerpt, finite, write_to},
+        mesh::parts::ReadParts,
     },
     skin::{Draft, Sheet, Skin},
 };

@@ -7,12 +7,8 @@ use glam::DVec3;
 use crate::{
     io::{
         Feature, IoError,
-        file::{
-            lines::LineLocation,
-            replace::write_to,
-            source::{Source, excerpt, invalid},
-        },
-        mesh::all_triangles,
+        file::{Source, excerpt, invalid, lines::LineLocation, replace::write_to},
+        mesh::parts::all_triangles,
     },
     skin::{Draft, Sheet, Skin},
 };

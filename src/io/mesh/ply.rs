@@ -16,7 +16,7 @@ use crate::{
         IoError,
         error::Result,
         file::{Source, excerpt, unfit, write_to},
-        mesh::all_triangles,
+        mesh::parts::all_triangles,
     },
     skin::{Draft, Presence, Sheet, Skin, TaxelId},
 };

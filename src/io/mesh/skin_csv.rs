@@ -13,11 +13,10 @@ use crate::{
     io::{
         error::Result,
         file::Source,
-        mesh::all_triangles,
+        mesh::parts::all_triangles,
         table::{
-            Row, Table,
-            columns::Columns,
-            triangles::{BY_ROW, Corners, Taxels},
+            Columns, Row, Table,
+            calibration::{BY_ROW, Corners, Taxels},
             writer::{TableWriter, write_table},
         },
     },
@@ -25,10 +24,8 @@ use crate::{
 };
 
 /// Columns of the table of taxels.
-const COLUMNS: [&str; 23] = [
-    "id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw", "area", "density", "weight", "present",
-    "patch", ON_LINK, "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
-];
+const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present,patch,on_link,\
+                       cxx,cxy,cxz,cyy,cyz,czz";
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
 /// would say that they are in the frame of that link.
@@ -124,7 +121,7 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
-    let known: Vec<&str> = COLUMNS.into_iter().chain([LINK, SIGMA]).collect();
+    let known: Vec<&str> = COLUMNS.split(',').chain([LINK, SIGMA]).collect();
     let table = Table::of(source)?;
     table.refuse_unknown(&known)?;
     let indices = ColumnIndices::new(&table.columns)?;
@@ -265,12 +262,12 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) ->
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
 pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
     // Both are complete before the first is renamed.
-    write_table(&triangles_path(path), &BY_ROW, |triangles| {
+    write_table(&triangles_path(path), &BY_ROW.join(","), |triangles| {
         for corners in all_triangles(skin) {
             corners.into_iter().for_each(|row| triangles.whole(row as u64));
             triangles.end_row()?;
         }
-        write_table(path, &COLUMNS, |taxels| {
+        write_table(path, COLUMNS, |taxels| {
             for patch in &skin.patches {
                 write_taxels(taxels, &skin.in_world(patch), &skin.links[patch.link].name)?;
             }

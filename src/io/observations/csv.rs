@@ -11,9 +11,8 @@ use crate::{
         file::{Lines, excerpt, invalid, unfit},
         observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of},
         table::{
-            Row, Table,
+            Columns, Row, Table,
             cells::{Cells, Separator},
-            columns::Columns,
             writer::write_table,
         },
     },
@@ -192,7 +191,7 @@ pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
         return Err(unfit(path, format!("taxel {}", fixed.id), "a fixed place", "a g2o file"));
     }
     let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
-    write_table(path, &header, |table| {
+    write_table(path, &header.join(","), |table| {
         for edge in edges {
             let ids = [edge.from, edge.to].map(|v| taxels[v].id);
             let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else {
@@ -214,7 +213,7 @@ fn write_contacts(observations: &Observations, path: &Path) -> Result<()> {
     let with_normals = observations.contacts.iter().any(has_normal);
     let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
     let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
-    write_table(path, &header.collect::<Vec<_>>(), |table| {
+    write_table(path, &header.collect::<Vec<_>>().join(","), |table| {
         for contact in &observations.contacts {
             let id = observations.taxels[contact.taxel].id;
             let refuse =

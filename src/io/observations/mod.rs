@@ -1,7 +1,156 @@
-//! Observations for the calibration: g2o text and CSV tables.
+//! Observations for the calibration, g2o text or CSV tables: the extension of their file says which.
 
-mod builder;
+pub(super) mod builder;
 mod csv;
 mod g2o;
-pub(super) mod read_write;
-pub(super) mod remark;
+
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{BufRead, BufReader, BufWriter, Write, stdin, stdout},
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    calib::{ContactMeasurement, ContactObservation, Displacement, Observations},
+    id::VertexId,
+    io::{
+        IoError,
+        file::{Lines, cannot_read, cannot_write, file_kind, invalid, replace_file},
+        observations::builder::{ObservationRemark, ReadObservations},
+    },
+    skin::TaxelId,
+};
+
+/// What files of observations may end in.
+const KINDS: &str = ".g2o, .csv";
+
+/// Reads observations: `.g2o`, or a table `.csv`; `-` is standard input, of either kind.
+///
+/// The header of a table names its columns, in any order. A table of displacements has
+/// `i,j,dx,dy,dz`; one of contacts `i,x,y,z`, or `i,x,y,z,nx,ny,nz` with normals and, if known,
+/// their standard deviation `sigma_n` in rad (else 0.035). Either gives its uncertainty in one of
+/// three ways: `sigma`, the standard deviation of every axis in m; `sx,sy,sz`, one for each axis;
+/// or `ixx,ixy,ixz,iyy,iyz,izz`, the information in 1/m^2. Without any, 1 mm per axis is assumed
+/// and remarked. No cell may be empty, and no other column is allowed: a misspelt name is not
+/// silently ignored. Lines after `#` are comments.
+///
+/// The observations of `more` files are appended, as contacts come in a table of their own. A pose
+/// that one of them fixes is fixed; its initial value is used where there is none yet.
+///
+/// Returns the observations, and what was changed, left out or assumed. Information that is not
+/// positive semi-definite is returned as it is, with a remark: [`Observations::validate`] refuses it,
+/// and [`Observations::clip_information`] mends it.
+///
+/// # Errors
+/// The first line that breaks a rule of its format, with its number; a further file that observes
+/// or fixes a taxel the first one does not have, or has another model. Lengths above 1e9 m,
+/// information above 1e18 and standard deviations outside 1e-9 to 1e9 are refused: their squares
+/// say nothing any more.
+pub fn read_observations(
+    path: &Path,
+    more: &[PathBuf],
+) -> Result<(Observations, Vec<ObservationRemark>), IoError> {
+    let (mut observations, mut remarks) = read(path)?;
+    for path in more {
+        let (other, others_remarks) = read(path)?;
+        append(&mut observations, other, path)?;
+        remarks.extend(others_remarks);
+    }
+    Ok((observations, remarks))
+}
+
+fn read(path: &Path) -> Result<ReadObservations, IoError> {
+    let is_stream = path == Path::new("-");
+    let is_table = match file_kind(path).as_str() {
+        "g2o" => Some(false),
+        "csv" => Some(true),
+        _ if is_stream => None,
+        _ => return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
+    };
+    let path = if is_stream { Path::new("standard input") } else { path };
+    let open = || File::open(path).map_err(cannot_read(path));
+    let input: Box<dyn BufRead> =
+        if is_stream { Box::new(stdin().lock()) } else { Box::new(BufReader::new(open()?)) };
+    let mut lines = Lines::new(input, path, Some(b'#'));
+    lines.advance()?;
+    let has_header = || Ok::<_, IoError>(lines.current()?.is_some_and(|(line, _)| csv::is_header(line)));
+    if is_table.map_or_else(has_header, Ok)? { csv::read(lines) } else { g2o::read(lines) }
+}
+
+/// Writes observations, in numbers that read back to the same bits: `.g2o`, or as a table `.csv`
+/// displacements alone, `i,j,dx,dy,dz`, or contacts alone, `i,x,y,z[,nx,ny,nz,sigma_n]`, with their
+/// information; `-` is standard output, in g2o.
+///
+/// A table has no initial values and no taxels but those of its rows.
+///
+/// # Errors
+/// [`IoError::Write`]; [`IoError::Unfit`] for contacts with normals, which g2o has no line for, and
+/// in a table for contacts next to displacements, fixed taxels and rotations;
+/// [`IoError::UnknownKind`].
+pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
+    if path == Path::new("-") {
+        let path = Path::new("standard output");
+        let mut out = BufWriter::new(stdout().lock());
+        g2o::write(&mut out, observations, path)?;
+        return out.flush().map_err(cannot_write(path));
+    }
+    match file_kind(path).as_str() {
+        "g2o" => replace_file(path, |out| g2o::write(out, observations, path)),
+        "csv" => csv::write(observations, path),
+        _ => Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
+    }
+}
+
+/// Appends the observations of the file `path`, as contacts come in a table of their own.
+///
+/// Taxel data are merged: a pose fixed in `other` is fixed in the result; an initial value from
+/// `other` is used if `into` has none.
+fn append(into: &mut Observations, other: Observations, path: &Path) -> Result<(), IoError> {
+    check_model(into, &other, path)?;
+    let known: HashMap<TaxelId, VertexId> = into.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
+    let taxels = &other.taxels;
+    let place = |v: VertexId| {
+        let id = taxels[v].id;
+        let refuse =
+            || invalid(path, format!("taxel {id}"), "an observation of it", "a taxel of the other file");
+        known.get(&id).copied().ok_or_else(refuse)
+    };
+    for (v, taxel) in taxels.enumerate().filter(|(_, t)| t.initial.is_some()) {
+        let Some(here) = known.get(&taxel.id).map(|&v| &mut into.taxels[v]) else {
+            if taxel.fixed {
+                place(v)?;
+            }
+            continue;
+        };
+        if taxel.fixed && here.fixed && here.initial != taxel.initial {
+            let (found, needed) = ("another place where it is fixed", "that of the other file");
+            return Err(invalid(path, format!("taxel {}", taxel.id), found, needed));
+        }
+        // Where a taxel is fixed it is known; any other value is a guess, and the first one counts.
+        if taxel.fixed || here.initial.is_none() {
+            here.initial = taxel.initial;
+        }
+        here.fixed |= taxel.fixed;
+    }
+    for ContactObservation { taxel, measurement } in other.contacts {
+        into.contacts.push(ContactObservation { taxel: place(taxel)?, measurement });
+    }
+    for Displacement { from, to, measurement } in other.edges {
+        into.edges.push(Displacement { from: place(from)?, to: place(to)?, measurement });
+    }
+    Ok(())
+}
+
+/// Contacts with positions fit every model; all else has one.
+fn check_model(into: &Observations, other: &Observations, path: &Path) -> Result<(), IoError> {
+    let has_model = !other.edges.is_empty()
+        || other.taxels.iter().any(|t| t.initial.is_some())
+        || other.contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. }));
+    if has_model && other.model != into.model {
+        let found = format!("observations of the {} model", other.model);
+        let needed = format!("{}, as in the other file", into.model);
+        return Err(invalid(path, "the file", found, needed));
+    }
+    Ok(())
+}

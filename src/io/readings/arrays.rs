@@ -8,11 +8,11 @@ use std::{
 use crate::{
     io::{
         IoError,
-        arrays::read::{
-            archive::{Storage, StoredArray, find_array, list_arrays},
+        arrays::{
             npy::ElementType,
+            read::{Storage, StoredArray, find_array, list_arrays},
         },
-        file::source::{excerpt, invalid},
+        file::{excerpt, invalid},
         readings::header::{LATEST, MAX_NUMBERS},
     },
     signal::Channel,

@@ -6,8 +6,8 @@ use crate::{
     io::{
         IoError,
         file::{
+            excerpt,
             lines::{LineLocation, finite},
-            source::excerpt,
         },
     },
     signal::Channel,

@@ -2,24 +2,18 @@
 //!
 //! [`ReadingsReader`]: crate::io::ReadingsReader
 
-use std::{
-    collections::HashSet,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::{collections::HashSet, path::Path};
 
 use crate::{
     id::VertexId,
     io::{
         IoError,
-        arrays::write::{
+        arrays::{
             npy::{ElementType, Elements},
-            writer::{ArrayId, ArrayWriter},
+            write::{ArrayId, ArrayWriter},
         },
-        file::{
-            replace::Replacement,
-            source::{file_kind, unfit},
-        },
+        file::{file_kind, replace::Replacement, unfit},
+        table::writer::TableWriter,
     },
     signal::{Channel, Frame},
     skin::{PatchId, Presence, Taxels},
@@ -40,12 +34,9 @@ pub struct ReadingsWriter {
 }
 
 enum Output {
-    Table { path: PathBuf, file: Replacement, text: Vec<u8> },
+    Table(TableWriter<Replacement>),
     Arrays { writer: ArrayWriter, times: ArrayId, values: ArrayId },
 }
-
-/// Bytes of a table that are kept before they are written.
-const TEXT_BYTES: usize = 1 << 18;
 
 impl ReadingsWriter {
     /// Starts a file of readings of the taxels that are present, given patch by patch.
@@ -82,8 +73,7 @@ impl ReadingsWriter {
                 let id = |column| ids.get(column).map_or(String::new(), u32::to_string);
                 let names = (0..taxels.len()).map(|column| format!("{}.{}{unit}", id(column), channel.name));
                 let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
-                let file = Replacement::open(path)?;
-                Output::Table { path: path.into(), file, text: (header.join(",") + "\n").into_bytes() }
+                Output::Table(TableWriter::create(path, &header.join(","))?)
             }
             "npz" => {
                 let mut writer = ArrayWriter::create(path)?;
@@ -117,19 +107,10 @@ impl ReadingsWriter {
                 writer.push(*values, Elements::F64(&self.row))?;
                 writer.end_frame()
             }
-            Output::Table { path, file, text } => {
-                let fail = |source| IoError::Write { path: path.clone(), source };
-                // Decimals are the shortest that read back as the same number.
-                write!(text, "{:?}", frame.time).map_err(fail)?;
-                for x in &self.row {
-                    write!(text, ",{x:?}").map_err(fail)?;
-                }
-                text.push(b'\n');
-                if text.len() >= TEXT_BYTES {
-                    file.file().write_all(text).map_err(fail)?;
-                    text.clear();
-                }
-                Ok(())
+            Output::Table(table) => {
+                table.numbers([frame.time]);
+                table.numbers(self.row.iter().copied());
+                table.end_row()
             }
         }
     }
@@ -141,10 +122,7 @@ impl ReadingsWriter {
     pub fn finish(self) -> Result<(), IoError> {
         match self.output {
             Output::Arrays { writer, .. } => writer.finish(),
-            Output::Table { path, file, text } => {
-                file.file().write_all(&text).map_err(|source| IoError::Write { path, source })?;
-                file.finish()
-            }
+            Output::Table(table) => table.publish(),
         }
     }
 }

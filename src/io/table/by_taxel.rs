@@ -10,7 +10,7 @@ use glam::DVec2;
 
 use crate::{
     id::{IdVec, VertexId},
-    io::{IoError, file::source::Source, table::Table},
+    io::{IoError, table::each_row_of},
     skin::{PatchId, Skin, TaxelId},
 };
 
@@ -25,10 +25,6 @@ const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// If the file cannot be read, a column is missing or unknown, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
 pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
-    let source = Source::open(path)?;
-    let table = Table::of(&source)?;
-    table.refuse_unknown(&["taxel_id", "factor"])?;
-    let (id, factor) = (table.columns.need("taxel_id")?, table.columns.need("factor")?);
     let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
     for (patch, known) in skin.patches.enumerate() {
         for (vertex, id) in known.taxels.ids.enumerate() {
@@ -36,7 +32,7 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
         }
     }
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
-    table.each_row(&mut |row| {
+    each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
         let &(patch, vertex, count) =
             homes.get(&row.taxel(id)?).ok_or_else(|| row.invalid(id, "the id of a taxel of the skin"))?;
         if count > 1 {
@@ -62,12 +58,8 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
 /// # Errors
 /// If the file cannot be read, a column is missing, a cell is not a number, or an id comes twice.
 pub fn read_gains(path: &Path) -> Result<Vec<(TaxelId, f64)>, IoError> {
-    let source = Source::open(path)?;
-    let table = Table::of(&source)?;
-    table.refuse_unknown(&["id", "gain"])?;
-    let (id, gain) = (table.columns.need("id")?, table.columns.need("gain")?);
     let (mut gains, mut seen) = (Vec::new(), HashSet::new());
-    table.each_row(&mut |row| {
+    each_row_of(path, ["id", "gain"], &mut |row, [id, gain]| {
         let taxel = row.taxel(id)?;
         if !seen.insert(taxel) {
             return Err(row.invalid(id, "each id once"));
@@ -84,14 +76,9 @@ pub fn read_gains(path: &Path) -> Result<Vec<(TaxelId, f64)>, IoError> {
 /// If the file cannot be read, a column is missing or unknown, or a cell is not an id or a finite
 /// number.
 pub fn read_boundary(path: &Path) -> Result<Vec<(TaxelId, DVec2)>, IoError> {
-    let source = Source::open(path)?;
-    let table = Table::of(&source)?;
-    table.refuse_unknown(&["taxel_id", "u", "v"])?;
-    let id = table.columns.need("taxel_id")?;
-    let uv = [table.columns.need("u")?, table.columns.need("v")?];
     let mut places = Vec::new();
-    table.each_row(&mut |row| {
-        places.push((row.taxel(id)?, DVec2::from_array(row.numbers(uv)?)));
+    each_row_of(path, ["taxel_id", "u", "v"], &mut |row, [id, u, v]| {
+        places.push((row.taxel(id)?, DVec2::from_array(row.numbers([u, v])?)));
         Ok(())
     })?;
     Ok(places)
@@ -103,12 +90,8 @@ pub fn read_boundary(path: &Path) -> Result<Vec<(TaxelId, DVec2)>, IoError> {
 /// If the file cannot be read, a column is missing or unknown, a cell is not an id, or an edge has
 /// one end twice.
 pub fn read_seams(path: &Path) -> Result<Vec<[TaxelId; 2]>, IoError> {
-    let source = Source::open(path)?;
-    let table = Table::of(&source)?;
-    table.refuse_unknown(&["from", "to"])?;
-    let (from, to) = (table.columns.need("from")?, table.columns.need("to")?);
     let mut seams = Vec::new();
-    table.each_row(&mut |row| {
+    each_row_of(path, ["from", "to"], &mut |row, [from, to]| {
         let ends = [row.taxel(from)?, row.taxel(to)?];
         if ends[0] == ends[1] {
             return Err(row.invalid(to, "another taxel than `from`"));

@@ -1,6 +1,9 @@
 //! Tables of calibrated taxels, of their truth, and of triangles between them.
 
-use std::{collections::HashSet, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
 
 use glam::{DQuat, DVec3};
 
@@ -9,12 +12,9 @@ use crate::{
     id::{IdVec, VertexId},
     io::{
         IoError,
+        error::Result,
         file::Source,
-        table::{
-            Table,
-            triangles::{BY_ID, Corners, Taxels},
-            writer::write_table,
-        },
+        table::{Columns, Row, Table, writer::write_table},
     },
     skin::TaxelId,
 };
@@ -28,10 +28,9 @@ use crate::{
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), IoError> {
-    const HEADER: [&str; 15] =
-        ["id", "x", "y", "z", "qx", "qy", "qz", "qw", "sigma", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"];
+    const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz";
     let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
-    write_table(path, &HEADER, |table| {
+    write_table(path, HEADER, |table| {
         for (v, pose) in calibration.poses.enumerate() {
             table.whole(calibration.ids[v].0);
             table.decimals(pose.position.to_array().into_iter().chain(pose.rotation.to_array()));
@@ -54,8 +53,8 @@ pub fn write_truth(
     ids: &IdVec<VertexId, TaxelId>,
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
-    const HEADER: [&str; 11] = ["id", "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw"];
-    write_table(path, &HEADER, |table| {
+    const HEADER: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw";
+    write_table(path, HEADER, |table| {
         for (id, pose) in ids.iter().zip(truth) {
             table.whole(id.0);
             let normal = (pose.rotation * DVec3::Z).to_array();
@@ -76,7 +75,7 @@ pub fn write_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
-    write_table(path, &BY_ID, |table| {
+    write_table(path, &BY_ID.join(","), |table| {
         for corners in triangles {
             corners.iter().filter_map(|&v| ids.get(v)).for_each(|id| table.whole(id.0));
             table.end_row()?;
@@ -104,7 +103,7 @@ pub fn write_inliers(
     let edges = edges.map(|(edge, fit)| (id(edge.from), Some(id(edge.to)), fit));
     let contacts = observations.contacts.iter().zip(&fits.contacts);
     let contacts = contacts.map(|(contact, fit)| (id(contact.taxel), None, fit));
-    write_table(path, &["i", "j", "sigmas", "weight", "inlier"], |table| {
+    write_table(path, "i,j,sigmas,weight,inlier", |table| {
         for (i, j, fit) in edges.chain(contacts) {
             table.whole(i);
             match j {
@@ -162,4 +161,71 @@ pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
         Ok(())
     })?;
     Ok(truth)
+}
+
+/// Corners named by the ids of their taxels.
+pub(in crate::io) const BY_ID: [&str; 3] = ["id0", "id1", "id2"];
+
+/// Corners named by the rows of their taxels, counted from 0.
+pub(in crate::io) const BY_ROW: [&str; 3] = ["row0", "row1", "row2"];
+
+/// How a table names the corners of its triangles.
+pub(in crate::io) struct Corners {
+    by_id: bool,
+    /// The names of the columns, and where they are.
+    pub(in crate::io) names: [&'static str; 3],
+    pub(in crate::io) columns: [usize; 3],
+}
+
+impl Corners {
+    pub(in crate::io) fn new(columns: &Columns) -> Result<Self> {
+        for (by_id, names) in [(true, BY_ID), (false, BY_ROW)] {
+            if names.iter().any(|name| columns.find(name).is_some()) {
+                return Ok(Self { by_id, names, columns: columns.need_vector(names)? });
+            }
+        }
+        let needed =
+            format!("columns {} (ids of taxels) or {} (their rows)", BY_ID.join(","), BY_ROW.join(","));
+        Err(columns.at().invalid(columns.describe(), needed))
+    }
+
+    /// The rows of the taxels that a triangle joins, of as many as `ids` has; rows count from 0.
+    pub(in crate::io) fn rows_of(&self, row: Row<'_>, taxels: &Taxels) -> Result<[usize; 3]> {
+        let find = |column| {
+            let number = row.text(column).parse::<u32>().ok();
+            if !self.by_id {
+                let place = number.map(|k| k as usize).filter(|&k| k < taxels.count);
+                let needed = || format!("the row of one of {} taxels, counted from 0", taxels.count);
+                return place.ok_or_else(|| row.invalid(column, needed()));
+            }
+            match number.and_then(|id| taxels.rows.get(&TaxelId(id))) {
+                Some(&(place, 1)) => Ok(place),
+                Some((_, many)) => {
+                    let needed = format!("an id of one taxel, not of {many}; {} name rows", BY_ROW.join(","));
+                    Err(row.invalid(column, needed))
+                }
+                None => Err(row.invalid(column, "the id of a taxel of the table")),
+            }
+        };
+        let [a, b, c] = self.columns.map(find);
+        Ok([a?, b?, c?])
+    }
+}
+
+/// Which rows the taxels have.
+pub(in crate::io) struct Taxels {
+    count: usize,
+    /// The first row of each id, and how many there are.
+    rows: HashMap<TaxelId, (usize, usize)>,
+}
+
+impl Taxels {
+    /// `count` taxels, which have these ids, if any.
+    pub(in crate::io) fn new(count: usize, ids: impl IntoIterator<Item = TaxelId>) -> Self {
+        let mut rows = HashMap::with_capacity(count);
+        for (row, id) in ids.into_iter().enumerate() {
+            rows.entry(id).or_insert((row, 0)).1 += 1;
+        }
+        Self { count, rows }
+    }
 }

@@ -2,7 +2,6 @@
 
 use std::{
     io::{BufReader, Read},
-    iter,
     path::Path,
 };
 
@@ -68,13 +67,12 @@ pub fn read_contacts<R: Read>(
     path: &Path,
     input: R,
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<ContactRow, IoError>> + use<R>), IoError> {
-    let mut table = open(path, input)?;
+    let table = open(path, input)?;
     let columns = &table.columns;
     let is_answers = OF_ANSWERS.iter().all(|name| columns.find(name).is_some());
     let frame_or_link = if is_answers { "frame" } else { "link" };
     let is_read = |name: &str| name == frame_or_link || name != "link" && COLUMNS.contains(&name);
-    let unknown = columns.unknown(&[]).filter(|(_, name)| !is_read(name)).map(|(_, name)| name.to_owned());
-    let unknown = unknown.collect();
+    let unknown = columns.names.iter().filter(|name| !is_read(name)).cloned().collect();
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
     let [force, radius, time] = ["force", "radius", "time"].map(|name| columns.find(name));
@@ -104,11 +102,7 @@ pub fn read_contacts<R: Read>(
             line: row.at.line as u64,
         })
     };
-    let rows = iter::from_fn(move || match table.advance() {
-        Ok(more) => more.then(|| contact(table.row())),
-        Err(error) => Some(Err(error)),
-    });
-    Ok((unknown, rows))
+    Ok((unknown, table.into_rows(contact)))
 }
 
 /// Whether a row of answers is that of a contact off the skin, and has no place.
@@ -154,12 +148,12 @@ pub fn read_map_places<R: Read>(
     path: &Path,
     input: R,
 ) -> Result<(Vec<String>, impl Iterator<Item = Result<MapPlaceRow, IoError>> + use<R>), IoError> {
-    let mut table = open(path, input)?;
+    let table = open(path, input)?;
     let columns = &table.columns;
     let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);
-    let is_read = |name| MAP_COLUMNS.contains(&name) && !(map.is_some() && ["px", "py"].contains(&name));
-    let unknown = columns.unknown(&[]).filter(|(_, name)| !is_read(*name)).map(|(_, name)| name.to_owned());
-    let unknown = unknown.collect();
+    let is_read =
+        |name: &str| MAP_COLUMNS.contains(&name) && !(map.is_some() && ["px", "py"].contains(&name));
+    let unknown = columns.names.iter().filter(|name| !is_read(name)).cloned().collect();
     let (place_columns, is_map) = match (map, pixel) {
         (Some(map), _) => (map, true),
         (None, Some(pixel)) => (pixel, false),
@@ -189,9 +183,5 @@ pub fn read_map_places<R: Read>(
             line: row.at.line as u64,
         })
     };
-    let rows = iter::from_fn(move || match table.advance() {
-        Ok(more) => more.then(|| place(table.row())),
-        Err(error) => Some(Err(error)),
-    });
-    Ok((unknown, rows))
+    Ok((unknown, table.into_rows(place)))
 }

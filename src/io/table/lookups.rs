@@ -15,39 +15,16 @@ use crate::{
     contact::Cell,
     io::{
         IoError,
+        file::cannot_write,
         table::writer::{end_row, push_cell, push_number, push_whole},
     },
     pyramid::LevelId,
     skin::{Presence, TaxelId},
 };
 
-/// Columns of a table of lookups.
-const COLUMNS: [&str; 24] = [
-    "contact",
-    "level",
-    "patch",
-    "face",
-    "b0",
-    "b1",
-    "b2",
-    "u",
-    "v",
-    "px",
-    "py",
-    "field",
-    "taxel_id",
-    "distance",
-    "link",
-    "x",
-    "y",
-    "z",
-    "nx",
-    "ny",
-    "nz",
-    "fields",
-    "presence",
-    "live_taxel_id",
-];
+/// Columns of a table of lookups, but for one that a table adds.
+const COLUMNS: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,\
+                       x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame";
 
 /// What stands in the column `patch` of a contact that touches none.
 pub(super) const OFF_SKIN: &str = "off skin";
@@ -123,9 +100,8 @@ impl<'a, W: Write> LookupWriter<'a, W> {
     /// # Errors
     /// If `output` fails.
     pub fn new(path: &'a Path, mut output: W, extra: Option<&str>) -> Result<Self, IoError> {
-        let columns = COLUMNS.into_iter().chain(["frame"]).chain(extra);
-        let header = columns.collect::<Vec<_>>().join(",") + "\n";
-        output.write_all(header.as_bytes()).map_err(|source| IoError::Write { path: path.into(), source })?;
+        let columns: Vec<&str> = [COLUMNS].into_iter().chain(extra).collect();
+        writeln!(output, "{}", columns.join(",")).map_err(cannot_write(path))?;
         let output = BufWriter::with_capacity(WRITTEN, output);
         Ok(Self { path, output, has_extra: extra.is_some(), texts: Vec::new() })
     }
@@ -166,8 +142,7 @@ impl<'a, W: Write> LookupWriter<'a, W> {
             self.texts.iter().flat_map(Text::made).for_each(|(contact, rows)| made[contact - first] = rows);
             first += made.len();
             for rows in made {
-                let fail = |source| IoError::Write { path: self.path.into(), source };
-                self.output.write_all(rows).map_err(fail)?;
+                self.output.write_all(rows).map_err(cannot_write(self.path))?;
             }
         }
         Ok(())
@@ -178,7 +153,7 @@ impl<'a, W: Write> LookupWriter<'a, W> {
     /// # Errors
     /// If `output` fails.
     pub fn finish(mut self) -> Result<(), IoError> {
-        self.output.flush().map_err(|source| IoError::Write { path: self.path.into(), source })
+        self.output.flush().map_err(cannot_write(self.path))
     }
 }
 

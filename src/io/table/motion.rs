@@ -8,7 +8,7 @@ use crate::{
     id::IdVec,
     io::{
         IoError,
-        file::source::{Source, file_kind},
+        file::{Source, file_kind},
         gltf::read_animation,
         table::Table,
     },

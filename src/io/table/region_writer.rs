@@ -1,15 +1,11 @@
 //! Contacts of recordings: those found in them, written frame by frame, and those simulated.
 
-use std::{
-    fs::File,
-    io::{self, Write},
-    path::Path,
-};
+use std::{path::Path, sync::Arc};
 
 use crate::{
     io::{
         IoError,
-        file::{replace::Replacement, source::file_kind},
+        file::{file_kind, replace::Replacement},
         table::writer::{TableWriter, write_table},
     },
     map::SkinMap,
@@ -18,30 +14,8 @@ use crate::{
 };
 
 /// Columns of the table of regions.
-const COLUMNS: [&str; 22] = [
-    "frame",
-    "time",
-    "track",
-    "event",
-    "patch",
-    "link",
-    "taxels",
-    "area",
-    "force",
-    "x",
-    "y",
-    "z",
-    "nx",
-    "ny",
-    "nz",
-    "u",
-    "v",
-    "major",
-    "minor",
-    "angle",
-    "peak_taxel_id",
-    "peak",
-];
+const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,\
+                       major,minor,angle,peak_taxel_id,peak";
 
 /// Writes the contacts of a recording frame by frame.
 ///
@@ -52,36 +26,21 @@ const COLUMNS: [&str; 22] = [
 /// as the same `f64`. A force that does not follow from the unit of the channel is an empty cell.
 ///
 /// Nothing appears in the file's place before [`RegionWriter::finish`].
-pub struct RegionWriter<'a> {
-    map: &'a SkinMap,
-    table: TableWriter<Destination>,
+pub struct RegionWriter {
+    map: Arc<SkinMap>,
+    table: TableWriter<Replacement>,
 }
 
-/// The file that is to be replaced, as something to write to.
-struct Destination(Replacement);
-
-impl Write for Destination {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut file: &File = self.0.file();
-        file.write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl<'a> RegionWriter<'a> {
+impl RegionWriter {
     /// Starts a file of contacts on this map.
     ///
     /// # Errors
     /// If the file is no `.csv`, or cannot be created.
-    pub fn create(path: &Path, map: &'a SkinMap) -> Result<Self, IoError> {
+    pub fn create(path: &Path, map: &Arc<SkinMap>) -> Result<Self, IoError> {
         if file_kind(path) != "csv" {
             return Err(IoError::UnknownKind { path: path.into(), known: ".csv" });
         }
-        let file = Destination(Replacement::open(path)?);
-        Ok(Self { map, table: TableWriter::new(path, file, COLUMNS) })
+        Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, COLUMNS)? })
     }
 
     /// Writes the contacts of one frame.
@@ -122,7 +81,7 @@ impl<'a> RegionWriter<'a> {
     /// # Errors
     /// If the disk is full.
     pub fn finish(self) -> Result<(), IoError> {
-        self.table.finish()?.0.finish()
+        self.table.publish()
     }
 }
 
@@ -139,11 +98,8 @@ impl<'a> RegionWriter<'a> {
 /// # Panics
 /// If a touch names a patch that `skin` does not have.
 pub fn write_touches(path: &Path, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
-    const HEADER: [&str; 13] = [
-        "frame", "time", "press", "patch", "link", "x", "y", "z", "force", "taxels", "sphere_x", "sphere_y",
-        "sphere_z",
-    ];
-    write_table(path, &HEADER, |table| {
+    const HEADER: &str = "frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z";
+    write_table(path, HEADER, |table| {
         for touch in touches {
             let patch = &skin.patches[touch.patch];
             table.whole(touch.frame as u64);

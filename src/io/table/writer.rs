@@ -11,7 +11,7 @@ use std::{
 
 use crate::io::{
     error::Result,
-    file::{cannot_write, replace_file},
+    file::{cannot_write, replace::Replacement, replace_file},
 };
 
 /// Bytes of rows that are kept before they are written.
@@ -34,18 +34,9 @@ pub(crate) fn push_decimal(text: &mut Vec<u8>, number: f64, least: f64) {
 
 /// Appends a whole number.
 #[inline]
-pub(crate) fn push_whole(text: &mut Vec<u8>, mut number: u64) {
-    let mut digits = [b','; 21];
-    let mut first = digits.len() - 1;
-    loop {
-        first -= 1;
-        digits[first] = b'0' + (number % 10) as u8;
-        number /= 10;
-        if number == 0 {
-            break;
-        }
-    }
-    text.extend_from_slice(&digits[first..]);
+pub(crate) fn push_whole(text: &mut Vec<u8>, number: u64) {
+    text.extend_from_slice(itoa::Buffer::new().format(number).as_bytes());
+    text.push(b',');
 }
 
 /// Appends a text, in quotes where it would else be several cells.
@@ -79,12 +70,9 @@ pub(crate) struct TableWriter<W> {
 }
 
 impl<W: Write> TableWriter<W> {
-    /// Begins a table with the names of its columns; errors call it `path`.
-    pub(crate) fn new<'n>(path: &Path, output: W, names: impl IntoIterator<Item = &'n str>) -> Self {
-        let mut text = Vec::new();
-        names.into_iter().for_each(|name| push_cell(&mut text, name));
-        end_row(&mut text);
-        Self { path: path.into(), output, text }
+    /// Begins a table with the names of its columns, between commas; errors call it `path`.
+    pub(crate) fn new(path: &Path, output: W, names: &str) -> Self {
+        Self { path: path.into(), output, text: format!("{names}\n").into_bytes() }
     }
 
     /// Appends numbers, plain down to 1e-20.
@@ -135,14 +123,26 @@ impl<W: Write> TableWriter<W> {
     }
 }
 
+impl TableWriter<Replacement> {
+    /// Begins a table that appears in the place of its file when it is [finished](Self::publish).
+    pub(crate) fn create(path: &Path, names: &str) -> Result<Self> {
+        Ok(Self::new(path, Replacement::open(path)?, names))
+    }
+
+    /// Ends the table, and puts the file in its place.
+    pub(crate) fn publish(self) -> Result<()> {
+        self.finish()?.finish()
+    }
+}
+
 /// Writes a table as a file, whole or not at all.
 pub(crate) fn write_table(
     path: &Path,
-    header: &[&str],
+    names: &str,
     rows: impl FnOnce(&mut TableWriter<&mut BufWriter<&File>>) -> Result<()>,
 ) -> Result<()> {
     replace_file(path, |out| {
-        let mut table = TableWriter::new(path, out, header.iter().copied());
+        let mut table = TableWriter::new(path, out, names);
         rows(&mut table)?;
         table.finish().map(drop)
     })

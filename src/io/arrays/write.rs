@@ -2,24 +2,26 @@
 //!
 //! A frame is one row of every growing array. Rows are collected into blocks of a few megabytes; a
 //! full block is written out array by array. A `.npy` has one array, whose blocks go to where they
-//! stay; its header is written anew at the end. The blocks of an `.npz` go to one file without a
-//! name on the same disk, from which the arrays are gathered when the recording ends.
+//! stay; its header is written anew at the end. The blocks of an `.npz`, a zip archive stored without
+//! compression, go to one file without a name on the same disk, from which the arrays are gathered when
+//! the recording ends.
 
 use std::{
+    fmt::Write as _,
     fs::File,
-    io::{self, Read, Seek, SeekFrom, Write},
+    io::{self, BufWriter, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
 
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+
 use crate::io::{
     IoError,
-    arrays::write::{
-        archive::{Archive, write_archive},
-        npy::{ElementType, Elements, count, header},
-    },
+    arrays::npy::{ElementType, Elements, count, header},
     file::{
-        replace::{Replacement, spool_for},
-        source::{file_kind, unfit},
+        cannot_write, file_kind,
+        replace::{Replacement, replace_file, spool_for},
+        unfit,
     },
 };
 
@@ -139,8 +141,9 @@ impl ArrayWriter {
         if elements.append(*kind, bytes) {
             return Ok(());
         }
-        let found = format!("{:?}", elements.element_type());
-        Err(unfit(&self.path, format!("array {name:?}"), found, format!("elements of {kind:?}")))
+        let (found, needed) =
+            (elements.element_type().describe(), format!("elements of {}", kind.describe()));
+        Err(unfit(&self.path, format!("array {name:?}"), found, needed))
     }
 
     /// Ends a frame: every growing array has a row more.
@@ -210,11 +213,6 @@ impl ArrayWriter {
     }
 }
 
-fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError {
-    let path = path.to_owned();
-    move |source| IoError::Write { path: path.clone(), source }
-}
-
 /// The shape of an array with this many rows.
 fn shape_of(rows: u64, row: &[usize]) -> Vec<u64> {
     std::iter::once(rows).chain(row.iter().map(|&n| n as u64)).collect()
@@ -270,6 +268,102 @@ fn copy(mut from: &File, start: u64, bytes: u64, buffer: &mut [u8], out: &mut dy
     Ok(())
 }
 
+/// Arrays of more bytes than this need the long form of a zip entry.
+const LARGE_ENTRY: u64 = 1 << 31;
+
+/// An archive that is being written.
+pub(crate) struct Archive<'a, 'f>(ZipWriter<Latch<&'a mut BufWriter<&'f File>>>);
+
+impl Archive<'_, '_> {
+    /// Adds an array of `bytes` bytes, header included, which `write` writes.
+    pub(crate) fn array(
+        &mut self,
+        name: &str,
+        bytes: u64,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<()> {
+        // Without a time of day, so that the same arrays give the same bytes.
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .last_modified_time(zip::DateTime::default())
+            .large_file(bytes >= LARGE_ENTRY);
+        self.0.start_file(format!("{}.npy", entry_name(name)), options)?;
+        write(&mut self.0)
+    }
+}
+
+/// The name of an array as that of a file: control characters and backslashes, and slashes that lead out
+/// of the folder where the archive is unpacked, as `%2F`.
+fn entry_name(name: &str) -> String {
+    let leaves = name.starts_with('/') || name.split('/').any(|part| part == "..");
+    let is_odd = |c: char| c.is_control() || c == '\\' || leaves && c == '/';
+    let mut encoded = String::with_capacity(name.len());
+    for c in name.chars() {
+        match c {
+            c if is_odd(c) => {
+                for byte in c.encode_utf8(&mut [0; 4]).bytes() {
+                    let _ = write!(encoded, "%{byte:02X}");
+                }
+            }
+            c => encoded.push(c),
+        }
+    }
+    encoded
+}
+
+/// Writes an archive; the file is replaced whole or not at all.
+pub(crate) fn write_archive(
+    path: &Path,
+    write: impl FnOnce(&mut Archive<'_, '_>) -> io::Result<()>,
+) -> Result<(), IoError> {
+    let fail = |source| IoError::Write { path: path.into(), source };
+    replace_file(path, |file| {
+        let mut archive = Archive(ZipWriter::new(Latch { inner: file, failed: None, at: 0 }));
+        write(&mut archive).map_err(fail)?;
+        match archive.0.finish().map_err(io::Error::from).map_err(fail)?.failed {
+            Some(source) => Err(fail(source)),
+            None => Ok(()),
+        }
+    })
+}
+
+/// A file whose first error is kept for the end, all that follows being thrown away: an archive
+/// that cannot be finished complains on standard error when it is dropped.
+struct Latch<W> {
+    inner: W,
+    failed: Option<io::Error>,
+    at: u64,
+}
+
+impl<W: Write> Write for Latch<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.failed.is_none() {
+            self.failed = self.inner.write_all(bytes).err();
+        }
+        self.at += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.failed.is_none() {
+            self.failed = self.inner.flush().err();
+        }
+        Ok(())
+    }
+}
+
+impl<W: Seek> Seek for Latch<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        if self.failed.is_none() {
+            match self.inner.seek(to) {
+                Ok(at) => self.at = at,
+                Err(e) => self.failed = Some(e),
+            }
+        }
+        Ok(self.at)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -277,7 +371,7 @@ mod tests {
     use npyz::NpyFile;
     use zip::ZipArchive;
 
-    use super::*;
+    use super::{entry_name, *};
 
     /// `frames` frames of `(frame, frame + 1/2, ...)`, each with a `u8` and text beside it.
     fn record(path: &Path, frames: u32, width: usize) -> Result<(), IoError> {
@@ -405,6 +499,18 @@ mod tests {
             std::os::unix::fs::symlink(full, &path).unwrap();
             let error = record(&path, 3, 1000).unwrap_err();
             assert!(matches!(error, IoError::Write { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn names_stay_in_the_folder() {
+        for (name, entry) in [
+            ("left/palm.L0.values", "left/palm.L0.values"),
+            ("/etc/x", "%2Fetc%2Fx"),
+            ("../x\0", "..%2Fx%00"),
+            ("a\\b", "a%5Cb"),
+        ] {
+            assert_eq!(entry_name(name), entry);
         }
     }
 }

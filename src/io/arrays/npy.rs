@@ -1,13 +1,15 @@
-//! Headers and elements of `.npy` arrays that come from elsewhere.
 //!
-//! The header is read here, with a bound on its length and without recursion: a parser of Python
-//! literals can be made to overflow its stack by a file.
 
 use std::{io::Read, path::Path};
 
-use crate::io::{
-    IoError,
-    file::source::{excerpt, invalid},
+use half::f16;
+
+use crate::{
+    io::{
+        IoError,
+        file::{excerpt, invalid, unfit},
+    },
+    numeric::narrow,
 };
 
 /// Longest header of an array, in bytes; numpy's own limit is 10 000.
@@ -115,6 +117,16 @@ impl NpyHeader {
 }
 
 impl ElementType {
+    pub(in crate::io) const U8: Self = Self::little_endian(Kind::Unsigned, 1);
+    pub(in crate::io) const U32: Self = Self::little_endian(Kind::Unsigned, 4);
+    pub(in crate::io) const I64: Self = Self::little_endian(Kind::Signed, 8);
+    pub(in crate::io) const F32: Self = Self::little_endian(Kind::Float, 4);
+    pub(in crate::io) const F64: Self = Self::little_endian(Kind::Float, 8);
+
+    const fn little_endian(kind: Kind, size: usize) -> Self {
+        Self { is_big_endian: false, kind, size }
+    }
+
     fn parse(descriptor: &str) -> Option<Self> {
         let mut letters = descriptor.chars();
         let order = letters.next().filter(|c| "<>|=".contains(*c))?;
@@ -140,22 +152,31 @@ impl ElementType {
         matches!(self.kind, Kind::Float | Kind::Signed | Kind::Unsigned)
     }
 
-    fn describe(self) -> String {
-        let letter = match self.kind {
-            Kind::Float => "f",
-            Kind::Signed => "i",
-            Kind::Unsigned => "u",
-            Kind::Unicode => return "str".into(),
-            Kind::Bytes => return "bytes".into(),
-        };
-        format!("{letter}{}", self.size)
+    /// What numpy calls it, but for the order of its bytes.
+    pub(in crate::io) fn describe(self) -> String {
+        match self.kind {
+            Kind::Float => format!("f{}", self.size),
+            Kind::Signed => format!("i{}", self.size),
+            Kind::Unsigned => format!("u{}", self.size),
+            Kind::Unicode => "str".into(),
+            Kind::Bytes => "bytes".into(),
+        }
+    }
+
+    /// Its name in the header of an array that is written.
+    fn descriptor(self) -> String {
+        match (self.kind, self.size) {
+            (Kind::Unicode, bytes) => format!("<U{}", bytes / 4),
+            (_, 1) => format!("|{}", self.describe()),
+            _ => format!("<{}", self.describe()),
+        }
     }
 
     /// The numbers that `bytes` hold, as `f64`; NaN if they are not numbers.
     pub(in crate::io) fn numbers(self, bytes: &[u8], out: &mut [f64]) {
         let big = self.is_big_endian;
         match (self.kind, self.size) {
-            (Kind::Float, 2) => fill(bytes, out, big, |b| half(u16::from_le_bytes(b))),
+            (Kind::Float, 2) => fill(bytes, out, big, |b| f16::from_le_bytes(b).to_f64()),
             (Kind::Float, 4) => fill(bytes, out, big, |b| f64::from(f32::from_le_bytes(b))),
             (Kind::Float, 8) => fill(bytes, out, big, f64::from_le_bytes),
             (Kind::Signed, 1) => fill(bytes, out, big, |b| f64::from(i8::from_le_bytes(b))),
@@ -200,16 +221,111 @@ fn fill<const N: usize>(bytes: &[u8], out: &mut [f64], is_big_endian: bool, of: 
     }
 }
 
-/// The number that the 16 bits of IEEE 754 stand for.
-fn half(bits: u16) -> f64 {
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    let size = match exponent {
-        0 => fraction * 2_f64.powi(-24),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * 2_f64.powi(exponent - 25),
-    };
-    if bits >> 15 == 1 { -size } else { size }
+/// Elements of an array, the last index fastest.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Elements<'a> {
+    U8(&'a [u8]),
+    U32(&'a [u32]),
+    I64(&'a [i64]),
+    F32(&'a [f32]),
+    F64(&'a [f64]),
+    /// Strings of any length; only in arrays that do not grow.
+    Text(&'a [String]),
+}
+
+impl Elements<'_> {
+    /// The type that holds them.
+    pub(crate) fn element_type(&self) -> ElementType {
+        match self {
+            Self::U8(_) => ElementType::U8,
+            Self::U32(_) => ElementType::U32,
+            Self::I64(_) => ElementType::I64,
+            Self::F32(_) => ElementType::F32,
+            Self::F64(_) => ElementType::F64,
+            Self::Text(texts) => {
+                let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
+                ElementType::little_endian(Kind::Unicode, 4 * longest)
+            }
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::U8(x) => x.len(),
+            Self::U32(x) => x.len(),
+            Self::I64(x) => x.len(),
+            Self::F32(x) => x.len(),
+            Self::F64(x) => x.len(),
+            Self::Text(x) => x.len(),
+        }
+    }
+
+    /// Appends the elements as an array of `to` holds them, little-endian. `f64` go into arrays of
+    /// `f32` too; any other change of type is refused with `false`.
+    #[must_use]
+    pub(crate) fn append(&self, to: ElementType, bytes: &mut Vec<u8>) -> bool {
+        match (*self, to) {
+            (Self::U8(x), ElementType::U8) => bytes.extend_from_slice(x),
+            (Self::U32(x), ElementType::U32) => extend(bytes, x, |x| x.to_le_bytes()),
+            (Self::I64(x), ElementType::I64) => extend(bytes, x, |x| x.to_le_bytes()),
+            (Self::F32(x), ElementType::F32) => extend(bytes, x, |x| x.to_le_bytes()),
+            (Self::F64(x), ElementType::F64) => extend(bytes, x, |x| x.to_le_bytes()),
+            (Self::F64(x), ElementType::F32) => extend(bytes, x, |&x| narrow(x).to_le_bytes()),
+            (Self::Text(texts), ElementType { kind: Kind::Unicode, size, .. }) => {
+                for text in texts {
+                    let letters = text.chars().map(u32::from).chain(std::iter::repeat(0));
+                    bytes.extend(letters.take(size / 4).flat_map(u32::to_le_bytes));
+                }
+            }
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// Appends `N` bytes for each element: in one piece, since an iterator of bytes takes several times
+/// as long.
+fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T) -> [u8; N]) {
+    let start = bytes.len();
+    bytes.resize(start + N * elements.len(), 0);
+    for (place, element) in bytes[start..].chunks_exact_mut(N).zip(elements) {
+        place.copy_from_slice(&of(element));
+    }
+}
+
+/// The header of an array of this shape. With a `least` length it is filled with blanks up to that,
+/// so that it can take the place of an earlier one.
+pub(crate) fn header(elements: ElementType, shape: &[u64], least: usize) -> Vec<u8> {
+    let lengths: Vec<String> = shape.iter().map(|n| format!("{n},")).collect();
+    let lengths = lengths.join(" ");
+    // As Python writes tuples: `(3,)`, but `(3, 4)`.
+    let lengths = if shape.len() > 1 { lengths.trim_end_matches(',') } else { &lengths };
+    let descriptor = elements.descriptor();
+    let dictionary = format!("{{'descr': '{descriptor}', 'fortran_order': False, 'shape': ({lengths}), }}");
+    let used = MAGIC.len() + 2 + dictionary.len() + 1;
+    let total = used.next_multiple_of(ALIGNMENT).max(least);
+    let mut bytes = MAGIC.to_vec();
+    let length = u16::try_from(total - MAGIC.len() - 2).unwrap_or(u16::MAX);
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(dictionary.bytes());
+    bytes.resize(total - 1, b' ');
+    bytes.push(b'\n');
+    bytes
+}
+
+/// What every file begins with, and the version of its format.
+const MAGIC: [u8; 8] = *b"\x93NUMPY\x01\x00";
+
+/// Elements begin at a multiple of this many bytes.
+const ALIGNMENT: usize = 64;
+
+/// Number of elements of a shape.
+pub(crate) fn count(path: &std::path::Path, name: &str, shape: &[usize]) -> Result<usize, IoError> {
+    let count = shape.iter().try_fold(1_usize, |count, &n| count.checked_mul(n));
+    count.filter(|&n| n < 1 << 40).ok_or_else(|| {
+        let found = format!("the shape {shape:?}");
+        unfit(path, format!("array {name:?}"), found, "fewer than 2^40 elements a row")
+    })
 }
 
 #[cfg(test)]
@@ -244,17 +360,36 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_those_of_ieee_754() {
-        for (bits, x) in [
-            (0x3c00, 1.0),
-            (0xc000, -2.0),
-            (0x7bff, 65504.0),
-            (0x0001, 2_f64.powi(-24)),
-            (0x0400, 2_f64.powi(-14)),
-            (0xfc00, f64::NEG_INFINITY),
-        ] {
-            assert_eq!(half(bits), x, "{bits:x}");
-        }
-        assert!(half(0x7e00).is_nan());
+    fn headers_are_those_of_numpy() {
+        let bytes = header(ElementType::F32, &[3], 0);
+        assert_eq!(bytes.len(), 128);
+        let text = String::from_utf8_lossy(&bytes[10..]);
+        assert!(text.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }"), "{text}");
+        let text = String::from_utf8(
+            header(ElementType::little_endian(Kind::Unicode, 16), &[3, 5], 0)[10..].to_vec(),
+        )
+        .unwrap();
+        assert!(text.contains("'<U4'") && text.contains("(3, 5), }"), "{text}");
+        assert!(String::from_utf8_lossy(&header(ElementType::F64, &[], 0)).contains("'shape': (), }"));
+    }
+
+    #[test]
+    fn a_header_can_be_as_long_as_a_longer_one() {
+        let long = header(ElementType::F32, &[u64::MAX, 1000, 1000, 1000], 0);
+        let short = header(ElementType::F32, &[0, 1000, 1000, 1000], long.len());
+        assert_eq!(short.len(), long.len());
+        let stated = usize::from(u16::from_le_bytes([short[8], short[9]]));
+        assert_eq!(10 + stated, short.len());
+    }
+
+    #[test]
+    fn texts_are_padded_with_zeros() {
+        let texts = ["ab".to_owned(), "\u{e9}".into()];
+        let elements = Elements::Text(&texts);
+        let mut bytes = Vec::new();
+        assert_eq!(elements.element_type(), ElementType::little_endian(Kind::Unicode, 8));
+        assert!(elements.append(ElementType::little_endian(Kind::Unicode, 8), &mut bytes));
+        assert_eq!(bytes, [97, 0, 0, 0, 98, 0, 0, 0, 0xe9, 0, 0, 0, 0, 0, 0, 0]);
+        assert!(!elements.append(ElementType::F32, &mut bytes), "a text is not a number");
     }
 }
