@@ -282,7 +282,7 @@ fn a_ball_presses_the_taxels_under_it() {
         assert!(matches!(refused, Err(SignalError::Contact(ContactError::NoDistance { .. }))), "{refused:?}");
     }
     for force in [f64::NAN, f64::INFINITY] {
-        assert!(matches!(add(&spreader, force), Err(SignalError::Force { .. })));
+        assert!(matches!(add(&spreader, force), Err(SignalError::Option { .. })));
     }
     for height in [0.02, 0.0101] {
         let before = frame.clone();

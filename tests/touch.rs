@@ -175,7 +175,7 @@ fn numbers_that_make_no_recording_are_refused() {
         TouchOptions { touches: 101, ..d },
     ] {
         let refused = TouchSimulation::new(&skin, &options);
-        assert!(matches!(refused, Err(SignalError::TouchOption { .. })), "{options:?}");
+        assert!(matches!(refused, Err(SignalError::Option { .. })), "{options:?}");
     }
     let mut none = skin;
     for presence in none.patches[PatchId::new(0)].taxels.presence.iter_mut() {

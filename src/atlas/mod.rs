@@ -13,7 +13,6 @@ mod chart;
 mod error;
 mod layout;
 mod level_image;
-mod options;
 mod rasterize;
 mod stretch;
 
@@ -33,9 +32,9 @@ pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
 pub(crate) use chart::largest;
 pub use error::AtlasError;
+pub use layout::{AtlasOptions, Resolution};
 pub(crate) use level_image::{ImageRows, SampleType, Samples};
 pub use level_image::{LevelImage, skin_images};
-pub use options::{AtlasOptions, Resolution};
 pub(crate) use stretch::{Stretch, face_stretch};
 
 /// Which place of the skin every pixel of its images shows.

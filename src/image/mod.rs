@@ -14,7 +14,6 @@
 //! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `natural`,
 //! neighbours where values are missing; `surface`, all of a chart; `layer`, what changed.
 
-mod error;
 mod face_weights;
 mod layer;
 mod natural;
@@ -24,13 +23,12 @@ mod surface;
 use crate::{
     atlas::{Atlas, AtlasPart, Chart},
     image::{layer::Layer, surface::PixelSurface},
-    map::{ImageFrame, SkinMap},
+    map::{ImageFrame, MapError, SkinMap},
     pyramid::LevelId,
     signal::{Channel, LevelFrame, Quantity},
     skin::PatchId,
 };
 
-pub use error::ImageError;
 pub use surface::Interpolation;
 
 /// Options of a [`Renderer`].
@@ -202,4 +200,37 @@ fn blank(part: &AtlasPart, tiles: &[Tile], channels: usize) -> TactileImage {
         values: vec![f32::NAN; channels * count],
         coverage,
     }
+}
+
+/// Why values and pixels do not fit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The map breaks a rule.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// An atlas that was made of another map.
+    #[error("image {part} of the atlas shows a patch, a level or a face that the map does not have")]
+    Atlas {
+        /// Name of the image.
+        part: String,
+    },
+    /// A level that no patch has.
+    #[error("no image shows level {level}; the levels are 0 to {last}")]
+    Level {
+        /// The level asked for.
+        level: LevelId,
+        /// The coarsest level there is.
+        last: LevelId,
+    },
+    /// A chart without a pixel, where an amount has to be drawn.
+    #[error(
+        "no pixel of image {part} shows patch {patch}, so its amounts cannot be kept; use smaller pixels"
+    )]
+    NoPixel {
+        /// Name of the image.
+        part: String,
+        /// Name of the patch.
+        patch: String,
+    },
 }

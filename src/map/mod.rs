@@ -1,15 +1,388 @@
 //! Somatosensory maps: every patch with every level, its map and how they are joined.
 //!
 //! A [`SkinMap`] is what `map.glb` holds and all that lookup and images need; it can be made from
-//! a skin or read back from a file.
+//! a skin or read back from a file. [`SkinMap::validate`] is the one judge of what is a map.
 
 mod carried_places;
 mod error;
 mod frame;
-mod skin_map;
+
+use std::borrow::Cow;
+
+use glam::{DAffine3, DVec2, DVec3};
+
+use crate::{
+    cut::{CutMesh, PlaceId, seam_length},
+    flatten::{Convergence, Distortion, distortion},
+    id::{FaceId, IdVec, VertexId},
+    mesh::{TriMesh, VertexCorners, signed_area},
+    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
+    skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
+};
 
 pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
-pub use skin_map::{MapLevel, PatchMap, SkinMap};
+
+/// Farther away, contacts and skins are refused too.
+const FARTHEST: f64 = 1e12;
+
+/// One level of a patch with its map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapLevel {
+    /// The level: its mesh in the link's frame, and how it is joined to the others.
+    pub level: Level,
+    /// How the level is cut open on the map; `None` where it is not. Then its vertices are the
+    /// places of the map, else a vertex of the seam has several places there.
+    pub cut: Option<CutMesh>,
+    /// Map positions of the places, in m.
+    pub uv: IdVec<PlaceId, DVec2>,
+    /// The rectangle its image shows.
+    pub frame: ImageFrame,
+    /// How faithful the map is; after a build as a map file holds it, in 32-bit numbers.
+    pub distortion: Distortion,
+    /// How far its minimisation came, where that is known: files do not keep it.
+    pub convergence: Option<Convergence>,
+}
+
+impl MapLevel {
+    /// A level with its map `uv` (m), which is not measured; images have `pixel` metres per pixel.
+    pub(crate) fn new(level: Level, cut: Option<CutMesh>, uv: IdVec<PlaceId, DVec2>, pixel: f64) -> Self {
+        let frame = ImageFrame::around(&uv, pixel);
+        Self { level, cut, uv, frame, distortion: Distortion::default(), convergence: None }
+    }
+
+    /// Gives its image `pixel` metres per pixel.
+    pub(crate) fn set_pixel(&mut self, pixel: f64) {
+        self.frame = ImageFrame::around(&self.uv, pixel);
+    }
+
+    /// Whether all faces that have an area on the skin are mirrored on the map.
+    fn is_mirrored(&self) -> bool {
+        let mesh = &self.level.mesh;
+        let faces = mesh.triangles.ids().filter(|&face| mesh.face_cross(face) != DVec3::ZERO);
+        let mut areas = faces.map(|face| signed_area(self.uv_of(face))).peekable();
+        areas.peek().is_some() && areas.all(|area| area < 0.0)
+    }
+
+    /// Measures the distortion anew.
+    ///
+    /// # Panics
+    /// If the map has not one position per place, or a triangle names a vertex that does not exist.
+    pub(crate) fn measure(&mut self) {
+        self.distortion = distortion(&self.opened(), &self.opened_uv());
+    }
+
+    /// The corners of a face, as places of the map.
+    ///
+    /// # Panics
+    /// If there is no such face.
+    #[must_use]
+    #[inline]
+    pub fn places(&self, face: FaceId) -> [PlaceId; 3] {
+        match &self.cut {
+            Some(cut) => cut.triangles[face],
+            None => self.level.mesh.triangles[face].map(PlaceId::of_opened),
+        }
+    }
+
+    /// The corners of every face, as places of the map.
+    pub(crate) fn corners(&self) -> IdVec<FaceId, [PlaceId; 3]> {
+        self.level.mesh.triangles.ids().map(|face| self.places(face)).collect()
+    }
+
+    /// Where the corners of a face lie on the map, in m.
+    pub(crate) fn uv_of(&self, face: FaceId) -> [DVec2; 3] {
+        self.places(face).map(|place| self.uv[place])
+    }
+
+    /// The vertex of the level that a place of the map is.
+    ///
+    /// # Panics
+    /// If there is no such place.
+    #[must_use]
+    #[inline]
+    pub fn vertex_of(&self, place: PlaceId) -> VertexId {
+        self.cut.as_ref().map_or(place.opened(), |cut| cut.unsplit[place])
+    }
+
+    /// The vertex of the level that each place of the map is; `None` where each is itself.
+    pub(crate) fn unsplit(&self) -> Option<&IdVec<PlaceId, VertexId>> {
+        self.cut.as_ref().map(|cut| &cut.unsplit)
+    }
+
+    /// Map positions of the vertices of [`Self::opened`], in m.
+    #[must_use]
+    pub fn opened_uv(&self) -> IdVec<VertexId, DVec2> {
+        self.uv.iter().copied().collect()
+    }
+
+    /// The mesh as it lies on the map: cut open.
+    #[must_use]
+    pub fn opened(&self) -> Cow<'_, TriMesh> {
+        let mesh = &self.level.mesh;
+        self.cut.as_ref().map_or(Cow::Borrowed(mesh), |cut| Cow::Owned(cut.mesh(&mesh.positions)))
+    }
+
+    /// Length of the seam along which the level is cut, in m; 0 without one.
+    #[must_use]
+    pub(crate) fn seam_length(&self) -> f64 {
+        let mesh = &self.level.mesh;
+        let edges = self.cut.as_ref().and_then(|cut| cut.seam(mesh).ok());
+        edges.map_or(0.0, |edges| seam_length(mesh, &edges))
+    }
+
+    /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
+    /// vertices of positive weight.
+    ///
+    /// # Errors
+    /// The first row whose vertices belong to no common face.
+    pub(crate) fn row_faces(&self, rows: &Prolongation) -> Result<IdVec<VertexId, FaceId>, PyramidError> {
+        let mesh = &self.level.mesh;
+        let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+        let face_of = |(row, &weights): (VertexId, &[f64; 3])| {
+            let corners = rows.indices[row];
+            let is_corner = |t: &[VertexId; 3]| (0..3).all(|k| weights[k] == 0.0 || t.contains(&corners[k]));
+            let mut faces =
+                weights.iter().position(|w| *w != 0.0).into_iter().flat_map(|k| around.faces(corners[k]));
+            let face = faces.find(|&f| is_corner(&mesh.triangles[f]));
+            face.ok_or(PyramidError::NoFace { row, corners, weights })
+        };
+        Ok(rows.weights.enumerate().map(face_of).collect::<Result<Vec<_>, _>>()?.into())
+    }
+}
+
+/// One patch with the maps of its levels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchMap {
+    /// Name of the patch.
+    pub name: String,
+    /// The link it is fixed to.
+    pub link: LinkId,
+    /// How many of the last triangles of level 0 close pin-holes: they are no skin.
+    pub filled: usize,
+    /// What is known of the taxels, the vertices of level 0.
+    pub taxels: Taxels,
+    /// The levels, finest first; at least one.
+    pub levels: IdVec<LevelId, MapLevel>,
+}
+
+impl PatchMap {
+    /// Joins a patch, its pyramid and the maps of its levels (m); images have `pixel` metres per
+    /// pixel.
+    ///
+    /// Where there are fewer maps than levels, the coarsest levels are left out. Taxels without
+    /// tangents get the direction in which `u` of level 0 grows most, in their
+    /// tangent plane; where it has none there, the mean of their neighbours'.
+    #[must_use]
+    pub fn new(
+        patch: &Patch,
+        pyramid: Pyramid,
+        maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
+        pixel: f64,
+    ) -> Self {
+        let levels = pyramid.levels.into_iter().map(|level| (level, None)).collect();
+        let mut map = Self::unmeasured(patch, levels, maps, pixel);
+        map.levels.iter_mut().for_each(MapLevel::measure);
+        map
+    }
+
+    /// As [`Self::new`], from levels that may be cut open with the maps of the opened ones; not measured.
+    pub(crate) fn unmeasured(
+        patch: &Patch,
+        levels: Vec<(Level, Option<CutMesh>)>,
+        maps: IdVec<LevelId, IdVec<VertexId, DVec2>>,
+        pixel: f64,
+    ) -> Self {
+        let levels = levels.into_iter().zip(maps);
+        let levels =
+            levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv.into_iter().collect(), pixel));
+        let levels: IdVec<LevelId, MapLevel> = levels.collect();
+        let mut taxels = patch.taxels.clone();
+        if let Some(finest) = levels.iter().next()
+            && taxels.tangents.is_none()
+        {
+            let directions = directions_of_u(finest);
+            taxels.tangents = Some(tangents_along(&finest.level.mesh, &taxels.normals, &directions).0);
+        }
+        let (name, count) = (patch.name.clone(), levels.len());
+        let mut map = Self { name, link: patch.link, filled: patch.filled, taxels, levels };
+        map.keep_finest(count);
+        map
+    }
+
+    /// Leaves out all but the finest levels.
+    pub(crate) fn keep_finest(&mut self, count: usize) {
+        self.levels = std::mem::take(&mut self.levels).into_iter().take(count).collect();
+        if let Some(last) = self.levels.iter_mut().last() {
+            last.level.from_coarser = None;
+        }
+    }
+
+    /// The normals of a level of this patch: those of the taxels that its vertices are.
+    ///
+    /// # Panics
+    /// If a vertex of the level is not a taxel of this patch.
+    pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
+        level.origins.map(|&taxel| self.taxels.normals[taxel])
+    }
+
+    /// Checks every rule that concerns this patch alone; see [`SkinMap::validate`].
+    ///
+    /// # Errors
+    /// The first broken rule.
+    pub(crate) fn validate(&self) -> Result<(), MapError> {
+        let levels: Vec<_> = self.levels.iter().map(|map| &map.level).collect();
+        check_levels(&levels).map_err(|broken| {
+            let (level, source) = match broken {
+                PyramidError::AtLevel { level, source } => (level, *source),
+                source => (LevelId::default(), source),
+            };
+            MapError::Level { patch: self.name.clone(), level, source }
+        })?;
+        let finest = levels[0];
+        self.taxels
+            .validate(finest.mesh.positions.len())
+            .map_err(|source| SkinError::Taxels { patch: self.name.clone(), source })?;
+        let mut areas = finest.areas.enumerate().zip(&self.taxels.areas);
+        if let Some(((vertex, &found), &taxel)) = areas.find(|((_, a), b)| a != b) {
+            return Err(MapError::Area { patch: self.name.clone(), vertex, found, taxel });
+        }
+        let faces = finest.mesh.triangles.len();
+        if self.filled > faces {
+            return Err(MapError::Filled { patch: self.name.clone(), found: self.filled, faces });
+        }
+        self.levels.enumerate().try_for_each(|(level, map)| self.check_map(level, map, finest))
+    }
+
+    /// Checks the map of one level, whose mesh is known to be valid.
+    fn check_map(&self, level: LevelId, map: &MapLevel, finest: &Level) -> Result<(), MapError> {
+        let MapLevel { level: Level { mesh, .. }, cut, uv, frame, distortion, .. } = map;
+        let patch = || self.name.clone();
+        if let Some(place) = cut.as_ref().and_then(|cut| cut.wrong_place(mesh)) {
+            return Err(MapError::Cut { patch: patch(), level, place });
+        }
+        let (found, needed) = (uv.len(), cut.as_ref().map_or(mesh.positions.len(), |cut| cut.unsplit.len()));
+        if found != needed {
+            let source = PyramidError::Length { what: "uv", found, needed };
+            return Err(MapError::Level { patch: patch(), level, source });
+        }
+        if let Some((place, &at)) = uv.enumerate().find(|(_, at)| !at.is_finite()) {
+            return Err(MapError::NotFinite { patch: patch(), level, vertex: map.vertex_of(place), at });
+        }
+        if let Some((place, &at)) = uv.enumerate().find(|(_, at)| at.abs().max_element() > FARTHEST) {
+            return Err(MapError::TooFar { patch: patch(), level, vertex: map.vertex_of(place), at });
+        }
+        if !frame.is_valid() {
+            return Err(MapError::Frame { patch: patch(), level, frame: *frame });
+        }
+        let has_area = mesh.triangles.ids().any(|face| mesh.face_cross(face) != DVec3::ZERO);
+        let at = uv.iter().next().copied().unwrap_or_default();
+        if has_area && uv.iter().all(|other| *other == at) {
+            return Err(MapError::OnePoint { patch: patch(), level, at });
+        }
+        if map.is_mirrored() {
+            return Err(MapError::Mirrored { patch: patch(), level });
+        }
+        let coarser = self.levels.get(LevelId::new(level.index() + 1));
+        if let Some(vertex) = coarser.and_then(|coarser| map.level.contradiction(&coarser.level, finest)) {
+            return Err(MapError::Contradiction { patch: patch(), level, vertex });
+        }
+        if !is_possible(distortion, mesh.triangles.len()) {
+            return Err(MapError::Distortion { patch: patch(), level, distortion: *distortion });
+        }
+        Ok(())
+    }
+}
+
+/// At each vertex the sum over its faces of area times gradient of `u`, twice, in m^2: zero where
+/// the gradients cancel or the faces have no area.
+fn directions_of_u(finest: &MapLevel) -> IdVec<VertexId, DVec3> {
+    let mesh = &finest.level.mesh;
+    let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, mesh.positions.len());
+    for (face, corners) in mesh.triangles.enumerate() {
+        let [x, y, z] = mesh.corners(face);
+        let normal = mesh.face_cross(face).normalize_or_zero();
+        // The gradient of a hat function is the opposite side, turned by a right angle inwards.
+        let [a, b, c] = finest.uv_of(face);
+        let side = (b.x - a.x) * (x - z) + (c.x - a.x) * (y - x);
+        let gradient = normal.cross(side);
+        corners.iter().for_each(|&v| sums[v] += gradient);
+    }
+    sums
+}
+
+/// Whether a map of `faces` faces can have these measures. Whether it has them only measuring again
+/// would tell, which takes longer than all other checks. Measures are not numbers where no face has
+/// an area, which lookups accept.
+fn is_possible(distortion: &Distortion, faces: usize) -> bool {
+    let &Distortion { flips, qc_mean, qc_max, area_mean, area_max, .. } = distortion;
+    let exceeds = |mean: f64, most: f64| mean > most * (1.0 + 1e-9);
+    flips <= faces && !exceeds(qc_mean, qc_max) && !exceeds(area_mean, area_max)
+}
+
+/// The maps of a whole skin.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SkinMap {
+    /// The links; a parent comes before its children.
+    pub links: IdVec<LinkId, Link>,
+    /// The patches.
+    pub patches: IdVec<PatchId, PatchMap>,
+    /// How the links may move.
+    pub animations: Vec<Motion>,
+}
+
+impl SkinMap {
+    /// The map of a mesh seen along z, from above, or from below where all of it faces down: one
+    /// patch of one level, on one link at the origin. Images have `pixel` metres per pixel.
+    ///
+    /// A vertex whose triangles have no area gets the normal z and an area of 1 square micrometre.
+    ///
+    /// # Panics
+    /// If a triangle names a vertex that does not exist.
+    ///
+    /// ```
+    /// use dermatome::{map::SkinMap, mesh::shapes};
+    ///
+    /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
+    /// map.validate()?;
+    /// # Ok::<(), dermatome::map::MapError>(())
+    /// ```
+    #[must_use]
+    pub fn flat(mesh: TriMesh, pixel: f64) -> Self {
+        let mut taxels = Taxels::from(&mesh);
+        taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);
+        taxels.areas.iter_mut().filter(|a| **a == 0.0).for_each(|a| *a = 1e-12);
+        let uv = mesh.positions.map(|p| p.truncate());
+        let level = Level::finest(mesh.clone(), taxels.areas.clone());
+        let pyramid = Pyramid { levels: vec![level].into(), removals: IdVec::default() };
+        let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
+        let patch = Patch { name: "skin".into(), link: LinkId::new(0), mesh, filled: 0, taxels };
+        let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);
+        if patch.levels.iter().any(MapLevel::is_mirrored) {
+            for level in patch.levels.iter_mut() {
+                level.uv = uv.iter().map(|at| DVec2::new(-at.x, at.y)).collect();
+                level.set_pixel(pixel);
+                level.measure();
+            }
+        }
+        Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
+    }
+
+    /// Checks that this is a map: the only place that judges one, in time linear in its size.
+    ///
+    /// Links come after their parents and have rigid poses, patches have names of their own and
+    /// links and joints that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels
+    /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
+    /// positions are finite and within 1e12 m, one per vertex, or per place of a vertex on a map that
+    /// is cut, not all the same nor all mirrored, `from_coarser` and the `to_finest` of the next level
+    /// agree, and image frames have a size.
+    ///
+    /// # Errors
+    /// The first broken rule, with patch, level and element.
+    pub fn validate(&self) -> Result<(), MapError> {
+        check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
+        self.patches.iter().try_for_each(PatchMap::validate)
+    }
+}

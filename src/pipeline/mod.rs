@@ -2,8 +2,7 @@
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
 //! where it needs a seam, maps every level of it to the plane
-//! ([`flatten_pyramid`]) and returns the
-//! [`SkinMap`].
+//! ([`flatten_pyramid`]) and returns the [`SkinMap`].
 //!
 //! Every map is measured as `map.glb` holds it (`written`). Only what is known of one patch decides how
 //! it is cut (`cut_open`).
@@ -24,13 +23,12 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
-mod build_file;
 mod cut_open;
 mod written;
 
-pub use build_file::build_file;
-
 use std::{
+    fs,
+    path::Path,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -42,14 +40,15 @@ use rayon::prelude::*;
 
 use crate::{
     Error,
-    atlas::{fitting_pixel, pixels_of},
+    atlas::{fitting_pixel, pixels_of, skin_images},
     cut::{Cut, cut_along, pairs_by_patch},
     flatten::{FlattenOptions, flatten_pyramid, patch_scales},
     id::{IdVec, VertexId},
+    io::{IoError, StagedFiles, read_draft, write_images, write_map},
     map::{PatchMap, SkinMap},
     pipeline::{cut_open::cut_open, written::measure_as_written},
     pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
-    skin::{Patch, PatchId, Skin, named_links},
+    skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links},
 };
 
 /// Options of [`build`].
@@ -296,6 +295,39 @@ fn good<T>(
         1 => Err(failed.remove(0)),
         _ => Err(Error::Several(std::mem::take(failed))),
     }
+}
+
+/// Reads a skin, builds its maps and writes them to a folder, which is made if it does not exist:
+/// `map.glb`, every level with its map, and `map.exr`, the images of what each pixel shows. Both appear
+/// together, or neither. Returns the map.
+///
+/// The skin is assembled with the default options, and what that changed is not returned: who needs either calls
+/// [`read_draft`], [`assemble()`] and [`build`].
+///
+/// ```
+/// use dermatome::{BuildOptions, build_file, read_map};
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let out = folder.path();
+/// let built = build_file("meshes/sphere_cap.glb".as_ref(), out, &BuildOptions::default())?;
+/// assert_eq!(read_map(&out.join("map.glb"))?.patches.len(), built.map.patches.len());
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A file that cannot be read or written, a skin that is not sound, and those of [`build`].
+pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<Built, Error> {
+    let draft = read_draft(skin)?;
+    let assemble_options = AssembleOptions { keep_going: options.keep_going, ..AssembleOptions::default() };
+    let skin = assemble(&draft, &assemble_options)?.skin;
+    fs::create_dir_all(folder).map_err(|source| IoError::Write { path: folder.into(), source })?;
+    let built = build_with_progress(&skin, options, &|_| ())?;
+    let images = skin_images(&built.map)?;
+    let mut files = StagedFiles::default();
+    files.stage(|| write_map(&folder.join("map.glb"), &built.map))?;
+    files.stage(|| write_images(&folder.join("map.exr"), &images))?;
+    files.publish()?;
+    Ok(built)
 }
 
 #[cfg(test)]

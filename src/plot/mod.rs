@@ -17,7 +17,7 @@
 //! ```
 //!
 //! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel
-//! of each (a level on its map, or the skin in space; `robot` is all patches as one), `colour` chooses
+//! of each (a level on its map, or the skin in space), `colour` chooses
 //! the colours, `layout` positions panels, captions and legends, and `picture` is the list of shapes
 //! that comes out.
 
@@ -26,16 +26,94 @@ mod draw;
 mod error;
 mod image_png;
 mod layout;
-mod options;
 mod patch_view;
 mod picture;
 mod plot_frame;
 mod plot_map;
-mod robot;
+
+use crate::pyramid::LevelId;
 
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png};
-pub use options::{Paint, PlotOptions, Viewpoint};
 pub use picture::Picture;
 pub use plot_frame::plot_frame;
 pub use plot_map::{plot_map, plot_skin};
+
+/// What the colours of a plot say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Paint {
+    /// The receptive field that each taxel belongs to most; neighbouring fields differ.
+    #[default]
+    Fields,
+    /// `s1/s2` of each triangle.
+    Angle,
+    /// `s1 s2` of each triangle: its area on the map over that on the skin.
+    Area,
+    /// Each taxel's id, from the lowest to the highest.
+    Taxel,
+    /// How uncertain each taxel's position is: the square root of the trace of its covariance.
+    Sigma,
+}
+
+impl Paint {
+    /// Whether the centres of taxels or fields are shown: where the colours say something about
+    /// them one by one.
+    pub(crate) fn has_dots(self) -> bool {
+        matches!(self, Self::Fields | Self::Sigma)
+    }
+}
+
+/// What to plot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlotOptions {
+    /// Names of the patches, one row each; none: all.
+    pub patches: Vec<String>,
+    /// The levels, side by side; none: the finest three. A patch that lacks a level leaves its slot
+    /// empty.
+    pub levels: Vec<LevelId>,
+    /// What the colours say; readings have their own.
+    pub paint: Paint,
+    /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
+    pub space: Option<Viewpoint>,
+    /// Times at which the skin is drawn as it unfolds, side by side: 0 is the skin in space, 1 its map. None:
+    /// levels are drawn instead.
+    pub unfold: Vec<f64>,
+    /// Values at the ends of the scale of colours: of [`Paint::Angle`], [`Paint::Area`] or
+    /// [`Paint::Sigma`] (m), or of readings in the unit of their channel, of an extensive one per m^2.
+    /// `None`: those of all but a hundredth of what is drawn, of readings all, rounded.
+    pub range: Option<[f64; 2]>,
+    /// Whether meshes of more than 5000 vertices have dots too.
+    pub dots: bool,
+    /// Width of the picture, in pixels.
+    pub width_px: u32,
+}
+
+impl Default for PlotOptions {
+    fn default() -> Self {
+        Self {
+            patches: Vec::new(),
+            levels: Vec::new(),
+            paint: Paint::default(),
+            space: None,
+            unfold: Vec::new(),
+            range: None,
+            dots: false,
+            width_px: 1600,
+        }
+    }
+}
+
+/// From where a skin is looked at, in the frame of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Viewpoint {
+    /// From outside: along the mean normal of each patch, tilted so that its shape shows.
+    #[default]
+    Outside,
+    /// From one direction.
+    From {
+        /// Angle from x towards y, in radians.
+        azimuth: f64,
+        /// Angle above the xy plane, in radians.
+        elevation: f64,
+    },
+}

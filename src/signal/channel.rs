@@ -50,8 +50,7 @@ impl Channel {
 
     /// What an amount of it, or its value times an area in m^2, is in N; `None` if its unit is neither one
     /// of force nor one of pressure.
-    #[must_use]
-    pub fn newtons(&self) -> Option<f64> {
+    pub(super) fn newtons(&self) -> Option<f64> {
         /// Units that take prefixes, and what they are in N or in Pa.
         const UNITS: [(&str, f64, Quantity); 6] = [
             ("N", 1.0, Quantity::Extensive),

@@ -123,18 +123,24 @@ impl Conditioner {
         let numbers = taxels * channels.len();
         let most = MAX_BASELINE_BYTES / (numbers.max(1) * size_of::<f64>());
         if options.baseline > most {
-            return Err(SignalError::Baseline { frames: options.baseline, most });
+            let needed = format!("at most {most}, which of this skin are kept in memory,");
+            return Err(SignalError::option(
+                "the number of frames of the baseline",
+                options.baseline as f64,
+                needed,
+            ));
         }
         if let Some(&(taxel, gain)) = options.gains.iter().find(|(_, gain)| !gain.is_finite()) {
-            return Err(SignalError::Gain { taxel, gain });
+            return Err(SignalError::option(format!("the gain of taxel {taxel}"), gain, "a finite number"));
         }
         if let Some([low, high]) =
             options.clip.filter(|[low, high]| low.is_nan() || high.is_nan() || low >= high)
         {
-            return Err(SignalError::Clip { low, high });
+            let needed = format!("a number above the lower one, {low},");
+            return Err(SignalError::option("the upper bound of readings", high, needed));
         }
         if let Some(hz) = options.split_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
-            return Err(SignalError::Cutoff { hz });
+            return Err(SignalError::option("the cut-off frequency in Hz", hz, "a positive number"));
         }
         let gain_of: HashMap<TaxelId, f64> = options.gains.iter().copied().collect();
         let ids: HashSet<TaxelId> = map.patches.iter().flat_map(|p| p.taxels.ids.iter().copied()).collect();

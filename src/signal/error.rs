@@ -54,65 +54,19 @@ pub enum SignalError {
         /// The id of the map's first taxel.
         known: TaxelId,
     },
-    /// A baseline of more frames than are kept.
-    #[error("a baseline of {frames} frames; at most {most} frames of this skin are kept in memory")]
-    Baseline {
-        /// Frames asked for.
-        frames: usize,
-        /// Most frames.
-        most: usize,
-    },
-    /// A gain that is not finite.
-    #[error("a gain of {gain} for the taxel id {taxel}; a finite number is needed")]
-    Gain {
-        /// The taxel.
-        taxel: TaxelId,
-        /// The gain found.
-        gain: f64,
-    },
-    /// Bounds that hold nothing between them.
-    #[error("readings are to be clipped to {low}..{high}; a lower and a higher number are needed")]
-    Clip {
-        /// The lower bound found.
-        low: f64,
-        /// The upper bound found.
-        high: f64,
-    },
-    /// A cut-off frequency that is not positive and finite.
-    #[error("a cut-off frequency of {hz} Hz; a positive number is needed")]
-    Cutoff {
-        /// The frequency found, in Hz.
-        hz: f64,
-    },
-    /// An option of the search for contacts that is out of range.
-    #[error("{option} of contacts is {found}; {needed} is needed")]
-    TrackerOption {
-        /// Which.
-        option: &'static str,
-        /// What it is.
-        found: f64,
-        /// What it must be.
-        needed: &'static str,
-    },
-    /// An option of a simulated recording that is out of range.
+    /// An option that is out of range.
     #[error("{option} is {found}; {needed} is needed")]
-    TouchOption {
+    Option {
         /// Which.
-        option: &'static str,
+        option: String,
         /// What it is.
         found: f64,
         /// What it must be.
-        needed: &'static str,
+        needed: String,
     },
     /// A skin without a working taxel, on which touches were to be simulated.
     #[error("the skin has no working taxel that could feel a touch")]
     NoTaxels,
-    /// A force that is not finite.
-    #[error("a force of {force} N cannot be spread; a finite one is needed")]
-    Force {
-        /// The force found, in N.
-        force: f64,
-    },
     /// A frame whose first channel does not have a value for each taxel.
     #[error("a frame with {found:?} values in its patches; one of the map, with {needed:?}, is needed")]
     ForeignFrame {
@@ -137,4 +91,11 @@ pub enum SignalError {
     /// Data that is not a valid skin.
     #[error(transparent)]
     Skin(#[from] SkinError),
+}
+
+impl SignalError {
+    /// An error about an option, what it is, and what it must be.
+    pub(super) fn option(option: impl Into<String>, found: f64, needed: impl Into<String>) -> Self {
+        Self::Option { option: option.into(), found, needed: needed.into() }
+    }
 }

@@ -3,7 +3,6 @@
 
 mod contacts;
 mod output;
-mod pixels;
 mod readings_args;
 mod source;
 
@@ -11,8 +10,8 @@ use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use dermatome::{
     Error,
-    atlas::Atlas,
-    image::{RenderOptions, Renderer, TactileImage},
+    atlas::{Atlas, AtlasOptions, Resolution},
+    image::{Interpolation, RenderOptions, Renderer, TactileImage},
     io::read_map,
     map::SkinMap,
     pyramid::LevelId,
@@ -31,7 +30,7 @@ use crate::{
         outputs::{self, Outputs, is_stream},
         signals,
     },
-    options::Common,
+    options::{Choice, Common, one_of, side_mm},
     render::{
         contacts::ContactsArgs,
         output::{Array, ColourArgs, Content, Kind, Output, Pictures},
@@ -39,7 +38,6 @@ use crate::{
     },
 };
 
-pub(crate) use pixels::PixelArgs;
 pub(crate) use readings_args::{FramesArgs, ReadingsArgs, range};
 pub(crate) use source::Readings;
 
@@ -340,4 +338,43 @@ fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: 
         format!("images of {pixels} pixels need {needed} MB; at most {max_mb} MB are allowed"),
         "draw larger pixels (--pixel-mm), one level (--level) or a smaller canvas (--size), or allow more (--max-memory)",
     ))
+}
+
+/// Which pixels images have.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Images")]
+pub(crate) struct PixelArgs {
+    /// How a pixel follows from the taxels around it
+    #[arg(long, value_parser = one_of(&INTERPOLATIONS), default_value = "linear")]
+    pub(super) interpolate: Interpolation,
+    /// Side of a pixel [default: that of the map]
+    #[arg(long, value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
+    pixel_mm: Option<f64>,
+    /// Height and width of every image, in pixels; the map is drawn as large as fits
+    #[arg(long, num_args = 2, value_names = ["H", "W"])]
+    size: Option<Vec<u32>>,
+    /// Draw all patches of a level into one image
+    #[arg(long)]
+    pack: bool,
+}
+
+const INTERPOLATIONS: [Choice<Interpolation>; 3] = [
+    ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
+    ("nearest", Interpolation::Nearest, "The nearest taxel"),
+    (
+        "natural",
+        Interpolation::Natural,
+        "Natural neighbours: taxels without a reading are replaced by those around them",
+    ),
+];
+
+impl PixelArgs {
+    pub(crate) fn atlas_options(&self) -> AtlasOptions {
+        let resolution = match (&self.size, self.pixel_mm) {
+            (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
+            (None, Some(side)) => Resolution::Pixel(side),
+            (None, None) => Resolution::Map,
+        };
+        AtlasOptions { resolution, packed: self.pack, ..AtlasOptions::default() }
+    }
 }

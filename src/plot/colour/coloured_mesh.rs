@@ -10,9 +10,9 @@ use crate::{
     plot::{
         Paint, PlotError,
         colour::{
-            ScaleLimits,
+            Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, ScaleLimits, UNKNOWN,
             field_colours::{dominant_fields, field_colours},
-            scales::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, UNKNOWN, hatch},
+            hatch,
         },
         patch_view::PatchView,
     },

@@ -5,11 +5,7 @@ use glam::DVec2;
 use crate::plot::{
     Paint,
     colour::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, ScaleLimits, UNKNOWN, hatch},
-    layout::{
-        Layout,
-        caption::width,
-        text::{round_down, short},
-    },
+    layout::{Layout, caption::width, round_down, short},
     picture::{Anchor, Path, Pixels, Shape},
 };
 

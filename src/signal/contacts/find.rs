@@ -4,7 +4,7 @@ use crate::{
     id::{IdVec, VertexId},
     map::SkinMap,
     signal::contacts::{
-        region::ContactRegion,
+        ContactRegion,
         split::{PatchReadings, Splitter},
     },
     skin::PatchId,

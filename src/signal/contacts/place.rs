@@ -13,7 +13,7 @@ use crate::{
     map::{MapLevel, PatchMap},
     mesh::{SurfacePoint, VertexCorners, closest_point},
     pyramid::LevelId,
-    signal::{Quantity, contacts::region::ContactRegion},
+    signal::{Quantity, contacts::ContactRegion},
 };
 
 /// The readings on the taxels of one patch.

@@ -8,7 +8,7 @@ use crate::{
     signal::{
         Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
         contacts::{
-            find::Finder, noise::Threshold, place::Pressed, region::ContactRegion, split::PatchReadings,
+            ContactRegion, find::Finder, noise::Threshold, place::Pressed, split::PatchReadings,
             tracks::Tracks,
         },
     },
@@ -72,7 +72,7 @@ impl ContactTracker {
     /// A tracker of frames of this map, which looks at this channel of theirs.
     ///
     /// # Errors
-    /// [`SignalError::TrackerOption`].
+    /// [`SignalError::Option`].
     pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
         let around = map.patches.map(|patch| {

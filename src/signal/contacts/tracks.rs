@@ -7,7 +7,7 @@
 
 use std::cmp::Reverse;
 
-use crate::signal::contacts::{find::Finder, region::ContactRegion};
+use crate::signal::contacts::{ContactRegion, find::Finder};
 
 /// Joins regions; owns its lists.
 #[derive(Debug, Clone, Default)]

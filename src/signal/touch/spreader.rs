@@ -9,7 +9,7 @@ use crate::{
     contact::{ContactError, ContactIndex, FieldHit, ON_SKIN_SPACINGS, Query},
     id::VertexId,
     pyramid::LevelId,
-    signal::{Frame, SignalError, touch::Sphere},
+    signal::{Frame, SignalError, touch::sphere::Sphere},
     skin::{PatchId, Presence},
 };
 
@@ -87,7 +87,7 @@ impl Spreader {
             return Err(ContactError::NoDistance { distance }.into());
         }
         if !force.is_finite() {
-            return Err(SignalError::Force { force });
+            return Err(SignalError::option("the force in N", force, "a finite number"));
         }
         check(index, frame)?;
         let mut shares = if radius > 0.0 { self.under(index, at, radius)? } else { Vec::new() };

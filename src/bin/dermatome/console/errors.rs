@@ -229,11 +229,7 @@ fn option_help(error: &Error) -> &'static str {
             SignalError::NoneMatched { .. } => {
                 "give the map of the skin that was recorded; `dermatome info` lists what a map has"
             }
-            SignalError::Baseline { .. } => "give --baseline fewer frames",
-            SignalError::Gain { .. } => "correct the table of --gain",
-            SignalError::TrackerOption { .. } | SignalError::TouchOption { .. } => {
-                "change the option: `dermatome help` lists what each takes"
-            }
+            SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
             _ => "correct the readings",
         },
         Error::Image(ImageError::Level { .. }) => "give one of them, or leave out --level to draw all",

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
 
-use crate::options::numbers::number;
+use crate::options::values::number;
 
 /// How to coarsen.
 #[derive(Debug, Clone, clap::Args)]

@@ -14,7 +14,7 @@ use dermatome::{
 
 use crate::{
     console::errors::advise,
-    options::{Choice, numbers::number, one_of},
+    options::{Choice, one_of, values::number},
 };
 
 /// How to flatten.

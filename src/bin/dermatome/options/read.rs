@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use crate::{
     console::errors::advise,
-    options::{Choice, numbers::number, one_of},
+    options::{Choice, one_of, values::number},
 };
 
 /// How to read a skin.

@@ -1,4 +1,6 @@
-//! Numbers within a range, and lengths with a unit.
+//! Values of options: words to choose from, numbers within a range, and lengths with a unit.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// A number within a range that `wanted` describes.
 pub(super) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -31,6 +33,25 @@ fn length_in(text: &str, bare: f64) -> Option<f64> {
     let known = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)));
     let (number, unit) = known.unwrap_or((text, bare));
     number.trim_end().parse::<f64>().ok().filter(|x| !x.is_nan()).map(|x| unit * x)
+}
+
+/// A value of an option: its word, what it is to the library, and what the help says of it.
+pub(crate) type Choice<T> = (&'static str, T, &'static str);
+
+/// A parser of the words of some choices.
+pub(crate) fn one_of<T: Clone + Send + Sync + 'static>(
+    choices: &'static [Choice<T>],
+) -> impl TypedValueParser<Value = T> {
+    let words = choices.iter().map(|(word, _, help)| PossibleValue::new(*word).help(*help));
+    PossibleValuesParser::new(words).map(|word| {
+        let chosen = choices.iter().find(|(other, ..)| *other == word);
+        chosen.map(|(_, value, _)| value.clone()).expect("clap takes no other words")
+    })
+}
+
+/// The word that chooses a value; empty if none does.
+pub(crate) fn word_of<T: PartialEq>(choices: &[Choice<T>], value: &T) -> &'static str {
+    choices.iter().find(|(_, other, _)| other == value).map_or("", |(word, ..)| word)
 }
 
 #[cfg(test)]
