@@ -12,13 +12,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use base64::{Engine, prelude::BASE64_STANDARD};
 use common::{command, data, listing};
 use dermatome::{
     id::VertexId,
     io::write_skin,
     mesh::shapes,
-    skin::{PatchId, Presence, Skin},
+    skin::{Patch, PatchId, Presence, Skin},
 };
 use predicates::{prelude::*, str::contains};
 use tempfile::TempDir;
@@ -197,12 +196,6 @@ fn a_broken_merge_is_refused_and_check_is_pointed_at() {
 }
 
 #[test]
-fn two_components_become_two_patches() {
-    let Some(path) = data("cyskin/two_components.json") else { return };
-    command().args(["info", "--json"]).arg(&path).assert().success().stdout(contains("\"name\"").count(2));
-}
-
-#[test]
 fn a_real_cover_is_mapped_almost_without_distortion() {
     let Some(path) = data("cyskin/ur10e_link1_patch1_isomap.json") else { return };
     let out = tempfile::tempdir().unwrap();
@@ -233,34 +226,17 @@ fn completions_and_manual_name_every_subcommand() {
         .stderr(contains("no subcommand").and(contains("build,")));
 }
 
-/// A glTF file of `nodes` copies of one large triangle, with a name of `letters` letters.
-fn copies_of_a_triangle(nodes: usize, letters: usize) -> String {
-    let corners: Vec<u8> =
-        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
-    let data = BASE64_STANDARD.encode(corners);
-    serde_json::json!({
-        "asset": { "version": "2.0" },
-        "scene": 0,
-        "scenes": [{ "nodes": (0..nodes).collect::<Vec<_>>() }],
-        "nodes": (0..nodes)
-            .map(|k| serde_json::json!({ "mesh": 0, "name": format!("{}{k}", "n".repeat(letters)) }))
-            .collect::<Vec<_>>(),
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
-        "accessors": [{
-            "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]
-        }],
-        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
-        "buffers": [{ "byteLength": 36, "uri": format!("data:application/octet-stream;base64,{data}") }],
-    })
-    .to_string()
-}
-
 /// Pixels are bounded by taxels: by default they grow, and smaller ones are refused.
 #[test]
 fn images_have_as_many_pixels_as_the_taxels_need() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("copies.gltf");
-    fs::write(&path, copies_of_a_triangle(400, 1)).unwrap();
+    let mut skin = Skin::from_mesh("0", shapes::triangle());
+    let patch = skin.patches[PatchId::new(0)].clone();
+    for k in 1..400 {
+        skin.patches.push(Patch { name: k.to_string(), ..patch.clone() });
+    }
+    write_skin(&path, &skin).unwrap();
     let out = folder.path().join("out");
     let build = |pixel: &[&str]| command().arg("build").args(pixel).arg(&path).arg("-o").arg(&out).assert();
     let pixels = |text: &str| -> f64 {
@@ -315,7 +291,7 @@ fn info_counts_absent_taxels() {
 fn a_long_name_is_cut_in_tables() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("long.gltf");
-    fs::write(&path, copies_of_a_triangle(1, 70_000)).unwrap();
+    write_skin(&path, &Skin::from_mesh(&"n".repeat(70_000), shapes::triangle())).unwrap();
     let run = command().arg("info").arg(&path).assert().success();
     assert!(run.get_output().stdout.len() < 1000, "the table stays narrow");
 }

@@ -219,17 +219,6 @@ fn a_cloud_is_refused_in_three_lines() {
     assert!(!folder.path().join("x.glb").exists());
 }
 
-#[test]
-fn the_number_of_threads_changes_no_byte() {
-    let (folder, path) = folder_with("shin.txt", positions());
-    let [one, four] = ["1", "4"].map(|threads| {
-        let out = folder.path().join(format!("{threads}.glb"));
-        command().args(["convert", "--threads", threads]).arg(&path).arg(&out).assert().success();
-        fs::read(out).unwrap()
-    });
-    assert!(one == four);
-}
-
 /// A vendor's table in which a row of taxels stands again, rounded to the digits of an `f32`, a
 /// printer or a ruler: what is written can be read back.
 #[test]

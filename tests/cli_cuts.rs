@@ -6,7 +6,7 @@ mod common;
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use common::dermatome;
+use common::{dermatome, notes};
 use dermatome::{
     io::{read_draft, read_map, write_skin},
     mesh::{TriMesh, shapes},
@@ -188,10 +188,11 @@ fn faces_that_cannot_be_split_off_are_dropped() {
                 f 1 2 3\nf 2 1 4\nf 1 2 5\nf 2 1 6\nf 1 3 5\nf 1 4 6\nf 2 3 5\nf 2 4 6\n";
     fs::write(folder.path().join("book.obj"), book).unwrap();
     dermatome(folder.path(), "info book.obj").assert().code(2);
-    dermatome(folder.path(), "info book.obj --repair")
-        .assert()
-        .success()
-        .stderr(contains("2 faces were dropped at edges shared by more than two"));
+    notes(
+        folder.path(),
+        "info book.obj --repair",
+        &["2 faces were dropped at edges shared by more than two"],
+    );
 }
 
 /// A map is a skin too: its map is the same but for the rounding of the file's numbers.

@@ -11,7 +11,7 @@ use std::{
     process::{self, Stdio},
 };
 
-use common::{dermatome, json, npy};
+use common::{dermatome, json, notes, npy, refuses};
 use predicates::{prelude::*, str::contains};
 
 /// A folder with the map of a sheet of 12 x 10 taxels, ids from 1 on, and a recording of five frames:
@@ -136,10 +136,7 @@ fn readings_that_do_not_fit_are_named() {
     let folder = sheet();
     let refused = |text: String, what: &str, help: &str| {
         fs::write(folder.path().join("bad.csv"), text).unwrap();
-        dermatome(folder.path(), "render map/map.glb bad.csv -o x.npz")
-            .assert()
-            .code(2)
-            .stderr(contains(what).and(contains(help)));
+        refuses(folder.path(), "render map/map.glb bad.csv -o x.npz", &[what, help]);
         assert!(!folder.path().join("x.npz").exists(), "nothing is left of a refused recording");
     };
     refused(table(500..=600, 2), "none of the 101 taxel ids", "500");
@@ -190,10 +187,8 @@ fn readings_with_gaps_are_counted() {
     render("twice.csv", twice, &[]).code(2).stderr(contains("--duplicates first"));
     for (how, value) in [("first", 1.0), ("mean", 3.0)] {
         render("twice.csv", twice, &["--duplicates", how]).success();
-        dermatome(folder.path(), "render map/map.glb twice.csv -o one.npy --level 0 --quiet --duplicates")
-            .args([how, "--interpolate", "nearest"])
-            .assert()
-            .success();
+        let words = "render map/map.glb twice.csv -o one.npy --level 0 --interpolate nearest --duplicates";
+        dermatome(&folder, words).arg(how).assert().success();
         let drawn = numbers(&fs::read(folder.path().join("one.npy")).unwrap());
         assert!(drawn.contains(&value) && drawn.contains(&7.0), "{how}");
     }
@@ -216,10 +211,8 @@ fn tables_of_other_programs_are_read() {
         ("milliseconds.csv", "time[ms],1.pressure[Pa],2.pressure[Pa]\n500,1,2\n1500,3,4\n"),
     ] {
         fs::write(folder.path().join(name), text).unwrap();
-        dermatome(folder.path(), "render map/map.glb")
-            .args([name, "-o", "all.npz", "--level", "0", "--values-only"])
-            .assert()
-            .success();
+        let words = format!("render map/map.glb {name} -o all.npz --level 0 --values-only");
+        dermatome(&folder, &words).assert().success();
         let (values, times) = (array(&folder, "sheet.L0.values"), array(&folder, "timestamps"));
         assert!(values[120..122] == [3.0, 4.0] && values[122].is_nan(), "{name}: the second frame");
         assert_eq!(times, [0.5, 1.5], "{name}: the time is in seconds");
@@ -227,11 +220,7 @@ fn tables_of_other_programs_are_read() {
     fs::write(folder.path().join("comma.csv"), "time;1;2\n0;1,5;2\n").unwrap();
     fs::write(folder.path().join("minutes.csv"), "time[min],1\n0,1\n").unwrap();
     for (name, said) in [("comma.csv", "1,5"), ("minutes.csv", "s, ms, us or ns")] {
-        dermatome(folder.path(), "render map/map.glb")
-            .args([name, "-o", "x.npz"])
-            .assert()
-            .code(2)
-            .stderr(contains(said));
+        refuses(&folder, &format!("render map/map.glb {name} -o x.npz"), &[said]);
     }
 }
 
@@ -258,15 +247,14 @@ fn arrays_of_another_width_are_refused_with_both_numbers() {
 fn patches_without_readings_are_masked() {
     let folder = tempfile::tempdir().unwrap();
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/robot.glb");
-    let run = |words: &str| dermatome(folder.path(), "").args(words.split_whitespace()).assert();
+    let run = |words: &str| dermatome(&folder, words).assert();
     run(&format!("build {} -o map --quiet", meshes.display())).success();
     // Ids of the shoulder alone.
     fs::write(folder.path().join("r.csv"), table(1001..=1050, 3).replace("pressure[Pa]", "force[N]"))
         .unwrap();
     for how in ["", "--pack", "--interpolate natural", "--contrast", "--edges"] {
-        run(&format!("render map/map.glb r.csv -o out.npz --pixel-mm 4 {how}"))
-            .success()
-            .stderr(contains("50 taxels have readings"));
+        let words = format!("render map/map.glb r.csv -o out.npz --pixel-mm 4 {how}");
+        notes(&folder, &words, &["50 taxels have readings"]);
     }
     run("render map/map.glb r.csv -o png --pictures png --range 0,5 --pixel-mm 4 --every 2").success();
 }
@@ -277,10 +265,11 @@ fn a_sequence_that_breaks_off_says_how_far_it_came() {
     let folder = sheet();
     // A folder where the file of frame 2 belongs cannot be replaced, as on a disk that is full.
     fs::create_dir_all(folder.path().join("seq/sheet.L0.000002.exr")).unwrap();
-    dermatome(folder.path(), "render map/map.glb r.csv -o seq --level 0")
-        .assert()
-        .code(2)
-        .stderr(contains("2 frames are written; the next one could not be"));
+    refuses(
+        folder.path(),
+        "render map/map.glb r.csv -o seq --level 0",
+        &["2 frames are written; the next one could not be"],
+    );
     let size = |k: u32| fs::metadata(folder.path().join(format!("seq/sheet.L0.{k:06}.exr"))).unwrap().len();
     assert!(size(0) > 1000 && size(1) > 1000, "two whole frames");
     let names = fs::read_dir(folder.path().join("seq")).unwrap();
@@ -314,32 +303,25 @@ fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
 fn outputs_that_cannot_be_are_refused_before_work() {
     let folder = sheet();
     for (args, what) in [
-        (&["-o", "x.npy"][..], "--level"),
-        (&["-o", "x.mp4"], ".npz"),
-        (&["-o", "-", "--json"], "standard output"),
-        (&["-o", "x.npz", "--level", "9"], "level 9"),
-        (&["-o", "x.npz", "--size", "0", "5"], "canvas"),
-        (&["-o", "x.npz", "--size", "4000", "4000", "--max-memory", "50"], "at most 50 MB"),
-        (&["-o", "x.npz", "--size", "2000", "2000", "--max-disk", "50"], "on the disk; at most 50 MB"),
-        (&["-o", "x.npz", "--readings-unit", "Pa,K"], "2 units"),
-        (&["-o", "x.npz", "--clip", "5,1"], "lower"),
-        (&["-o", "x.npz", "--from", "5", "--to", "2"], "--to 2 is before --from 5"),
-        (&["-o", "x.npz", "--from", "99"], "the readings have 5 frames"),
-        (&["-o", "x.npz", "--contacts", "r.csv"], "r.csv"),
+        ("-o x.npy", "--level"),
+        ("-o x.mp4", ".npz"),
+        ("-o - --json", "standard output"),
+        ("-o x.npz --level 9", "level 9"),
+        ("-o x.npz --size 0 5", "canvas"),
+        ("-o x.npz --size 4000 4000 --max-memory 50", "at most 50 MB"),
+        ("-o x.npz --size 2000 2000 --max-disk 50", "on the disk; at most 50 MB"),
+        ("-o x.npz --readings-unit Pa,K", "2 units"),
+        ("-o x.npz --clip 5,1", "lower"),
+        ("-o x.npz --from 5 --to 2", "--to 2 is before --from 5"),
+        ("-o x.npz --from 99", "the readings have 5 frames"),
+        ("-o x.npz --contacts r.csv", "r.csv"),
     ] {
-        dermatome(folder.path(), "render map/map.glb r.csv")
-            .args(args)
-            .assert()
-            .code(2)
-            .stderr(contains(what));
+        refuses(&folder, &format!("render map/map.glb r.csv {args}"), &[what]);
     }
     assert!(!folder.path().join("x.npz").exists());
     assert!(fs::read_to_string(folder.path().join("r.csv")).unwrap().starts_with("time,"), "an input");
     fs::write(folder.path().join("a.npy"), npy("<f4", &[1, 120], &1_f32.to_le_bytes().repeat(120))).unwrap();
-    dermatome(folder.path(), "render map/map.glb a.npy -o a.npy --level 0")
-        .assert()
-        .code(2)
-        .stderr(contains("a.npy"));
+    refuses(folder.path(), "render map/map.glb a.npy -o a.npy --level 0", &["a.npy"]);
 }
 
 /// What is done to the readings is what arrives in the images.
@@ -360,10 +342,7 @@ fn readings_are_conditioned() {
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
     assert_eq!(last(&["--gain", "g.csv"]), 2.0);
-    dermatome(folder.path(), "render map/map.glb r.csv -o c.npz --baseline 99")
-        .assert()
-        .success()
-        .stderr(contains("frames, there are no 99"));
+    notes(folder.path(), "render map/map.glb r.csv -o c.npz --baseline 99", &["frames, there are no 99"]);
 }
 
 /// Presses of a simulated sphere are found one by one.
@@ -381,8 +360,9 @@ fn contacts_are_written_with_their_place_and_force() {
     assert!(text.starts_with("frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,"));
     assert_eq!(text.matches(",onset,").count(), 2);
     assert_eq!(text.matches(",release,").count(), 2);
-    dermatome(folder.path(), "render map/map.glb touch.csv -o u.npz --contacts c.csv --channel heat")
-        .assert()
-        .code(2)
-        .stderr(contains("no channel \"heat\"").and(contains("force")));
+    refuses(
+        folder.path(),
+        "render map/map.glb touch.csv -o u.npz --contacts c.csv --channel heat",
+        &["no channel \"heat\"", "force"],
+    );
 }

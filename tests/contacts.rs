@@ -8,6 +8,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     f64::consts::{PI, TAU},
     path::Path,
+    sync::Arc,
 };
 
 use common::data;
@@ -522,7 +523,7 @@ fn options_that_make_no_sense_are_refused() {
 /// The table has the columns of the documentation and a row for each contact of each frame.
 #[test]
 fn regions_are_written_as_a_table() {
-    let map = plane();
+    let map = Arc::new(plane());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("contacts.csv");
     let mut writer = RegionWriter::create(&path, &map).unwrap();

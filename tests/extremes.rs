@@ -11,10 +11,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    signal::{
-        Channel, ContactTracker, Contrast, Edges, Frame, Quantity, Restrictor, TouchOptions, TouchSimulation,
-        TrackerOptions,
-    },
+    signal::{Channel, ContactTracker, Contrast, Edges, Frame, Quantity, Restrictor, TrackerOptions},
     skin::{PatchId, Skin},
 };
 
@@ -118,32 +115,6 @@ fn canvases_may_be_tiny() {
             Err(error) => panic!("{size:?}: {error}"),
         }
     }
-}
-
-/// A hundred thousand taxels: forces keep their total, a press is found.
-#[test]
-fn a_hundred_thousand_taxels_are_drawn() {
-    let mesh = shapes::lattice(400, 250, 0.002);
-    let (skin, map) = (Skin::from_mesh("wall", mesh.clone()), SkinMap::flat(mesh, 2e-3));
-    let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    let touches = TouchOptions { presses: 1, rate: 4.0, pause: 0.5, ..TouchOptions::default() };
-    let mut simulation = TouchSimulation::new(&skin, &touches).unwrap();
-    let channels = [simulation.channel().clone()];
-    let mut restrictor = Restrictor::new(&map, &channels);
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
-    let options = TrackerOptions { threshold: Some(1e-3), ..TrackerOptions::default() };
-    let mut tracker = ContactTracker::new(&map, &Channel::new("force", "N"), &options).unwrap();
-    let (mut found, mut touched) = (0, 0);
-    while let Some((frame, now)) = simulation.next_frame() {
-        let total: f64 = frame.values[patch()][0].iter().sum();
-        let image = &renderer.render(restrictor.restrict(frame))[0];
-        let shown = image.values.iter().zip(&image.coverage).filter(|(_, covered)| **covered == 1);
-        let drawn: f64 = shown.map(|(x, _)| f64::from(*x)).sum::<f64>() * 2e-3 * 2e-3;
-        assert!((drawn - total).abs() <= 1e-6 * total, "{drawn} N of {total} N");
-        found += usize::from(!tracker.track(frame).is_empty());
-        touched += usize::from(now.iter().any(|touch| touch.taxels > 3));
-    }
-    assert!(touched > 2 && found >= touched, "{found} of {touched}");
 }
 
 /// Negative readings are drawn as they are. Numbers beyond an f32 may become infinite or unknown, and do

@@ -10,7 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use common::data;
+use common::{data, listing};
 use dermatome::{
     id::{IdVec, VertexId},
     io::{
@@ -109,11 +109,7 @@ fn every_format_keeps_positions_and_triangles() {
         let draft = write_and_read(&folder, kind, &skin);
         assert_sound(&draft);
         let [sheet] = draft.sheets.as_slice() else { panic!("{kind}: one sheet") };
-        assert_eq!(
-            sheet.positions,
-            positions(patch, DAffine3::IDENTITY),
-            "{kind}: positions to the last bit"
-        );
+        assert_eq!(sheet.positions, positions(patch, DAffine3::IDENTITY), "{kind}: to the last bit");
         assert_eq!(sheet.triangles, triangles(patch), "{kind}");
         assert_eq!(sheet.normals.as_deref(), Some(&*patch.taxels.normals), "{kind}: normals");
     }
@@ -503,36 +499,6 @@ fn taxels_of_an_unknown_type_count_as_none() {
     assert_eq!(draft.sheets[0].presence.as_deref(), Some(&[Presence::Absent, Presence::Present][..]));
 }
 
-/// Cut after every 16th byte, a file is refused or read as far as it goes, and every error names
-/// the file.
-#[test]
-fn cut_files_never_panic() {
-    let folder = TempDir::new().unwrap();
-    for kind in KINDS {
-        let path = folder.path().join(format!("skin.{kind}"));
-        write_skin(&path, &robot()).unwrap();
-        let mut parts = vec![path.clone()];
-        parts.extend((kind == "csv").then(|| folder.path().join("skin.triangles.csv")));
-        for part in parts {
-            let whole = fs::read(&part).unwrap();
-            let mut refused = 0;
-            let file = fs::File::options().write(true).open(&part).unwrap();
-            for end in (0..whole.len()).step_by(16).rev() {
-                file.set_len(end as u64).unwrap();
-                match read_draft(&path) {
-                    Ok(draft) => assert_sound(&draft),
-                    Err(error) => {
-                        refused += 1;
-                        assert!(error.to_string().contains("skin."), "{error}");
-                    }
-                }
-            }
-            assert!(refused > 0, "{kind}: an empty file at least");
-            fs::write(&part, whole).unwrap();
-        }
-    }
-}
-
 /// A binary file has no end that a cut could leave valid.
 #[test]
 fn cut_binary_files_are_refused() {
@@ -546,23 +512,6 @@ fn cut_binary_files_are_refused() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
-
-    /// Whatever bytes are changed in a file, its reader refuses it or keeps its promises.
-    #[test]
-    fn changed_files_never_panic(
-        kind in 0..5_usize,
-        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
-    ) {
-        let kind = ["glb", "json", "obj", "ply", "stl"][kind];
-        let mut bytes = skin_to_bytes(Path::new(&format!("skin.{kind}")), &plain_skin()).unwrap();
-        for (at, byte) in changes {
-            let at = at.index(bytes.len());
-            bytes[at] = byte;
-        }
-        if let Ok(draft) = read_bytes(kind, &bytes) {
-            assert_sound(&draft);
-        }
-    }
 
     /// Decimals are the shortest that read back as the same number, whatever its size.
     #[test]
@@ -613,14 +562,7 @@ fn devices_are_not_read_and_never_replaced() {
     assert!(read_draft(&path).unwrap_err().to_string().contains("not a regular file"));
     let error = write_skin(&path, &plain_skin()).unwrap_err();
     assert!(error.to_string().contains("full.obj: No space left"), "{error}");
-    assert_eq!(names_in(folder.path()), ["full.obj"], "the link stays, and nothing is left beside it");
-}
-
-fn names_in(folder: &Path) -> Vec<String> {
-    let names = fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
-    let mut names: Vec<String> = names.collect();
-    names.sort();
-    names
+    assert_eq!(listing(folder.path()), ["full.obj"], "the link stays, and nothing is left beside it");
 }
 
 #[test]
@@ -635,7 +577,7 @@ fn a_failed_write_leaves_the_older_file_and_nothing_else() {
     });
     assert!(failed.unwrap_err().to_string().contains("out.txt"));
     assert_eq!(fs::read_to_string(&path).unwrap(), "older");
-    assert_eq!(names_in(folder.path()), ["out.txt"], "no temporary file is left");
+    assert_eq!(listing(folder.path()), ["out.txt"], "no temporary file is left");
     replace_file(&path, |file| {
         file.write_all(b"newer").unwrap();
         Ok(())
@@ -654,7 +596,7 @@ fn a_broken_skin_is_not_written() {
         let path = folder.path().join(format!("skin.{kind}"));
         assert!(matches!(write_skin(&path, &skin), Err(IoError::Unfit { .. })), "{kind}");
     }
-    assert_eq!(names_in(folder.path()), [""; 0]);
+    assert_eq!(listing(folder.path()), [""; 0]);
 }
 
 #[test]
@@ -753,14 +695,8 @@ fn real_covers_are_read() {
         assert_eq!(sheet.name, body, "{name}");
         let link = &draft.links[sheet.link.unwrap()];
         assert_eq!(link.name, frame, "{name}");
-        let turn = link.pose.matrix3;
-        assert!(
-            (turn.transpose() * turn).abs_diff_eq(DMat3::IDENTITY, 1e-15),
-            "{name}: a rotation to the last digit"
-        );
-        assert!(
-            sheet.presence.iter().flatten().all(|&p| p == Presence::Present),
-            "{name}: pressure everywhere"
-        );
+        let squared = link.pose.matrix3.transpose() * link.pose.matrix3;
+        assert!(squared.abs_diff_eq(DMat3::IDENTITY, 1e-15), "{name}: a rotation to the last digit");
+        assert!(sheet.presence.iter().flatten().all(|&p| p == Presence::Present), "{name}");
     }
 }

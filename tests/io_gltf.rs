@@ -13,8 +13,8 @@ use dermatome::{
     cut::PlaceId,
     id::VertexId,
     io::{
-        IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map, write_map,
-        write_pyramids, write_skin,
+        IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map,
+        skin_to_bytes, write_map, write_pyramids, write_skin,
     },
     map::SkinMap,
     mesh::shapes,
@@ -101,26 +101,14 @@ fn a_skin_reads_back_the_same_in_both_forms() {
         let want = narrowed(robot());
         assert_eq!(back.links, want.links, "{name}");
         for (got, want) in back.patches.iter().zip(&want.patches) {
-            assert_eq!(
-                (&got.name, got.link, &got.taxels.ids),
-                (&want.name, want.link, &want.taxels.ids),
-                "{name}"
-            );
-            assert_eq!(got.mesh, want.mesh, "{name}: {}", want.name);
+            let whose = format!("{name}: {}", want.name);
+            assert_eq!((&got.name, got.link, &got.mesh), (&want.name, want.link, &want.mesh), "{whose}");
+            let (got, want) = (&got.taxels, &want.taxels);
             let close = |(a, b): (&DVec3, &DVec3)| a.abs_diff_eq(*b, 1e-7);
-            assert!(
-                got.taxels.normals.iter().zip(&want.taxels.normals).all(close),
-                "{name}: normals of {}",
-                want.name
-            );
-            assert_tangents(&got.taxels, &want.taxels);
-            assert_eq!(
-                (&got.taxels.areas, &got.taxels.densities),
-                (&want.taxels.areas, &want.taxels.densities),
-                "{name}: {}",
-                want.name
-            );
-            assert_eq!(got.taxels.presence, want.taxels.presence, "{name}: {}", want.name);
+            assert!(got.normals.iter().zip(&want.normals).all(close), "{whose}: normals");
+            assert_tangents(got, want);
+            assert_eq!((&got.areas, &got.densities), (&want.areas, &want.densities), "{whose}");
+            assert_eq!((&got.ids, &got.presence), (&want.ids, &want.presence), "{whose}");
         }
         write_skin(&second, &robot()).unwrap();
         assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap(), "{name}: the same bytes again");
@@ -174,27 +162,6 @@ fn what_is_written_is_read_by_the_gltf_crate() {
             let id = gltf::Semantic::Extras("TAXEL_ID".into());
             if let Some(ids) = primitive.get(&id) {
                 assert_eq!(ids.count(), positions.len(), "{name}: an id each");
-            }
-        }
-    }
-}
-
-/// Every level of a map has the tangents of the taxels that its vertices are.
-#[test]
-fn every_level_has_tangents() {
-    let map = map();
-    let gltf = gltf::Gltf::from_slice(&map_file()).unwrap();
-    let bytes = gltf.blob.clone().unwrap();
-    for patch in &map.patches {
-        for (k, map) in patch.levels.enumerate() {
-            let name = format!("{}/{k:?}", patch.name);
-            let mesh = gltf.meshes().find(|mesh| mesh.name() == Some(&name)).unwrap();
-            let primitive = mesh.primitives().next().unwrap();
-            let tangents: Vec<_> = primitive.reader(|_| Some(&bytes)).read_tangents().unwrap().collect();
-            assert_eq!(tangents.len(), map.uv.len(), "{name}");
-            for (&[x, y, z, _], &taxel) in tangents.iter().zip(&map.level.origins) {
-                let want = patch.taxels.tangents.as_ref().unwrap()[taxel];
-                assert!(Vec3::new(x, y, z).as_dvec3().abs_diff_eq(want, 1e-7), "{name}: {taxel:?}");
             }
         }
     }
@@ -366,7 +333,6 @@ fn a_file_that_is_no_map_says_so() {
 fn invalid_documents_are_refused_by_element() {
     let cases = [
         ("/asset/version", json!("3.0"), "asset.version"),
-        ("/accessors/0/count", json!(4_000_000_000_u64), "accessor 0"),
         ("/accessors/0/count", json!(u64::MAX), "accessor 0"),
         ("/accessors/0/count", json!(1.5), "accessors[0]"),
         ("/accessors/0/count", json!(0), "accessor 0"),
@@ -374,27 +340,21 @@ fn invalid_documents_are_refused_by_element() {
         // 2^32 more than 5126, which the crate would take.
         ("/accessors/0/componentType", json!(4_294_972_422_u64), "accessors[0].componentType"),
         ("/accessors/0/type", json!("VEC9"), "accessors[0].type"),
-        ("/accessors/0/type", json!("VEC2"), "accessor 0"),
         ("/accessors/0/bufferView", json!(4_294_967_296_u64), "accessors[0].bufferView"),
-        ("/accessors/1/componentType", json!(5122), "accessor 1"),
         ("/bufferViews/0/buffer", json!(1), "bufferViews[0].buffer"),
-        ("/bufferViews/0/byteLength", json!(4096), "bufferView 0"),
+        ("/buffers", json!([]), "bufferViews[0].buffer"),
         ("/bufferViews/0/byteOffset", json!(u64::MAX), "bufferView 0"),
         ("/bufferViews/0/byteStride", json!(8), "bufferView 0"),
-        ("/bufferViews/0/byteStride", json!(256), "accessor 0"),
         ("/buffers/0/byteLength", json!(4096), "buffer 0"),
         ("/buffers/0/uri", json!(7), "buffers[0]"),
         ("/meshes/0/primitives/0/mode", json!(7), "the scene"),
         ("/meshes/0/primitives/0/indices", json!(7), "mesh 0 primitive 0 indices"),
-        ("/meshes/0/primitives/0/indices", json!(0), "accessor 0"),
         ("/meshes/0/primitives/0/attributes/POSITION", json!(7), "mesh 0 primitive 0 POSITION"),
         ("/nodes/0/mesh", json!(3), "nodes[0].mesh"),
-        ("/nodes/0/children", json!([0]), "node 0"),
         ("/nodes/0/children", json!([5]), "nodes[0].children[0]"),
         ("/nodes/0/rotation", json!([0, 0, 0, 2]), "node 0"),
         ("/nodes/0/scale", json!([1, 0, 1]), "node 0"),
         ("/nodes/0/matrix", json!([1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), "node 0"),
-        ("/nodes/0/matrix", json!([1, 2]), "node 0"),
         ("/scenes/0/nodes", json!([1]), "scenes[0].nodes[0]"),
     ];
     for (pointer, value, element) in cases {
@@ -414,18 +374,13 @@ fn invalid_documents_are_refused_by_element() {
 fn faults_that_touch_no_triangle_are_passed_over() {
     let cases = [
         ("/accessors/0/max", json!([2, 1, 0])),
-        ("/accessors/0/max", json!(null)),
         ("/bufferViews/0/target", json!(34963)),
         // A stride that says what is the case, and one of 0 for none.
         ("/bufferViews/1/byteStride", json!(2)),
         ("/bufferViews/0/byteStride", json!(0)),
-        ("/meshes/0/primitives/0/material", json!(0)),
         ("/meshes/0/primitives/0/attributes/COLOUR", json!(9)),
         ("/meshes/0/primitives/0/targets", json!([{"NORMAL": 9}])),
         ("/nodes/0/skin", json!(3)),
-        ("/nodes/0/camera", json!(3)),
-        ("/nodes/0/children", json!([])),
-        ("/nodes/0/weights", json!([1.0])),
         ("/scene", json!(4)),
         ("/scenes/0/nodes", json!([0, 0])),
         ("/materials", json!([{"pbrMetallicRoughness": 3}])),
@@ -859,23 +814,17 @@ fn extensions_that_hide_geometry_are_refused() {
 
 #[test]
 fn a_file_cut_anywhere_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let (binary, text) = (folder.path().join("skin.glb"), folder.path().join("skin.gltf"));
-    write_skin(&binary, &robot()).unwrap();
-    write_skin(&text, &robot()).unwrap();
-    for path in [binary, text] {
-        let whole = fs::read(&path).unwrap();
+    for name in ["skin.glb", "skin.gltf"] {
+        let whole = skin_to_bytes(Path::new(name), &robot()).unwrap();
         for length in (0..whole.len() - 1).step_by(64) {
-            fs::write(&path, &whole[..length]).unwrap();
-            let error = read_draft(&path).expect_err("cut short");
-            assert!(!error.to_string().is_empty());
-            assert!(read_map(&path).is_err(), "cut at {length}");
+            let cut = whole[..length].to_vec();
+            assert!(read_map_bytes(&cut).is_err(), "{name} cut at {length}");
+            assert!(
+                draft_from_bytes(Path::new(name), cut, ReadParts::default()).is_err(),
+                "{name}: {length}"
+            );
         }
     }
-    assert!(read_draft(folder.path()).is_err(), "a folder");
-    let folder_glb = folder.path().join("folder.glb");
-    fs::create_dir(&folder_glb).unwrap();
-    assert!(matches!(read_draft(&folder_glb), Err(IoError::Read { .. })), "a folder with the right name");
 }
 
 #[test]
@@ -896,53 +845,6 @@ fn broken_headers_are_refused() {
     assert!(read_bytes(&Glb::container(b"", b"")).is_err(), "an empty chunk");
     assert!(read_bytes(&Glb::container(b"\xEF\xBB\xBF{}", b"")).is_err(), "a byte order mark");
     assert!(read_bytes(&Glb::container(b"\xFF\xFE", b"")).is_err(), "no UTF-8");
-}
-
-/// Views that name a buffer, in a file that has none.
-#[test]
-fn views_of_no_buffer_are_refused() {
-    let text = String::from_utf8_lossy(&Glb::square().bytes()).into_owned();
-    assert_eq!(text.matches("\"buffers\"").count(), 1);
-    let mut bytes = Glb::square().bytes();
-    let at = bytes.windows(9).position(|w| w == b"\"buffers\"").unwrap();
-    bytes[at + 1] = b'B';
-    let found = read_bytes(&bytes).unwrap_err().to_string();
-    assert!(found.contains("bufferViews[0].buffer"), "{found}");
-}
-
-proptest::proptest! {
-    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(512))]
-
-    /// Whatever a few flipped bytes make of a file, reading ends with a draft or an error.
-    #[test]
-    fn flipped_bytes_never_panic(flips in proptest::collection::vec((0_usize..1 << 20, 0_u8..), 1..6)) {
-        let mut bytes = Glb::square().bytes();
-        for (at, value) in flips {
-            let at = at % bytes.len();
-            bytes[at] = value;
-        }
-        if let Ok(draft) = read_bytes(&bytes) {
-            proptest::prop_assert!(draft.sheets.iter().all(|s| {
-                s.triangles.iter().flatten().all(|&v| (v as usize) < s.positions.len())
-            }), "every corner exists");
-        }
-    }
-}
-
-proptest::proptest! {
-    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(128))]
-
-    /// The same for maps, whose numbers are used at once to measure them.
-    #[test]
-    fn flipped_bytes_of_maps_never_panic(flips in proptest::collection::vec((0_usize..1 << 20, 0_u8..), 1..6)) {
-        static MAP: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(map_file);
-        let mut bytes = MAP.clone();
-        for (at, value) in flips {
-            let at = at % bytes.len();
-            bytes[at] = value;
-        }
-        let _ = read_map_bytes(&bytes);
-    }
 }
 
 /// One that f32 would turn over, though the map does not.

@@ -5,6 +5,7 @@
 mod common;
 
 use std::{
+    borrow::BorrowMut,
     collections::HashMap,
     fmt::Write as _,
     fs,
@@ -64,8 +65,20 @@ impl Fixture {
     }
 }
 
-fn output(command: &mut Command) -> String {
-    String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+/// The table and the notes of a command that succeeds.
+fn said(mut command: impl BorrowMut<Command>) -> (String, String) {
+    let run = command.borrow_mut().assert().success().get_output().clone();
+    (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap())
+}
+
+fn output(command: impl BorrowMut<Command>) -> String {
+    said(command).0
+}
+
+/// What a command says that refuses its input.
+fn refusal(mut command: impl BorrowMut<Command>) -> String {
+    let run = command.borrow_mut().assert().code(2).get_output().clone();
+    String::from_utf8(run.stderr).unwrap()
 }
 
 /// Column `name` of row `row` of a table, as text.
@@ -85,7 +98,7 @@ fn each_contact_has_a_row_on_each_level() {
     points.iter().for_each(|p| writeln!(text, "{},{},{},1", p.x, p.y, p.z).unwrap());
     let contacts = fixture.file("contacts.csv", &text);
 
-    let table = output(&mut fixture.lookup(&contacts));
+    let table = output(fixture.lookup(&contacts));
     assert_eq!(table.lines().next().unwrap(), HEADER);
     assert_eq!(table.lines().count(), 1 + points.len() * levels);
     for (k, &point) in points.iter().enumerate() {
@@ -126,7 +139,7 @@ fn each_contact_has_a_row_on_each_level() {
 fn a_link_or_a_pose_moves_the_question() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "link,x,y,z\narm,0,0,-0.11\n,0,0,0.89\n");
-    let table = output(&mut fixture.lookup(&contacts));
+    let table = output(fixture.lookup(&contacts));
     let levels = fixture.map.patches[PatchId::new(0)].levels.len();
     for row in [0, levels] {
         let distance: f64 = cell(&table, row, "distance").parse().unwrap();
@@ -257,8 +270,7 @@ fn what_cannot_be_answered_is_refused_with_its_line() {
         ("", "line 1"),
     ] {
         let file = fixture.file("bad.csv", contacts);
-        let run = fixture.lookup(&file).arg("-o").arg(&out).assert().code(2);
-        let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        let error = refusal(fixture.lookup(&file).arg("-o").arg(&out));
         assert!(error.contains(expected), "{contacts:?}: {error}");
         assert_eq!(fs::read_to_string(&out).unwrap(), "older", "an older output is left as it was");
     }
@@ -290,8 +302,7 @@ fn a_bad_row_costs_no_good_row() {
     ];
     let contacts = fixture.file("c.csv", &format!("x,y,z,link\n{}\n", rows.join("\n")));
     let out = fixture.path("out.csv");
-    let run = fixture.lookup(&contacts).args(["--level", "0", "--quiet", "-o"]).arg(&out).assert().code(2);
-    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let error = refusal(fixture.lookup(&contacts).args(["--level", "0", "--quiet", "-o"]).arg(&out));
     for part in
         ["7 of 10 rows", "line 3, column `x`", "line 5: found 2 cells", "\"leg\" 2", "line 8, column `y`"]
     {
@@ -347,8 +358,7 @@ fn a_note_asks_when_most_contacts_are_several_spacings_away() {
         let points = mesh.positions.iter().step_by(9).map(off);
         let rows: Vec<_> = points.map(|p| format!("{},{},{}\n", p.x, p.y, p.z)).collect();
         let contacts = fixture.file("off.csv", &format!("x,y,z\n{}", rows.concat()));
-        let run = fixture.lookup(&contacts).args(["--level", "0"]).output().unwrap();
-        let notes = String::from_utf8(run.stderr).unwrap();
+        let notes = said(fixture.lookup(&contacts).args(["--level", "0"])).1;
         assert_eq!(notes.contains("more than 3 spacings of taxels from the skin"), is_noted, "{notes}");
         let run = fixture.lookup(&contacts).args(["--max-distance", "inf"]).output().unwrap();
         assert!(run.stderr.is_empty(), "no note where the limit is given");
@@ -385,7 +395,7 @@ fn contacts_may_be_in_the_frame_of_the_only_link_with_skin() {
         assert_eq!((cell(&table, row, "link"), cell(&table, row, "frame")), ("link1", "link1"));
     }
     let named = fixture.file("n.csv", "x,y,z,link\n0,0,-0.1,link1\n");
-    assert_eq!(cell(&output(&mut fixture.lookup(&named)), 0, "frame"), "link1");
+    assert_eq!(cell(&output(fixture.lookup(&named)), 0, "frame"), "link1");
 }
 
 /// Weights of a hit and its cell are one sparse product, whatever the level.
@@ -470,8 +480,7 @@ fn reactive_answers_count_far_contacts_once() {
     let contacts = fixture.file("c.csv", "x,y,z\n0,0,0.9\n0,0,0.89\n0,0,0.89\n");
     for (levels, is_noted) in [(&["--level", "0"][..], true), (&[], true), (&["--level", "3"], false)] {
         let mut command = fixture.lookup(&contacts);
-        let run = command.args(["--reactive", "--max-distance", "0.009"]).args(levels).output().unwrap();
-        let notes = String::from_utf8(run.stderr).unwrap();
+        let notes = said(command.args(["--reactive", "--max-distance", "0.009"]).args(levels)).1;
         let note = "2 of 3 contacts are off the skin, by more than 0.009 m";
         assert_eq!(notes.contains(note), is_noted, "{levels:?}: {notes}");
     }
@@ -505,8 +514,7 @@ fn rays_follow_the_normal() {
     let text = "x,y,z,nx,ny,nz\n0,0,0,0,0,2\n0,0,0,0,0,-1\n0,0,0,0,0,0\n";
     let contacts = fixture.file("c.csv", text);
     let out = fixture.path("out.csv");
-    let run = fixture.lookup(&contacts).args(["--ray", "--level", "0", "-o"]).arg(&out).assert().code(2);
-    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let error = refusal(fixture.lookup(&contacts).args(["--ray", "--level", "0", "-o"]).arg(&out));
     assert!(error.contains("line 4, columns nx,ny,nz") && !error.contains("is not used"), "{error}");
     let text = fs::read_to_string(out).unwrap();
     let table = rows(&text);
@@ -519,7 +527,7 @@ fn rays_follow_the_normal() {
 fn answers_lead_back_from_the_map() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z\n0.01,0,0.9\n0.02,0.01,0.9\n-0.03,0.01,0.91\n");
-    let answers = output(&mut fixture.lookup(&contacts));
+    let answers = output(fixture.lookup(&contacts));
     let places = fixture.file("places.csv", &answers);
     for (frame, up) in [("world", 0.0), ("link", -1.0)] {
         let back = output(fixture.lookup(&places).args(["--from-map", "--frame", frame]));
@@ -534,8 +542,7 @@ fn answers_lead_back_from_the_map() {
     let text = "px,py,level,patch\n60,60,1,cap\n5,100000,0,cap\n5,9,0,leg\n5,9,77,cap\n1.5,9,0,cap\n";
     let pixels = fixture.file("pixels.csv", text);
     let out = fixture.path("back.csv");
-    let run = fixture.lookup(&pixels).args(["--from-map", "-o"]).arg(&out).assert().code(2);
-    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let error = refusal(fixture.lookup(&pixels).args(["--from-map", "-o"]).arg(&out));
     for part in [
         "4 of 5",
         "line 3, columns px,py",
@@ -548,8 +555,7 @@ fn answers_lead_back_from_the_map() {
     let text = fs::read_to_string(&out).unwrap();
     assert_eq!((rows(&text)[0]["px"], rows(&text)[0]["py"]), ("60", "60"));
     let off = fixture.file("off.csv", "u,v\n5,0\n");
-    let run = fixture.lookup(&off).arg("--from-map").output().unwrap();
-    let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    let (table, notes) = said(fixture.lookup(&off).arg("--from-map"));
     assert!(
         number(&rows(&table)[0], "off_chart") > 4.5 && notes.contains("1 place is off the map"),
         "{notes}"
@@ -569,37 +575,30 @@ fn answers_are_contacts_and_places() {
     assert_eq!(patches, ["cap", "cap", "off skin"]);
     let table = fixture.file("answers.csv", &answers);
 
-    let run = fixture.lookup(&table).args(["--level", "0"]).output().unwrap();
-    let (again, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-    assert!(
-        run.status.success() && notes.contains("1 rows of contacts off the skin have no answer"),
-        "{notes}"
-    );
+    let (again, notes) = said(fixture.lookup(&table).args(["--level", "0"]));
+    assert!(notes.contains("1 rows of contacts off the skin have no answer"), "{notes}");
     assert_eq!(rows(&again).len(), 2);
     for (row, (before, frame)) in rows(&again).iter().zip(rows(&answers).iter().zip(["world", "arm"])) {
         assert!(number(row, "distance").abs() < 1e-12 && row["frame"] == frame, "{row:?}");
         assert_eq!((row["face"], row["link"]), (before["face"], "arm"));
     }
 
-    let run = fixture.lookup(&table).arg("--from-map").output().unwrap();
-    let (back, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-    assert!(run.status.success() && notes.contains("1 rows of contacts off the skin have no"), "{notes}");
+    let (back, notes) = said(fixture.lookup(&table).arg("--from-map"));
+    assert!(notes.contains("1 rows of contacts off the skin have no"), "{notes}");
     assert_eq!(rows(&back).len(), 2);
     let pixels = fixture.file("pixels.csv", "patch,level,px,py\noff skin,0,,\ncap,0,60,60\n");
     assert_eq!(rows(&output(fixture.lookup(&pixels).arg("--from-map"))).len(), 1);
 
     let unknown = fixture.file("c.csv", "contact,frame,x,y,z\n0,leg,0,0,0.9\n1,world,0,0,0.9\n");
-    let run = fixture.lookup(&unknown).output().unwrap();
-    let notes = String::from_utf8(run.stderr).unwrap();
+    let notes = refusal(fixture.lookup(&unknown));
     assert!(notes.contains("line 2, column `frame`: found \"leg\"; needed: `world`, or the name"), "{notes}");
 
     // A link of that name is not the world.
     let mut map = fixture.map.clone();
     map.links[map.patches[PatchId::new(0)].link].name = "world".into();
     write_map(&fixture.path("map.glb"), &map).unwrap();
-    let run = fixture.lookup(&table).output().unwrap();
-    let notes = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.code() == Some(2) && notes.contains("also the name of a link"), "{notes}");
+    let notes = refusal(fixture.lookup(&table));
+    assert!(notes.contains("also the name of a link"), "{notes}");
 }
 
 /// Every question is asked back when most contacts are far.
@@ -608,9 +607,8 @@ fn far_contacts_of_fields_are_noted() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z\n10,20,3\n");
     for options in [["--nearest", "2"], ["--within", "100"]] {
-        let run = fixture.lookup(&contacts).args(options).output().unwrap();
-        let notes = String::from_utf8(run.stderr).unwrap();
-        assert!(run.status.success() && notes.contains("are they in metres"), "{options:?}: {notes}");
+        let notes = said(fixture.lookup(&contacts).args(options)).1;
+        assert!(notes.contains("are they in metres"), "{options:?}: {notes}");
     }
 }
 
@@ -623,8 +621,7 @@ fn fields_without_a_face_are_counted() {
     write_map(&fixture.path("map.glb"), &SkinMap::flat(mesh, 1e-3)).unwrap();
     let contacts = fixture.file("c.csv", "x,y,z\n0.01,0.01,0.002\n");
     for (options, count) in [(["--nearest", "1"], 0), (["--nearest", "2"], 1), (["--within", "0.0012"], 0)] {
-        let run = fixture.lookup(&contacts).args(options).output().unwrap();
-        let (table, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+        let (table, notes) = said(fixture.lookup(&contacts).args(options));
         assert_eq!(rows(&table).len(), count, "{options:?}: {table}");
         assert!(notes.contains("1 answer is without a row"), "{options:?}: {notes}");
         assert!(!notes.contains("off the skin"), "{options:?}: {notes}");
@@ -637,17 +634,14 @@ fn advice_can_be_followed() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z,nx,ny,nz\n0,0,9,0,0,1\n");
     for (options, is_asked) in [(&[][..], true), (&["--ray"], false), (&["--within", "0.001"], false)] {
-        let run = fixture.lookup(&contacts).args(options).output().unwrap();
-        let notes = String::from_utf8(run.stderr).unwrap();
+        let notes = said(fixture.lookup(&contacts).args(options)).1;
         assert!(notes.contains("(--unit, --frame"), "{notes}");
         assert_eq!(notes.contains("--max-distance"), is_asked, "{options:?}: {notes}");
     }
     let poses = fixture.file("p.csv", "link,x,y,z,qx,qy,qz,qw\narm,0,0,1000,0,0,0,1\n");
-    let run = fixture.lookup(&contacts).arg("--pose").arg(&poses).output().unwrap();
-    let notes = String::from_utf8(run.stderr).unwrap();
+    let notes = said(fixture.lookup(&contacts).arg("--pose").arg(&poses)).1;
     assert!(notes.contains("p.csv in metres?"), "{notes}");
-    let run = fixture.lookup(&contacts).args(["--animation", "wave"]).output().unwrap();
-    let notes = String::from_utf8(run.stderr).unwrap();
+    let notes = refusal(fixture.lookup(&contacts).args(["--animation", "wave"]));
     assert!(notes.contains("help: give a file with an animation"), "{notes}");
 }
 
@@ -670,8 +664,7 @@ fn contacts_are_matched_with_poses_by_their_time() {
     let contacts =
         fixture.file("c.csv", "time,x,y,z\n1,0,0,0.89\n1.5,0,0,1.39\n2,0,0,1.89\n7,0,0,2.89\n,0,0,0.89\n");
     for pose in [vec![table.clone()], vec![moves.clone(), "--animation".into(), "up".into()]] {
-        let run = fixture.lookup(&contacts).args(["--level", "0", "--pose"]).args(&pose).output().unwrap();
-        let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+        let (text, notes) = said(fixture.lookup(&contacts).args(["--level", "0", "--pose"]).args(&pose));
         assert!(notes.contains("2 contacts are without a time or outside"), "{pose:?}: {notes}");
         assert!(!notes.contains("is not used"), "{notes}");
         assert_eq!(rows(&text).len(), 5, "{text}{notes}");
@@ -680,23 +673,20 @@ fn contacts_are_matched_with_poses_by_their_time() {
         }
     }
     let places = fixture.file("p.csv", "time,u,v\n1,0,0\n1.5,0,0\n2,0,0\n7,0,0\n,0,0\n");
-    let run = fixture.lookup(&places).arg("--from-map").arg("--pose").arg(&table).output().unwrap();
-    let (text, notes) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+    let (text, notes) = said(fixture.lookup(&places).arg("--from-map").arg("--pose").arg(&table));
     assert!(notes.contains("2 places are without a time or outside"), "{notes}");
     let heights: Vec<f64> = rows(&text).iter().map(|row| number(row, "z")).collect();
     for (height, up) in heights.iter().zip([0.0, 0.5, 1.0, 2.0, 0.0]) {
         assert!((height - heights[0] - up).abs() < 1e-9, "{heights:?}");
     }
-    let run = fixture.lookup(&places).arg("--from-map").assert().success();
-    let notes = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let notes = said(fixture.lookup(&places).arg("--from-map")).1;
     assert!(notes.contains("column `time` is not used"), "{notes}");
     for (options, expected) in [
         (vec!["--animation", "up"], "animations"),
         (vec!["--pose", table.to_str().unwrap(), "--animation", "up"], "no animation"),
         (vec!["--pose", moves.to_str().unwrap(), "--animation", "down"], "\"up\""),
     ] {
-        let run = fixture.lookup(&contacts).args(&options).assert().code(2);
-        let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        let error = refusal(fixture.lookup(&contacts).args(&options));
         assert!(error.contains(expected), "{options:?}: {error}");
     }
     for (from, to) in [
@@ -709,8 +699,7 @@ fn contacts_are_matched_with_poses_by_their_time() {
         fixture.lookup(&contacts).arg("--pose").arg(&bad).assert().code(2);
     }
     let other = fixture.file("other.gltf", &gltf.replace("\"arm\"", "\"leg\""));
-    let run = fixture.lookup(&contacts).arg("--pose").arg(&other).assert().success();
-    let notes = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let notes = said(fixture.lookup(&contacts).arg("--pose").arg(&other)).1;
     assert!(notes.contains("other.gltf: the map has no link for the animated `leg`\n"), "{notes}");
     assert!(notes.contains("other.gltf: the animation moves no link of the map\n"), "{notes}");
 }
@@ -757,8 +746,7 @@ fn animations_travel_with_the_skin() {
     let table = output(fixture.lookup(&contacts).args(["--level", "0", "--animation", "up"]));
     assert!(rows(&table).iter().all(|row| (number(row, "distance") - 0.01).abs() < 1e-5), "{table}");
     let poses = fixture.file("p.csv", "link,x,y,z,qx,qy,qz,qw\nbase,0,0,0.5,0,0,0,1\n");
-    let run = fixture.lookup(&contacts).arg("--pose").arg(&poses).assert().code(2);
-    let error = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let error = refusal(fixture.lookup(&contacts).arg("--pose").arg(&poses));
     assert!(error.contains("2 links of the map have it"), "{error}");
     let mut info = common::command();
     let text = output(info.arg("info").arg(fixture.path("map.glb")));
@@ -777,8 +765,7 @@ fn forces_become_readings() {
         "time,x,y,z,force,radius\n0,0,0,0.9,2,\n0.1,0,0,0.891,3,0.01\n0.1,0.02,0,0.9,1,\n0.2,0,0,5,9,\n";
     let contacts = fixture.file("c.csv", text);
     let readings = fixture.path("touch.csv");
-    let run = fixture.lookup(&contacts).args(["--readings"]).arg(&readings).output().unwrap();
-    let notes = String::from_utf8(run.stderr).unwrap();
+    let notes = said(fixture.lookup(&contacts).args(["--readings"]).arg(&readings)).1;
     assert!(notes.contains("1 contact is off all taxels") && !notes.contains("is not used"), "{notes}");
     let recording = fs::read_to_string(&readings).unwrap();
     let frames: Vec<(f64, f64)> = recording

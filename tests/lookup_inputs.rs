@@ -343,28 +343,11 @@ fn triangles_without_area_are_not_hit_first() {
         mesh.triangles.push(corners);
     }
     let first = u32::try_from(mesh.triangles.len()).unwrap() - 2;
-    let folder = tempfile::tempdir().unwrap();
-    let map = SkinMap::flat(mesh, 1e-3);
-    if write_map(&folder.path().join("map.glb"), &map).is_err() {
-        // A writer may refuse them; the library answers all the same.
-        let index = ContactIndex::new(&map).unwrap();
-        for k in 0..50 {
-            let q = DVec3::new(0.001 * f64::from(k), 0.0005 * f64::from(k), 0.002);
-            let hit = index.locate(q).unwrap();
-            assert!(hit.point.face.raw() < first && hit.normal.distance(DVec3::Z) < 1e-12, "{hit:?}");
-        }
-        return;
-    }
-    let rows: String =
-        (0..50).map(|k| format!("{},{},0.002\n", 0.001 * f64::from(k), 0.0005 * f64::from(k))).collect();
-    let run = lookup(&folder, &format!("x,y,z\n{rows}"), LEVEL_0);
-    assert_eq!((run.code, run.rows.len()), (0, 50), "{}", run.error);
-    for row in 0..50 {
-        assert!(
-            run.number(row, "face") < f64::from(first) && (run.number(row, "nz") - 1.0).abs() < 1e-12,
-            "{:?}",
-            run.rows[row]
-        );
+    let index = ContactIndex::new(&SkinMap::flat(mesh, 1e-3)).unwrap();
+    for k in 0..50 {
+        let q = DVec3::new(0.001 * f64::from(k), 0.0005 * f64::from(k), 0.002);
+        let hit = index.locate(q).unwrap();
+        assert!(hit.point.face.raw() < first && hit.normal.distance(DVec3::Z) < 1e-12, "{hit:?}");
     }
 }
 
@@ -419,19 +402,6 @@ fn a_row_that_is_too_long_costs_no_other_row() {
     }
     let run = lookup(&folder, &format!("{}\n0,0,0.9\n", "x".repeat(2 << 20)), LEVEL_0);
     assert!(run.code == 2 && run.error.contains("line 1: found more than"), "{}", run.error);
-}
-
-/// A table of bad rows alone is counted and listed as one with good rows.
-#[test]
-fn bad_rows_are_all_listed_though_none_is_good() {
-    let folder = folder();
-    let run = lookup(&folder, "x,y,z,link\n0,nan,0,\n1,2\n0,0,0,leg\n", LEVEL_0);
-    assert!(run.code == 2 && !folder.path().join("out.csv").exists(), "{}", run.error);
-    for part in ["3 of 3 rows", "line 2, column `y`", "line 3: found 2", "unknown links: \"leg\" 1"] {
-        assert!(run.error.contains(part), "{part} in {}", run.error);
-    }
-    let run = lookup(&folder, "u,v\n0,oops\n0\n", &["--from-map"]);
-    assert!(run.error.contains("2 of 2 rows") && run.error.contains("line 3: found 1"), "{}", run.error);
 }
 
 /// A name of two links says neither.

@@ -17,7 +17,6 @@ use dermatome::{
     skin::TaxelId,
 };
 use glam::{DQuat, DVec3};
-use proptest::prelude::*;
 use tempfile::TempDir;
 
 fn file(name: &str, text: &str) -> (TempDir, PathBuf) {
@@ -423,29 +422,4 @@ fn a_chain_of_taxels_makes_no_skin() {
     let found = calibrate(&observations, &Default::default()).unwrap();
     let refused = calibrated_skin(&found, &observations, None).unwrap_err().to_string();
     assert!(refused.contains("no three taxels"), "{refused}");
-}
-
-proptest! {
-    /// Whatever the bytes, reading ends without a panic.
-    #[test]
-    fn any_text_is_read_or_refused(
-        lines in proptest::collection::vec(
-            prop_oneof![
-                "[A-Z_:3]{1,12}( -?[0-9e.]{1,5}){0,12}",
-                Just(format!("EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {UNIT}")),
-                Just("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1".to_owned()),
-                Just("VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1".to_owned()),
-                Just("FIX 0".to_owned()),
-                "[ -~]{0,30}",
-            ],
-            0..12,
-        ),
-        table in any::<bool>(),
-    ) {
-        let (_folder, path) = file(if table { "a.csv" } else { "a.g2o" }, &lines.join("\n"));
-        if let Ok((read, _)) = read_observations(&path, &[]) {
-            // And what was read calibrates, or says why not.
-            let _ = calibrate(&read, &Default::default());
-        }
-    }
 }

@@ -12,6 +12,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
+#[cfg(feature = "cli")]
+use assert_cmd::assert::Assert;
+
 /// The command without arguments.
 #[cfg(feature = "cli")]
 pub(crate) fn command() -> assert_cmd::Command {
@@ -24,6 +27,27 @@ pub(crate) fn dermatome(folder: impl AsRef<Path>, words: &str) -> assert_cmd::Co
     let mut command = command();
     command.current_dir(folder).args(words.split_whitespace());
     command
+}
+
+/// The command in a folder, which refuses with exit code 2 and says all of this.
+#[cfg(feature = "cli")]
+pub(crate) fn refuses(folder: impl AsRef<Path>, words: &str, said: &[&str]) -> Assert {
+    says(dermatome(folder, words).assert().code(2), words, said)
+}
+
+/// The command in a folder, which succeeds and says all of this on standard error.
+#[cfg(feature = "cli")]
+pub(crate) fn notes(folder: impl AsRef<Path>, words: &str, said: &[&str]) -> Assert {
+    says(dermatome(folder, words).assert().success(), words, said)
+}
+
+#[cfg(feature = "cli")]
+fn says(run: Assert, words: &str, said: &[&str]) -> Assert {
+    let found = String::from_utf8_lossy(&run.get_output().stderr);
+    for part in said {
+        assert!(found.contains(part), "{words}: {part:?} is missing in {found}");
+    }
+    run
 }
 
 /// What a command printed as JSON.

@@ -12,7 +12,7 @@ use dermatome::{
     map::SkinMap,
     plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin},
     pyramid::LevelId,
-    signal::{Channel, Restrictor},
+    signal::Restrictor,
 };
 use glob::Pattern;
 
@@ -23,7 +23,7 @@ use crate::{
         outputs::{self, Outputs, is_stream},
     },
     options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern},
-    render::{FramesArgs, Readings, ReadingsArgs, range},
+    render::{FramesArgs, Pass, ReadingsArgs, find_channel, range},
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
@@ -160,7 +160,7 @@ fn picture_of_frame(
     common: &Common,
 ) -> anyhow::Result<Picture> {
     let FrameArgs { frame, channel, .. } = &args.frame;
-    let pass = Readings::new(&args.readings_args, FramesArgs::one(*frame), path, map).open()?;
+    let pass = Pass::open(&args.readings_args, FramesArgs::one(*frame), path, map)?;
     let channels = pass.channels().to_vec();
     let shown = channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
     pass.remark(&path.display().to_string(), common);
@@ -169,21 +169,13 @@ fn picture_of_frame(
     pass.run(|_, frame| {
         let frame = restrictor.restrict(frame);
         picture = Some(plot_frame(map, frame, &channels, shown, options).map_err(Error::from)?);
-        Ok(false)
+        Ok(())
     })?;
     picture.ok_or_else(|| {
         advise(
             format!("{} ends before frame {frame}", path.display()),
             "frames count from 0; give --frame a smaller number",
         )
-    })
-}
-
-pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
-    channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
-        let names: Vec<_> = channels.iter().take(10).map(|channel| channel.name.as_str()).collect();
-        let what = format!("the readings have no channel {name:?}; they have {}", names.join(", "));
-        advise(what, "give --channel one of them, or leave it out to draw the first")
     })
 }
 

@@ -3,8 +3,8 @@
 
 mod contacts;
 mod output;
+mod readings;
 mod readings_args;
-mod source;
 
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
@@ -34,12 +34,12 @@ use crate::{
     render::{
         contacts::ContactsArgs,
         output::{Array, ColourArgs, Content, Kind, Output, Pictures},
-        source::Tally,
+        readings::Tally,
     },
 };
 
+pub(crate) use readings::{Pass, find_channel};
 pub(crate) use readings_args::{FramesArgs, ReadingsArgs, range};
-pub(crate) use source::Readings;
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///
@@ -109,8 +109,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
     let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
-    let readings = Readings::new(&args.readings_args, args.frames, &args.readings, &map);
-    let pass = readings.open()?;
+    let pass = Pass::open(&args.readings_args, args.frames, &args.readings, &map)?;
     let read = pass.channels().to_vec();
     let mut values = args.images.values(&map, &read);
     let channels = values.channels(&read);
@@ -147,7 +146,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
         bar.inc(1);
         written += 1;
-        Ok(true)
+        Ok(())
     });
     bar.finish_and_clear();
     // Of a stream that ends badly, what came before is kept: it will not come again.

@@ -21,8 +21,7 @@ use crate::{
     },
     files::outputs::{self, Outputs, is_stream},
     options::Common,
-    plot::find_channel,
-    render::{FramesArgs, Readings, ReadingsArgs},
+    render::{FramesArgs, Pass, ReadingsArgs, find_channel},
 };
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
@@ -88,7 +87,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// Shows readings while they come.
 fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
     let path = args.readings.as_deref().unwrap_or(Path::new("-"));
-    let pass = Readings::new(&args.readings_args, args.frames, path, map).open()?;
+    let pass = Pass::open(&args.readings_args, args.frames, path, map)?;
     let channels = pass.channels().to_vec();
     let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
     let (html, mut frames) = page.to_live_html(&channels, shown)?;
@@ -97,7 +96,7 @@ fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow:
     pass.remark(&path.display().to_string(), common);
     let tally = pass.run(|_, frame| {
         server.show(frames.next(frame));
-        Ok(true)
+        Ok(())
     });
     server.end();
     tally?.remark(args.readings_args.baseline, common);
@@ -112,7 +111,7 @@ fn record(
     page: &mut Page<'_>,
     common: &Common,
 ) -> anyhow::Result<()> {
-    let pass = Readings::new(&args.readings_args, args.frames, path, map).open()?;
+    let pass = Pass::open(&args.readings_args, args.frames, path, map)?;
     let channels = pass.channels().to_vec();
     let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
     pass.remark(&path.display().to_string(), common);
@@ -120,7 +119,7 @@ fn record(
     let tally = pass.run(|_, frame| {
         page.record(frame, &channels, shown)?;
         bar.inc(1);
-        Ok(true)
+        Ok(())
     });
     bar.finish_and_clear();
     let tally = tally?;

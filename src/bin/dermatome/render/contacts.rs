@@ -1,6 +1,6 @@
 //! The contact regions of a recording as a table: `render --contacts`.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     Error,
@@ -9,9 +9,9 @@ use dermatome::{
     signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
 };
 
-use crate::{
-    console::errors::advise,
-    render::readings_args::{ReadingsArgs, positive},
+use crate::render::{
+    find_channel,
+    readings_args::{ReadingsArgs, positive},
 };
 
 /// Which contacts are found.
@@ -42,30 +42,21 @@ pub(super) struct ContactsArgs {
 }
 
 /// Contacts on their way out.
-pub(super) struct Contacts<'a> {
+pub(super) struct Contacts {
     tracker: ContactTracker,
-    writer: RegionWriter<'a>,
+    writer: RegionWriter,
     onsets: usize,
 }
 
 impl ContactsArgs {
-    pub(super) fn open<'a>(
+    pub(super) fn open(
         &self,
-        map: &'a SkinMap,
+        map: &Arc<SkinMap>,
         channels: &[Channel],
         readings: &ReadingsArgs,
-    ) -> anyhow::Result<Option<Contacts<'a>>> {
+    ) -> anyhow::Result<Option<Contacts>> {
         let Some(path) = &self.contacts else { return Ok(None) };
-        let channel = match &self.channel {
-            None => 0,
-            Some(name) => channels.iter().position(|channel| channel.name == *name).ok_or_else(|| {
-                let names: Vec<&str> = channels.iter().take(10).map(|channel| &*channel.name).collect();
-                advise(
-                    format!("there is no channel {name:?}"),
-                    format!("choose one of: {}", names.join(", ")),
-                )
-            })?,
-        };
+        let channel = self.channel.as_deref().map_or(Ok(0), |name| find_channel(channels, name))?;
         let defaults = TrackerOptions::default();
         let noise_frames = match readings.baseline {
             0 => defaults.noise_frames,
@@ -86,7 +77,7 @@ impl ContactsArgs {
     }
 }
 
-impl Contacts<'_> {
+impl Contacts {
     /// Finds the regions of frame `number`.
     pub(super) fn track(&mut self, number: usize, frame: &Frame) -> Result<(), Error> {
         let regions = self.tracker.track(frame);

@@ -1,4 +1,4 @@
-//! Where `render` gets its frames from: readings that are read, joined to the map and conditioned.
+//! The frames of `render` and `plot`: readings that are read, joined to the map and conditioned.
 
 use std::path::Path;
 
@@ -66,22 +66,23 @@ impl Tally {
     }
 }
 
-/// Readings of a map.
-pub(crate) struct Readings<'a> {
+/// One pass over readings of a map.
+pub(crate) struct Pass<'a> {
     args: &'a ReadingsArgs,
     frames: FramesArgs,
-    path: &'a Path,
-    map: &'a SkinMap,
+    reader: ReadingsReader,
+    join: Join,
+    conditioner: Conditioner,
+    frame: Frame,
 }
 
-impl<'a> Readings<'a> {
-    pub(crate) fn new(args: &'a ReadingsArgs, frames: FramesArgs, path: &'a Path, map: &'a SkinMap) -> Self {
-        Self { args, frames, path, map }
-    }
-
-    /// Opens the readings, for one pass over them.
-    pub(crate) fn open(&self) -> anyhow::Result<Pass<'a>> {
-        let Self { args, frames, path, map } = *self;
+impl<'a> Pass<'a> {
+    pub(crate) fn open(
+        args: &'a ReadingsArgs,
+        frames: FramesArgs,
+        path: &Path,
+        map: &SkinMap,
+    ) -> anyhow::Result<Self> {
         let mut reader = if is_stream(path) {
             let name = Path::new("standard input");
             let fail = |source| IoError::Read { path: name.to_owned(), source };
@@ -108,41 +109,7 @@ impl<'a> Readings<'a> {
         let frame = Frame::new(map, reader.channels.len());
         Ok(Pass { args, frames, reader, join, conditioner, frame })
     }
-}
 
-/// Gives the channels the units that the user names.
-fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> {
-    if units.len() != channels.len() {
-        let names: Vec<&str> = channels.iter().map(|channel| channel.name.as_str()).collect();
-        return Err(advise(
-            format!(
-                "{} units for {} channels ({})",
-                units.len(),
-                channels.len(),
-                names.iter().take(10).copied().collect::<Vec<_>>().join(", ")
-            ),
-            "give one unit for each channel, as in Pa,K",
-        ));
-    }
-    for (channel, unit) in channels.iter_mut().zip(units) {
-        // Readings without a name are called pressure until their unit says what they are.
-        let name = if *channel == Channel::default() { "" } else { &channel.name };
-        *channel = Channel::new(name, unit);
-    }
-    Ok(())
-}
-
-/// One pass over the readings.
-pub(crate) struct Pass<'a> {
-    args: &'a ReadingsArgs,
-    frames: FramesArgs,
-    reader: ReadingsReader,
-    join: Join,
-    conditioner: Conditioner,
-    frame: Frame,
-}
-
-impl Pass<'_> {
     /// The channels of the frames that are passed on.
     pub(crate) fn channels(&self) -> &[Channel] {
         self.conditioner.channels()
@@ -175,35 +142,34 @@ impl Pass<'_> {
         }
     }
 
-    /// Passes on the frames that were asked for, each with its number; `pass_on` returns false to
-    /// stop.
+    /// Passes on the frames that were asked for, each with its number.
     pub(crate) fn run(
         mut self,
-        mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<bool>,
+        mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<()>,
     ) -> anyhow::Result<Tally> {
         let channels = self.reader.channels.len();
         let has_times = self.reader.has_times || self.args.rate.is_some();
         let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
         let FramesArgs { from, to, every } = self.frames;
         let rate = self.args.rate;
-        let (mut number, mut stopped) = (0_usize, false);
+        let mut number = 0;
         let has_times = self.reader.has_times;
-        let mut deliver = |frame: &Frame, frames: &mut usize| -> anyhow::Result<()> {
+        // Ends with no error after the last frame that is wanted.
+        let mut deliver = |frame: &Frame, frames: &mut usize| -> Result<(), Option<anyhow::Error>> {
             let is_asked = number >= from && (number - from) % every as usize == 0;
-            if is_asked && !stopped {
-                stopped = !pass_on(number, frame)?;
+            if is_asked && to.is_none_or(|to| number <= to) {
+                pass_on(number, frame)?;
                 *frames += 1;
             }
             number += 1;
-            stopped |= to.is_some_and(|to| number > to);
-            if stopped { Err(anyhow::Error::new(Stop)) } else { Ok(()) }
+            if to.is_some_and(|to| number > to) { Err(None) } else { Ok(()) }
         };
         let (mut values, mut time, mut read) = (Vec::new(), f64::NAN, 0_usize);
         let ended = loop {
             match self.reader.read(&mut values, &mut time) {
                 Ok(true) => {}
                 Ok(false) => break Ok(()),
-                Err(e) => break Err(anyhow::Error::new(Error::from(e))),
+                Err(e) => break Err(Some(Error::from(e).into())),
             }
             self.frame.time = match rate {
                 Some(rate) if !has_times => read as f64 / rate,
@@ -219,20 +185,37 @@ impl Pass<'_> {
         tally.read = read;
         tally.condition = self.conditioner.report().clone();
         match ended {
-            Err(e) if !e.is::<Stop>() => Err(e),
-            _ => Ok(tally),
+            Err(Some(e)) => Err(e),
+            Err(None) | Ok(()) => Ok(tally),
         }
     }
 }
 
-/// No further frame is wanted.
-#[derive(Debug)]
-struct Stop;
-
-impl std::fmt::Display for Stop {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("no further frame is wanted")
+/// Gives the channels the units that the user names.
+fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> {
+    if units.len() != channels.len() {
+        return Err(advise(
+            format!("{} units for {} channels ({})", units.len(), channels.len(), names(channels)),
+            "give one unit for each channel, as in Pa,K",
+        ));
     }
+    for (channel, unit) in channels.iter_mut().zip(units) {
+        // Readings without a name are called pressure until their unit says what they are.
+        let name = if *channel == Channel::default() { "" } else { &channel.name };
+        *channel = Channel::new(name, unit);
+    }
+    Ok(())
 }
 
-impl std::error::Error for Stop {}
+/// The channel of this name.
+pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
+    channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
+        let what = format!("the readings have no channel {name:?}; they have {}", names(channels));
+        advise(what, "give --channel one of them, or leave it out to take the first")
+    })
+}
+
+/// The names of the first channels.
+fn names(channels: &[Channel]) -> String {
+    channels.iter().take(10).map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
+}
