@@ -267,7 +267,7 @@ fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_named() {
+fn broken_maps_are_refused_by_name() {
     let map = flat_patch("palm", shapes::square(), 0.1);
     let broken = |change: &dyn Fn(&mut PatchMap)| {
         let mut map = map.clone();
@@ -308,7 +308,7 @@ proptest! {
 
     /// Moving a map by whole pixels moves its image: nothing depends on where the origin is.
     #[test]
-    fn whole_pixels_shift_the_image(dx in 0_i32..50, dy in 0_i32..50, corners in prop::collection::vec((0.0..20.0, 0.0..20.0), 3..12)) {
+    fn a_map_moved_by_whole_pixels_moves_its_image(dx in 0_i32..50, dy in 0_i32..50, corners in prop::collection::vec((0.0..20.0, 0.0..20.0), 3..12)) {
         let frame = |x: i32, y: i32| ImageFrame {
             origin: DVec2::new(f64::from(x), f64::from(y)),
             size: DVec2::splat(80.0),
@@ -334,7 +334,7 @@ proptest! {
 
     /// Triangulations of one polygon cover the same pixels, each once: shared edges are owned once.
     #[test]
-    fn how_a_quad_is_cut_does_not_matter(
+    fn every_triangulation_of_a_polygon_covers_the_same_pixels(
         x in prop::array::uniform4(0.0..9.0_f64), y in prop::array::uniform4(0.0..9.0_f64),
     ) {
         // One corner per quadrant: star-shaped about (10, 10), maybe not convex.
@@ -527,7 +527,7 @@ fn a_pixel_has_a_taxel_where_it_is_covered() {
 }
 
 #[test]
-fn what_makes_no_layout_is_refused() {
+fn invalid_pixels_margins_and_canvases_are_refused() {
     let map = body();
     let refused = |resolution, margin_px| {
         let options = AtlasOptions { resolution, packed: true, margin_px };

@@ -147,7 +147,7 @@ fn an_output_that_cannot_be_written_leaves_the_older_one() {
 }
 
 #[test]
-fn a_full_disk_is_said() {
+fn a_full_disk_is_an_error() {
     let (_folder, skin) = folder_with_a_cap();
     let full = Path::new("/dev/full");
     if !full.exists() {
@@ -176,7 +176,7 @@ fn a_full_disk_is_said() {
 }
 
 #[test]
-fn a_broken_merge_is_refused_and_check_is_pointed_at() {
+fn a_merge_that_is_no_surface_is_refused_with_a_pointer_to_check() {
     let Some(path) = data("cyskin/broken_link1_patches_1_2.json") else { return };
     let out = tempfile::tempdir().unwrap();
     command()

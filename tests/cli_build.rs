@@ -7,7 +7,7 @@ mod common;
 
 use std::{f64::consts::PI, fs, path::Path};
 
-use common::dermatome;
+use common::{dermatome, refuses};
 use dermatome::{
     id::FaceId,
     io::{read_map, write_skin},
@@ -166,12 +166,12 @@ fn bad_seams_are_refused_by_name() {
     ] {
         fs::write(path.join("cut.csv"), format!("from,to\n{rows}\n")).unwrap();
         for words in ["build sheet.csv -o M", "flatten sheet.csv -o f.obj"] {
-            dermatome(path, &format!("{words} --cut cut.csv")).assert().code(2).stderr(contains(what));
+            refuses(path, &format!("{words} --cut cut.csv"), &[what]);
         }
     }
     fs::write(path.join("cut.csv"), "a,b\n1,2\n").unwrap();
-    dermatome(path, "build sheet.csv -o M --cut cut.csv").assert().code(2).stderr(contains("one of from,to"));
-    dermatome(path, "build sheet.csv -o M --cut none.csv").assert().code(2).stderr(contains("none.csv"));
+    refuses(path, "build sheet.csv -o M --cut cut.csv", &["one of from,to"]);
+    refuses(path, "build sheet.csv -o M --cut none.csv", &["none.csv"]);
     fs::write(path.join("cut.csv"), "from,to\n5,14\n14,23\n").unwrap();
     let (slit, _) = levels(path, "sheet.csv -o M --cut cut.csv");
     assert!(

@@ -120,7 +120,7 @@ fn a_solve_that_does_not_converge_writes_nothing_unless_told() {
 }
 
 #[test]
-fn what_is_wrong_is_named_in_three_lines() {
+fn errors_say_what_where_and_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let line = "VERTEX_TRACKXYZ 0 0 0 0\nVERTEX_TRACKXYZ 1 0 0 0\nVERTEX_TRACKXYZ 2 0 0 0\n";
@@ -230,7 +230,7 @@ fn standard_input_is_known_by_its_first_line() {
 }
 
 #[test]
-fn advice_is_about_what_went_wrong() {
+fn the_help_fits_the_error() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("e.csv"), TRIANGLE).unwrap();

@@ -11,7 +11,7 @@ mod common;
 
 use std::{fs, path::Path};
 
-use common::{dermatome, listing};
+use common::{dermatome, listing, notes, refuses};
 use dermatome::{
     io::{write_map, write_skin},
     map::SkinMap,
@@ -71,7 +71,7 @@ fn no_command_writes_twice_to_one_place() {
         "plot map.glb -o - -o -",
         "simulate -o o.csv --truth ./o.csv",
     ] {
-        let refused = dermatome(folder.path(), words).assert().code(2).stderr(contains("two outputs"));
+        let refused = refuses(folder.path(), words, &["two outputs"]);
         assert!(refused.get_output().stdout.is_empty(), "{words}: nothing is printed");
     }
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb"], "nothing is written");
@@ -84,7 +84,7 @@ fn no_command_writes_twice_to_one_place() {
 fn of_two_outputs_either_both_are_written_or_none() {
     let folder = folder();
     let both = "flatten cap.obj -o f.npz -o f.doc";
-    dermatome(folder.path(), both).assert().code(2).stderr(contains("f.doc: unknown kind"));
+    refuses(folder.path(), both, &["f.doc: unknown kind"]);
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb"]);
 }
 
@@ -152,7 +152,7 @@ fn render_names_all_files_that_it_wrote() {
     let folder = folder();
     dermatome(folder.path(), "touch cap.obj -o r.csv --presses 1").assert().success();
     let run = "render map.glb r.csv -o o.npz --contacts t.csv";
-    dermatome(folder.path(), run).assert().success().stderr(contains("wrote o.npz, o.features.json, t.csv"));
+    notes(folder.path(), run, &["wrote o.npz, o.features.json, t.csv"]);
 }
 
 /// A stream does not come again: what came before a line that cannot be read is written.
@@ -175,7 +175,7 @@ fn a_file_in_place_of_a_folder_is_named() {
     let folder = folder();
     for words in ["build cap.obj -o c.csv", "render map.glb c.csv -o table"] {
         fs::write(folder.path().join("table"), "").unwrap();
-        dermatome(folder.path(), words).assert().code(2).stderr(contains("not a directory"));
+        refuses(folder.path(), words, &["not a directory"]);
     }
 }
 
@@ -208,7 +208,7 @@ fn check_refuses_a_map_that_is_none() {
 
 /// A sleeve that is not cut becomes a flat ring: one line says so, and what helps.
 #[test]
-fn a_poor_map_is_said_in_one_line_with_what_mends_it() {
+fn a_poor_map_is_one_note_with_what_mends_it() {
     let folder = folder();
     let skin = Skin::from_mesh("sleeve", shapes::tube(12, 60, 0.03, 0.4));
     write_skin(&folder.path().join("sleeve.obj"), &skin).unwrap();
@@ -233,7 +233,7 @@ fn bad_usage_is_an_error_in_two_lines() {
         ("build cap.obj -o M --levels -2", "invalid digit"),
         ("nothing", "Usage:"),
     ] {
-        let refused = dermatome(folder.path(), words).assert().code(2).stderr(contains(said));
+        let refused = refuses(folder.path(), words, &[said]);
         let text = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
         assert_eq!(text.lines().count(), 2, "{words}: {text}");
         assert!(text.starts_with("error: ") && text.contains("\n help: "), "{words}: {text}");

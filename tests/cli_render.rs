@@ -300,7 +300,7 @@ fn a_full_disk_is_an_error_and_a_closed_pipe_is_not() {
 }
 
 #[test]
-fn outputs_that_cannot_be_are_refused_before_work() {
+fn invalid_outputs_and_options_are_refused_before_work() {
     let folder = sheet();
     for (args, what) in [
         ("-o x.npy", "--level"),

@@ -502,7 +502,7 @@ fn force_follows_from_the_unit() {
 }
 
 #[test]
-fn options_that_make_no_sense_are_refused() {
+fn invalid_options_are_refused() {
     let map = plane();
     for options in [
         given(0.0),

@@ -305,7 +305,7 @@ fn any_number_of_threads_draws_the_same() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let map = cover();
     let other = SkinMap::flat(shapes::square(), 0.1);
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
@@ -342,7 +342,7 @@ proptest! {
 
     /// What is drawn does not depend on the frames before, bit by bit.
     #[test]
-    fn changes_alone_draw_what_a_whole_frame_draws(
+    fn partial_updates_draw_what_a_whole_frame_draws(
         changes in prop::collection::vec(change(), 1..6), how in prop::sample::select(&ALL[..]),
         extensive in any::<bool>(), packed in any::<bool>(), coarse in any::<bool>(),
     ) {

@@ -119,7 +119,7 @@ fn cubic_splines_go_through_their_keys_with_their_slopes() {
 
 /// The spline of a skin in mm is one in m, and is written as the spline that it is.
 #[test]
-fn cubic_splines_travel_with_the_skin() {
+fn cubic_splines_are_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let (first, second) = (folder.path().join("a.gltf"), folder.path().join("b.glb"));
     let channel: Channel<'_> = (1, "translation", "CUBICSPLINE", &[1.0, 3.0], &PARABOLA);

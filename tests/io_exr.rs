@@ -80,7 +80,7 @@ fn headers_say_what_every_reader_needs() {
 
 /// Printable ASCII but `%` as it is, any other byte as `%` and two digits.
 #[test]
-fn the_smallest_image_and_the_strangest_names() {
+fn one_pixel_and_names_of_any_bytes_are_written() {
     let long = "long ".repeat(100);
     for (name, written) in [
         ("a/b", "a/b/L0"),
@@ -97,7 +97,7 @@ fn the_smallest_image_and_the_strangest_names() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_the_old_file() {
+fn a_failed_write_leaves_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.exr");
     fs::write(&path, "old").unwrap();

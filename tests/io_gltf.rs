@@ -170,7 +170,7 @@ fn what_is_written_is_read_by_the_gltf_crate() {
 /// A tangent of a file is a unit vector, or that is noted; one along the normal has no
 /// direction on the skin, and its neighbours' stands in.
 #[test]
-fn tangents_are_judged() {
+fn invalid_tangents_are_noted_or_left_out() {
     let up = f32s(&[0., 0., 1.].repeat(4));
     let with = |tangents: [[f32; 4]; 4]| {
         let mut glb = Glb::square();
@@ -450,7 +450,7 @@ fn a_scene_without_triangles_says_so() {
 }
 
 #[test]
-fn values_are_judged_before_they_are_used() {
+fn invalid_positions_and_indices_are_refused() {
     for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let mut glb = Glb::square();
         glb.bin[12..16].copy_from_slice(&odd.to_le_bytes());
@@ -546,7 +546,7 @@ fn sparse_rows_replace_those_of_the_view() {
 
 /// Zeros need no bytes: only the budget stands between 4e9 of them and the memory.
 #[test]
-fn zeros_by_omission_are_bounded() {
+fn memory_of_accessors_without_bytes_is_bounded() {
     let mut glb = Glb::square();
     glb.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     assert_eq!(sheet(&glb).positions, [DVec3::ZERO; 4], "without bytes: zeros");
@@ -555,7 +555,7 @@ fn zeros_by_omission_are_bounded() {
 }
 
 #[test]
-fn one_mesh_used_for_ever_is_bounded() {
+fn memory_of_a_mesh_of_many_nodes_is_bounded() {
     let mut glb = Glb::square();
     let count = 100_000;
     let rows = f32s(&vec![0.0; 3 * count]);
@@ -570,7 +570,7 @@ fn one_mesh_used_for_ever_is_bounded() {
 }
 
 #[test]
-fn a_text_full_of_small_objects_is_bounded() {
+fn a_json_of_too_many_objects_is_refused() {
     let nodes = "{},".repeat(3_000_000);
     let text = format!(r#"{{"asset":{{"version":"2.0"}},"nodes":[{nodes}{{}}]}}"#);
     let error = read_bytes(&Glb::container(text.as_bytes(), b"")).unwrap_err().to_string();
@@ -581,7 +581,7 @@ fn a_text_full_of_small_objects_is_bounded() {
 
 /// Braces, brackets, commas and colons of names are no structure; an escaped quote ends no name.
 #[test]
-fn marks_inside_strings_do_not_count() {
+fn punctuation_in_strings_is_no_structure() {
     let marks = "{[\",:]}".repeat(500_000);
     let named = sheet(&Glb::square().with("/meshes/0/name", json!(marks)));
     assert_eq!(named.name, marks);
@@ -849,7 +849,7 @@ fn broken_headers_are_refused() {
 
 /// One that f32 would turn over, though the map does not.
 #[test]
-fn a_needle_of_a_map_is_written_upright() {
+fn a_needle_that_rounding_turns_over_is_written_upright() {
     let mut map = map();
     let level = &mut map.patches[PatchId::new(0)].levels[dermatome::pyramid::LevelId::new(1)];
     let [a, b, c] = level.places(dermatome::id::FaceId::new(0));

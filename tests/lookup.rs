@@ -136,7 +136,7 @@ fn each_contact_has_a_row_on_each_level() {
 }
 
 #[test]
-fn a_link_or_a_pose_moves_the_question() {
+fn contacts_are_in_the_frame_of_their_link_as_posed() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "link,x,y,z\narm,0,0,-0.11\n,0,0,0.89\n");
     let table = output(fixture.lookup(&contacts));
@@ -258,7 +258,7 @@ fn taxels_of_a_table_are_found_on_the_map() {
 
 /// A table without one good row leaves an older output as it was.
 #[test]
-fn what_cannot_be_answered_is_refused_with_its_line() {
+fn tables_without_a_good_row_are_refused_with_their_line() {
     let fixture = Fixture::new();
     let out = fixture.file("out.csv", "older");
     for (contacts, expected) in [
@@ -524,7 +524,7 @@ fn rays_follow_the_normal() {
 
 /// The answers of a lookup are places on maps; the way back finds the points of level 0 again.
 #[test]
-fn answers_lead_back_from_the_map() {
+fn from_map_finds_the_points_of_a_lookup() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z\n0.01,0,0.9\n0.02,0.01,0.9\n-0.03,0.01,0.91\n");
     let answers = output(fixture.lookup(&contacts));
@@ -576,7 +576,7 @@ fn answers_are_contacts_and_places() {
     let table = fixture.file("answers.csv", &answers);
 
     let (again, notes) = said(fixture.lookup(&table).args(["--level", "0"]));
-    assert!(notes.contains("1 rows of contacts off the skin have no answer"), "{notes}");
+    assert!(notes.contains("1 row is without an answer"), "{notes}");
     assert_eq!(rows(&again).len(), 2);
     for (row, (before, frame)) in rows(&again).iter().zip(rows(&answers).iter().zip(["world", "arm"])) {
         assert!(number(row, "distance").abs() < 1e-12 && row["frame"] == frame, "{row:?}");
@@ -584,7 +584,7 @@ fn answers_are_contacts_and_places() {
     }
 
     let (back, notes) = said(fixture.lookup(&table).arg("--from-map"));
-    assert!(notes.contains("1 rows of contacts off the skin have no"), "{notes}");
+    assert!(notes.contains("1 row is without an answer"), "{notes}");
     assert_eq!(rows(&back).len(), 2);
     let pixels = fixture.file("pixels.csv", "patch,level,px,py\noff skin,0,,\ncap,0,60,60\n");
     assert_eq!(rows(&output(fixture.lookup(&pixels).arg("--from-map"))).len(), 1);
@@ -630,7 +630,7 @@ fn fields_without_a_face_are_counted() {
 
 /// Only options that change it are named where contacts are off the skin.
 #[test]
-fn advice_can_be_followed() {
+fn advice_names_only_options_that_help() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z,nx,ny,nz\n0,0,9,0,0,1\n");
     for (options, is_asked) in [(&[][..], true), (&["--ray"], false), (&["--within", "0.001"], false)] {
@@ -706,7 +706,7 @@ fn contacts_are_matched_with_poses_by_their_time() {
 
 /// An animation of the skin is in its map too: written, read, listed and looked up.
 #[test]
-fn animations_travel_with_the_skin() {
+fn animations_are_kept_in_skins_and_maps() {
     let mut fixture = Fixture::new();
     let arm = fixture.skin.links.ids().nth(1).unwrap();
     let up = |z: f64| DAffine3::from_translation(DVec3::Z * z);

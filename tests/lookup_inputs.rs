@@ -166,7 +166,7 @@ fn wrong_numbers_are_named() {
 }
 
 #[test]
-fn options_without_an_answer_are_refused() {
+fn options_that_answer_nothing_are_refused() {
     let folder = folder();
     for options in [
         ["--nearest", "0"],

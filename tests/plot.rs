@@ -47,7 +47,7 @@ fn palm() -> PatchMap {
 }
 
 #[test]
-fn every_panel_says_what_it_is() {
+fn every_panel_has_its_name_level_and_measures() {
     let svg = plot_map(&skin(vec![palm()]), &PlotOptions::default()).unwrap();
     let (tags, texts) = elements(&svg);
     for (level, line) in [(0, "169 taxels, 0 flips"), (1, "49 fields, 0 flips"), (2, "16 fields, 0 flips")] {
@@ -121,7 +121,7 @@ fn levels_and_patches_are_those_asked_for() {
 }
 
 #[test]
-fn what_is_not_there_is_named() {
+fn unknown_patches_levels_and_widths_are_refused() {
     let map = skin(vec![palm()]);
     let ask = |options: PlotOptions| plot_map(&map, &options).unwrap_err();
     let error = ask(PlotOptions { patches: vec!["thumb".into()], ..PlotOptions::default() });
@@ -139,7 +139,7 @@ fn what_is_not_there_is_named() {
 }
 
 #[test]
-fn data_that_is_no_map_is_an_error() {
+fn broken_maps_are_refused() {
     let broken = |change: &dyn Fn(&mut PatchMap)| {
         let mut patch = palm();
         change(&mut patch);
@@ -281,7 +281,7 @@ fn the_bar_of_a_map_of_any_size_has_a_round_length() {
 
 /// The scales are those of ColorBrewer and of viridis.
 #[test]
-fn scales_begin_and_end_where_they_should() {
+fn colour_scales_begin_and_end_as_published() {
     for (paint, first, last) in [
         (Paint::Angle, "#ffffe5", "#662506"),
         (Paint::Area, "#2166ac", "#b2182b"),
@@ -340,7 +340,7 @@ fn ids_are_numbered_and_placeholders_grey() {
 
 /// A map with a fault is not to be taken for a good one.
 #[test]
-fn a_faulty_map_is_framed_in_red() {
+fn a_map_with_flips_or_crossings_is_framed_in_red() {
     let red = "#d01010";
     let plot = |edit: &dyn Fn(&mut IdVec<VertexId, DVec2>)| {
         let mesh = shapes::lattice(6, 5, 0.01);
@@ -442,7 +442,7 @@ fn a_picture_is_the_same_every_time() {
 
 /// All vertices on a line: no triangle has an area.
 #[test]
-fn a_map_of_nothing_is_drawn() {
+fn a_map_without_area_is_drawn() {
     let mut point = flat_level(shapes::triangle(), 0.1);
     point.uv = vec![DVec2::ONE, 2.0 * DVec2::ONE, DVec2::ONE].into();
     for paint in PAINTS {
@@ -480,7 +480,7 @@ fn the_command_writes_the_kinds_that_its_outputs_name() {
 }
 
 #[test]
-fn the_command_says_what_it_cannot_draw() {
+fn the_command_refuses_unknown_levels_patches_and_kinds() {
     let folder = tempfile::tempdir().unwrap();
     let [map, svg, jpg] = ["map.glb", "p.svg", "p.jpg"].map(|name| folder.path().join(name));
     write_map(&map, &skin(vec![palm()])).unwrap();

@@ -204,7 +204,7 @@ fn the_picture_of_a_large_skin_stays_small() {
 }
 
 #[test]
-fn the_direction_that_a_picture_tells_gives_the_picture() {
+fn the_printed_direction_gives_the_same_picture() {
     let skin = calibrated_cap(300);
     let svg = plot_skin(&skin, &PlotOptions::default()).unwrap();
     let angle = |name: &str| {
@@ -267,7 +267,7 @@ fn shapes_without_extent_or_of_any_size_are_drawn() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_named() {
+fn skins_without_maps_covariances_or_patches_are_refused() {
     let bare = Skin::from_mesh("bare", shapes::square());
     let ask = |options: PlotOptions| plot_skin(&bare, &options).unwrap_err();
     let paint = |paint| PlotOptions { paint, ..PlotOptions::default() };

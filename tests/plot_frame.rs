@@ -44,7 +44,7 @@ fn colours(png: &[u8]) -> Vec<[u8; 3]> {
 }
 
 #[test]
-fn what_is_not_known_is_hatched_and_zero_is_not() {
+fn unknown_values_are_hatched_and_zero_is_not() {
     let (map, channel) = (palm(), Channel::new("pressure", "Pa"));
     let options = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
     let share = |value: f64, is_grey: fn(&[u8; 3]) -> bool| {
@@ -89,7 +89,7 @@ fn a_scale_on_both_sides_of_zero_has_its_middle_there() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_said() {
+fn unknown_channels_ranges_and_other_maps_are_refused() {
     let (map, channel) = (palm(), Channel::default());
     let frame = on_levels(&map, &channel, |_| f64::NAN);
     let options = PlotOptions::default();

@@ -315,7 +315,7 @@ fn elements_of_every_type_are_read() {
 
 /// What the simulation of touch writes is read back, to the last bit.
 #[test]
-fn what_the_writer_of_readings_writes_is_read_back() {
+fn written_readings_are_read_back() {
     let skin = Skin::from_mesh("cap", shapes::cap(60, 0.05, 0.5));
     let mut simulation = TouchSimulation::new(&skin, &TouchOptions::default()).unwrap();
     let mut frames = Vec::new();
@@ -544,7 +544,7 @@ impl Read for Pipe {
 }
 
 #[test]
-fn a_row_is_delivered_before_the_next_is_written() {
+fn a_stream_is_read_row_by_row() {
     for (header, row) in [("time,5,6\n", "0.5,1,2\n"), ("5 6\n", "0 0.5 1 2\r\n")] {
         let pipe = Pipe::default();
         pipe.write(header);

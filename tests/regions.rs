@@ -6,7 +6,7 @@ mod common;
 
 use std::fs;
 
-use common::dermatome;
+use common::{dermatome, refuses};
 use dermatome::{
     flatten::{Boundary, Energy, FlattenOptions, Method, distortion, flatten_pyramid},
     id::{FaceId, IdVec, VertexId},
@@ -128,7 +128,7 @@ fn weights_move_distortion_to_where_it_counts_less() {
 }
 
 #[test]
-fn what_no_map_can_follow_is_refused_by_name() {
+fn invalid_weights_and_acuities_are_refused() {
     let mesh = shapes::square();
     let v = VertexId::new;
     let bad = |set: &dyn Fn(&mut Taxels)| {
@@ -150,7 +150,7 @@ fn what_no_map_can_follow_is_refused_by_name() {
 
 /// Weights go through a skin file, both through a map file.
 #[test]
-fn weights_and_acuities_travel() {
+fn weights_and_acuities_are_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let (mesh, weights) = halves(12, 0.25);
     let mut skin = Skin::from_mesh("palm", mesh);
@@ -231,7 +231,7 @@ fn the_command_refuses_bad_weights() {
         (["1", "nan", "1"], "a finite number"),
     ] {
         table(weights);
-        dermatome(path, "build s.csv -o M").assert().code(2).stderr(contains(what));
+        refuses(path, "build s.csv -o M", &[what]);
     }
     table(["1", "0", "0"]);
     dermatome(path, "build s.csv -o M -q").assert().success();

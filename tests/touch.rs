@@ -59,7 +59,7 @@ fn a_press_on_a_plane_has_the_force_of_its_cap() {
 /// Pressure times the taxels' areas adds up to the force, forces to the discs' share of it, and
 /// their mean place is that of the pressure.
 #[test]
-fn what_taxels_feel_adds_up_to_the_touch() {
+fn readings_add_up_to_the_force() {
     for mesh in [shapes::lattice(60, 60, 0.003), shapes::cap(6000, 0.1, 1.2)] {
         let skin = Skin::from_mesh("skin", mesh);
         for quantity in [Quantity::Intensive, Quantity::Extensive] {
@@ -98,7 +98,7 @@ fn what_taxels_feel_adds_up_to_the_touch() {
 /// The same seed gives the same recording; noise, drift and dead taxels leave the places as they
 /// are.
 #[test]
-fn what_is_added_leaves_the_rest_as_it_was() {
+fn noise_drift_and_dead_taxels_move_no_press() {
     let mut skin = Skin::from_mesh("skin", shapes::cap(800, 0.1, 1.0));
     let absent = 7.into();
     skin.patches[PatchId::new(0)].taxels.presence[absent] = Presence::Absent;
@@ -160,7 +160,7 @@ fn spheres_at_once_stay_apart() {
 }
 
 #[test]
-fn numbers_that_make_no_recording_are_refused() {
+fn invalid_options_are_refused() {
     let skin = Skin::from_mesh("skin", shapes::square());
     let d = TouchOptions::default();
     for options in [

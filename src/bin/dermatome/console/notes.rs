@@ -191,7 +191,8 @@ pub(crate) fn note_area_ratio(patches: &[PatchReport], cut: &Cut, common: &Commo
             let name = plain(&patch.name);
             note!(
                 common,
-                "{name}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found                      that keeps {wanted}: raise --max-area-ratio, or split the patch"
+                "{name}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found that \
+                     keeps {wanted}: raise --max-area-ratio, or split the patch"
             );
         }
     }

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt::Display, path::PathBuf};
 use dermatome::io::IoError;
 
 use crate::{
-    console::{errors::advise, notes::note, print::plain},
+    console::{errors::advise, notes::note_count, print::plain},
     options::Common,
 };
 
@@ -94,10 +94,7 @@ impl Refusals {
 
     /// Says how many rows are of contacts off the skin.
     pub(super) fn note_off_skin(&self, common: &Common) {
-        if self.off_skin > 0 {
-            let (path, count) = (self.path.display(), self.off_skin);
-            note!(common, "{path}: {count} rows of contacts off the skin have no answer");
-        }
+        note_count(common, self.off_skin, "rows", "without an answer: contacts off the skin have none");
     }
 
     /// An error about the rows that were refused, if any were.
