@@ -478,11 +478,13 @@ fn a_patch_without_a_level_answers_all_the_same() {
 fn reactive_answers_count_far_contacts_once() {
     let fixture = Fixture::new();
     let contacts = fixture.file("c.csv", "x,y,z\n0,0,0.9\n0,0,0.89\n0,0,0.89\n");
-    for (levels, is_noted) in [(&["--level", "0"][..], true), (&[], true), (&["--level", "3"], false)] {
+    for levels in [&["--level", "0"][..], &[]] {
         let mut command = fixture.lookup(&contacts);
         let notes = said(command.args(["--reactive", "--max-distance", "0.009"]).args(levels)).1;
-        let note = "2 of 3 contacts are off the skin, by more than 0.009 m";
-        assert_eq!(notes.contains(note), is_noted, "{levels:?}: {notes}");
+        assert!(
+            notes.contains("2 of 3 contacts are off the skin, by more than 0.009 m"),
+            "{levels:?}: {notes}"
+        );
     }
 }
 
