@@ -50,7 +50,7 @@ impl Channel {
 
     /// What an amount of it, or its value times an area in m^2, is in N; `None` if its unit is neither one
     /// of force nor one of pressure.
-    pub(super) fn newtons(&self) -> Option<f64> {
+    pub(crate) fn newtons(&self) -> Option<f64> {
         /// Units that take prefixes, and what they are in N or in Pa.
         const UNITS: [(&str, f64, Quantity); 6] = [
             ("N", 1.0, Quantity::Extensive),
