@@ -178,6 +178,29 @@ fn nearest_images_have_the_value_of_the_largest_weight() {
 
 /// The total is kept by every interpolation, at any size of the pixels, with dead taxels.
 #[test]
+fn the_matrix_of_an_image_draws_it() {
+    let map = cover();
+    let atlas = atlas(&map, Resolution::Map, true);
+    let frame = on_levels(&map, |_, k| hash(k));
+    for how in ALL {
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, how);
+        renderer.render(&frame);
+        for (part, image) in renderer.images().iter().enumerate() {
+            let mut drawn = vec![f32::NAN; image.values.len()];
+            renderer.each_pixel(part, |patch, pixel, row| {
+                let values = &frame.values[patch][0][image.level];
+                let sum: f64 = row.iter().map(|&(v, w)| w * values[VertexId::from(v)]).sum();
+                drawn[pixel as usize] = sum as f32;
+            });
+            for (drawn, shown) in drawn.iter().zip(&image.values) {
+                let is_same = (drawn - shown).abs() < 1e-5 || drawn.is_nan() && shown.is_nan();
+                assert!(is_same, "{drawn}, not {shown}, on {} with {how:?}", image.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn amounts_keep_their_total() {
     let map = cover();
     let sizes =

@@ -150,7 +150,7 @@ impl Layer {
         /// A value whose weights add up to less, in pixels, is not seen.
         const UNSEEN: f64 = 1e-3;
         let mut seen = vec![0.0; self.live.len()];
-        surface.each_row(&self.pattern, &self.live, |row| {
+        surface.each_row(&self.pattern, &self.live, |_, row| {
             row.iter().for_each(|&(v, w)| seen[v as usize] += w);
         });
         self.unseen.clear();

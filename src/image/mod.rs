@@ -156,6 +156,19 @@ impl Renderer {
         &self.images
     }
 
+    /// The matrix that draws an intensive channel of which every taxel has a reading: calls `visit` with each pixel
+    /// of an image that shows the skin, its patch, its place (row by row from the top), and the vertices of the
+    /// level with their weights.
+    ///
+    /// # Panics
+    /// If there is no such image.
+    pub fn each_pixel(&self, image: usize, mut visit: impl FnMut(PatchId, u32, &[(u32, f64)])) {
+        for Tile { patch, surface, .. } in &self.tiles[image] {
+            let live = vec![true; surface.vertices];
+            surface.each_row(&surface.pattern(&live), &live, |pixel, row| visit(*patch, pixel, row));
+        }
+    }
+
     /// The images as they were drawn last; before the first frame they hold nothing but NaN.
     #[must_use]
     pub fn images(&self) -> &[TactileImage] {

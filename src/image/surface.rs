@@ -143,22 +143,29 @@ impl PixelSurface {
 
     /// Calls `visit` with the vertices and weights of every pixel that has a live vertex, in the order of
     /// the runs.
-    pub(super) fn each_row(&self, pattern: &Pattern, live: &[bool], mut visit: impl FnMut(&[(u32, f64)])) {
+    pub(super) fn each_row(
+        &self,
+        pattern: &Pattern,
+        live: &[bool],
+        mut visit: impl FnMut(u32, &[(u32, f64)]),
+    ) {
         match pattern {
             Pattern::Faces => {
-                for (_, face, [column, row]) in self.pixels() {
+                for (pixel, face, [column, row]) in self.pixels() {
                     let corners = face.corners;
                     if let Some(weights) = face.live_at(column, row, corners.map(|v| live[v.index()])) {
-                        visit(&[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
+                        visit(pixel, &[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
                     }
                 }
             }
             Pattern::Cells(cells) => {
                 for run in &cells.all {
-                    (0..run.length).for_each(|_| visit(&[(run.source, 1.0)]));
+                    (0..run.length).for_each(|k| visit(run.at + u32::from(k), &[(run.source, 1.0)]));
                 }
             }
-            Pattern::Rows(rows) => rows.entries.iter().for_each(visit),
+            Pattern::Rows(rows) => {
+                rows.pixels.iter().zip(rows.entries.iter()).for_each(|(&pixel, row)| visit(pixel, row));
+            }
         }
     }
 
