@@ -1,9 +1,10 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `mesh`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 
 mod arrays;
+mod calib;
 mod errors;
 mod index;
 mod jobs;
@@ -11,6 +12,8 @@ mod map;
 mod matrix;
 mod mesh;
 mod options;
+mod plot;
+mod signal;
 mod skin;
 
 use std::{ffi::OsString, process::ExitCode};
@@ -40,11 +43,16 @@ fn run_command(py: Python<'_>, args: Vec<OsString>) -> u8 {
 mod _dermatome {
     #[pymodule_export]
     use super::{
+        calib::{PyCalibration, PyObservations, calibrate, simulate},
         index::{PyFields, PyHits, PyIndex},
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
         mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
+        plot::PyPicture,
         run_command,
+        signal::{
+            PyContactTracker, PyRenderer, as_floats, as_numbers, join_readings, read_readings, simulate_touch,
+        },
         skin::{PySkin, check},
     };
 

@@ -30,11 +30,13 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, places, vector},
+    arrays::{bad_shape, floats, matrix, one_each, places, vector},
     errors::{bad, error},
     jobs::run,
     matrix::{PyMatrix, Rows},
     options::{FlattenArgs, channels, count, cut, level, positive, word},
+    plot::{PlotArgs, PyPicture},
+    signal::{PyRenderer, RenderArgs},
     skin::PySkin,
 };
 
@@ -351,6 +353,103 @@ impl PyMap {
         threads: i64,
     ) -> PyResult<crate::index::PyIndex> {
         crate::index::PyIndex::new(py, &self.map, levels, fields, count("threads", threads)?)
+    }
+
+    /// Make what draws readings as tactile images of one level.
+    ///
+    /// Parameters
+    /// ----------
+    /// level : int
+    ///     The level.
+    /// patch : str, optional
+    ///     The patch; needed if the map has several and they are not packed.
+    /// channels : int
+    ///     Number of channels of the readings, C.
+    /// extensive : bool
+    ///     Whether readings are amounts, as forces, and not averages, as pressures.
+    /// interpolate : {"linear", "nearest", "natural"}
+    ///     How values are drawn between the taxels.
+    /// size : tuple of int, optional
+    ///     Height and width of the images, in pixels.
+    /// pixel : float, optional
+    ///     Side of a pixel, in m on the map; by default that of the map.
+    /// pack : bool
+    ///     Whether all patches lie in one image.
+    /// fill : float, optional
+    ///     The value of pixels where nothing is known; by default NaN.
+    ///
+    /// Returns
+    /// -------
+    /// Renderer
+    #[pyo3(signature = (level=0, *, patch=None, channels=1, extensive=false, interpolate="linear", size=None,
+        pixel=None, pack=false, fill=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn renderer(
+        &self,
+        py: Python<'_>,
+        level: i64,
+        patch: Option<&str>,
+        channels: i64,
+        extensive: bool,
+        interpolate: &str,
+        size: Option<(u32, u32)>,
+        pixel: Option<f64>,
+        pack: bool,
+        fill: Option<f32>,
+    ) -> PyResult<PyRenderer> {
+        let args = RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill };
+        PyRenderer::new(py, self, &args)
+    }
+
+    /// Draw the maps with their receptive fields, their distortion, or readings.
+    ///
+    /// Parameters
+    /// ----------
+    /// values : (N,) array_like, optional
+    ///     Readings to show, in the order of the map.
+    /// patches : sequence of str, optional
+    ///     The patches, one row each; by default all.
+    /// levels : sequence of int, optional
+    ///     The levels, side by side; by default the finest three.
+    /// paint : {"fields", "angle", "area", "taxel", "sigma"}
+    ///     What the colours say.
+    /// space : bool
+    ///     Whether the skin in space is shown, too.
+    /// range : (2,) tuple of float, optional
+    ///     Values at the ends of the scale of colours.
+    /// width : int
+    ///     Width of the picture, in pixels.
+    /// extensive : bool
+    ///     Whether readings are amounts, as forces.
+    ///
+    /// Returns
+    /// -------
+    /// Picture
+    #[pyo3(signature = (values=None, *, patches=None, levels=None, paint="fields", space=false, range=None,
+        width=1600, extensive=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn plot(
+        &self,
+        py: Python<'_>,
+        values: Option<&Bound<'_, PyAny>>,
+        patches: Option<Vec<String>>,
+        levels: Option<Vec<i64>>,
+        paint: &str,
+        space: bool,
+        range: Option<(f64, f64)>,
+        width: u32,
+        extensive: bool,
+    ) -> PyResult<PyPicture> {
+        let level = |&found: &i64| self::level("levels", found, self.levels());
+        let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
+        let values = values.map(|values| one_each("values", values, self.n_taxels())).transpose()?;
+        let (patches, range) = (patches.unwrap_or_default(), range.map(<[f64; 2]>::from));
+        PyPicture::new(
+            py,
+            &self.map,
+            values,
+            PlotArgs { patches, levels, paint, space, range, width, extensive },
+        )
     }
 
     /// Find the points of the skin at places on the map of a patch.

@@ -6,8 +6,8 @@ use dermatome::{
     Skin,
     io::{ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
     skin::{
-        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Presence, Severity, Sheet, TaxelId,
-        assemble, check as findings_of,
+        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Presence, Remark, Severity, Sheet,
+        TaxelId, assemble, check as findings_of,
     },
 };
 use glam::{DAffine3, DVec3};
@@ -93,10 +93,13 @@ fn keep_patches(py: Python<'_>, draft: &mut Draft, patterns: &[String]) -> PyRes
 }
 
 impl PySkin {
+    pub(crate) fn new(skin: Skin, remarks: &[Remark]) -> Self {
+        Self { skin: Arc::new(skin), remarks: remarks.iter().map(ToString::to_string).collect() }
+    }
+
     fn assembled(py: Python<'_>, draft: Draft, options: AssembleOptions) -> PyResult<Self> {
         let assembled = run(py, 0, move || assemble(&draft, &options))?.map_err(error)?;
-        let remarks = assembled.remarks.iter().map(ToString::to_string).collect();
-        Ok(Self { skin: Arc::new(assembled.skin), remarks })
+        Ok(Self::new(assembled.skin, &assembled.remarks))
     }
 }
 

@@ -6,6 +6,8 @@ may be anything that numpy takes for an array, arrays out are new and in C order
 """
 
 from dermatome._dermatome import (
+    Calibration,
+    ContactTracker,
     Fields,
     Flattening,
     Hits,
@@ -14,17 +16,25 @@ from dermatome._dermatome import (
     Map,
     Matrix,
     MeshLevel,
+    Observations,
     Patch,
+    Picture,
+    Renderer,
     Skin,
     __version__,
     build,
+    calibrate,
     check,
     coarsen,
     flatten,
+    simulate,
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
+from dermatome._readings import Readings, touch
 
 __all__ = [
+    "Calibration",
+    "ContactTracker",
     "DataError",
     "Error",
     "Fields",
@@ -37,11 +47,18 @@ __all__ = [
     "Matrix",
     "MeshLevel",
     "MissingFileError",
+    "Observations",
     "Patch",
+    "Picture",
+    "Readings",
+    "Renderer",
     "Skin",
     "__version__",
     "build",
+    "calibrate",
     "check",
     "coarsen",
     "flatten",
+    "simulate",
+    "touch",
 ]

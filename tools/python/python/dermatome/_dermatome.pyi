@@ -128,6 +128,31 @@ class Map:
     def pooling(self, level: int, *, patch: str | None = None) -> Matrix: ...
     def pool(self, values: ArrayLike, level: int, *, extensive: bool = False, threads: int = 0) -> _F32: ...
     def index(self, *, levels: bool = False, fields: bool = False, threads: int = 0) -> Index: ...
+    def renderer(
+        self,
+        level: int = 0,
+        *,
+        patch: str | None = None,
+        channels: int = 1,
+        extensive: bool = False,
+        interpolate: Literal["linear", "nearest", "natural"] = "linear",
+        size: tuple[int, int] | None = None,
+        pixel: float | None = None,
+        pack: bool = False,
+        fill: float | None = None,
+    ) -> Renderer: ...
+    def plot(
+        self,
+        values: ArrayLike | None = None,
+        *,
+        patches: Sequence[str] | None = None,
+        levels: Sequence[int] | None = None,
+        paint: Literal["fields", "angle", "area", "taxel", "sigma"] = "fields",
+        space: bool = False,
+        range: tuple[float, float] | None = None,
+        width: int = 1600,
+        extensive: bool = False,
+    ) -> Picture: ...
     def to_skin(self, patch: str, uv: ArrayLike, *, level: int = 0) -> tuple[_F64, _F64, _F64]: ...
 
 @final
@@ -356,3 +381,122 @@ def coarsen(
     coarsest: int = 32,
     threads: int = 0,
 ) -> list[MeshLevel]: ...
+@final
+class Renderer:
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    @property
+    def pixel(self) -> tuple[float, float]: ...
+    def __call__(self, values: ArrayLike, *, threads: int = 0) -> _F32: ...
+    @property
+    def mask(self) -> NDArray[np.bool_]: ...
+    def matrix(self) -> Matrix: ...
+
+@final
+class ContactTracker:
+    def __new__(
+        cls,
+        map: Map,
+        *,
+        unit: str = "Pa",
+        threshold: float | None = None,
+        low: float = 0.5,
+        least: int = 2,
+        prominence: float = 0.5,
+        part: int = 4,
+        noise_frames: int = 5,
+        reach: float = 0.01,
+        lasting: int = 1,
+    ) -> ContactTracker: ...
+    def track(self, values: ArrayLike) -> list[dict[str, Any]]: ...
+    @property
+    def threshold(self) -> float | None: ...
+
+def read_readings(path: _Path, layout: Literal["tnc", "tcn"] = "tnc") -> dict[str, Any]: ...
+def join_readings(map: Map, values: ArrayLike, ids: ArrayLike) -> _F64: ...
+def as_floats(name: str, value: ArrayLike) -> _F64: ...
+def as_numbers(name: str, value: ArrayLike, count: int) -> _U32: ...
+def simulate_touch(
+    skin: Skin | Map,
+    *,
+    presses: int = 5,
+    touches: int = 1,
+    radius: float = 0.015,
+    depth: float = 0.002,
+    stiffness: float = 2e7,
+    roll: float = 0.02,
+    duration: float = 1.0,
+    pause: float = 0.25,
+    rate: float = 100.0,
+    taxel_radius: float = 0.002,
+    extensive: bool = True,
+    noise: float = 0.0,
+    drift: float = 0.0,
+    dead: float = 0.0,
+    seed: int = 0,
+) -> dict[str, Any]: ...
+@final
+class Observations:
+    @staticmethod
+    def read(path: _Path, *, contacts: Sequence[_Path] | None = None, unit: _Unit | None = None) -> Observations: ...
+    def write(self, path: _Path) -> None: ...
+    @property
+    def remarks(self) -> list[str]: ...
+    @property
+    def n_taxels(self) -> int: ...
+    @property
+    def n_edges(self) -> int: ...
+    @property
+    def n_contacts(self) -> int: ...
+
+@final
+class Calibration:
+    @property
+    def ids(self) -> _U32: ...
+    @property
+    def positions(self) -> _F64: ...
+    @property
+    def rotations(self) -> _F64: ...
+    @property
+    def covariances(self) -> _F64 | None: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def chi2(self) -> float: ...
+    @property
+    def dof(self) -> int: ...
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def rejected(self) -> tuple[_U32, _U32]: ...
+    def skin(self) -> Skin: ...
+
+def calibrate(
+    observations: Observations | _Path,
+    *,
+    robust: Literal["auto", "none", "huber", "tukey", "gnc"] = "auto",
+    residual: Literal["split", "log", "quaternion"] = "split",
+    initial: Literal["chordal", "tree", "file"] = "chordal",
+    iterations: int = 100,
+    covariances: bool = True,
+    threads: int = 0,
+) -> Calibration: ...
+def simulate(
+    *,
+    taxels: int = 500,
+    model: Literal["positions", "poses"] = "positions",
+    spacing: float = 5e-3,
+    radius: float = 0.1,
+    noise: float = 1e-3,
+    rotation_noise: float | None = None,
+    anchors: int = 0,
+    anchor_noise: float = 1e-3,
+    outliers: float = 0.0,
+    seed: int = 0,
+) -> tuple[Observations, dict[str, Any]]: ...
+@final
+class Picture:
+    def svg(self) -> str: ...
+    def _repr_svg_(self) -> str: ...
+    def png(self) -> bytes: ...
+    def save(self, path: _Path) -> None: ...

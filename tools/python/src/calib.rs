@@ -1,0 +1,335 @@
+//! `Observations`, `simulate` and `calibrate`: from noisy contacts to a skin.
+
+use std::{path::PathBuf, sync::Arc};
+
+use dermatome::{
+    Error,
+    calib::{
+        CalibOptions, Calibration, Initialization, Loss, Model, Observations, ResidualConvention,
+        SimulateOptions, calibrate as calibrate_taxels, calibrated_skin, simulate as simulate_contacts,
+    },
+    id::VertexId,
+    io::{read_observations, write_observations},
+};
+use glam::{DQuat, DVec3};
+use numpy::{PyArray1, PyArray2};
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::{
+    arrays::{matrix, vector},
+    errors::error,
+    jobs::run,
+    options::{count, unit, word},
+    skin::PySkin,
+};
+
+/// What was observed of taxels: displacements between them, and contacts at known places.
+#[pyclass(frozen, module = "dermatome", name = "Observations")]
+#[derive(Debug)]
+pub(crate) struct PyObservations {
+    observations: Arc<Observations>,
+    /// list of str: What was assumed when they were read.
+    #[pyo3(get)]
+    remarks: Vec<String>,
+}
+
+#[pymethods]
+impl PyObservations {
+    /// Read observations from files.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     A graph .g2o or a table .csv.
+    /// contacts : sequence of str or os.PathLike, optional
+    ///     Contacts in files of their own.
+    /// unit : {"m", "mm", "cm", "in"} or float
+    ///     Unit of all lengths.
+    ///
+    /// Returns
+    /// -------
+    /// Observations
+    #[staticmethod]
+    #[pyo3(signature = (path, *, contacts=None, unit=None))]
+    fn read(
+        py: Python<'_>,
+        path: PathBuf,
+        contacts: Option<Vec<PathBuf>>,
+        unit: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let metres = unit.map_or(Ok(1.0), self::unit)?;
+        let (mut observations, remarks) =
+            run(py, 0, move || read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
+        observations.scale(metres);
+        let remarks = remarks.iter().map(ToString::to_string).collect();
+        Ok(Self { observations: Arc::new(observations), remarks })
+    }
+
+    /// Write them to a graph .g2o or a table .csv.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let observations = Arc::clone(&self.observations);
+        run(py, 0, move || write_observations(&path, &observations))?.map_err(error)
+    }
+
+    /// int: Number of taxels.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.observations.taxels.len()
+    }
+
+    /// int: Number of displacements.
+    #[getter]
+    fn n_edges(&self) -> usize {
+        self.observations.edges.len()
+    }
+
+    /// int: Number of contacts.
+    #[getter]
+    fn n_contacts(&self) -> usize {
+        self.observations.contacts.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let Observations { taxels, edges, contacts, .. } = &*self.observations;
+        format!(
+            "<dermatome.Observations: {} taxels, {} displacements, {} contacts>",
+            taxels.len(),
+            edges.len(),
+            contacts.len()
+        )
+    }
+}
+
+/// Where taxels are, and how well the observations agree.
+#[pyclass(frozen, module = "dermatome", name = "Calibration")]
+#[derive(Debug)]
+pub(crate) struct PyCalibration {
+    found: Arc<Calibration>,
+    observations: Arc<Observations>,
+}
+
+#[pymethods]
+impl PyCalibration {
+    /// (n,) uint32 array: Ids of the taxels.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.found.ids.iter().map(|id| id.0))
+    }
+
+    /// (n, 3) float64 array: Positions, in m.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.found.poses.iter().map(|pose| pose.position.to_array()))
+    }
+
+    /// (n, 4) float64 array: Orientations as unit quaternions x, y, z, w.
+    #[getter]
+    fn rotations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.found.poses.iter().map(|pose| DQuat::to_array(&pose.rotation)))
+    }
+
+    /// (n, 6) float64 array or None: Covariances of the positions, xx, xy, xz, yy, yz, zz, in m^2.
+    #[getter]
+    fn covariances<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let marginals = self.found.marginals.as_ref();
+        marginals.map(|m| matrix(py, m.positions.iter().map(|&c| <[f64; 6]>::from(c)))).transpose()
+    }
+
+    /// float: Half of the sum of the losses of all squared whitened residuals.
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.found.cost
+    }
+
+    /// float: Sum of the squared whitened residuals of the inliers.
+    #[getter]
+    fn chi2(&self) -> f64 {
+        self.found.fit.chi2
+    }
+
+    /// int: Degrees of freedom of `chi2`.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.found.fit.degrees_of_freedom
+    }
+
+    /// bool: Whether it is a minimum.
+    #[getter]
+    fn converged(&self) -> bool {
+        self.found.termination.is_converged()
+    }
+
+    /// tuple of arrays: Numbers of the displacements and of the contacts that were rejected as outliers.
+    #[getter]
+    fn rejected<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>) {
+        let (edges, contacts) = self.found.rejected();
+        (vector(py, edges.iter().map(|id| id.raw())), vector(py, contacts.iter().map(|id| id.raw())))
+    }
+
+    /// The skin of the calibrated taxels, whose triangles are those that the displacements form.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    fn skin(&self, py: Python<'_>) -> PyResult<PySkin> {
+        let (found, observations) = (Arc::clone(&self.found), Arc::clone(&self.observations));
+        let made = run(py, 0, move || calibrated_skin(&found, &observations, None))?.map_err(error)?;
+        Ok(PySkin::new(made.skin, &made.remarks))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<dermatome.Calibration: {} taxels, {}>", self.found.ids.len(), self.found.termination)
+    }
+}
+
+/// Find where taxels are from noisy observations of them, with a covariance for each.
+///
+/// Parameters
+/// ----------
+/// observations : Observations, str or os.PathLike
+///     What was observed, or a file of it.
+/// robust : {"auto", "none", "huber", "tukey", "gnc"}
+///     How outliers are treated.
+/// residual : {"split", "log", "quaternion"}
+///     How the error of a relative pose becomes six numbers.
+/// initial : {"chordal", "tree", "file"}
+///     Where to start.
+/// iterations : int
+///     Most iterations of one solve.
+/// covariances : bool
+///     Whether covariances are computed.
+/// threads : int
+///     0 for one per processor.
+///
+/// Returns
+/// -------
+/// Calibration
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> observations, truth = dermatome.simulate(taxels=50)
+/// >>> found = dermatome.calibrate(observations)
+/// >>> found.converged, found.skin().n_taxels
+/// (True, 50)
+#[pyfunction]
+#[pyo3(signature = (observations, *, robust="auto", residual="split", initial="chordal", iterations=100,
+    covariances=true, threads=0))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn calibrate(
+    py: Python<'_>,
+    observations: &Bound<'_, PyAny>,
+    robust: &str,
+    residual: &str,
+    initial: &str,
+    iterations: i64,
+    covariances: bool,
+    threads: i64,
+) -> PyResult<PyCalibration> {
+    let losses = [
+        ("auto", None),
+        ("none", Some(Loss::Squared)),
+        ("huber", Some(Loss::Huber)),
+        ("tukey", Some(Loss::Tukey)),
+        ("gnc", Some(Loss::Truncated)),
+    ];
+    let residuals = [
+        ("split", ResidualConvention::Split),
+        ("log", ResidualConvention::Log),
+        ("quaternion", ResidualConvention::Quaternion),
+    ];
+    let starts = [
+        ("chordal", Initialization::Chordal),
+        ("tree", Initialization::SpanningTree),
+        ("file", Initialization::InitialValues),
+    ];
+    let options = CalibOptions {
+        robust: word("robust", robust, &losses)?,
+        residual: word("residual", residual, &residuals)?,
+        initialization: word("initial", initial, &starts)?,
+        max_iterations: count("iterations", iterations)?,
+        covariances,
+        ..CalibOptions::default()
+    };
+    let observations = match observations.cast::<PyObservations>() {
+        Ok(observations) => Arc::clone(&observations.get().observations),
+        Err(_) => {
+            let read = py.get_type::<PyObservations>().call_method1("read", (observations,))?;
+            Arc::clone(&read.cast::<PyObservations>()?.get().observations)
+        }
+    };
+    let of = Arc::clone(&observations);
+    let found = run(py, count("threads", threads)?, move || calibrate_taxels(&of, &options))?;
+    Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations })
+}
+
+/// Simulate observations of a skin on a sphere whose truth is known.
+///
+/// Parameters
+/// ----------
+/// taxels : int
+///     Number of taxels.
+/// model : {"positions", "poses"}
+///     What is unknown of every taxel.
+/// spacing, radius : float
+///     Distance of neighbours, and radius of the sphere, in m.
+/// noise, rotation_noise : float
+///     Noise of displacements, in m, and of relative rotations, in rad, per axis.
+/// anchors : int
+///     Number of taxels with a contact at a known place.
+/// anchor_noise : float
+///     Noise of these contacts, in m per axis.
+/// outliers : float
+///     Chance that a displacement is attributed to a wrong taxel nearby.
+/// seed : int
+///     Seed of everything that is drawn at random.
+///
+/// Returns
+/// -------
+/// observations : Observations
+/// truth : dict
+///     `positions` (n, 3) in m, `rotations` (n, 4), `faces` (m, 3), and `outliers`, numbers of displacements.
+#[pyfunction]
+#[pyo3(signature = (*, taxels=500, model="positions", spacing=5e-3, radius=0.1, noise=1e-3, rotation_noise=None,
+    anchors=0, anchor_noise=1e-3, outliers=0.0, seed=0))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    taxels: i64,
+    model: &str,
+    spacing: f64,
+    radius: f64,
+    noise: f64,
+    rotation_noise: Option<f64>,
+    anchors: i64,
+    anchor_noise: f64,
+    outliers: f64,
+    seed: u64,
+) -> PyResult<(PyObservations, Bound<'py, PyDict>)> {
+    let usual = SimulateOptions::default();
+    let options = SimulateOptions {
+        taxels: count("taxels", taxels)?,
+        model: word("model", model, &[("positions", Model::Positions), ("poses", Model::Poses)])?,
+        spacing,
+        radius,
+        noise,
+        rotation_noise: rotation_noise.unwrap_or(usual.rotation_noise),
+        anchors: count("anchors", anchors)?,
+        anchor_noise,
+        outliers,
+        seed,
+        ..usual
+    };
+    let made = run(py, 0, move || simulate_contacts(&options))?.map_err(|e| error(Error::from(e)))?;
+    let truth = PyDict::new(py);
+    truth
+        .set_item("positions", matrix(py, made.truth.iter().map(|pose| DVec3::to_array(&pose.position)))?)?;
+    truth
+        .set_item("rotations", matrix(py, made.truth.iter().map(|pose| DQuat::to_array(&pose.rotation)))?)?;
+    truth.set_item(
+        "faces",
+        matrix(py, made.mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))?,
+    )?;
+    truth.set_item("outliers", vector(py, made.outliers.iter().map(|id| id.raw())))?;
+    Ok((PyObservations { observations: Arc::new(made.observations), remarks: Vec::new() }, truth))
+}

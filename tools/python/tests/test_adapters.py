@@ -1,0 +1,214 @@
+"""The adapters, each against the real package; those that are not installed are skipped by name."""
+
+import numpy as np
+import pytest
+from conftest import dome
+
+import dermatome
+
+
+def test_adapters_are_importable_without_their_packages():
+    import importlib
+
+    for name in ("genesis", "lerobot", "mujoco", "ray", "rerun", "ros", "torch", "trimesh"):
+        importlib.import_module(f"dermatome.{name}")
+
+
+def test_trimesh(dome_map, tube_map, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    import dermatome.trimesh as adapter
+
+    for map in (dome_map, tube_map):
+        level = next(iter(map.patches.values())).levels[0]
+        mesh = adapter.mesh(map)
+        assert mesh.area == pytest.approx(level.areas.sum(), rel=1e-3)
+        mesh.export(tmp_path / "mesh.glb")
+        again = trimesh.load(tmp_path / "mesh.glb", force="mesh", process=False)
+        assert np.allclose(np.asarray(again.visual.uv) * level.size + level.origin, level.uv, atol=1e-6)
+        flat = adapter.mesh(map, flat=True)
+        assert flat.area == pytest.approx(mesh.area, rel=0.02) and (flat.face_normals[:, 2] > 0.99).all()
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    skin = adapter.skin(ball, patch="ball")
+    points = np.random.default_rng(0).normal(size=(500, 3)) * 0.05
+    theirs = trimesh.proximity.ProximityQuery(ball).on_surface(points)
+    ours = dermatome.build(skin).index().locate(points)
+    assert np.allclose(abs(ours.distance), theirs[1], atol=1e-7)
+
+
+def test_torch(dome_map):
+    torch = pytest.importorskip("torch")
+    import dermatome.torch as adapter
+
+    values = np.random.default_rng(1).random((4, 256)).astype(np.float32)
+    pooled = adapter.pooling(dome_map, 1) @ torch.from_numpy(values).T
+    assert np.allclose(pooled.T.numpy(), dome_map.pool(values, 1), atol=1e-5)
+    renderer = dome_map.renderer(1)
+    fields = torch.from_numpy(dome_map.pool(values, 1)).requires_grad_()
+    images = (adapter.pixels(renderer) @ fields.T).T
+    assert np.allclose(images.detach().numpy()[:, renderer.mask.ravel()], renderer(values)[:, 0][:, renderer.mask], atol=1e-5)
+    images.sum().backward()
+    assert fields.grad.shape == fields.shape and fields.grad.abs().sum() > 0
+
+
+SCENE = """
+<mujoco><option gravity="0 0 0" timestep="0.001"/>
+  <worldbody>
+    <body name="hand"><geom name="bone" type="sphere" size="0.08"/></body>
+    <body name="ball" pos="0 0 0.092"><freejoint/><geom name="ball" type="sphere" size="0.015" mass="0.01"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_mujoco(level):
+    mujoco = pytest.importorskip("mujoco")
+    import dermatome.mujoco as adapter
+
+    positions, faces = dome()
+    map = dermatome.build(dermatome.Skin.from_arrays(positions - [*positions[:, :2].mean(axis=0), 0], faces, patch="dome", link="hand"))
+    spec = mujoco.MjSpec.from_string(SCENE)
+    name = adapter.attach(spec, map, level=level)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    felt = adapter.readings(data, name)
+    of = map.patches["dome"].levels[level]
+    assert felt.shape == (3, len(of.positions))
+    depth = np.maximum(0.015 - np.linalg.norm(of.positions - [0, 0, 0.092], axis=1), 0)
+    assert depth.max() > 1e-3
+    assert np.allclose(felt[0], depth, atol=1e-6)
+    with pytest.raises(dermatome.DataError, match="body"):
+        adapter.attach(mujoco.MjSpec.from_string(SCENE), map, body="foot")
+
+
+def test_rosbags(dome_map, tmp_path):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    import dermatome.ros as adapter
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    text = {
+        "tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors",
+    }
+    for kind, lines in text.items():
+        store.register(get_types_from_msg(lines, kind))
+    kinds = store.types
+    values = np.random.default_rng(2).random((5, 256)).astype(np.float32)
+    order = np.random.default_rng(3).permutation(256)
+    with rosbag2.Writer(tmp_path / "in", version=9) as writer:
+        to = writer.add_connection("/tactile", "tactile_msgs/msg/TactileState", typestore=store)
+        for k in range(5):
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=k, nanosec=0)
+            header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="hand")
+            channel = kinds["sensor_msgs/msg/ChannelFloat32"](name="pressure", values=values[k, order])
+            message = kinds["tactile_msgs/msg/TactileState"](header=header, sensors=[channel])
+            writer.write(to, k * 10**9, store.serialize_cdr(message, "tactile_msgs/msg/TactileState"))
+    readings = adapter.read(tmp_path / "in", "/tactile", dome_map, ids=dome_map.ids[order])
+    assert np.array_equal(readings.values[:, 0], values) and readings.timestamps.tolist() == [0, 1, 2, 3, 4]
+    with pytest.raises(dermatome.DataError, match="/tactile"):
+        adapter.read(tmp_path / "in", "/nothing", dome_map)
+    adapter.write(tmp_path / "out", dome_map, readings, level=1)
+    renderer = dome_map.renderer(1)
+    with AnyReader([tmp_path / "out"]) as reader:
+        images = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/skin/image"]
+        clouds = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/skin/points"]
+    drawn = np.frombuffer(images[3].data.tobytes(), "<f4").reshape(images[3].height, images[3].width)
+    assert np.array_equal(drawn, renderer(values[3:4])[0, 0], equal_nan=True)
+    rows = np.frombuffer(clouds[3].data.tobytes(), np.float32).reshape(-1, 8)
+    assert np.allclose(rows[:, :3], dome_map.patches["dome"].levels[1].positions, atol=1e-7)
+    assert np.array_equal(rows[:, 6], dome_map.pool(values[3], 1))
+
+
+def test_lerobot_takes_the_features(dome_map):
+    import dermatome.lerobot as adapter
+
+    images = {"dome": dome_map.renderer(0, size=(32, 32))}
+    features = adapter.features(dome_map, 1, images=images)
+    values = np.random.default_rng(4).random(256)
+    values[5] = np.nan
+    frame = adapter.frame(dome_map, values, 1, images=images)
+    reserved = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
+    assert frame.keys() == features.keys() and not reserved & features.keys()
+    for key, feature in features.items():
+        assert "/" not in key
+        assert frame[key].shape == feature["shape"] and isinstance(feature["shape"], tuple)
+        assert np.isfinite(frame[key]).all()
+        assert frame[key].dtype == (np.uint8 if feature["dtype"] == "image" else np.float32)
+    assert adapter.masks(dome_map, 1)["observation.tactile.dome.L1"].all()
+
+
+def test_rerun(dome_map, tmp_path):
+    rerun = pytest.importorskip("rerun")
+    import dermatome.rerun as adapter
+
+    readings, _ = dermatome.touch(dome_map, presses=1, rate=20.0)
+    rerun.init("dermatome", spawn=False)
+    rerun.save(tmp_path / "skin.rrd")
+    adapter.log(dome_map, readings, level=1)
+    rerun.disconnect()
+    assert (tmp_path / "skin.rrd").stat().st_size > 10_000
+
+
+def test_counts_of_batches_add_up(dome_map):
+    arrow = pytest.importorskip("pyarrow")
+    import dermatome.ray as adapter
+
+    points = dome()[0][np.random.default_rng(5).integers(0, 256, 4000)] + 1e-4
+    table = arrow.table({"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], "force": np.ones(4000)})
+    lookup = adapter.Lookup(dome_map.to_bytes(), level=1)
+    whole = adapter.touch_counts(lookup(table))
+
+    class Parts:
+        def iter_batches(self, **_):
+            for k in range(0, 4000, 700):
+                yield adapter.touch_counts(lookup(table.slice(k, 700)))
+
+    parts = adapter.total(Parts())
+    assert sum(parts["count"].to_pylist()) == 4000 and sum(parts["force_sum"].to_pylist()) == 4000
+    assert parts.select(["patch", "field", "count"]).to_pylist() == sorted(
+        whole.select(["patch", "field", "count"]).to_pylist(), key=lambda row: (row["patch"], row["field"])
+    )
+
+
+def test_ray_gives_the_same_total(dome_map, tmp_path):
+    ray = pytest.importorskip("ray")
+    arrow = pytest.importorskip("pyarrow")
+    import pyarrow.parquet
+
+    import dermatome.ray as adapter
+
+    points = dome()[0][np.random.default_rng(5).integers(0, 256, 4000)] + 1e-4
+    table = arrow.table({"x": points[:, 0], "y": points[:, 1], "z": points[:, 2]})
+    for k in range(4):
+        pyarrow.parquet.write_table(table.slice(1000 * k, 1000), tmp_path / f"{k}.parquet")
+    lookup = adapter.Lookup(dome_map.to_bytes(), 1)
+    alone = adapter.touch_counts(lookup(table)).sort_by([("patch", "ascending"), ("field", "ascending")])
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        cells = ray.data.read_parquet(str(tmp_path)).map_batches(
+            adapter.Lookup,
+            fn_constructor_args=(dome_map.to_bytes(), 1),
+            batch_format="pyarrow",
+            compute=ray.data.ActorPoolStrategy(size=2),
+        )
+        together = adapter.total(cells.map_batches(adapter.touch_counts, batch_format="pyarrow"))
+    finally:
+        ray.shutdown()
+    assert together.select(["field", "count"]).to_pylist() == alone.select(["field", "count"]).to_pylist()
+
+
+def test_genesis_probes(dome_map):
+    import dermatome.genesis as adapter
+
+    at_fields = adapter.probes(dome_map, level=1)
+    assert at_fields["probe_local_pos"].shape == at_fields["probe_local_normal"].shape
+    grid = adapter.probes(dome_map, grid=(12, 9))
+    assert grid["probe_local_pos"].shape == (12, 9, 3) and grid["probe_radius"].shape == (12, 9)
+    inside = grid["probe_radius"] > 0
+    assert inside.any()
+    index = dome_map.index()
+    assert abs(index.locate(grid["probe_local_pos"][inside]).distance).max() < 1e-9
+    assert np.allclose(np.linalg.norm(grid["probe_local_normal"][inside], axis=1), 1)

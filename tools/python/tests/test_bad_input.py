@@ -1,0 +1,172 @@
+"""Whatever comes in, what comes out is an answer or an exception that says what is wrong; never a panic."""
+
+import numpy as np
+import pytest
+from conftest import dome, lattice
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+import dermatome
+
+SETTINGS = settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
+
+numbers = st.one_of(
+    st.floats(-1, 1), st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-320, 1e300, -1e13, 1e12])
+)
+dtypes = st.sampled_from([np.float64, np.float32, np.float16, ">f8", np.int32, ">i2", np.uint8, bool, complex, "U3", object])
+
+
+@st.composite
+def anything(draw, columns=3, rows=12):
+    """An array, or what might be meant as one."""
+    shape = draw(
+        st.one_of(
+            st.tuples(st.integers(0, rows), st.just(columns)),
+            st.sampled_from([(), (columns,), (0,), (2, columns + 1), (2, 2, columns), (0, 0)]),
+        )
+    )
+    array = draw(hnp.arrays(np.float64, shape, elements=numbers))
+    with np.errstate(all="ignore"):
+        array = array.astype(draw(dtypes))
+    form = draw(st.sampled_from(["array", "list", "fortran", "reversed", "read-only", "other"]))
+    if form == "list":
+        return array.tolist()
+    if form == "fortran":
+        return np.asfortranarray(array)
+    if form == "reversed":
+        return array[::-1] if array.ndim else array
+    if form == "read-only":
+        array.flags.writeable = False
+    if form == "other":
+        return draw(st.sampled_from([None, "text", {}, [[1, 2], [3]], b"x", 3, object()]))
+    return array
+
+
+def accepts(call):
+    """Calls, and takes the exceptions that users can expect."""
+    try:
+        return call()
+    except dermatome.Error as e:
+        assert e.kind and str(e)
+    except (TypeError, OverflowError):
+        pass
+    return None
+
+
+@pytest.fixture(scope="session")
+def index(dome_map):
+    return dome_map.index(levels=True, fields=True)
+
+
+words = st.one_of(st.sampled_from(["", "hand", "nowhere", "\0", "\u202e"]), st.none())
+levels = st.integers(-2, 4) | st.sampled_from([2**31, 2**63 - 1, 2**70, None, 1.5, "1"])
+real = numbers | st.sampled_from([None, "1", 10**400])
+
+
+@SETTINGS
+@given(anything(), anything(), words, levels)
+def test_lookups(index, points, directions, link, level):
+    for call in (
+        lambda: index.locate(points, link=link, level=level),
+        lambda: index.locate(points, only_link=link),
+        lambda: index.ray(points, directions, level=level),
+        lambda: index.ray(points, points, longest=level),
+        lambda: index.reactive(points, level),
+        lambda: index.nearest(points, level),
+        lambda: index.within(points, 0.01, level=level),
+    ):
+        accepts(call)
+
+
+@SETTINGS
+@given(anything(), real, levels)
+def test_distances_and_poses(index, points, length, count):
+    accepts(lambda: index.within(points, length))
+    accepts(lambda: index.ray(points, points, longest=length))
+    accepts(lambda: index.nearest(points, count, threads=count))
+    accepts(lambda: index.posed({"hand": points}))
+    accepts(lambda: index.posed({points if isinstance(points, str) else "x": np.eye(4)}))
+
+
+@SETTINGS
+@given(anything(columns=256), levels)
+def test_values(dome_map, values, level):
+    accepts(lambda: dome_map.pool(values, level))
+    accepts(lambda: dome_map.pooling(level))
+    accepts(lambda: dome_map.renderer(size=(9, 9))(values))
+    accepts(lambda: dermatome.ContactTracker(dome_map).track(values))
+    accepts(lambda: dome_map.plot(values, width=300, levels=[level]))
+    accepts(lambda: dermatome.Readings.from_arrays(values).on(dome_map))
+
+
+@SETTINGS
+@given(anything(columns=2), levels)
+def test_places(dome_map, uv, level):
+    accepts(lambda: dome_map.to_skin("dome", uv, level=level))
+
+
+@SETTINGS
+@given(anything(), anything(), anything(columns=1))
+def test_skins(positions, faces, ids):
+    accepts(lambda: dermatome.Skin.from_arrays(positions, faces))
+    accepts(lambda: dermatome.Skin.from_arrays(positions))
+    accepts(lambda: dermatome.Skin.from_arrays(lattice(4, 3)[0], ids=ids, normals=positions, present=ids))
+    accepts(lambda: dermatome.check(positions, faces))
+    accepts(lambda: dermatome.flatten(positions, faces))
+    accepts(lambda: dermatome.coarsen(positions, faces))
+
+
+@SETTINGS
+@given(hnp.arrays(np.int64, st.tuples(st.integers(0, 12), st.just(3)), elements=st.integers(-1, 13)))
+def test_any_triangles(faces):
+    positions = lattice(4, 3)[0]
+    for call in (
+        lambda: dermatome.flatten(positions, faces, cut="auto"),
+        lambda: dermatome.coarsen(positions, faces, coarsest=4),
+        lambda: dermatome.build(dermatome.Skin.from_arrays(positions, faces, repair=True)),
+        lambda: dermatome.check(positions, faces),
+    ):
+        accepts(call)
+
+
+@SETTINGS
+@given(real, real, real, levels)
+def test_options(a, b, c, count):
+    palm = dermatome.Skin.from_arrays(*lattice(5, 5))
+    for options in (
+        {"ratio": a}, {"levels": count}, {"coarsest": count}, {"angle": a, "area": b, "perimeter": c}, {"magnify": a},
+        {"pixel": a}, {"max_area_ratio": a}, {"threads": count}, {"cut": [[count, 1]]}, {"boundary": f"rectangle:{a}:{b}"},
+        {"method": "linear", "angle": a, "area": b}, {"nonsense": 1},
+    ):  # fmt: skip
+        if options.get("threads") in (None, 1.5, "1") or options.get("threads", 0) < 5:
+            accepts(lambda: dermatome.build(palm, **options))
+    accepts(lambda: dermatome.Skin.from_arrays(*lattice(5, 5), gap=a, outside=[a, b, c], fill_holes=count))
+    accepts(lambda: dermatome.simulate(taxels=min(count, 200) if isinstance(count, int) else count, noise=a, spacing=b))
+    accepts(lambda: dermatome.touch(palm, presses=1, radius=a, depth=b, dead=c, rate=10.0))
+
+
+@SETTINGS
+@given(st.binary(max_size=200), st.integers(0, 10**6), st.binary(min_size=1, max_size=3))
+def test_damaged_files(dome_map, garbage, place, patch):
+    good = dome_map.to_bytes()
+    place %= len(good)
+    for data in (garbage, good[:place], good[:place] + patch + good[place + len(patch) :]):
+        accepts(lambda: dermatome.Map.from_bytes(data))
+        accepts(lambda: dermatome.Skin.from_bytes(data))
+    for kind in ("obj", "stl", "ply", "json", "nothing", ""):
+        accepts(lambda: dermatome.Skin.from_bytes(garbage, kind))
+
+
+def test_huge_results_are_refused(dome_map):
+    with pytest.raises((MemoryError, dermatome.DataError)):
+        dome_map.renderer(size=(16000, 16000), channels=2**40)
+    accepts(lambda: dome_map.renderer(size=(2**31, 2**31)))
+
+
+def test_flat_and_huge_shapes(dome_map):
+    for scale in (1e-9, 1e9, 1e200):
+        accepts(lambda: dermatome.build(dermatome.Skin.from_arrays(dome()[0] * scale, dome()[1])))
+    accepts(lambda: dermatome.build(dermatome.Skin.from_arrays(np.zeros((9, 3)), lattice(3, 3)[1])))

@@ -1,0 +1,131 @@
+"""Images, contacts, recordings, calibration and pictures."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import dome, lattice
+
+import dermatome
+
+
+def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, tmp_path):
+    values = np.random.default_rng(3).random((9, 2, 256)).astype(np.float32)
+    values[4, 0, 100:110] = np.nan
+    renderer = dome_map.renderer(1, channels=2, size=(48, 40))
+    images = renderer(values)
+    assert images.shape == (9, 2, 48, 40) and images.dtype == np.float32 and renderer.shape == (48, 40)
+    assert np.array_equal(renderer(values, threads=1), images, equal_nan=True)
+    for k in range(9):
+        assert np.array_equal(renderer(values[k : k + 1])[0], images[k], equal_nan=True)
+    assert np.isnan(images[:, :, ~renderer.mask]).all() and np.isfinite(images[0][:, renderer.mask]).all()
+    dome_map.write(tmp_path / "map.glb")
+    dermatome.Readings.from_arrays(values, ids=dome_map.ids).write(tmp_path / "values.npz")
+    command = ["render", "map.glb", "values.npz", "-o", "out.npz", "--level", "1", "--size", "48", "40", "--layout", "tcn", "--quiet"]
+    subprocess.run([sys.executable, "-m", "dermatome", *command], check=True, cwd=tmp_path)
+    assert np.array_equal(np.load(tmp_path / "out.npz")["dome.L1.image"], images, equal_nan=True)
+    filled = dome_map.renderer(1, channels=2, size=(48, 40), fill=0.0)(values)
+    assert np.array_equal(filled, np.nan_to_num(images))
+
+
+@pytest.mark.parametrize("interpolate", ["linear", "nearest", "natural"])
+@pytest.mark.parametrize("level", [0, 1])
+def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level):
+    for map in (dome_map, tube_map):
+        renderer = map.renderer(level, interpolate=interpolate)
+        values = np.random.default_rng(4).random((3, map.n_taxels))
+        drawn = renderer(values)[:, 0].reshape(3, -1)
+        product = (renderer.matrix().scipy() @ map.pool(values, level).astype(float).T).T
+        covered = renderer.mask.ravel()
+        assert np.allclose(drawn[:, covered], product[:, covered], atol=1e-5)
+        assert (product[:, ~covered] == 0).all()
+
+
+def test_forces_keep_their_total(dome_map):
+    renderer = dome_map.renderer(0, extensive=True)
+    forces = np.zeros((1, 256))
+    forces[0, [30, 77]] = [2.0, 3.0]
+    assert np.nansum(renderer(forces)) * np.prod(renderer.pixel) == pytest.approx(5.0, rel=1e-5)
+
+
+def test_several_patches_are_packed_or_named():
+    first = lattice(8, 8)[0]
+    both = np.concatenate([first, first + [0.2, 0, 0]])
+    map = dermatome.build(dermatome.Skin.from_arrays(both, outside=(0, 0, 1)))
+    assert len(map.patches) == 2
+    values = np.ones((2, 128))
+    assert map.renderer(0, pack=True)(values).shape[0] == 2
+    name = list(map.patches)[1]
+    assert map.patches[name].start == 64
+    values[:, :64] = 7
+    assert np.nanmax(map.renderer(0, patch=name)(values)) == 1
+    with pytest.raises(dermatome.DataError, match="patch"):
+        map.renderer(0)
+
+
+def test_a_contact_is_followed(dome_map):
+    tracker = dermatome.ContactTracker(dome_map, unit="Pa", threshold=100.0)
+    events = []
+    for pressed in ([], [100, 101, 116], [101, 102, 117], []):
+        values = np.zeros(256)
+        values[pressed] = 2000.0
+        events += [(c["event"], sorted(c["taxels"].tolist()), c["track"]) for c in tracker.track(values)]
+    assert events == [("onset", [100, 101, 116], 0), ("move", [101, 102, 117], 0), ("release", [101, 102, 117], 0)]
+    assert tracker.threshold == 100.0
+
+
+def test_touches_have_their_truth(dome_map):
+    readings, truth = dermatome.touch(dome_map, presses=1, seed=5)
+    assert readings.units == ("N",) and readings.values.shape[2] == 256
+    strongest = int(truth["frame"][np.argmax(truth["force"])])
+    hits = dome_map.index().locate(truth["centre"][truth["frame"] == strongest])
+    assert abs(hits.distance).max() < 2e-3
+    again, _ = dermatome.touch(dome_map, presses=1, seed=5)
+    assert np.array_equal(readings.values, again.values)
+
+
+def test_recordings_are_read_by_id(dome_map, tmp_path):
+    values = np.random.default_rng(6).random((4, 256))
+    order = np.random.default_rng(7).permutation(256)
+    dermatome.Readings.from_arrays(values[:, order], ids=dome_map.ids[order], timestamps=np.arange(4) / 100).write(tmp_path / "a.npz")
+    read = dermatome.Readings.read(tmp_path / "a.npz", dome_map, layout="tcn")
+    assert np.array_equal(read.values[:, 0], values) and read.timestamps.tolist() == [0, 0.01, 0.02, 0.03]
+    (tmp_path / "b.csv").write_text("time,1.pressure[Pa],2.pressure[Pa]\n0,5,\n1,6,7\n")
+    some = dermatome.Readings.read(tmp_path / "b.csv", dome_map)
+    assert some.units == ("Pa",) and some.values[1, 0, :2].tolist() == [6, 7] and np.isnan(some.values[0, 0, 1:]).all()
+
+
+def test_calibration_finds_the_truth(tmp_path):
+    observations, truth = dermatome.simulate(taxels=120, noise=1e-4, anchors=6, anchor_noise=1e-4, seed=8)
+    found = dermatome.calibrate(observations)
+    assert found.converged and found.covariances.shape == (120, 6)
+    assert np.abs(found.positions - truth["positions"]).max() < 1e-3
+    assert found.skin().n_taxels == 120
+    observations.write(tmp_path / "o.g2o")
+    again = dermatome.calibrate(tmp_path / "o.g2o", robust="none")
+    assert np.abs(again.positions - found.positions).max() < 1e-4
+    worse, outliers = dermatome.simulate(taxels=120, outliers=0.05, seed=9)
+    assert set(dermatome.calibrate(worse, robust="gnc").rejected[0]) & set(outliers["outliers"])
+
+
+def test_pictures(dome_map, tmp_path):
+    picture = dome_map.plot(width=600)
+    assert "dome, level 0" in picture._repr_svg_() and picture.svg() == picture._repr_svg_()
+    dome_map.plot(np.arange(256.0), levels=[0], space=True).save(tmp_path / "readings.png")
+    assert (tmp_path / "readings.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_findings_of_bad_arguments_name_them(dome_map):
+    for call, text in [
+        (lambda: dome_map.renderer(9), "level: found 9"),
+        (lambda: dome_map.renderer(interpolate="cubic"), 'interpolate: found "cubic"'),
+        (lambda: dome_map.renderer()(np.zeros((2, 9))), "values: found shape (2, 9)"),
+        (lambda: dome_map.pool(np.zeros(9), 1), "values: found shape (9,)"),
+        (lambda: dermatome.ContactTracker(dome_map, threshold=-1.0), "threshold"),
+        (lambda: dermatome.Readings.from_arrays(np.zeros((2, 3)), ids=[1, 2]), "ids: found shape (2,)"),
+        (lambda: dermatome.build(dermatome.Skin.from_arrays(*dome()), cut="maybe"), 'cut: found "maybe"'),
+    ]:
+        with pytest.raises(dermatome.DataError) as found:
+            call()
+        assert text in str(found.value)
