@@ -99,9 +99,9 @@ fn covered_pixels_have_the_area_of_the_chart() {
     let cap = flat_patch("cap", shapes::cap(500, 0.1, 0.8), pixel);
     let chart = chart(&cap);
     let disk = std::f64::consts::PI * (0.1 * 0.8_f64.sin()).powi(2);
-    let covered = chart.covered as f64 * pixel * pixel;
+    let covered = chart.covered() as f64 * pixel * pixel;
     assert!((covered / disk - 1.0).abs() < 0.01, "{covered} m^2 covered of {disk} m^2");
-    assert_eq!(chart.overlaps, 0, "a cap seen from above does not overlap itself");
+    assert_eq!(chart.overlaps(), 0, "a cap seen from above does not overlap itself");
 }
 
 /// A fan around a pixel centre, its rim on pixel centres too: every tie there is.
@@ -116,8 +116,8 @@ fn edges_through_pixel_centres_are_owned_once() {
     map.levels[level_id(0)].frame =
         ImageFrame { origin: DVec2::splat(-1.5), size: DVec2::splat(12.0), size_px: [12; 2] };
     let chart = chart(&map);
-    assert_eq!(chart.overlaps, 0, "no centre in two faces");
-    assert_eq!(chart.covered, 64, "8 x 8: two sides of the square belong to it, two do not");
+    assert_eq!(chart.overlaps(), 0, "no centre in two faces");
+    assert_eq!(chart.covered(), 64, "8 x 8: two sides of the square belong to it, two do not");
     for (column, row) in pixels(&chart) {
         // A hair to the right and down of the centre: the left and the upper side belong to the
         // square.
@@ -160,8 +160,8 @@ fn where_faces_overlap_the_smaller_id_wins() {
     let map = flat_patch("twice", mesh, 1.0);
     let chart = chart(&map);
     assert!(pixels(&chart).all(|(x, y)| face(&chart, x, y).is_none_or(|f| f == FaceId::new(0))));
-    assert_eq!(chart.overlaps, chart.covered, "every pixel is wanted once more, by the mirrored face");
-    assert!(chart.covered > 0);
+    assert_eq!(chart.overlaps(), chart.covered(), "every pixel is wanted once more, by the mirrored face");
+    assert!(chart.covered() > 0);
 }
 
 /// A folded sliver between two faces must not tear a hole.
@@ -175,7 +175,7 @@ fn thin_triangles_leave_no_holes() {
     });
     let map = flat_patch("slivers", mesh, 0.01);
     let chart = chart(&map);
-    assert_eq!(chart.overlaps, 0);
+    assert_eq!(chart.overlaps(), 0);
     let inside = |(x, y): &(u32, u32)| {
         let c = chart.centre(*x, *y);
         c.cmpgt(DVec2::splat(1e-6)).all() && c.cmplt(DVec2::splat(1.0 - 1e-6)).all()
@@ -212,7 +212,7 @@ fn ids_are_those_of_the_largest_weight() {
             assert_eq!(image.ids("face.id")[i], at.face.raw());
             assert_eq!(image.floats("A")[i].to_bits(), 1.0_f32.to_bits());
         }
-        assert_eq!(seen, chart.covered);
+        assert_eq!(seen, chart.covered());
     }
 }
 
@@ -352,7 +352,7 @@ proptest! {
             map.levels[level_id(0)].frame = frame;
             let chart = chart(&map);
             let covered: Vec<bool> = pixels(&chart).map(|(x, y)| face(&chart, x, y).is_some()).collect();
-            (covered, chart.overlaps)
+            (covered, chart.overlaps())
         };
         let (covered, overlaps) = draw(star);
         prop_assert_eq!(overlaps, 0);
@@ -448,7 +448,7 @@ fn packed_charts_do_not_touch_and_show_no_pixel_twice() {
                 }
                 let covered = image.floats("A").iter().filter(|c| **c == 1.0);
                 assert_eq!(covered.count(), owner.len());
-                assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered).sum::<usize>());
+                assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered()).sum::<usize>());
                 let [width, height] = part.frame.size_px;
                 for (&(x, y), patch) in &owner {
                     let free = |at: u32, side: u32| at >= margin_px && at + margin_px < side;
@@ -475,7 +475,7 @@ fn packed_charts_agree_with_those_of_the_patches() {
             seen.insert(chart.turns);
             let alone = single.parts.iter().flat_map(|part| &part.charts);
             let alone = alone.clone().find(|c| c.patch == chart.patch && c.level == chart.level).unwrap();
-            let (many, few) = (chart.covered as f64, alone.covered as f64);
+            let (many, few) = (chart.covered() as f64, alone.covered as f64);
             assert!((many / few - 1.0).abs() < 0.1, "{many} and {few} pixels of 1 mm");
             let level = &map.patches[chart.patch].levels[chart.level];
             let [left, top] = chart.corner_px;

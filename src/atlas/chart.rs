@@ -38,10 +38,6 @@ pub struct Chart {
     pub frame: ImageFrame,
     /// Column and row of its upper left pixel in the image.
     pub corner_px: [u32; 2],
-    /// Number of pixels that show a face.
-    pub covered: usize,
-    /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
-    pub overlaps: usize,
     /// Shared, so that who draws through a chart can keep one.
     spans: Arc<Spans>,
 }
@@ -58,8 +54,19 @@ impl Chart {
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
-        let (covered, overlaps) = (spans.pixels(), spans.overlaps);
-        Ok(Self { patch, level, turns, frame, corner_px, covered, overlaps, spans: Arc::new(spans) })
+        Ok(Self { patch, level, turns, frame, corner_px, spans: Arc::new(spans) })
+    }
+
+    /// Number of pixels that show a face.
+    #[must_use]
+    pub fn covered(&self) -> usize {
+        self.spans.pixels()
+    }
+
+    /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
+    #[must_use]
+    pub fn overlaps(&self) -> usize {
+        self.spans.overlaps
     }
 
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.

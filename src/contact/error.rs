@@ -47,7 +47,7 @@ pub enum ContactError {
         /// Number of links.
         count: usize,
     },
-    /// A contact is given in the frame of a link that carries no skin.
+    /// The only link on which a contact is looked for carries no skin.
     #[error(
         "contact {contact} is on link {name:?}, which carries no patch; leave its link empty to search all"
     )]

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     bvh::PointTree,
-    contact::{ContactError, ContactIndex, FieldHit, Query},
+    contact::{ContactError, ContactIndex, FieldHit, Query, index::SAME_DISTANCE},
     id::VertexId,
     pyramid::LevelId,
     skin::PatchId,
@@ -62,8 +62,10 @@ impl ContactIndex {
                 _ => f64::INFINITY,
             };
             found.clear();
-            points.nearest(q, count, farthest(&hits), &mut found);
-            hits.extend(found.iter().map(|&(field, away)| self.field_hit(&query, id, level, field, away)));
+            // Equally far ones count, though rounding may part their squares.
+            points.nearest(q, count, farthest(&hits) * SAME_DISTANCE, &mut found);
+            let hit = |&(field, squared): &(_, f64)| self.field_hit(&query, id, level, field, squared.sqrt());
+            hits.extend(found.iter().map(hit));
             let key = |hit: &FieldHit| (hit.patch, hit.field);
             hits.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(key(a).cmp(&key(b))));
             hits.truncate(count);

@@ -172,17 +172,9 @@ pub(super) fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use proptest::prelude::*;
-
+mod tests {
     use super::*;
-    use crate::{contact::soup, mesh::shapes};
-
-    /// The triangles as a mesh, no two of which share a vertex.
-    pub(in crate::contact) fn mesh(triangles: &[[DVec3; 3]]) -> TriMesh {
-        let faces: Vec<_> = (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-        TriMesh::from_arrays(triangles.iter().flatten().copied().collect(), &faces)
-    }
+    use crate::mesh::shapes;
 
     fn nearest(patch: &PatchBvh, q: DVec3) -> Option<(FaceId, Closest)> {
         let mut best: Option<Best> = None;
@@ -207,29 +199,6 @@ pub(super) mod tests {
         for k in 0..500_u32 {
             let q = rolled.positions[VertexId::from(k)] * (1.0 + 0.01 * f64::from(k % 7)) - DVec3::X * 0.003;
             assert_eq!(nearest(&fitted, q), nearest(&new, q), "from {q}");
-        }
-    }
-
-    proptest! {
-        #![proptest_config(soup::fixed(200, 10))]
-
-        /// Of equally near faces one with area comes first, then the first.
-        #[test]
-        fn the_nearest_face_is_that_of_brute_force(
-            triangles in soup::triangles(1..80),
-            directions in prop::collection::vec(prop::array::uniform3(-1.0_f64..1.0), 4),
-            away in prop_oneof![Just(1e-6), Just(0.1), Just(2.0), Just(500.0), Just(1e5), Just(1e11)],
-        ) {
-            let mesh = mesh(&triangles);
-            let patch = PatchBvh::new("soup", &mesh).unwrap();
-            for direction in directions {
-                let q = triangles[0][0] + DVec3::from(direction) * away;
-                let mut expected = None;
-                for face in mesh.triangles.ids() {
-                    Best::offer(&mut expected, PatchId::new(0), face, patch.measure(q, face));
-                }
-                prop_assert_eq!(nearest(&patch, q), expected.map(|b| (b.face, b.closest)), "from {}", q);
-            }
         }
     }
 }

@@ -187,7 +187,7 @@ impl Tile {
         let foreign = || ImageError::Atlas { part: part.name.clone() };
         let patch = map.patches.get(chart.patch).ok_or_else(foreign)?;
         let level = patch.levels.get(chart.level).filter(|level| chart.fits(level)).ok_or_else(foreign)?;
-        if quantities.contains(&Quantity::Extensive) && chart.covered == 0 {
+        if quantities.contains(&Quantity::Extensive) && chart.covered() == 0 {
             return Err(ImageError::NoPixel { part: part.name.clone(), patch: patch.name.clone() });
         }
         let ImageFrame { size, size_px, .. } = part.frame;

@@ -19,6 +19,13 @@ pub struct Remark {
     pub kind: RemarkKind,
 }
 
+/// Adds a remark about some elements, unless there are none.
+pub(super) fn note<T>(remarks: &mut Vec<RemarkKind>, about: Vec<T>, kind: impl FnOnce(Vec<T>) -> RemarkKind) {
+    if !about.is_empty() {
+        remarks.push(kind(about));
+    }
+}
+
 macro_rules! remark_kinds {
     ($($(#[$doc:meta])* $variant:ident { $($(#[$meaning:meta])* $field:ident: $type:ty,)* } => $text:literal $(, $argument:expr)*;)*) => {
         /// What a [`Remark`] says.

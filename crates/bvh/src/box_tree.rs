@@ -96,12 +96,6 @@ impl BoxTree {
         Ok(tree)
     }
 
-    /// How many boxes there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.boxes.len()
-    }
-
     /// Whether there is no box.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -22,7 +22,7 @@ pub struct Aabb {
 
 impl Aabb {
     /// The box of no point.
-    pub const EMPTY: Self = Self { lo: DVec3::INFINITY, hi: DVec3::NEG_INFINITY };
+    pub(crate) const EMPTY: Self = Self { lo: DVec3::INFINITY, hi: DVec3::NEG_INFINITY };
 
     /// The smallest box around `points`.
     pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {

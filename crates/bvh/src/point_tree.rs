@@ -92,34 +92,14 @@ impl PointTree {
         &self.points
     }
 
-    /// Appends the `k` points nearest to `q`, none farther than `reach` (infinite for no limit), with
-    /// their distances, the nearest first; of equally near ones the first.
+    /// Appends the `k` points nearest to `q`, none farther than `reach` (infinite for no limit), with the
+    /// squares of their distances, the nearest first; of equally near ones the first.
     #[inline]
     pub fn nearest<I: Id>(&self, q: DVec3, k: usize, reach: f64, found: &mut Vec<(I, f64)>) {
-        self.nearest_by(q, k, [reach; 2], f64::sqrt, found);
-    }
-
-    /// As [`Self::nearest`], by squared distances, which rounding makes equal less often.
-    #[inline]
-    pub fn nearest_squared<I: Id>(&self, q: DVec3, k: usize, reach: f64, found: &mut Vec<(I, f64)>) {
-        self.nearest_by(q, k, [reach, reach * reach], |squared| squared, found);
-    }
-
-    /// The nearest points with what `measure` makes of their squared distances; none farther than the
-    /// first reach, nor with a larger measure than the second.
-    #[inline(always)]
-    fn nearest_by<I: Id>(
-        &self,
-        q: DVec3,
-        k: usize,
-        [reach, most]: [f64; 2],
-        measure: impl Fn(f64) -> f64,
-        found: &mut Vec<(I, f64)>,
-    ) {
         let Some(tree) = self.tree.as_ref().filter(|_| k > 0 && q.is_finite()) else { return };
         let local = self.scaling.point(q);
         if k > MOST || local.length() > FAR {
-            return self.nearest_in_f64(tree, q, k, [reach, most], measure, found);
+            return self.nearest_in_f64(tree, q, k, reach, found);
         }
         let first = found.len();
         if k <= FEW {
@@ -127,44 +107,34 @@ impl PointTree {
         } else {
             self.simd.run(Walk::<I, MOST> { points: self, tree, local, k, reach, found });
         }
-        for (id, distance) in &mut found[first..] {
-            *distance = measure(self.points[(*id).into() as usize].distance_squared(q));
+        for (id, squared) in &mut found[first..] {
+            *squared = self.points[(*id).into() as usize].distance_squared(q);
         }
         found[first..].sort_unstable_by(nearer);
-        let near = found[first..].iter().take(k).take_while(|(_, distance)| *distance <= most).count();
-        found.truncate(first + near);
+        let near = found[first..].iter().take(k).take_while(|(_, squared)| *squared <= reach * reach);
+        found.truncate(first + near.count());
     }
 
-    fn nearest_in_f64<I: Id>(
-        &self,
-        tree: &Tree,
-        q: DVec3,
-        k: usize,
-        [reach, most]: [f64; 2],
-        measure: impl Fn(f64) -> f64,
-        found: &mut Vec<(I, f64)>,
-    ) {
+    fn nearest_in_f64<I: Id>(&self, tree: &Tree, q: DVec3, k: usize, reach: f64, found: &mut Vec<(I, f64)>) {
         let local = self.scaling.point(q);
         let first = found.len();
-        // A distance and its measure.
-        let (mut farthest, mut worst) = (reach, most);
+        let mut most = reach * reach;
         tree.walk(
             reach * self.scaling.scale * FAR_ROUND_UP,
             |node| node.point_gaps(local),
             |packet| {
                 for id in distinct(packet) {
                     let squared = self.points[id as usize].distance_squared(q);
-                    if measure(squared) <= worst {
-                        found.push((I::from(id), measure(squared)));
+                    if squared <= most {
+                        found.push((I::from(id), squared));
                     }
                     // Not at each point: then many of them would be put in order again and again.
                     if found.len() - first >= k.saturating_mul(2) {
-                        let last = *found[first..].select_nth_unstable_by(k - 1, nearer).1;
-                        (farthest, worst) = (self.points[last.0.into() as usize].distance(q), last.1);
+                        most = found[first..].select_nth_unstable_by(k - 1, nearer).1.1;
                         found.truncate(first + k);
                     }
                 }
-                farthest * self.scaling.scale * FAR_ROUND_UP
+                most.sqrt() * self.scaling.scale * FAR_ROUND_UP
             },
         );
         found[first..].sort_unstable_by(nearer);
@@ -299,19 +269,12 @@ mod tests {
             let mut points: Vec<DVec3> = points.into_iter().map(DVec3::from).collect();
             points.extend(vec![DVec3::ONE * 0.5; copies]);
             let (tree, q) = (PointTree::new(&points, |v| points[v]), DVec3::from(q) * away);
-            let mut expected: Vec<_> = (0_u32..).zip(&points).map(|(k, p)| (k, p.distance(q))).collect();
-            expected.retain(|&(_, distance)| distance <= reach);
-            expected.sort_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap());
-            expected.truncate(k);
-            let mut found = Vec::new();
-            tree.nearest(q, k, reach, &mut found);
-            prop_assert_eq!(&found, &expected);
             let mut expected: Vec<_> = (0_u32..).zip(&points).map(|(k, p)| (k, p.distance_squared(q))).collect();
             expected.retain(|&(_, squared)| squared <= reach * reach);
             expected.sort_by(|a, b| (a.1, a.0).partial_cmp(&(b.1, b.0)).unwrap());
             expected.truncate(k);
-            found.clear();
-            tree.nearest_squared(q, k, reach, &mut found);
+            let mut found = Vec::new();
+            tree.nearest(q, k, reach, &mut found);
             prop_assert_eq!(&found, &expected);
 
             for radius in [0.0, 0.2, 0.8, 1e9] {

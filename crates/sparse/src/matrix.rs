@@ -107,7 +107,7 @@ impl Matrix<'_, DMat2> {
     ///
     /// # Panics
     /// If `x` or `out` has not one entry per row.
-    pub fn multiply(&self, x: &[DVec2], out: &mut [DVec2]) {
+    pub(crate) fn multiply(&self, x: &[DVec2], out: &mut [DVec2]) {
         assert!(x.len() == self.pattern.rows() && out.len() == x.len(), "one entry per row");
         out.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(chunk, out)| {
             for (k, out) in out.iter_mut().enumerate() {

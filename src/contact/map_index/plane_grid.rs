@@ -263,9 +263,15 @@ mod tests {
 
     use super::*;
     use crate::{
-        contact::{patch_bvh::tests, soup},
+        contact::soup,
         mesh::{TriMesh, closest_point, shapes},
     };
+
+    /// The triangles as a mesh, no two of which share a vertex.
+    fn mesh(triangles: &[[DVec3; 3]]) -> TriMesh {
+        let faces: Vec<_> = (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        TriMesh::from_arrays(triangles.iter().flatten().copied().collect(), &faces)
+    }
 
     /// Triangles that hold a place.
     fn brute(mesh: &TriMesh, at: DVec2, margin: f64) -> Vec<FaceId> {
@@ -299,7 +305,7 @@ mod tests {
             large in prop::bool::ANY,
             places in prop::collection::vec((any::<prop::sample::Index>(), 0.0_f64..1.0, 0.0_f64..1.0), 40),
         ) {
-            let mut mesh = tests::mesh(&triangles);
+            let mut mesh = mesh(&triangles);
             if large {
                 mesh.positions[VertexId::new(0)] *= 200.0;
             }

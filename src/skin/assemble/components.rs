@@ -10,6 +10,7 @@ use crate::{
         RemarkKind, Sheet, SkinError,
         assemble::zero_area::{Cleared, clear_zero_area},
         normals::mean_directions,
+        remark::note,
         weld::{
             WeldOptions,
             welded_mesh::{MOST_ROUNDS, WeldedMesh},
@@ -123,9 +124,7 @@ impl<'a> Components<'a> {
             let taxels = used.iter().take(taxel.len()).filter(|&&u| u).count();
             remarks.push(RemarkKind::Welded { vertices: taxels + merged, taxels });
         }
-        if !left_out.is_empty() {
-            remarks.push(RemarkKind::LeftOut { vertices: left_out });
-        }
+        note(remarks, left_out, |vertices| RemarkKind::LeftOut { vertices });
     }
 
     /// The taxels and faces of each component that has any, in the order of the file.
@@ -147,21 +146,11 @@ fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
     if surface.cut > 0 {
         remarks.push(RemarkKind::CutKept { edges: surface.cut });
     }
-    if !surface.duplicates.is_empty() {
-        remarks.push(RemarkKind::DuplicatesDropped { faces: surface.duplicates.clone() });
-    }
-    if !surface.dropped.is_empty() {
-        remarks.push(RemarkKind::ExtraFacesDropped { faces: surface.dropped.clone() });
-    }
-    if !surface.parted.is_empty() {
-        remarks.push(RemarkKind::EdgesParted { edges: surface.parted.clone() });
-    }
-    if !surface.one_sided.is_empty() {
-        remarks.push(RemarkKind::OneSidedCut { edges: surface.one_sided.clone() });
-    }
-    if !surface.touching.is_empty() {
-        remarks.push(RemarkKind::FansSplit { vertices: surface.touching.clone() });
-    }
+    note(remarks, surface.duplicates.clone(), |faces| RemarkKind::DuplicatesDropped { faces });
+    note(remarks, surface.dropped.clone(), |faces| RemarkKind::ExtraFacesDropped { faces });
+    note(remarks, surface.parted.clone(), |edges| RemarkKind::EdgesParted { edges });
+    note(remarks, surface.one_sided.clone(), |edges| RemarkKind::OneSidedCut { edges });
+    note(remarks, surface.touching.clone(), |vertices| RemarkKind::FansSplit { vertices });
 }
 
 fn report_faces(
@@ -170,14 +159,9 @@ fn report_faces(
     file_faces: &IdVec<FaceId, FaceId>,
     remarks: &mut Vec<RemarkKind>,
 ) {
-    let mut report = |faces: Vec<FaceId>, kind: fn(Vec<FaceId>) -> RemarkKind| {
-        if !faces.is_empty() {
-            remarks.push(kind(faces));
-        }
-    };
     let in_file = |faces: &[FaceId]| faces.iter().map(|&f| file_faces[f]).collect();
-    report(repeated, |faces| RemarkKind::RepeatedCorner { faces });
-    report(in_file(&cleared.dropped), |faces| RemarkKind::ZeroAreaDropped { faces });
-    report(in_file(&cleared.flipped), |faces| RemarkKind::ZeroAreaFlipped { faces });
-    report(in_file(&cleared.kept), |faces| RemarkKind::ZeroAreaKept { faces });
+    note(remarks, repeated, |faces| RemarkKind::RepeatedCorner { faces });
+    note(remarks, in_file(&cleared.dropped), |faces| RemarkKind::ZeroAreaDropped { faces });
+    note(remarks, in_file(&cleared.flipped), |faces| RemarkKind::ZeroAreaFlipped { faces });
+    note(remarks, in_file(&cleared.kept), |faces| RemarkKind::ZeroAreaKept { faces });
 }

@@ -10,6 +10,7 @@ use crate::{
         LinkId, OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelError, TaxelId, Taxels,
         assemble::components::{Component, Components},
         normals::{NormalConsensus, NormalQuality, surface_normals},
+        remark::note,
         tangents_along,
         taxels::is_positive,
     },
@@ -108,9 +109,7 @@ fn areas(
             replaced.push(v);
         }
     }
-    if !replaced.is_empty() {
-        remarks.push(RemarkKind::AreasReplaced { vertices: replaced });
-    }
+    note(remarks, replaced, |vertices| RemarkKind::AreasReplaced { vertices });
     areas
 }
 

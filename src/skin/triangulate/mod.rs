@@ -4,15 +4,26 @@
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
-//! 1. `unique_points`: each position once, in an order of its own;
-//! 2. `neighbours`: the local spacing and who may be joined;
-//! 3. `normals`: tangent planes, turned to one side (hoppe1992, konig2009);
-//! 4. `candidates`, with `delaunay_star`: triangles by the votes of their corners;
-//! 5. `growing_mesh`: takes candidates that keep an oriented manifold, the best first;
-//! 6. `repair`: small holes, touching fans, isolated taxels;
-//! 7. `orient_outward`: which side is outside.
+//! 1. `unique_points`: taxels at one place become one (the first that reads pressure), and so do taxels
+//!    closer than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing
+//!    are left out; thermal pads and dead taxels have a place, and stay.
+//! 2. `neighbours`: the spacing is the distance to the third nearest taxel, smoothed; edges are no longer
+//!    than the gap times the spacing at their ends.
+//! 3. `normals`: those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one
+//!    side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit
+//!    vectors along the planes of the neighbourhoods, not all the same on a curved part), keep the sides of
+//!    a thin part apart, lead the tree, and tell the outside.
+//! 4. `candidates`, with `delaunay_star`: the triangles of the Delaunay triangulations in the tangent planes,
+//!    by the votes of their corners; a square is cut along one diagonal by the place of its corners.
+//! 5. `growing_mesh`: takes those with two votes, then those of one that fit between them, unless a face
+//!    would give an edge a third face, or overlap in the tangent plane of a corner.
+//! 6. `repair`: small holes, touching fans, isolated taxels.
+//! 7. `orient_outward`: of components whose normals do not tell it, two thirds of them, the outside is away
+//!    from the centre of the sheet.
 //!
-//! `triangulate_taxels` takes these steps sheet by sheet and reports in remarks what it did.
+//! `triangulate_taxels` takes these steps sheet by sheet. Taxels keep the order of the file, and arrays move
+//! with them. The result does not depend on that order, up to the order of names, nor on frame and unit,
+//! except for which diagonal a square gets. Time and memory are near-linear.
 //!
 //! What each heuristic contributes, measured once with each switched off: pieces, holes and taxels left out,
 //! summed over the shapes of each kind of cover that changes without it, and in how many edges; the last four
@@ -61,6 +72,7 @@ use crate::{
     numeric::median,
     skin::{
         Draft, Remark, RemarkKind, Sheet, SkinError,
+        remark::note,
         triangulate::{
             candidates::candidates,
             growing_mesh::GrowingMesh,
@@ -84,26 +96,6 @@ const FEW: usize = 20;
 
 /// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
 /// done. `gap` and `outside` are those of [`crate::skin::AssembleOptions`].
-///
-/// - **Taxels** at one place become one (the first that reads pressure), and so do taxels closer
-///   than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing are
-///   left out. Thermal pads and dead taxels have a place, and stay. Taxels keep the order of the
-///   file; arrays move with them.
-/// - The **spacing** is the distance to the third nearest taxel, smoothed.
-/// - **Normals** are those of rigid modules ([`Sheet::modules`]), else planes of least squares,
-///   turned to one side along a spanning tree (hoppe1992, konig2009).
-///   Those of the file, where these are reliable (unit vectors along the planes of the neighbourhoods, not
-///   all the same on a curved part), keep the sides of a thin part apart, lead the tree, and tell the outside.
-/// - **Triangles** are those of the Delaunay triangulations in the tangent planes on which at least
-///   two corners agree, then those of one corner that fit between them; a square is cut along one
-///   diagonal by the place of its corners. Edges are no longer than `gap` times the spacing at
-///   their ends. The mesh is an oriented manifold: a face that would give an edge a third face, or
-///   overlap in the tangent plane of a corner, is not taken.
-/// - The **outside** of components whose normals do not tell it, two thirds of them, is away from
-///   the centre of the sheet.
-///
-/// The result does not depend on the order of the taxels, up to the order of their names, nor on
-/// frame and unit, except for which diagonal a square gets. Time and memory are near-linear.
 ///
 /// # Errors
 /// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
@@ -181,9 +173,7 @@ fn triangulate_sheet(
         longest: gap * points.unit * median(neighbours.spacing.iter().copied()).unwrap_or(0.0),
     });
     report(&points, &normals, &outside, remarks);
-    if !left_out.is_empty() {
-        remarks.push(RemarkKind::LeftOut { vertices: left_out });
-    }
+    note(remarks, left_out, |vertices| RemarkKind::LeftOut { vertices });
     Ok(result)
 }
 
@@ -219,9 +209,7 @@ fn report(
     if *absent > 0 {
         remarks.push(RemarkKind::EmptySlots { slots: *absent });
     }
-    if !merged.is_empty() {
-        remarks.push(RemarkKind::Merged { vertices: merged.clone(), distance: *distance });
-    }
+    note(remarks, merged.clone(), |vertices| RemarkKind::Merged { vertices, distance: *distance });
     if let Some(reason) = normals.refused {
         remarks.push(RemarkKind::NormalsIgnored { reason });
     }

@@ -41,7 +41,7 @@ pub(super) fn nearest_others(
     found: &mut Vec<Neighbour>,
 ) {
     found.clear();
-    tree.nearest_squared(tree.points()[v.index()], count + 1, radius, found);
+    tree.nearest(tree.points()[v.index()], count + 1, radius, found);
     found.retain(|near| near.0 != v);
     found.truncate(count);
 }
