@@ -62,8 +62,8 @@ struct Source {
 }
 
 impl Source {
-    fn read(file: &Path) -> Self {
-        let path = file.strip_prefix("src").unwrap();
+    fn read(root: &str, file: &Path) -> Self {
+        let path = file.strip_prefix(root).unwrap();
         let mut module: Named =
             path.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
         if ["mod", "lib", "main"].contains(&module.last().unwrap().as_str()) {
@@ -128,19 +128,20 @@ impl Source {
     }
 }
 
-fn sources_in(folder: &Path) -> Vec<Source> {
-    let mut paths: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.sort();
-    let files = |path: &PathBuf| match path.extension() {
-        None => sources_in(path),
-        Some(end) if end == "rs" => vec![Source::read(path)],
-        Some(_) => Vec::new(),
-    };
-    paths.iter().flat_map(files).collect()
-}
-
-fn sources() -> Vec<Source> {
-    sources_in(Path::new("src"))
+/// The files below a folder.
+fn read_sources(root: &str) -> Vec<Source> {
+    let (mut files, mut folders) = (Vec::new(), vec![PathBuf::from(root)]);
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|end| end == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files.iter().map(|path| Source::read(root, path)).collect()
 }
 
 /// The text without comments and with empty strings, and the strings.
@@ -263,20 +264,16 @@ fn reached<'a>(
 }
 
 #[test]
-fn groups_and_single_paths_are_both_seen() {
-    let source = Source::of("pub(crate) use a::B;\nuse crate::{\n    id::{A as C, B},\n    mesh::TriMesh,\n    Error,\n};\nlet x = crate::d::E::<f>()".to_owned());
+fn imports_paths_and_strings_are_told_apart() {
+    let text = "pub(crate) use a::B;\nuse crate::{\n    id::{A as C, B},\n    Error,\n};\n\
+                a('\"'); // \"b\"\nc::<'x>(\"d\\\"e\\\\\", r#\"f\"g\"#, crate::d::E::<f>())";
+    let source = Source::of(text.to_owned());
     let joined = |paths: &[Named]| paths.iter().map(|path| path.join(" ")).collect::<Vec<_>>();
-    assert_eq!(joined(&source.imports), ["crate id A", "crate id B", "crate mesh TriMesh", "crate Error"]);
-    assert_eq!(joined(&source.paths_from("crate"))[4..], ["crate d E"]);
     assert_eq!(joined(&source.reexports), ["a B"]);
-}
-
-#[test]
-fn comments_strings_and_characters_are_not_code() {
-    let text = "a('\"'); // \"b\"\nc::<'x>(\"d\\\"e\\\\\", r#\"f\"g\"#)";
-    let (code, strings) = without_comments_and_strings(text);
-    assert_eq!(code, "a(); \nc::<'x>(\"\", \"\")");
-    assert_eq!(strings, ["d\\\"e\\\\", "f\"g"]);
+    assert_eq!(joined(&source.imports), ["crate id A", "crate id B", "crate Error"]);
+    assert_eq!(joined(&source.paths_from("crate"))[3..], ["crate d E"]);
+    assert!(source.code.ends_with("a(); \nc::<'x>(\"\", \"\", crate::d::E::<f>())"), "{}", source.code);
+    assert_eq!(source.strings, ["d\\\"e\\\\", "f\"g"]);
 }
 
 #[test]
@@ -284,7 +281,7 @@ fn modules_name_only_those_before_them() {
     let rank = |module: &str| {
         MODULES.iter().position(|m| *m == module).unwrap_or_else(|| panic!("{module:?} is not in MODULES"))
     };
-    let sources = sources();
+    let sources = read_sources("src");
     let graph = Files::new(&sources).graph();
     let top = |path: &str| sources.iter().find(|s| s.path == path).unwrap().top();
     for source in sources.iter().filter(|s| !s.is_command() && !s.module.is_empty()) {
@@ -305,7 +302,7 @@ fn outside_crates_are_used_behind_their_doors() {
         assert!(listed, "{name} is not in DOORS");
     }
     let mut broken = Vec::new();
-    for source in sources() {
+    for source in read_sources("src") {
         for (outside, doors) in doors() {
             if !doors.iter().any(|door| source.path.starts_with(door)) && source.uses(outside) {
                 broken.push(format!("{outside} is used behind {doors:?} alone, not in {}", source.path));
@@ -330,7 +327,7 @@ const FOUNDATIONS: &[(&str, Option<&str>)] = &[
 /// a file that does.
 #[test]
 fn foundations_are_reached_by_build_lookup_or_render() {
-    let sources = sources();
+    let sources = read_sources("src");
     let is_start = |s: &&Source| {
         s.is_command() && s.module.get(1).is_some_and(|m| ["build", "lookup", "render"].contains(&m.as_str()))
     };
@@ -340,28 +337,26 @@ fn foundations_are_reached_by_build_lookup_or_render() {
         sources.iter().any(|s| reached.contains(s.path.as_str()) && is_used(s))
     };
     for (outside, door) in FOUNDATIONS {
-        let folder = door.map_or(PathBuf::new(), |member| Path::new("crates").join(member));
+        let folder = door.map_or(".".to_owned(), |member| format!("crates/{member}"));
         let is_used = match door {
             None => is_reached(&|s| s.uses(outside)),
             Some(member) => {
                 let names = |path: &Named| path.len() > 1 && path[1] == *member;
-                let texts = fs::read_dir(folder.join("src")).unwrap();
-                let mut texts = texts.map(|file| fs::read_to_string(file.unwrap().path()).unwrap());
                 is_reached(&|s| s.paths_from("crate").iter().any(names))
-                    && texts.any(|text| Source::of(text).uses(outside))
+                    && read_sources(&format!("{folder}/src")).iter().any(|s| s.uses(outside))
             }
         };
         assert!(is_used, "{outside} is not used by what `build`, `lookup` and `render` reach");
-        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let manifest = fs::read_to_string(format!("{folder}/Cargo.toml")).unwrap();
         let dependencies =
             manifest.split("\n[").find(|section| section.starts_with("dependencies]")).unwrap();
-        assert!(dependencies.contains(&format!("\n{outside}")), "{outside} is not used by {folder:?}");
+        assert!(dependencies.contains(&format!("\n{outside}")), "{outside} is not used by {folder}");
     }
 }
 
 #[test]
 fn files_do_not_import_each_other_in_a_circle() {
-    let sources = sources();
+    let sources = read_sources("src");
     let graph = Files::new(&sources).graph();
     let is_in_circle = |path: &&&str| reached([**path].into_iter(), &graph).contains(**path);
     let found: BTreeMap<_, _> = graph.keys().filter(is_in_circle).map(|path| (path, &graph[path])).collect();
@@ -370,7 +365,7 @@ fn files_do_not_import_each_other_in_a_circle() {
 
 #[test]
 fn only_the_command_names_its_options() {
-    let sources = sources();
+    let sources = read_sources("src");
     let commands = sources.iter().filter(|s| s.is_command() && s.module.len() == 2).map(|s| &s.module[1]);
     let names: Vec<String> = commands.flat_map(|c| [format!("dermatome {c}"), format!("`{c}`")]).collect();
     let is_option = |text: &str| {
@@ -389,7 +384,7 @@ fn only_the_command_names_its_options() {
 
 #[test]
 fn every_file_says_what_it_is_for() {
-    let sources = sources();
+    let sources = read_sources("src");
     let silent = sources.iter().filter(|s| !s.text.starts_with("//!"));
     let silent: Vec<&str> = silent.map(|s| s.path.as_str()).collect();
     assert!(silent.is_empty(), "these files do not open with `//!`: {silent:?}");
@@ -416,12 +411,9 @@ fn references_are_those_that_the_code_cites() {
     let entries = references.lines().filter_map(|line| line.strip_prefix("- **"));
     let listed: BTreeSet<String> =
         entries.filter_map(|line| line.split("**").next()).map(str::to_owned).collect();
-    let mut cited: BTreeSet<String> = sources().iter().flat_map(|source| keys_cited(&source.text)).collect();
-    for folder in ["crates/bvh/src", "crates/delaunay/src", "crates/sparse/src"] {
-        for entry in fs::read_dir(folder).unwrap() {
-            cited.extend(keys_cited(&fs::read_to_string(entry.unwrap().path()).unwrap()));
-        }
-    }
+    let roots = ["src", "crates/bvh/src", "crates/delaunay/src", "crates/sparse/src"];
+    let cited: BTreeSet<String> =
+        roots.into_iter().flat_map(read_sources).flat_map(|source| keys_cited(&source.text)).collect();
     assert!(cited.len() > 20, "{cited:?}");
     assert_eq!(listed, cited, "left: in REFERENCES.md, right: in the code");
 }
