@@ -121,7 +121,7 @@ impl ContactIndex {
         let posed = |patch: usize| {
             let patch = &patches[PatchId::new(patch)];
             let pose = links.pose(patch.link);
-            patch.bounds.moved(|corner| pose.to_world(corner))
+            patch.bounds.moved(|corner| pose.transform_point3(corner))
         };
         if boxes.is_empty() {
             let all: Vec<Aabb> = (0..patches.len()).map(posed).collect();
@@ -182,16 +182,16 @@ impl ContactIndex {
         let ray = Ray::new(query.point, direction, longest).ok_or(ContactError::NoRay)?;
         let world = query.link.map_or(ray, |link| {
             let pose = self.links.pose(link);
-            ray.moved(|p| pose.to_world(p), |v| pose.turned(v))
+            ray.moved(|p| pose.transform_point3(p), |v| pose.transform_vector3(v))
         });
         let mut first: Option<(f64, Best)> = None;
         let mut visit = |id: PatchId| {
             let patch = &self.patches[id];
-            let pose = self.links.pose(patch.link);
+            let back = self.links.inverse(patch.link);
             let local = if query.link == Some(patch.link) {
                 ray
             } else {
-                world.moved(|p| pose.to_local(p), |v| pose.turned_back(v))
+                world.moved(|p| back.transform_point3(p), |v| back.transform_vector3(v))
             };
             // Equally far hits count, though rounding may part them.
             let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));

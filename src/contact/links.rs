@@ -10,49 +10,17 @@ use crate::{
     skin::{LinkId, Motion, MotionFrame, PatchId},
 };
 
-/// A rigid pose and its inverse.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct RigidPose {
-    to_world: DAffine3,
-    from_world: DAffine3,
-}
-
-impl RigidPose {
-    /// A pose that rotates and translates by at most 1e12 m; its axes are made exactly orthonormal, so
-    /// distances in the frame are those of the world.
-    ///
-    /// # Errors
-    /// If the pose of the link does anything else.
-    fn new(name: &str, pose: &DAffine3) -> Result<Self, ContactError> {
-        if !is_rigid(pose) || pose.translation.abs().max_element() > LARGEST {
-            return Err(ContactError::NotRigid { name: name.to_owned() });
-        }
-        let rotation = DQuat::from_mat3(&pose.matrix3).normalize();
-        let to_world = DAffine3::from_rotation_translation(rotation, pose.translation);
-        Ok(Self { to_world, from_world: to_world.inverse() })
+/// A pose that rotates and translates by at most 1e12 m; its axes are made exactly orthonormal, so
+/// distances in the frame are those of the world.
+///
+/// # Errors
+/// If the pose of the link does anything else.
+fn rigid(name: &str, pose: &DAffine3) -> Result<DAffine3, ContactError> {
+    if !is_rigid(pose) || pose.translation.abs().max_element() > LARGEST {
+        return Err(ContactError::NotRigid { name: name.to_owned() });
     }
-
-    #[inline]
-    pub(super) fn to_world(self, point: DVec3) -> DVec3 {
-        self.to_world.transform_point3(point)
-    }
-
-    #[inline]
-    pub(super) fn to_local(self, point: DVec3) -> DVec3 {
-        self.from_world.transform_point3(point)
-    }
-
-    /// A direction of the frame, in the world.
-    #[inline]
-    pub(super) fn turned(self, direction: DVec3) -> DVec3 {
-        self.to_world.transform_vector3(direction)
-    }
-
-    /// A direction of the world, in the frame.
-    #[inline]
-    pub(super) fn turned_back(self, direction: DVec3) -> DVec3 {
-        self.from_world.transform_vector3(direction)
-    }
+    let rotation = DQuat::from_mat3(&pose.matrix3).normalize();
+    Ok(DAffine3::from_rotation_translation(rotation, pose.translation))
 }
 
 /// The links of a map as the robot is posed.
@@ -65,9 +33,11 @@ struct Posed {
     parent: Option<LinkId>,
     /// Its pose in the map, relative to its parent.
     rest: DAffine3,
-    pose: RigidPose,
+    /// Its pose in the world, and the way back.
+    pose: DAffine3,
+    inverse: DAffine3,
     /// Where it moves next.
-    next: RigidPose,
+    next: DAffine3,
     patches: Vec<PatchId>,
 }
 
@@ -82,8 +52,9 @@ impl Links {
         for link in &map.links {
             let pose = link.parent.map_or(link.pose, |parent| world[parent] * link.pose);
             world.push(pose);
-            let (name, parent, pose) = (link.name.clone(), link.parent, RigidPose::new(&link.name, &pose)?);
-            links.push(Posed { name, parent, rest: link.pose, pose, next: pose, patches: Vec::new() });
+            let (name, parent, pose) = (link.name.clone(), link.parent, rigid(&link.name, &pose)?);
+            let (rest, inverse) = (link.pose, pose.inverse());
+            links.push(Posed { name, parent, rest, pose, inverse, next: pose, patches: Vec::new() });
         }
         for (id, patch) in map.patches.enumerate() {
             links[patch.link].patches.push(id);
@@ -109,29 +80,35 @@ impl Links {
                 Some((MotionFrame::Parent, pose)) => parent * pose,
                 Some((MotionFrame::World, pose)) => pose,
             };
-            self.0[id].next = RigidPose::new(name, &pose)?;
+            self.0[id].next = rigid(name, &pose)?;
         }
         Ok(())
     }
 
     /// Moves the links to where [`Self::aim`] found them.
     pub(super) fn commit(&mut self) {
-        self.0.iter_mut().for_each(|link| link.pose = link.next);
+        self.0.iter_mut().for_each(|link| (link.pose, link.inverse) = (link.next, link.next.inverse()));
     }
 
     /// The pose that a link has next.
     pub(super) fn next(&self, link: LinkId) -> DAffine3 {
-        self.0[link].next.to_world
+        self.0[link].next
     }
 
     /// The pose of a link in the world.
     #[inline]
-    pub(super) fn pose(&self, link: LinkId) -> RigidPose {
-        self.0[link].pose
+    pub(super) fn pose(&self, link: LinkId) -> &DAffine3 {
+        &self.0[link].pose
+    }
+
+    /// From the world to the frame of a link.
+    #[inline]
+    pub(super) fn inverse(&self, link: LinkId) -> &DAffine3 {
+        &self.0[link].inverse
     }
 
     pub(super) fn poses(&self) -> IdVec<LinkId, DAffine3> {
-        self.0.map(|link| link.pose.to_world)
+        self.0.map(|link| link.pose)
     }
 
     /// The patches of a link.
@@ -166,13 +143,13 @@ impl Links {
     /// Where a query lies in the world, in m.
     #[inline]
     pub(super) fn in_world(&self, query: &Query) -> DVec3 {
-        query.link.map_or(query.point, |link| self.pose(link).to_world(query.point))
+        query.link.map_or(query.point, |link| self.pose(link).transform_point3(query.point))
     }
 
     /// Where a query that is at `world` lies in the frame of a link, in m.
     #[inline]
     pub(super) fn in_link(&self, link: LinkId, query: &Query, world: DVec3) -> DVec3 {
-        if query.link == Some(link) { query.point } else { self.pose(link).to_local(world) }
+        if query.link == Some(link) { query.point } else { self.inverse(link).transform_point3(world) }
     }
 
     /// A point (m) and a direction in the frame of a link, in the frame of a query.
@@ -188,9 +165,9 @@ impl Links {
             return (point, normal);
         }
         let pose = self.pose(link);
-        let (point, normal) = (pose.to_world(point), pose.turned(normal));
-        match query.link.map(|frame| self.pose(frame)) {
-            Some(frame) => (frame.to_local(point), frame.turned_back(normal)),
+        let (point, normal) = (pose.transform_point3(point), pose.transform_vector3(normal));
+        match query.link.map(|frame| self.inverse(frame)) {
+            Some(back) => (back.transform_point3(point), back.transform_vector3(normal)),
             None => (point, normal),
         }
     }

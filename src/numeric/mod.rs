@@ -5,7 +5,6 @@ mod covariance;
 mod csr;
 mod disjoint_sets;
 mod matrix6;
-mod morton;
 mod order;
 mod random;
 mod symmetric_eigen;
@@ -15,8 +14,7 @@ pub use covariance::Covariance;
 pub(crate) use csr::Csr;
 pub(crate) use disjoint_sets::{DisjointSets, Labels, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
-pub(crate) use morton::{along_curve, morton};
-pub(crate) use order::{argsort, chains, median, nth_smallest, order_by};
+pub(crate) use order::{along_curve, argsort, chains, median, morton, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 

@@ -1,6 +1,9 @@
-//! Numbers in their order.
+//! Numbers in their order, and points along the Morton curve (morton1966).
 
 use std::cmp::Ordering;
+
+use glam::DVec3;
+use rayon::prelude::*;
 
 /// The places of `count` things in rising order; equal ones keep theirs.
 ///
@@ -47,6 +50,48 @@ pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
     nth_smallest(numbers, middle)
 }
 
+/// Bits of each coordinate: three times as many fit into a word.
+const BITS: u32 = 21;
+
+/// Bits of a word that hold the number of a point; the others hold its place along the curve.
+const NUMBER: u32 = 34;
+
+/// The place along the Morton curve of a point whose coordinates lie in `0..=1`: bits
+/// interleaved, so that points near each other on the curve are near each other in space.
+pub(crate) fn morton(unit: DVec3) -> u64 {
+    let steps = f64::from((1_u32 << BITS) - 1);
+    let spread = |x: f64| {
+        #[expect(clippy::cast_possible_truncation, reason = "between 0 and 2^21, and `as` saturates")]
+        let mut x = (x * steps) as u64 & ((1 << BITS) - 1);
+        for (shift, mask) in [
+            (32, 0x001f_0000_0000_ffff),
+            (16, 0x001f_0000_ff00_00ff),
+            (8, 0x100f_00f0_0f00_f00f),
+            (4, 0x10c3_0c30_c30c_30c3),
+            (2, 0x1249_2492_4924_9249),
+        ] {
+            x = (x | x << shift) & mask;
+        }
+        x
+    };
+    spread(unit.x) | spread(unit.y) << 1 | spread(unit.z) << 2
+}
+
+/// The numbers of points in an order in which those near each other in space are near each other: that of
+/// a Morton curve, of equal places that of the numbers.
+pub(crate) fn along_curve(points: &[DVec3]) -> Vec<usize> {
+    let (lo, hi) =
+        points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    // The box keeps its shape: the longest side has all steps.
+    let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
+    // The first bits of a code are those of the coarsest steps, of 63 in all.
+    let word =
+        |(number, &p): (usize, &DVec3)| (morton((p - lo) / side) << 1 >> NUMBER << NUMBER) | number as u64;
+    let mut order: Vec<u64> = points.par_iter().enumerate().map(word).collect();
+    order.par_sort_unstable();
+    order.par_iter().map(|word| (word & ((1 << NUMBER) - 1)) as usize).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -61,5 +106,16 @@ mod tests {
         let next = [2, 1, 4, 5, 0, 3];
         assert_eq!(chains(6, |k| Some(next[k])), [vec![0, 2, 4], vec![1], vec![3, 5]]);
         assert_eq!(chains(3, |k| (k > 0).then(|| k - 1)), [[0], [1], [2]], "what is reached ends a chain");
+    }
+
+    /// The eight corners of a cube in the order of the curve.
+    #[test]
+    fn octants_follow_each_other() {
+        let corners = (0..8_u32).map(|k| {
+            let bit = |at: u32| f64::from(k >> at & 1);
+            morton(DVec3::new(bit(0), bit(1), bit(2)) * 0.6)
+        });
+        let corners: Vec<u64> = corners.collect();
+        assert!(corners.is_sorted(), "{corners:?}");
     }
 }

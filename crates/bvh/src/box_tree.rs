@@ -1,6 +1,6 @@
 //! [`BoxTree`]: a binary tree over boxes, built by obvhs, and the walks over it.
 //!
-//! obvhs joins boxes that are near each other along a Morton curve (PLOC, `(meister2018)`), which joins
+//! obvhs joins boxes that are near each other along a Morton curve (PLOC, meister2018), which joins
 //! few of them in each round, and builds deep trees, where many pairs cost the same: coincident boxes,
 //! boxes of equal size in a row. So each box grows by a number of its own (`GROWTH`) before it is joined,
 //! and a tree that is too deep nevertheless is replaced by one that halves the boxes by count.

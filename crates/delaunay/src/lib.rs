@@ -10,17 +10,15 @@
 use glam::DVec2;
 use robust::{Coord, orient2d};
 
-mod error;
 mod region;
 mod triangulate;
 
-pub use error::DelaunayError;
 pub use region::triangulate_region;
 pub use triangulate::{smallest_first, triangulate};
 
 /// On which side of the line from `a` to `b` the point `c` lies, exactly: 1 on the left, so that the three
 /// run counter-clockwise, -1 on the right, 0 on the line; NaN if one is not finite
-/// (`(shewchuk1997)`).
+/// (shewchuk1997).
 ///
 /// The area itself may underflow in a product of two of them; its sign does not.
 #[must_use]
@@ -28,6 +26,42 @@ pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
     let [a, b, c] = [a, b, c].map(|p| Coord { x: p.x, y: p.y });
     let area = orient2d(a, b, c);
     if area == 0.0 { 0.0 } else { area.signum() }
+}
+
+/// Why points have no Delaunay triangulation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DelaunayError {
+    /// A coordinate is NaN or out of range.
+    #[error("point {point} lies at {position:?}; coordinates must be finite and below 1e60 m")]
+    OutOfRange {
+        /// Index of the point.
+        point: usize,
+        /// Where it lies.
+        position: [f64; 2],
+    },
+    /// Two points at one place.
+    #[error("points {first} and {second} both lie at {position:?}; points must differ")]
+    Coincident {
+        /// Index of the first point.
+        first: usize,
+        /// Index of the second point.
+        second: usize,
+        /// Where they lie.
+        position: [f64; 2],
+    },
+    /// Edges of polygons cross or touch.
+    #[error("the edge between points {} and {} meets another one; polygons must not touch", edge[0], edge[1])]
+    Crossed {
+        /// Indices of the ends of one of the edges.
+        edge: [usize; 2],
+    },
+    /// The triangulation library refused the points for a reason of its own.
+    #[error("the points cannot be triangulated: {reason}")]
+    Refused {
+        /// What it said.
+        reason: String,
+    },
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //!    optimiser in `solve`; or another loss, from the minimum of Huber's.
 //! 2. `length_prior`: learns from the first verdicts which lengths outliers have; stage 1 runs again
 //!    with bounds that follow (*heuristic*, empirical Bayes).
-//! 3. `automatic`: least squares if it suffices, else stages 1 and 2, with the noise that `scale`
+//! 3. `automatic`: least squares if it suffices, else stages 1 and 2, with the noise that it
 //!    estimates where the stated noise is too small; `goodness_of_fit` judges both.
 //!
 //! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the
@@ -33,7 +33,6 @@ mod ablation;
 mod automatic;
 pub(super) mod goodness_of_fit;
 mod length_prior;
-mod scale;
 pub(super) mod solution;
 
 pub(super) use automatic::{automatic, robust_fit};

@@ -9,7 +9,7 @@ use crate::{
     id::{IdVec, VertexId},
     skin::check::{
         FindingKind,
-        report::{Report, Subject},
+        finding::{Report, Subject},
     },
 };
 

@@ -1,11 +1,10 @@
 //! Checking: everything that is wrong with a draft, found without changing it.
 //!
-//! In reading order: `finding` (the result, as data), `report` (one sheet and the findings about it),
-//! then the checks: `taxels`, `topology`, `gaps`, `shape`.
+//! In reading order: `finding` (the result, as data; one sheet and the findings about it), then the checks:
+//! `taxels`, `topology`, `gaps`, `shape`.
 
 mod finding;
 mod gaps;
-mod report;
 mod shape;
 mod taxels;
 mod topology;
@@ -15,7 +14,7 @@ use crate::{
     mesh::too_many,
     skin::{
         AssembleOptions, Draft, Remark, RemarkKind, Sheet, assemble,
-        check::report::{Report, Subject},
+        check::finding::{Report, Subject},
         link::before_parents,
         normals::mean_directions,
         triangulate::UniquePoints,

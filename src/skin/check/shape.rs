@@ -10,7 +10,7 @@ use crate::{
         assemble::zero_area::{has_no_area, slenderness},
         check::{
             FindingKind,
-            report::{Report, Subject},
+            finding::{Report, Subject},
         },
         normals::{NormalConsensus, NormalQuality, surface_normals},
         weld::welded_mesh::duplicate_faces,

@@ -8,7 +8,7 @@ use crate::{
         Presence, Sheet, TaxelId,
         check::{
             FindingKind,
-            report::{Report, Subject},
+            finding::{Report, Subject},
         },
         in_tangent_plane,
         normals::is_unit,

@@ -5,7 +5,7 @@ use crate::{
     mesh::{FillHoles, Halfedge, Part, Topology, TriMesh, fillings, loops_of, separate},
     skin::check::{
         Elements, FindingKind,
-        report::{Report, Subject},
+        finding::{Report, Subject},
     },
 };
 
