@@ -136,14 +136,7 @@ pub struct Meeting {
 /// those of products of two coordinates, which two triangles that share a side compute alike: a
 /// line through the side meets at least one of them.
 pub fn meet(origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Option<Meeting> {
-    let size = direction.abs();
-    let z = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
+    let z = direction.abs().max_position();
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);
     let (shear_x, shear_y) = (direction[x] / direction[z], direction[y] / direction[z]);
     let [a, b, c] = corners.map(|p| {

@@ -11,6 +11,7 @@ use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::{
+    Aabb,
     lanes::{Kernel, LANES, Lanes, Simd, most_of_rows},
     node8::{Around, Boxes, Child, EMPTY, Node8, Target},
 };
@@ -137,18 +138,8 @@ fn split(
         let Some(largest) = largest.filter(|&k| parts[k].len() > LANES) else { break };
         let part = parts[largest].clone();
         let ids = &mut order[part.clone()];
-        let centres = ids.iter().map(|&id| *axes * primitives[id as usize].centre);
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (lo, hi) = centres.fold(empty, |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let size = hi - lo;
-        let longest = if size.x >= size.y && size.x >= size.z {
-            0
-        } else if size.y >= size.z {
-            1
-        } else {
-            2
-        };
-        let axis = axes.row(longest);
+        let around = Aabb::around(ids.iter().map(|&id| *axes * primitives[id as usize].centre));
+        let axis = axes.row((around.hi - around.lo).max_position());
         // Whole packets on the left.
         let half = ids.len().div_ceil(LANES).div_ceil(2) * LANES;
         let middle = half.min(ids.len() - 1);
@@ -176,29 +167,15 @@ struct Moments {
 impl Moments {
     fn of(primitives: impl Iterator<Item = Primitive>) -> Self {
         let mut all = Self::default();
-        primitives.for_each(|p| all.count(&p));
+        for Primitive { centre: c, area } in primitives {
+            all.count += 1.0;
+            all.area += area;
+            all.total += area.length();
+            all.centre += c;
+            all.squares += c * c;
+            all.products += DVec3::new(c.y * c.z, c.z * c.x, c.x * c.y);
+        }
         all
-    }
-
-    fn count(&mut self, p: &Primitive) {
-        let c = p.centre;
-        self.add(&Self {
-            count: 1.0,
-            area: p.area,
-            total: p.area.length(),
-            centre: c,
-            squares: c * c,
-            products: DVec3::new(c.y * c.z, c.z * c.x, c.x * c.y),
-        });
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.count += other.count;
-        self.area += other.area;
-        self.total += other.total;
-        self.centre += other.centre;
-        self.squares += other.squares;
-        self.products += other.products;
     }
 
     /// Rows: two axes along the skin, and its mean normal; the tree's axes where the normals cancel.
