@@ -1,25 +1,24 @@
 //! A robot of 47 patches with about 8000 taxels, posed anew in every frame: contacts are answered on
 //! all levels without an allocation.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactIndex, IndexOptions, Query},
+    contact::{ContactIndex, Query},
     mesh::shapes,
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, LinkId, Motion, MotionFrame, Patch, Skin},
+    skin::{LinkId, Motion, MotionFrame, Skin},
 };
 use glam::{DAffine3, DQuat, DVec3};
+
+use crate::{LEVELS, skin_of};
 
 const PATCHES: usize = 47;
 
 fn robot() -> Skin {
-    let mut skin = Skin::default();
-    for k in 0..PATCHES {
-        let parent = k.checked_sub(1).map(LinkId::new);
-        let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.2), DVec3::Z * 0.1);
-        let link = skin.links.push(Link { name: format!("link {k}"), parent, pose });
-        skin.patches.push(Patch::from_mesh(format!("patch {k}"), link, shapes::cap(310, 0.05, 0.9)));
+    let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.2), DVec3::Z * 0.1);
+    let mut skin = skin_of((0..PATCHES).map(|_| (shapes::cap(310, 0.05, 0.9), pose)));
+    for k in 1..PATCHES {
+        skin.links[LinkId::new(k)].parent = Some(LinkId::new(k - 1));
     }
     skin
 }
@@ -29,8 +28,7 @@ fn frames_of_contacts_allocate_nothing() {
     let map = build(&robot(), &BuildOptions::default()).unwrap();
     let taxels: usize = map.patches.iter().map(|p| p.taxels.ids.len()).sum();
     assert!((7000..9000).contains(&taxels), "{taxels} taxels");
-    let mut index =
-        ContactIndex::with_options(&map, &IndexOptions { levels: true, ..IndexOptions::default() }).unwrap();
+    let mut index = ContactIndex::with_options(&map, &LEVELS).unwrap();
     let mut motion = Motion::default();
     for (id, link) in map.links.enumerate() {
         let turned = link.pose * DAffine3::from_rotation_z(0.3);

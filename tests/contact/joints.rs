@@ -1,15 +1,5 @@
 //! Joints and weights of files: a tube that bends between two links, from glTF to answers.
-#![cfg(feature = "cli")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    reason = "a test may stop at the first surprise"
-)]
-
-mod common;
-#[allow(dead_code, reason = "other tests use the rest")]
-mod gltf_files;
-mod triangle_distance;
+#![allow(clippy::cast_possible_truncation, reason = "numbers of the tube are small")]
 
 use std::{fmt::Write as _, fs};
 
@@ -21,14 +11,17 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    skin::{AssembleOptions, Joints, LinkId, Motion, MotionFrame, PatchId, Skin, assemble, world_pose},
+    skin::{AssembleOptions, Joints, LinkId, PatchId, Skin, assemble, world_pose},
 };
 use glam::{DAffine3, DQuat, DVec3};
-use gltf_files::{Glb, f32s, u16s};
 use serde_json::json;
 use tempfile::TempDir;
-use triangle_distance::distance_to_triangle;
+
+use crate::{
+    common, distance_to, finest,
+    gltf_files::{Glb, f32s, u16s},
+    posed,
+};
 
 /// How the file stores weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,6 +91,17 @@ fn file(stored: Stored) -> Glb {
     glb
 }
 
+/// The same with other bytes for the joints or the weights of a vertex.
+fn spoiled(name: &str, vertex: usize, bytes: &[u8]) -> Glb {
+    let mut glb = file(Stored::Floats);
+    let number = |value: &serde_json::Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let accessor = number(&glb.json["meshes"][0]["primitives"][0]["attributes"][name]);
+    let size = if name == "JOINTS_0" { 4 } else { 16 };
+    let at = number(&glb.json["bufferViews"][accessor]["byteOffset"]) + vertex * size;
+    glb.bin[at..at + bytes.len()].copy_from_slice(bytes);
+    glb
+}
+
 fn skin(glb: &Glb, folder: &TempDir) -> Skin {
     let draft = read_draft(&glb.write(folder.path())).unwrap();
     assemble(&draft, &AssembleOptions::default()).unwrap().skin
@@ -108,10 +112,6 @@ fn map(skin: &Skin, folder: &TempDir) -> SkinMap {
     let path = folder.path().join("map.glb");
     write_map(&path, &build(skin, &BuildOptions::default()).unwrap()).unwrap();
     read_map(&path).unwrap()
-}
-
-fn level_0(map: &SkinMap) -> &TriMesh {
-    &map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh
 }
 
 fn assert_shares(joints: &IdVec<VertexId, Joints>, positions: &IdVec<VertexId, DVec3>, rounding: f64) {
@@ -125,11 +125,6 @@ fn assert_shares(joints: &IdVec<VertexId, Joints>, positions: &IdVec<VertexId, D
     }
 }
 
-/// Distance of a point from the blended mesh, by every triangle.
-fn brute(mesh: &TriMesh, q: DVec3) -> f64 {
-    mesh.triangles.ids().map(|f| distance_to_triangle(q, mesh.corners(f))).fold(f64::INFINITY, f64::min)
-}
-
 /// The links of the tube, the lower one turned by an angle about x.
 fn turned(map: &SkinMap, angle: f64) -> IdVec<LinkId, DAffine3> {
     let bent = DAffine3::from_rotation_translation(DQuat::from_rotation_x(angle), DVec3::Z * 0.1);
@@ -140,7 +135,7 @@ fn turned(map: &SkinMap, angle: f64) -> IdVec<LinkId, DAffine3> {
 fn blended(map: &SkinMap, poses: &IdVec<LinkId, DAffine3>) -> TriMesh {
     let rest = turned(map, 0.0);
     let joints = map.patches[PatchId::new(0)].taxels.joints.as_ref().unwrap();
-    let mesh = level_0(map);
+    let mesh = finest(map, 0);
     let place = |(v, p): (VertexId, &DVec3)| {
         let part = |&(j, w): &(LinkId, f64)| w * (poses[j] * rest[j].inverse()).transform_point3(*p);
         joints[v].iter().map(part).sum()
@@ -192,7 +187,7 @@ fn joints_are_read_kept_and_written() {
         let map = map(&skin, &folder);
         assert_shares(
             map.patches[PatchId::new(0)].taxels.joints.as_ref().unwrap(),
-            &level_0(&map).positions,
+            &finest(&map, 0).positions,
             rounding,
         );
         // Skins keep them too, and a map is a skin.
@@ -255,15 +250,11 @@ fn contacts_on_the_bent_tube_are_those_of_the_blended_mesh() {
     let mut index = ContactIndex::new(&map).unwrap();
     for angle in [0.0, 0.4, 1.2] {
         let poses = turned(&map, angle);
-        let mut motion = Motion::default();
-        for (link, pose) in poses.enumerate() {
-            motion.set(link, MotionFrame::World, &[(0.0, *pose)]).unwrap();
-        }
-        index.set_motion(&motion, 0.0).unwrap();
+        index.set_motion(&posed(poses.enumerate().map(|(link, pose)| (link, *pose))), 0.0).unwrap();
         let mesh = blended(&map, &poses);
         for q in contacts() {
             let hit = index.locate(Query::from(q)).unwrap();
-            assert!((hit.distance.abs() - brute(&mesh, q)).abs() < 1e-12, "bent by {angle}, from {q}");
+            assert!((hit.distance.abs() - distance_to(&mesh, q)).abs() < 1e-12, "bent by {angle}, from {q}");
             assert!(mesh.point(&hit.point).distance(hit.position) < 1e-12);
         }
     }
@@ -278,7 +269,7 @@ fn assert_distances(command: &mut Command, mesh: &TriMesh) {
     let distances: Vec<f64> = reader.records().map(|row| row.unwrap()[at].parse().unwrap()).collect();
     assert_eq!(distances.len(), contacts().len());
     for (found, q) in distances.iter().zip(contacts()) {
-        assert!((found.abs() - brute(mesh, q)).abs() < 1e-9, "{found} from {q}");
+        assert!((found.abs() - distance_to(mesh, q)).abs() < 1e-9, "{found} from {q}");
     }
 }
 
@@ -293,53 +284,33 @@ fn the_command_poses_the_tube() {
     contacts().iter().for_each(|q| writeln!(table, "{},{},{}", q.x, q.y, q.z).unwrap());
     fs::write(folder.path().join("poses.csv"), poses).unwrap();
     fs::write(folder.path().join("in.csv"), table).unwrap();
-    let mut command = common::command();
-    command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--pose", "poses.csv", "--level", "0"]);
-    command.args(["--max-distance", "inf"]);
-    assert_distances(&mut command, &blended(&map, &turned(&map, 0.8)));
+    let lookup = || {
+        let mut command = common::command();
+        command.current_dir(&folder).args(["lookup", "map.glb", "in.csv", "--level", "0"]);
+        command.args(["--max-distance", "inf"]);
+        command
+    };
+    assert_distances(lookup().args(["--pose", "poses.csv"]), &blended(&map, &turned(&map, 0.8)));
     // Without poses it lies as the map has it.
-    let mut command = common::command();
-    command.current_dir(&folder).args([
-        "lookup",
-        "map.glb",
-        "in.csv",
-        "--level",
-        "0",
-        "--max-distance",
-        "inf",
-    ]);
-    assert_distances(&mut command, level_0(&map));
+    assert_distances(&mut lookup(), finest(&map, 0));
 }
 
 #[test]
 fn wrong_joints_and_weights_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    let attribute = |glb: &Glb, name: &str| {
-        usize::try_from(glb.json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().unwrap()).unwrap()
-    };
-    let start = |glb: &Glb, accessor: usize| {
-        usize::try_from(glb.json["bufferViews"][accessor]["byteOffset"].as_u64().unwrap()).unwrap()
-    };
-    let broken = |name: &str, row: usize, bytes: &[u8]| {
-        let mut glb = file(Stored::Floats);
-        let size = if name == "JOINTS_0" { 4 } else { 16 };
-        let at = start(&glb, attribute(&glb, name)) + row * size;
-        glb.bin[at..at + bytes.len()].copy_from_slice(bytes);
-        glb
-    };
     for (glb, expected) in [
-        (broken("JOINTS_0", 5, &[9, 1, 0, 0]), "joint 9 of vertex 5"),
-        (broken("WEIGHTS_0", 4, &f32s(&[1.5, -0.5, 0.0, 0.0])), "of vertex 4"),
-        (broken("WEIGHTS_0", 6, &f32s(&[f32::NAN, 0.0, 0.0, 0.0])), "NaN or infinity in row 6"),
-        (broken("WEIGHTS_0", 7, &f32s(&[0.0; 4])), "of vertex 7"),
+        (spoiled("JOINTS_0", 5, &[9, 1, 0, 0]), "joint 9 of vertex 5"),
+        (spoiled("WEIGHTS_0", 4, &f32s(&[1.5, -0.5, 0.0, 0.0])), "of vertex 4"),
+        (spoiled("WEIGHTS_0", 6, &f32s(&[f32::NAN, 0.0, 0.0, 0.0])), "NaN or infinity in row 6"),
+        (spoiled("WEIGHTS_0", 7, &f32s(&[0.0; 4])), "of vertex 7"),
     ] {
         let error = read_draft(&glb.write(folder.path())).unwrap_err().to_string();
         assert!(error.contains(expected) && error.contains("skin.glb"), "{error}");
     }
     // What has no weight may be any number, and weights may be rounded.
-    let glb = broken("JOINTS_0", 0, &[0, 1, 200, 200]);
+    let glb = spoiled("JOINTS_0", 0, &[0, 1, 200, 200]);
     assert!(skin(&glb, &folder).patches[PatchId::new(0)].taxels.joints.is_some());
-    let glb = broken("WEIGHTS_0", 0, &f32s(&[0.99, 0.0, 0.0, 0.0]));
+    let glb = spoiled("WEIGHTS_0", 0, &f32s(&[0.99, 0.0, 0.0, 0.0]));
     let joints = skin(&glb, &folder).patches[PatchId::new(0)].taxels.joints.clone().unwrap();
     assert!(joints.iter().all(|row| (row.iter().map(|joint| joint.1).sum::<f64>() - 1.0).abs() < 1e-12));
 }
@@ -348,11 +319,7 @@ fn wrong_joints_and_weights_are_named() {
 #[test]
 fn weights_are_scaled_to_the_sum_1() {
     let folder = tempfile::tempdir().unwrap();
-    let mut glb = file(Stored::Floats);
-    let weights = glb.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"].as_u64().unwrap();
-    let view = &glb.json["bufferViews"][usize::try_from(weights).unwrap()];
-    let start = usize::try_from(view["byteOffset"].as_u64().unwrap()).unwrap();
-    glb.bin[start..start + 16].copy_from_slice(&f32s(&[0.3, 0.1, 0.0, 0.0]));
+    let glb = spoiled("WEIGHTS_0", 0, &f32s(&[0.3, 0.1, 0.0, 0.0]));
     let draft = read_draft(&glb.write(folder.path())).unwrap();
     let row = draft.sheets[0].joints.as_ref().unwrap()[0];
     assert!((row[0].1 - 0.75).abs() < 1e-6 && (row[1].1 - 0.25).abs() < 1e-6, "{row:?}");
@@ -408,9 +375,7 @@ fn joints_away_from_the_bind_pose_move_the_mesh() {
 #[test]
 fn joints_moved_by_the_same_move_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
-    let file = || file(Stored::Floats);
-    // Both joints moved by the same: so is the mesh.
-    let glb = file().with("/nodes/0/translation", json!([1, 2, 3]));
+    let glb = file(Stored::Floats).with("/nodes/0/translation", json!([1, 2, 3]));
     let skin = skin(&glb, &folder);
     let patch = &skin.patches[PatchId::new(0)];
     assert!(patch.taxels.joints.is_some());

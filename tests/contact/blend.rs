@@ -1,23 +1,19 @@
 //! Patches that follow several links: a linear blend of their motions.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
-
-mod triangle_distance;
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, MapIndex, MapPlace, Query},
+    contact::{ContactError, ContactIndex, MapIndex, MapPlace, Query},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
     signal::{Press, Spreader},
-    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
+    skin::{Link, LinkId, Motion, Patch, PatchId, Skin},
 };
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
-use triangle_distance::distance_to_triangle;
 
-const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
+use crate::{BOTH, FIELDS, any_pose, cases, distance_to, finest, posed};
 
 /// Three links in a chain, and a patch on each of the last two.
 fn robot() -> SkinMap {
@@ -32,20 +28,7 @@ fn robot() -> SkinMap {
     build(&skin, &BuildOptions::default()).unwrap()
 }
 
-fn mesh(map: &SkinMap, patch: usize) -> &TriMesh {
-    &map.patches[PatchId::new(patch)].levels[LevelId::new(0)].level.mesh
-}
-
-/// A motion that has links at these poses in the world, at any time.
-fn posed(poses: impl IntoIterator<Item = (LinkId, DAffine3)>) -> Motion {
-    let mut motion = Motion::default();
-    for (link, pose) in poses {
-        motion.set(link, MotionFrame::World, &[(0.0, pose)]).unwrap();
-    }
-    motion
-}
-
-/// The same for all links.
+/// A motion that has each link at its pose in the world.
 fn moves(poses: &IdVec<LinkId, DAffine3>) -> Motion {
     posed(poses.enumerate().map(|(link, pose)| (link, *pose)))
 }
@@ -63,52 +46,38 @@ fn blended(
         let part = |&(j, w): &(LinkId, f64)| w * (posed[j] * rest[j].inverse() * own).transform_point3(*p);
         row.iter().map(part).sum::<DVec3>()
     };
-    mesh(map, 0).positions.iter().zip(joints).map(place).collect()
-}
-
-fn any_pose() -> impl Strategy<Value = DAffine3> {
-    let turn = prop::array::uniform4(-1.0..1.0_f64)
-        .prop_filter("no direction", |q| DQuat::from_array(*q).length() > 0.1);
-    let place = prop::array::uniform3(-0.2..0.2_f64);
-    (turn, place).prop_map(|(q, t)| {
-        DAffine3::from_rotation_translation(DQuat::from_array(q).normalize(), DVec3::from(t))
-    })
+    finest(map, 0).positions.iter().zip(joints).map(place).collect()
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 24, failure_persistence: None, ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(24))]
 
     /// However links move, contacts are answered as brute force on the blended mesh answers them.
     #[test]
     fn answers_are_those_of_the_blended_mesh(
         weights in prop::collection::vec(prop::array::uniform4(0.0..1.0_f64), 150),
-        poses in prop::array::uniform3(any_pose()),
+        poses in prop::array::uniform3(any_pose(0.2)),
         contacts in prop::collection::vec(prop::array::uniform3(-0.4..0.4_f64), 8),
     ) {
         let mut map = robot();
-        let joints: Joints = mesh(&map, 0).positions.ids().map(|v| {
+        let joints: Joints = finest(&map, 0).positions.ids().map(|v| {
             let row = weights[v.index() % weights.len()];
             let sum: f64 = row.iter().sum();
             [0, 1, 2, 1].map(LinkId::new).iter().zip(row).map(|(j, w)| (*j, w / sum)).collect::<Vec<_>>().try_into().unwrap()
         }).collect();
         map.patches[PatchId::new(0)].taxels.joints = Some(joints.clone());
-        let mut index = ContactIndex::with_options(&map, &IndexOptions { levels: true, fields: true }).unwrap();
+        let mut index = ContactIndex::with_options(&map, &BOTH).unwrap();
         let rest = index.poses();
         let posed: IdVec<LinkId, DAffine3> = poses.to_vec().into();
         index.set_motion(&moves(&posed), 0.0).unwrap();
         let positions = blended(&map, &joints, [&rest, &posed]);
-        let soft = TriMesh { positions, triangles: mesh(&map, 0).triangles.clone() };
+        let soft = TriMesh { positions, triangles: finest(&map, 0).triangles.clone() };
         let rigid = TriMesh {
-            positions: mesh(&map, 1).positions.map(|p| posed[LinkId::new(2)].transform_point3(*p)),
-            triangles: mesh(&map, 1).triangles.clone(),
+            positions: finest(&map, 1).positions.map(|p| posed[LinkId::new(2)].transform_point3(*p)),
+            triangles: finest(&map, 1).triangles.clone(),
         };
         for contact in contacts.into_iter().map(DVec3::from) {
-            let distances = [&soft, &rigid].map(|mesh| {
-                let each = mesh.triangles.ids().map(|f| distance_to_triangle(contact, mesh.corners(f)));
-                each.fold(f64::INFINITY, f64::min)
-            });
+            let distances = [&soft, &rigid].map(|mesh| distance_to(mesh, contact));
             let hit = index.locate(contact).unwrap();
             let expected = distances[0].min(distances[1]);
             prop_assert!((hit.distance.abs() - expected).abs() < 1e-9, "{} instead of {expected}", hit.distance);
@@ -154,7 +123,7 @@ fn one_joint_is_a_rigid_pose() {
     let mut map = robot();
     let other = LinkId::new(2);
     let joints: Joints =
-        mesh(&map, 0).positions.map(|_| [(other, 1.0), (other, 0.0), (LinkId::new(99), 0.0), (other, 0.0)]);
+        finest(&map, 0).positions.map(|_| [(other, 1.0), (other, 0.0), (LinkId::new(99), 0.0), (other, 0.0)]);
     let contact = DVec3::new(0.02, 0.03, 0.25);
     let before = ContactIndex::new(&map).unwrap().locate(Query::on_link(LinkId::new(1), contact)).unwrap();
     map.patches[PatchId::new(0)].taxels.joints = Some(joints);
@@ -200,7 +169,7 @@ fn one_joint_is_a_rigid_pose() {
 fn posing_a_blended_patch_allocates_nothing() {
     let mut map = robot();
     let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
-    map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
+    map.patches[PatchId::new(0)].taxels.joints = Some(finest(&map, 0).positions.map(|_| half));
     let mut index = ContactIndex::with_options(&map, &FIELDS).unwrap();
     let poses = moves(&index.poses());
     let moved = moves(&index.poses().map(|pose| DAffine3::from_rotation_z(0.3) * *pose));
@@ -218,7 +187,7 @@ fn posing_a_blended_patch_allocates_nothing() {
 fn a_vertex_moved_too_far_is_refused() {
     let mut map = robot();
     let half = [(LinkId::new(1), 0.1), (LinkId::new(2), 0.9), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
-    map.patches[PatchId::new(0)].taxels.joints = Some(mesh(&map, 0).positions.map(|_| half));
+    map.patches[PatchId::new(0)].taxels.joints = Some(finest(&map, 0).positions.map(|_| half));
     let mut index = ContactIndex::new(&map).unwrap();
     let (before, at) = (index.poses(), DVec3::new(0.02, 0.03, 0.2));
     let hit = index.locate(at).unwrap();
@@ -236,7 +205,8 @@ fn a_vertex_moved_too_far_is_refused() {
 fn invalid_joints_are_refused() {
     let mut map = robot();
     let (patch, link) = (PatchId::new(0), LinkId::new(1));
-    let good: Joints = mesh(&map, 0).positions.map(|_| [(link, 1.0), (link, 0.0), (link, 0.0), (link, 0.0)]);
+    let good: Joints =
+        finest(&map, 0).positions.map(|_| [(link, 1.0), (link, 0.0), (link, 0.0), (link, 0.0)]);
     let mut refused = |joints: Joints| {
         map.patches[patch].taxels.joints = Some(joints);
         ContactIndex::new(&map).unwrap_err()

@@ -1,31 +1,22 @@
 //! Laws of answers on coarse levels: every error bound holds.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::{
-    contact::{ContactError, ContactIndex, IndexOptions, Query},
+    contact::{ContactError, ContactIndex, Query},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
     pyramid::LevelId,
-    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
+    skin::{LinkId, PatchId, Skin},
 };
 use glam::{DAffine3, DQuat, DVec3};
-use proptest::{prelude::*, test_runner::RngSeed};
+use proptest::prelude::*;
 
-const LEVELS: IndexOptions = IndexOptions { levels: true, fields: false };
+use crate::{LEVELS, cases, posed, skin_of};
 
 /// Two patches on two links, 4 mm apart where they are nearest.
 fn robot(first: TriMesh, second: TriMesh) -> SkinMap {
-    let mut skin = Skin::default();
-    for (k, mesh) in [first, second].into_iter().enumerate() {
-        let pose = DAffine3::from_rotation_translation(
-            DQuat::from_rotation_y(3.0 * k as f64),
-            DVec3::new(0.0, 0.0, -0.204 * k as f64),
-        );
-        let link = skin.links.push(Link { name: format!("link {k}"), parent: None, pose });
-        skin.patches.push(Patch::from_mesh(format!("patch {k}"), link, mesh));
-    }
-    build(&skin, &BuildOptions::default()).unwrap()
+    let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_y(3.0), DVec3::Z * -0.204);
+    build(&skin_of([(first, DAffine3::IDENTITY), (second, turned)]), &BuildOptions::default()).unwrap()
 }
 
 fn shape(k: usize) -> TriMesh {
@@ -48,9 +39,7 @@ fn shape(k: usize) -> TriMesh {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 12, rng_seed: RngSeed::Fixed(41), failure_persistence: None, ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(12))]
 
     /// On every level, from near and far, in the world and on a link: the skin is as far as the
     /// answer says up to its error, and it comes as near to the answered point.
@@ -64,9 +53,7 @@ proptest! {
         let mut index = ContactIndex::with_options(&map, &LEVELS).unwrap();
         let turn = DVec3::from(turn);
         let pose = DAffine3::from_rotation_translation(DQuat::from_scaled_axis(turn), turn * 0.1);
-        let mut motion = Motion::default();
-        motion.set(LinkId::new(1), MotionFrame::World, &[(0.0, pose)]).unwrap();
-        index.set_motion(&motion, 0.0).unwrap();
+        index.set_motion(&posed([(LinkId::new(1), pose)]), 0.0).unwrap();
         for (direction, exponent, vertex, patch, on_link) in aims {
             let patch = &map.patches[PatchId::new(patch)];
             let positions = &patch.levels[LevelId::new(0)].level.mesh.positions;
