@@ -323,7 +323,7 @@ proptest! {
         let mut moved = map.clone();
         moved.levels[level_id(0)].frame = frame(dx - 60, dy - 60);
         let (here, there) = (chart(&map), chart(&moved));
-        prop_assert_eq!((here.overlaps, here.covered), (there.overlaps, there.covered));
+        prop_assert_eq!((here.overlaps(), here.covered()), (there.overlaps(), there.covered()));
         for (column, row) in pixels(&here) {
             if let Some(found) = face(&here, column, row) {
                 let [x, y] = [column.checked_add_signed(-dx).unwrap(), row.checked_add_signed(dy).unwrap()];
@@ -475,7 +475,7 @@ fn packed_charts_agree_with_those_of_the_patches() {
             seen.insert(chart.turns);
             let alone = single.parts.iter().flat_map(|part| &part.charts);
             let alone = alone.clone().find(|c| c.patch == chart.patch && c.level == chart.level).unwrap();
-            let (many, few) = (chart.covered() as f64, alone.covered as f64);
+            let (many, few) = (chart.covered() as f64, alone.covered() as f64);
             assert!((many / few - 1.0).abs() < 0.1, "{many} and {few} pixels of 1 mm");
             let level = &map.patches[chart.patch].levels[chart.level];
             let [left, top] = chart.corner_px;

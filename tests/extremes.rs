@@ -105,7 +105,7 @@ fn canvases_may_be_tiny() {
     for size in [[1, 1], [1, 2], [2, 2], [3, 3], [5, 4], [1, 50]] {
         let resolution = Resolution::Canvas(size);
         match Atlas::new(&map, &AtlasOptions { resolution, ..AtlasOptions::default() }) {
-            Ok(atlas) if atlas.parts.iter().all(|part| part.charts.iter().all(|c| c.covered > 0)) => {
+            Ok(atlas) if atlas.parts.iter().all(|part| part.charts.iter().all(|c| c.covered() > 0)) => {
                 every_step(&map, resolution, &presses, |images| {
                     assert!(images.iter().all(|image| image.frame.size_px == [size[1], size[0]]));
                     assert!(images.iter().flat_map(|image| &image.values).any(|x| x.is_finite()));

@@ -346,7 +346,7 @@ fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let point = SkinMap::flat(point, 1.0);
     let options = AtlasOptions { resolution: Resolution::Pixel(2e-9), ..AtlasOptions::default() };
     let atlas = Atlas::new(&point, &options).unwrap();
-    if atlas.parts[0].charts[0].covered == 0 {
+    if atlas.parts[0].charts[0].covered() == 0 {
         let force = [channel(Quantity::Extensive)];
         let error = Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap_err();
         assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");
