@@ -158,6 +158,11 @@ const REPAIR: AssembleOptions = AssembleOptions {
     keep_going: false,
 };
 
+/// Assembled with these holes filled.
+fn filled(draft: &Draft, fill_holes: FillHoles) -> skin::Assembled {
+    skin::assemble(draft, &AssembleOptions { fill_holes, ..AssembleOptions::default() }).unwrap()
+}
+
 /// Without `repair` a strip with one side is refused; with it, it is cut open across.
 #[test]
 fn a_moebius_strip_is_refused_or_cut_open() {
@@ -209,10 +214,8 @@ fn solids_that_touch_along_an_edge_are_taken_apart() {
 fn pin_holes_continue_the_surface() {
     let mut tube = shapes::tube(4, 30, 0.01, 0.3);
     tube.triangles = tube.triangles.enumerate().filter(|(f, _)| f.index() != 100).map(|(_, t)| *t).collect();
-    let loops = |fill_holes| {
-        let options = AssembleOptions { fill_holes, ..AssembleOptions::default() };
-        topology(&only(&skin::assemble(&draft_of(sheet_of("tube", &tube)), &options).unwrap()).mesh).1
-    };
+    let draft = draft_of(sheet_of("tube", &tube));
+    let loops = |holes| topology(&only(&filled(&draft, holes)).mesh).1;
     let kept = [FillHoles::None, FillHoles::PinHoles, FillHoles::UpTo(3), FillHoles::UpTo(4)].map(loops);
     assert_eq!(kept, [3, 2, 2, 1], "the longest loop stays");
 }
@@ -243,11 +246,9 @@ fn a_face_without_area_inside_is_flipped_away() {
         &[[0, 2, 1], [0, 1, 3], [0, 3, 4], [3, 1, 4]],
     );
     let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
-    assert_eq!(topology(&only(&assembled).mesh), (1, 1), "no slit");
-    assert_eq!(only(&assembled).mesh.triangles.len(), 4, "no face is lost");
-    assert!(
-        only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_cross(f).length() > 0.2)
-    );
+    let mesh = &only(&assembled).mesh;
+    assert_eq!((topology(mesh), mesh.triangles.len()), ((1, 1), 4), "no slit, and no face is lost");
+    assert!(mesh.triangles.ids().all(|f| mesh.face_cross(f).length() > 0.2));
 }
 
 /// A strip of faces without area, whose inner ones can move only after the outer ones.
@@ -260,10 +261,9 @@ fn a_chain_of_faces_without_area_is_cleared_from_its_ends() {
     );
     let assembled = assemble(&draft_of(sheet_of("s", &mesh))).unwrap();
     assert_eq!(topology(&only(&assembled).mesh), (1, 1), "no slit");
-    assert!(
-        only(&assembled).mesh.triangles.ids().all(|f| only(&assembled).mesh.face_cross(f).length() > 0.2)
-    );
-    assert!((only(&assembled).mesh.area() - 4.0).abs() < 1e-12, "the same surface");
+    let mesh = &only(&assembled).mesh;
+    assert!(mesh.triangles.ids().all(|f| mesh.face_cross(f).length() > 0.2));
+    assert!((mesh.area() - 4.0).abs() < 1e-12, "the same surface");
 }
 
 #[test]
@@ -443,7 +443,6 @@ fn a_missing_face_is_a_pin_hole_and_a_missing_taxel_is_a_hole() {
 /// What is a pin-hole is one thing: what is found is what is filled.
 #[test]
 fn pin_holes_are_found_where_they_are_filled() {
-    let options = AssembleOptions { fill_holes: FillHoles::PinHoles, ..AssembleOptions::default() };
     for edges in 4..7_u32 {
         // Two rings around the hole.
         let mesh = shapes::tube(edges, 2, 0.01, 1.0);
@@ -451,8 +450,8 @@ fn pin_holes_are_found_where_they_are_filled() {
         let mesh = TriMesh { positions: mesh.positions.map(flat), ..mesh };
         let draft = draft_of(sheet_of("s", &mesh));
         let found = found_in(&draft).contains(&"pin-hole".to_owned());
-        let filled = kinds(&skin::assemble(&draft, &options).unwrap()).contains("HolesFilled");
-        assert_eq!((found, filled), (edges < 6, edges < 6), "{edges} edges");
+        let is_filled = kinds(&filled(&draft, FillHoles::PinHoles)).contains("HolesFilled");
+        assert_eq!((found, is_filled), (edges < 6, edges < 6), "{edges} edges");
     }
 }
 
@@ -486,12 +485,8 @@ fn holes_are_filled_before_areas_and_normals_are_computed() {
     let mut sheet = sheet_of("s", &whole);
     let face = sheet.triangles.iter().position(|t| t.contains(&40)).unwrap();
     sheet.triangles.remove(face);
-    let filled = |fill_holes| {
-        let options =
-            AssembleOptions { fill_holes: FillHoles::UpTo(fill_holes), ..AssembleOptions::default() };
-        skin::assemble(&draft_of(sheet.clone()), &options).unwrap()
-    };
-    let (open, closed) = (filled(2), filled(3));
+    let draft = draft_of(sheet);
+    let [open, closed] = [2, 3].map(|edges| filled(&draft, FillHoles::UpTo(edges)));
     assert_eq!((kinds(&open).len(), topology(&only(&open).mesh)), (0, (0, 2)));
     assert_eq!(kinds(&closed), ["HolesFilled".to_owned()].into());
     assert_eq!(topology(&only(&closed).mesh), (1, 1));
@@ -507,11 +502,10 @@ fn the_hole_of_a_missing_taxel_is_filled_flat() {
     let whole = shapes::lattice(7, 7, 0.01);
     let mut sheet = sheet_of("s", &whole);
     sheet.triangles.retain(|t| !t.contains(&24));
-    for (fill_holes, loops) in [(5, 2), (6, 1)] {
-        let options =
-            AssembleOptions { fill_holes: FillHoles::UpTo(fill_holes), ..AssembleOptions::default() };
-        let mesh = only(&skin::assemble(&draft_of(sheet.clone()), &options).unwrap()).mesh.clone();
-        assert_eq!(topology(&mesh).1, loops, "at most {fill_holes} edges; the outer boundary stays");
+    let draft = draft_of(sheet);
+    for (edges, loops) in [(5, 2), (6, 1)] {
+        let mesh = only(&filled(&draft, FillHoles::UpTo(edges))).mesh.clone();
+        assert_eq!(topology(&mesh).1, loops, "at most {edges} edges; the outer boundary stays");
         assert_eq!((mesh.area() - whole.area()).abs() < 1e-12, loops == 1, "{}", mesh.area());
         let up = mesh.triangles.ids().all(|f| mesh.face_cross(f).z > 0.0);
         assert!(up, "the filling faces outward like the rest");
@@ -681,24 +675,12 @@ fn a_taxel_between_faces_without_area_is_kept() {
     let strip = [-1.0, 0.0, 1.0, 1.6, 2.0].map(|z| mm(0.0, 0.0, 1e-5 * z));
     let positions: Vec<DVec3> =
         beyond.into_iter().chain([around[0]]).chain(strip).chain([around[1], around[2]]).collect();
-    let triangles = [
-        [3, 8, 10],
-        [5, 8, 7],
-        [5, 4, 8],
-        [9, 10, 4],
-        [4, 10, 8],
-        [4, 5, 6],
-        [6, 5, 7],
-        [8, 0, 7],
-        [0, 8, 3],
-        [9, 4, 2],
-        [6, 2, 4],
-        [6, 7, 2],
-        [1, 7, 0],
-        [7, 1, 2],
+    let corners = [
+        3, 8, 10, 5, 8, 7, 5, 4, 8, 9, 10, 4, 4, 10, 8, 4, 5, 6, 6, 5, 7, 8, 0, 7, 0, 8, 3, 9, 4, 2, 6, 2, 4,
+        6, 7, 2, 1, 7, 0, 7, 1, 2,
     ];
-    let assembled =
-        assemble(&draft_of(sheet_of("strip", &TriMesh::from_arrays(positions, &triangles)))).unwrap();
+    let mesh = TriMesh::from_arrays(positions, corners.as_chunks().0);
+    let assembled = assemble(&draft_of(sheet_of("strip", &mesh))).unwrap();
     assert!(kinds(&assembled).contains("ZeroAreaKept"), "{:?}", assembled.remarks);
     let taxels = &assembled.skin.patches[PatchId::new(0)].taxels;
     assert_eq!(taxels.ids.len(), 11);
