@@ -13,7 +13,7 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
-use crate::{BOTH, FIELDS, any_pose, cases, distance_to, finest, posed};
+use crate::{BOTH, FIELDS, any_pose, distance_to, finest, posed, soup};
 
 /// Three links in a chain, and a patch on each of the last two.
 fn robot() -> SkinMap {
@@ -50,7 +50,7 @@ fn blended(
 }
 
 proptest! {
-    #![proptest_config(cases(24))]
+    #![proptest_config(soup::fixed(24, 6))]
 
     /// However links move, contacts are answered as brute force on the blended mesh answers them.
     #[test]

@@ -14,7 +14,7 @@ use dermatome::{
 use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
-use crate::{any_pose, cases, distance_to, finest, posed};
+use crate::{any_pose, distance_to, finest, posed, soup};
 
 // ---- maps made by hand ----
 
@@ -115,23 +115,16 @@ fn any_shape() -> impl Strategy<Value = TriMesh> {
         (3_u32..12, 2_u32..12).prop_map(|(i, j)| shapes::tube(i, j, 0.05, 0.2)),
         (20_usize..2000).prop_map(|n| shapes::cap(n, 0.1, 1.9)),
         (3_u32..30).prop_map(shapes::saddle),
-        soup(),
+        scattered(),
     ]
 }
 
 /// Triangles without any order, slivers and needles among them.
-fn soup() -> impl Strategy<Value = TriMesh> {
-    let flat = prop_oneof![3 => Just(1.0), 1 => Just(1e-3), 1 => Just(1e-7), 1 => Just(0.0)];
-    let corner = || prop::array::uniform3(-1.0_f64..1.0).prop_map(DVec3::from);
-    let triangle =
-        (corner(), corner(), corner(), flat, prop::bool::ANY).prop_map(|(a, b, c, flat, needle)| {
-            let foot = if needle { a } else { a.lerp(b, 0.4) };
-            [a, b, foot + (c - foot) * flat]
-        });
-    prop::collection::vec(triangle, 1..60).prop_map(|triangles| {
+fn scattered() -> impl Strategy<Value = TriMesh> {
+    prop::collection::vec(soup::triangle(), 1..60).prop_map(|triangles| {
         let corners: Vec<_> =
             (0_u32..).take(triangles.len()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-        TriMesh::from_arrays(triangles.into_iter().flatten().collect(), &corners)
+        TriMesh::from_arrays(triangles.into_flattened(), &corners)
     })
 }
 
@@ -201,7 +194,7 @@ fn robot(shapes: [TriMesh; 4], poses: [DAffine3; 3]) -> SkinMap {
 // ---- exactness ----
 
 proptest! {
-    #![proptest_config(cases(300))]
+    #![proptest_config(soup::fixed(300, 6))]
 
     #[test]
     fn a_contact_is_where_brute_force_finds_it(

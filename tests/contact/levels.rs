@@ -11,7 +11,7 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 
-use crate::{LEVELS, cases, posed, skin_of};
+use crate::{LEVELS, posed, skin_of, soup};
 
 /// Two patches on two links, 4 mm apart where they are nearest.
 fn robot(first: TriMesh, second: TriMesh) -> SkinMap {
@@ -39,7 +39,7 @@ fn shape(k: usize) -> TriMesh {
 }
 
 proptest! {
-    #![proptest_config(cases(12))]
+    #![proptest_config(soup::fixed(12, 6))]
 
     /// On every level, from near and far, in the world and on a link: the skin is as far as the
     /// answer says up to its error, and it comes as near to the answered point.

@@ -17,7 +17,7 @@ use dermatome::{
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
-use crate::{BOTH, FIELDS, any_pose, cases, finest, posed, skin_of};
+use crate::{BOTH, FIELDS, any_pose, finest, posed, skin_of, soup};
 
 fn robot() -> SkinMap {
     static MAP: LazyLock<SkinMap> = LazyLock::new(|| {
@@ -42,7 +42,7 @@ fn atlas() -> SkinMap {
 }
 
 proptest! {
-    #![proptest_config(cases(60))]
+    #![proptest_config(soup::fixed(60, 6))]
 
     #[test]
     fn fields_are_those_of_brute_force(

@@ -47,7 +47,8 @@ pub(crate) fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let inner = |a: DVec3, b: DVec3| (b - a).cross(q - a).dot(normal) > 0.0;
     let is_above = inner(a, b) && inner(b, c) && inner(c, a);
-    if is_above { (q - a).dot(normal).abs() } else { around }
+    // The normal of a sliver is rounding.
+    if is_above { (q - a).dot(normal).abs().min(around) } else { around }
 }
 
 /// The same `cases` in every run.
