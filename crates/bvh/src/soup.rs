@@ -44,10 +44,14 @@ pub(crate) fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
     };
     let [a, b, c] = corners;
     let around = to_side(a, b).min(to_side(b, c)).min(to_side(c, a));
-    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let cross = (b - a).cross(c - a);
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    if cross.length() <= 1e-9 * longest {
+        return around; // a segment: its normal is noise
+    }
+    let normal = cross.normalize();
     let inner = |a: DVec3, b: DVec3| (b - a).cross(q - a).dot(normal) > 0.0;
     let is_above = inner(a, b) && inner(b, c) && inner(c, a);
-    // The normal of a sliver is rounding.
     if is_above { (q - a).dot(normal).abs().min(around) } else { around }
 }
 
