@@ -90,21 +90,27 @@ impl Camera {
 /// The default direction, azimuth and elevation, in radians: from where most of the seam is seen, or
 /// without one most of the outside.
 fn outside(mesh: &TriMesh, pose: DAffine3, seam: &[[VertexId; 2]]) -> [f64; 2] {
-    let sum: DVec3 = if seam.is_empty() {
-        mesh.triangles.ids().map(|face| mesh.face_cross(face)).sum()
+    let sum = if seam.is_empty() {
+        mean_direction(mesh.triangles.ids().map(|face| mesh.face_cross(face)))
     } else {
         let normals = mesh.vertex_normals();
         let of_edge = |&[a, b]: &[VertexId; 2]| {
             mesh.positions[a].distance(mesh.positions[b]) * (normals[a] + normals[b])
         };
-        seam.iter().map(of_edge).sum()
+        mean_direction(seam.iter().map(of_edge))
     };
-    let outside = pose.transform_vector3(sum).normalize_or_zero();
+    let outside = pose.transform_vector3(sum);
     // From behind, if the seam is there.
     let is_behind = !seam.is_empty() && outside.truncate().dot(SIDE.truncate()) < 0.0;
     let side = if is_behind { SIDE * DVec3::new(-1.0, -1.0, 1.0) } else { SIDE };
     let toward = outside + LEAN * side.normalize();
     [toward.y.atan2(toward.x), toward.z.atan2(toward.truncate().length())]
+}
+
+/// The direction of a sum; zero where it cancels up to rounding, as on a closed surface.
+fn mean_direction(all: impl Iterator<Item = DVec3>) -> DVec3 {
+    let (sum, length) = all.fold((DVec3::ZERO, 0.0), |(sum, length), x| (sum + x, length + x.length()));
+    if sum.length() > 1e-6 * length { sum.normalize() } else { DVec3::ZERO }
 }
 
 /// *Heuristic*: whether a mesh is a body, seen from all sides, that stands along y.
