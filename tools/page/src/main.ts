@@ -434,15 +434,27 @@ class Page {
     return out;
   }
 
+  /** The sums of all frames, drawn once, and what they were drawn for. */
+  private readonly sums = document.createElement('canvas');
+  private sumsOf = '';
+
   private curve(): void {
     const canvas = byId<HTMLCanvasElement>('curve'), { totals, times } = this.data.header.recording!;
-    const width = (canvas.width = Math.max(2, canvas.clientWidth)), height = (canvas.height = 28), c = canvas.getContext('2d')!;
-    const style = getComputedStyle(document.documentElement);
-    const least = totals.reduce((a, x) => Math.min(a, x), Infinity), most = totals.reduce((a, x) => Math.max(a, x - least), 1e-30);
-    c.fillStyle = style.getPropertyValue('--line');
-    c.beginPath(); c.moveTo(0, height);
-    totals.forEach((x, k) => c.lineTo((k / Math.max(1, times.length - 1)) * width, height - ((x - least) / most) * (height - 2)));
-    c.lineTo(width, height); c.fill();
+    const width = Math.max(2, canvas.clientWidth), height = 28, theme = document.documentElement.dataset.theme;
+    const style = getComputedStyle(document.documentElement), key = [width, theme, times.length, times[0]].join();
+    if (key !== this.sumsOf) {
+      this.sumsOf = key;
+      const least = totals.reduce((a, x) => Math.min(a, x), Infinity), most = totals.reduce((a, x) => Math.max(a, x - least), 1e-30);
+      [this.sums.width, this.sums.height] = [canvas.width, canvas.height] = [width, height];
+      const c = this.sums.getContext('2d')!;
+      c.fillStyle = style.getPropertyValue('--line');
+      c.beginPath(); c.moveTo(0, height);
+      totals.forEach((x, k) => c.lineTo((k / Math.max(1, times.length - 1)) * width, height - ((x - least) / most) * (height - 2)));
+      c.lineTo(width, height); c.fill();
+    }
+    const c = canvas.getContext('2d')!;
+    c.clearRect(0, 0, width, height);
+    c.drawImage(this.sums, 0, 0);
     c.fillStyle = style.getPropertyValue('--accent');
     c.fillRect((this.frame / Math.max(1, times.length - 1)) * (width - 2), 0, 2, height);
   }
