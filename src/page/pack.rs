@@ -199,7 +199,7 @@ mod tests {
             (vec![u32::MAX, 0, 1 << 31, (1 << 31) - 1, 7], 4),
         ] {
             let mut packer = Packer::default();
-            packer.planes(&[plane.clone()]);
+            packer.planes(std::slice::from_ref(&plane));
             assert_eq!(packer.arrays, [[1, width, plane.len()]]);
             assert_eq!(read(&packer.bytes, width, plane.len()), plane);
         }
