@@ -136,6 +136,32 @@ fn a_torus_is_cut_both_ways() {
     assert!(seam(&mesh, &flat) < 2.6, "{}", seam(&mesh, &flat));
 }
 
+/// A ball with four long tips.
+fn starfish() -> TriMesh {
+    let mut mesh = shapes::ball(20, 0.05);
+    let tips =
+        [DVec3::ONE, DVec3::new(1.0, -1.0, -1.0), DVec3::new(-1.0, 1.0, -1.0), DVec3::new(-1.0, -1.0, 1.0)];
+    let tip = |p: DVec3| -> f64 {
+        let distance = |tip: &DVec3| (1.0 - p.dot(tip.normalize())) / 0.03;
+        tips.iter().map(|tip| (-distance(tip)).exp()).sum()
+    };
+    mesh.positions.iter_mut().for_each(|p| *p *= 1.0 + 1.5 * tip(p.normalize()));
+    mesh
+}
+
+/// The seam reaches every tip, and is short.
+#[test]
+fn a_body_with_tips_is_cut_at_its_tips() {
+    let mesh = starfish();
+    let (MapLevel { distortion: measured, .. }, flat) = flat(&mesh);
+    assert_eq!(measured.flips, 0);
+    assert!(measured.symmetric_dirichlet < 4.25 && measured.qc_max < 8.0, "{measured:?}");
+    assert!(seam(&mesh, &flat) < 3.3, "{}", seam(&mesh, &flat));
+    let bounded = map_of(mesh, Cut::AreaRatio(2.0));
+    let ratio = measure(&bounded)[0].levels[0].distortion.area_max;
+    assert!(ratio <= 2.0, "{ratio}");
+}
+
 #[test]
 fn slits_let_a_ball_be_flat() {
     let mesh = shapes::ball(16, 0.05);
@@ -149,7 +175,7 @@ fn slits_let_a_ball_be_flat() {
 /// prevented.
 #[test]
 fn tubes_that_meet_are_cut_through_their_saddles() {
-    for (fine, most, longest) in [(2, 4.18, 2.0), (10, 4.1, 3.2)] {
+    for (fine, most, longest) in [(2, 4.18, 2.0), (10, 4.12, 3.2)] {
         let mesh = shapes::cross(fine, 0.02 / f64::from(fine));
         let (MapLevel { distortion: found, .. }, flat) = flat(&mesh);
         assert_eq!((found.flips, found.crossings), (0, 0), "{fine}");
@@ -189,6 +215,18 @@ fn a_seam_avoids_dense_taxels() {
     let cut = cut_of(patch, Cut::Auto).unwrap().unwrap();
     let copies = cut.unsplit.iter().skip(mesh.positions.len());
     assert!(copies.copied().all(|v| !is_dense(mesh.positions[v])), "the seam runs through none of them");
+}
+
+/// Seams prefer places whose distortion hardly counts.
+#[test]
+fn a_seam_avoids_taxels_of_high_weight() {
+    let mesh = shapes::tube(32, 16, 0.05, 0.2);
+    let mut patch = patch(mesh.clone());
+    let matters = |p: DVec3| p.x > -0.01;
+    patch.taxels.weights = Some(mesh.positions.map(|&p| if matters(p) { 1.0 } else { 0.1 }));
+    let cut = cut_of(patch, Cut::Auto).unwrap().unwrap();
+    let copies = cut.unsplit.iter().skip(mesh.positions.len());
+    assert!(copies.copied().all(|v| !matters(mesh.positions[v])), "the seam runs through none of them");
 }
 
 /// Vendor ids of the taxels along a line of a tube, bottom to top.

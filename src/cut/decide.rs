@@ -1,16 +1,17 @@
 //! Where to cut: what must be cut, and what trial maps show to be worth a seam. *Heuristic*; the
-//! rule and its numbers are measured on sleeves, junctions of tubes, nearly closed balls and public
-//! shapes: an optional cut must lower the excess energy fourfold, and fourfold per seam length of the
-//! square root of the area.
+//! numbers are measured on bodies with legs and horns, gloves, junctions of tubes, nearly closed balls,
+//! tori and sleeves.
+
+use std::collections::BTreeSet;
 
 use crate::{
     cut::{
         Cut, CutError,
-        pairs::{MOST_LOOPS, Pairs},
-        recipe::{Recipe, join_loops, must_cut, slit},
+        cones::ConformalFactor,
+        recipe::{Recipe, Seam, must_cut},
         seam_graph::SeamGraph,
-        slits::{LONG, SHORT, slit_ends, spread_curvature},
-        trial::{FALL, Trial, TrialMap},
+        shorten::shorten,
+        trial::{Trial, TrialMap},
     },
     id::{IdVec, VertexId},
     mesh::{TriMesh, loop_length},
@@ -18,226 +19,214 @@ use crate::{
     parallel::par_map,
 };
 
-/// A map whose symmetric Dirichlet energy exceeds that of an isometry by at most this is good enough.
-const GOOD: f64 = 0.1;
+/// Excess of the symmetric Dirichlet energy over that of an isometry at which a map is good: less is not
+/// worth any seam.
+const GOOD: f64 = 0.05;
+/// Excess at which a surface that need not be cut stays whole.
+const WHOLE: f64 = 0.1;
+/// Excess at which no more cones are tried.
+const ENOUGH: f64 = 0.14;
+/// By this factor more seam must lower the excess for each length of the square root of the area.
+const FALL: f64 = 3.0;
+/// As [`FALL`], where a surface has a map without any cut; it must fall by as much in any case.
+const FIRST_FALL: f64 = 4.0;
 /// A loop is strained if the map stretches or shrinks it by more than `e^0.2`.
 const STRAINED: f64 = 0.2;
-/// Least rate (see [`Trial::rate`]) to begin cutting a surface that need not be cut.
-const BEGIN: f64 = 1.0;
-/// Least rate of further slits. A second slit often pays only after the first: with 1, several shapes
-/// lose half of the gain.
-const GO_ON: f64 = 0.5;
-/// From this excess energy on down a slit must pay as much as a first cut: a torus, at 0.147, would
-/// get half a seam more for a map that is hardly better.
-const NEARLY_GOOD: f64 = 0.15;
-/// Slits at most: a surface that needs more has no good map.
-const MOST_SLITS: usize = 24;
-/// Stop after this many slits without a lower area ratio: of several equal peaks all must be slit first.
-/// A ball needs 3. A glove would need 11 (a minute) for little.
-const PATIENCE: usize = 6;
-/// An area ratio is lower than before if it is by this factor.
-const LESS: f64 = 0.98;
+/// Conformal factors that a seam may leave, one after the other: cones are added until no larger one is
+/// left, then the map is tried. Above the first of them every map is poor.
+const LEFT: [f64; 4] = [1.0, 0.8, 0.65, 0.5];
+/// Further ones, to keep an area ratio.
+const LEFT_FOR_RATIO: [f64; 5] = [0.35, 0.25, 0.18, 0.12, 0.08];
+/// Maps with a conformal factor above this multiple of the logarithm of an area ratio do not keep it.
+const HOPELESS: f64 = 2.0;
+/// Cones at most: a surface that needs more has no good map.
+const MOST_CONES: usize = 200;
 
-/// A limit of the area ratio of a map.
-pub(crate) struct AreaLimit<'a> {
-    pub(crate) ratio: f64,
-    /// Makes the map that the limit is about.
-    pub(crate) map: &'a TrialMap<'a>,
+/// A seam, and what is expected of it.
+#[derive(Debug, Default)]
+pub(crate) struct Decision {
+    pub(crate) recipe: Recipe,
+    /// The area ratio of its trial map; 0 without one.
+    pub(crate) area_ratio: f64,
 }
 
-/// What makes trial maps.
-pub(crate) struct TrialMaps<'a> {
-    /// Maps that may overlap themselves.
-    pub(crate) free: &'a TrialMap<'a>,
-    /// Maps that may not, if the final one may not.
-    pub(crate) apart: Option<&'a TrialMap<'a>>,
-}
-
-/// Decides how to cut a mesh, whose taxels have these densities (1/m^2), by trial maps; slits go on
-/// until `limit` holds, or no slit helps.
+/// Decides how to cut a mesh, on which seams have these costs, by trial maps; with a `limit`, cones are
+/// added until the area ratio of the map is below it.
 ///
 /// # Errors
 /// If the mesh is not an oriented manifold in one piece.
 pub(crate) fn decide(
     mesh: &TriMesh,
-    densities: Option<&IdVec<VertexId, f64>>,
+    costs: Option<&IdVec<VertexId, f64>>,
     how: &Cut,
-    maps: &TrialMaps<'_>,
-    limit: Option<&AreaLimit<'_>>,
-) -> Result<Recipe, CutError> {
-    let graph = SeamGraph::new(mesh, densities)?;
+    map: &TrialMap<'_>,
+    limit: Option<f64>,
+) -> Result<Decision, CutError> {
+    let graph = SeamGraph::new(mesh, costs)?;
     let is_disk = graph.genus() == 0 && graph.loops.len() == 1;
     if *how == Cut::None || (is_disk && limit.is_none()) {
-        return Ok(Recipe::default());
+        return Ok(Decision::default());
     }
     let base = must_cut(&graph);
-    graph.checked(&base)?;
-    let must = graph.mesh_edges(&base);
-    let spokes = graph.spokes(&base);
-    let all: Vec<usize> = (0..graph.loops.len()).collect();
+    graph.checked(&base.edges)?;
     if *how == Cut::All {
-        let loops = named(&graph, &all);
-        return Ok(Recipe { is_cut: true, base: must, spokes, loops, ..Recipe::default() });
+        let all = (0..graph.loops.len()).map(|k| graph.apex(k));
+        let recipe = Recipe::new(&graph, &base.joined(&graph, all));
+        return Ok(Decision { recipe, area_ratio: 0.0 });
     }
-    let decision = Decision { graph: &graph, map: maps.free };
-    // A disk is judged by its limit alone.
-    let none = |_: &TriMesh, _: &_, _: Option<&_>, _: f64| None;
-    let mut state = Trial::new(&graph, base, if is_disk { &none } else { maps.free });
-    let mut loops = Vec::new();
-    if graph.loops.len() > 1
-        && state.excess > GOOD
-        && let Some((joined, better)) = decision.join_bad_loops(&state)
-    {
-        (loops, state) = (joined, better);
-    }
-    let mut slits = if is_disk { Vec::new() } else { decision.slit_while_it_pays(&mut state) };
-    let mut through = Vec::new();
+    let search = Search { graph: &graph, map, factor: ConformalFactor::new(mesh) };
+    let mut found = if base.edges.is_empty() {
+        let whole = search.tried(base, f64::INFINITY);
+        if is_disk || whole.trial.excess <= WHOLE { whole } else { search.with_loops(whole) }
+    } else {
+        search.with_cones(base)
+    };
     if let Some(limit) = limit {
-        decision.slit_below(limit, &mut state, &mut slits);
-    } else if let Some(better) = maps.apart.and_then(|map| decision.pair_up(&loops, &state, map)) {
-        through = graph.mesh_edges(&better.seam);
-        state = better;
+        found = search.below(found, limit);
     }
-    let is_cut = !state.seam.is_empty();
-    let area_ratio = if limit.is_some() { state.area_ratio } else { 0.0 };
-    Ok(Recipe { is_cut, base: must, spokes, loops: named(&graph, &loops), through, slits, area_ratio })
+    Ok(Decision { recipe: Recipe::new(&graph, &found.seam), area_ratio: found.trial.area_ratio })
 }
 
-/// A vertex of each of these loops.
-fn named(graph: &SeamGraph<'_>, loops: &[usize]) -> Vec<VertexId> {
-    loops.iter().map(|&k| graph.loops[k][0]).collect()
+/// A seam with its map.
+#[derive(Debug, Clone)]
+struct Found {
+    seam: Seam,
+    trial: Trial,
 }
 
-struct Decision<'a, 'm> {
+impl Found {
+    /// Its excess energy, times [`FALL`] for each seam length of the square root of the area.
+    fn cost(&self) -> f64 {
+        self.trial.excess.max(GOOD) * FALL.powf(self.trial.length)
+    }
+}
+
+struct Search<'a, 'm> {
     graph: &'a SeamGraph<'m>,
     map: &'a TrialMap<'a>,
+    factor: Option<ConformalFactor>,
 }
 
-impl Decision<'_, '_> {
-    /// Joins the strained loops to the longest one if that pays: all of them, or the longest of
-    /// them or the fewest of the most shrunk ones if these do nearly as well. Returns the joined loops too.
-    fn join_bad_loops(&self, before: &Trial) -> Option<(Vec<usize>, Trial)> {
-        let (longest, bad) = self.bad_loops(before);
-        if bad.is_empty() {
-            return None;
+impl Search<'_, '_> {
+    /// The map of the surface cut along a seam. One that is likely to have more excess energy than `most`
+    /// may be given up.
+    fn tried(&self, seam: Seam, most: f64) -> Found {
+        let trial = Trial::new(self.graph, &seam.edges, self.map, most);
+        Found { seam, trial }
+    }
+
+    /// A seam that must be, with the number of cones that pays best.
+    fn with_cones(&self, mut seam: Seam) -> Found {
+        let mut best: Option<Found> = None;
+        for left in LEFT {
+            if !self.add_cones(&mut seam, left) && best.is_some() {
+                continue;
+            }
+            let found = self.tried(seam.clone(), f64::INFINITY);
+            best = Some(
+                best.into_iter().fold(found, |new, old| if new.cost() < old.cost() { new } else { old }),
+            );
+            if best.as_ref().is_some_and(|best| best.trial.excess <= ENOUGH) {
+                break;
+            }
         }
-        let joined = |chosen: &[usize], most: f64| {
-            let mut loops: Vec<usize> = std::iter::once(longest).chain(chosen.iter().copied()).collect();
-            loops.sort_unstable();
-            let seam = join_loops(self.graph, &before.seam, &loops);
-            (loops, Trial::after(self.graph, None, seam, self.map, most))
+        best.unwrap_or_else(|| self.tried(seam, f64::INFINITY))
+    }
+
+    /// Adds cones to a found seam until the area ratio is below `limit`; where none is, the seam of the
+    /// least ratio.
+    fn below(&self, found: Found, limit: f64) -> Found {
+        let mut seam = found.seam.clone();
+        let mut best = found;
+        for (k, left) in LEFT.into_iter().chain(LEFT_FOR_RATIO).enumerate() {
+            let is_last = k + 1 == LEFT.len() + LEFT_FOR_RATIO.len();
+            if best.trial.area_ratio <= limit {
+                break;
+            }
+            if (left > HOPELESS * limit.ln() && !is_last) || !self.add_cones(&mut seam, left) {
+                continue;
+            }
+            let found = self.tried(seam.clone(), f64::INFINITY);
+            if found.trial.area_ratio < best.trial.area_ratio {
+                best = found;
+            }
+        }
+        best
+    }
+
+    /// Lets a seam reach cones until no larger conformal factor than `left` is left; says whether it changed.
+    fn add_cones(&self, seam: &mut Seam, left: f64) -> bool {
+        let own = self.graph.mesh.positions.len();
+        let before = seam.ends.len();
+        let mut reached = self.graph.vertices(&seam.edges);
+        reached.extend((0..self.graph.loops.len()).map(|k| self.graph.apex(k)));
+        let on_loops = self.graph.loops.iter().flatten().copied();
+        let mut fixed = IdVec::<VertexId, bool>::filled(false, own);
+        reached.iter().copied().filter(|v| v.index() < own).chain(on_loops).for_each(|v| fixed[v] = true);
+        while seam.ends.len() < MOST_CONES {
+            let next = self.factor.as_ref().and_then(|factor| factor.next_cone(&fixed));
+            let Some((cone, _)) = next.filter(|(_, most)| *most > left) else { break };
+            let Some(path) = self.graph.path(&[cone].into(), &reached) else { break };
+            for v in path.iter().flat_map(|&edge| self.graph.ends[edge]) {
+                if v.index() < own {
+                    fixed[v] = true;
+                    reached.insert(v);
+                } else {
+                    seam.ends.insert(v);
+                }
+            }
+            seam.edges.extend(path);
+            seam.ends.insert(cone);
+        }
+        if seam.ends.len() > before {
+            seam.edges = shorten(self.graph, std::mem::take(&mut seam.edges), &seam.ends);
+        }
+        seam.ends.len() > before
+    }
+
+    /// The strained loops joined to the longest one, with cones, if that pays: all of them, the longest of
+    /// them, or the fewest of the most shrunk ones.
+    fn with_loops(&self, whole: Found) -> Found {
+        let (longest, bad) = self.bad_loops(&whole.trial);
+        let joined = |chosen: &[usize], cones: &BTreeSet<VertexId>| {
+            let loops = std::iter::once(longest).chain(chosen.iter().copied()).map(|k| self.graph.apex(k));
+            Seam::default().joined(self.graph, loops.chain(cones.iter().copied()))
         };
-        let all = joined(&bad, f64::INFINITY);
-        if before.excess < FALL * all.1.excess || all.1.rate(before) < BEGIN {
-            return None;
+        let best = self.with_cones(joined(&bad, &BTreeSet::new()));
+        if best.trial.excess * FIRST_FALL.powf(best.trial.length.max(1.0)) > whole.trial.excess {
+            return whole;
         }
-        let enough = (2.0 * all.1.excess).max(GOOD);
+        let is_cone = |v: &VertexId| v.index() < self.graph.mesh.positions.len();
+        let cones = best.seam.ends.iter().copied().filter(is_cone).collect();
         let length = |k: &usize| loop_length(self.graph.mesh, &self.graph.loops[*k]);
         let other_end = bad.iter().copied().max_by(|a, b| length(a).total_cmp(&length(b)).then(b.cmp(a)));
         let powers = std::iter::successors(Some(1), |count| Some(2 * count));
         let fewer = powers.take_while(|count| *count < bad.len()).map(|count| bad[..count].to_vec());
-        let first = other_end.filter(|_| bad.len() > 1).map(|k| vec![k]);
-        let is_enough = |few: &(_, Trial)| few.1.excess <= enough;
-        let first = first.map(|chosen| joined(&chosen, enough)).filter(is_enough);
-        let others = || {
-            let fewer = fewer.collect::<Vec<_>>();
-            par_map(&fewer, |chosen| joined(chosen, enough)).into_iter().find(is_enough)
-        };
-        Some(first.or_else(others).unwrap_or(all))
+        let fewer: Vec<_> = fewer.chain(other_end.filter(|_| bad.len() > 1).map(|k| vec![k])).collect();
+        let trials = par_map(&fewer, |chosen| {
+            let seam = joined(chosen, &cones);
+            let most = best.cost() / FALL.powf(self.graph.length(&seam.edges));
+            self.tried(seam, most)
+        });
+        trials.into_iter().fold(best, |best, new| if new.cost() < best.cost() { new } else { best })
     }
 
     /// The longest loop, and the others that the map stretches or shrinks much, most shrunk first.
-    fn bad_loops(&self, state: &Trial) -> (usize, Vec<usize>) {
-        let Self { graph, .. } = self;
+    fn bad_loops(&self, whole: &Trial) -> (usize, Vec<usize>) {
+        let graph = self.graph;
         let lengths: Vec<f64> = graph.loops.iter().map(|walk| loop_length(graph.mesh, walk)).collect();
         let longest = (0..lengths.len()).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best });
+        if whole.uv.is_empty() {
+            return (longest, (0..lengths.len()).filter(|&k| k != longest).collect());
+        }
         let stretch = |k: usize| {
             let walk = &graph.loops[k];
             let next = walk.iter().cycle().skip(1);
-            // Of a vertex of the seam one place is taken: the error is small.
-            let on_map: f64 = walk.iter().zip(next).map(|(&a, &b)| state.uv[a].distance(state.uv[b])).sum();
+            let on_map: f64 = walk.iter().zip(next).map(|(&a, &b)| whole.uv[a].distance(whole.uv[b])).sum();
             (on_map / lengths[k]).ln()
         };
-        if state.uv.is_empty() {
-            return (longest, (0..lengths.len()).filter(|&k| k != longest).collect());
-        }
         let stretches: Vec<f64> = (0..lengths.len()).map(stretch).collect();
         let is_bad = |&k: &usize| k != longest && stretches[k].abs() > STRAINED;
         (longest, argsort(&stretches).into_iter().filter(is_bad).collect())
-    }
-
-    /// Adds the best slit again and again while it lowers the excess energy fast enough; returns
-    /// where they end.
-    fn slit_while_it_pays(&self, state: &mut Trial) -> Vec<VertexId> {
-        let mut slits = Vec::new();
-        let curvature = spread_curvature(self.graph);
-        while state.excess > GOOD && slits.len() < MOST_SLITS {
-            let ends = slit_ends(self.graph, state, &curvature, LONG);
-            let with = |&end: &VertexId| {
-                let seam = slit(self.graph, &state.seam, end);
-                Trial::after(self.graph, Some(state), seam, self.map, f64::INFINITY)
-            };
-            let trials = par_map(&ends, with);
-            let rated = ends.into_iter().zip(trials).map(|(end, trial)| (trial.rate(state), end, trial));
-            // Of equal rates the first.
-            let Some((rate, end, trial)) = rated.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { break };
-            let least = if state.seam.is_empty() || state.excess <= NEARLY_GOOD { BEGIN } else { GO_ON };
-            if rate < least {
-                break;
-            }
-            slits.push(end);
-            *state = trial;
-        }
-        slits
-    }
-
-    /// Joins these loops pair by pair instead, where the map is poor because it may not overlap itself.
-    fn pair_up(&self, loops: &[usize], state: &Trial, map: &TrialMap<'_>) -> Option<Trial> {
-        if loops.len() < 3 || loops.len() > MOST_LOOPS {
-            return None;
-        }
-        let now = Trial::after(self.graph, Some(state), state.seam.clone(), map, f64::INFINITY);
-        if now.excess <= GOOD {
-            return None;
-        }
-        let curvature = spread_curvature(self.graph);
-        let promising = Pairs::new(self.graph, &curvature).promising(loops);
-        let trials = par_map(&promising, |seam| Trial::new(self.graph, seam.clone(), map));
-        // Of equal ones the first.
-        let best = trials.into_iter().reduce(|a, b| if b.cost() < a.cost() { b } else { a });
-        best.filter(|trial| trial.cost() < now.cost())
-    }
-
-    /// Adds the slits that lower the area ratio most until it is below the limit, or none lowers it.
-    fn slit_below(&self, limit: &AreaLimit<'_>, state: &mut Trial, slits: &mut Vec<VertexId>) {
-        let curvature = spread_curvature(self.graph);
-        *state = Trial::new(self.graph, std::mem::take(&mut state.seam), limit.map);
-        let mut now = state.clone();
-        let (mut slits_now, mut waiting) = (slits.clone(), 0);
-        while now.area_ratio > limit.ratio && slits_now.len() < MOST_SLITS && waiting < PATIENCE {
-            let ends = slit_ends(self.graph, &now, &curvature, SHORT);
-            let trials =
-                par_map(&ends, |&end| Trial::new(self.graph, slit(self.graph, &now.seam, end), limit.map));
-            let best = ends.into_iter().zip(trials);
-            let best = best.reduce(|a, b| if b.1.area_ratio < a.1.area_ratio { b } else { a });
-            match best {
-                // A worst face that stays may need a second slit: less energy is progress as well.
-                Some((end, trial)) if trial.area_ratio < now.area_ratio || trial.excess < now.excess => {
-                    slits_now.push(end);
-                    now = trial;
-                    waiting += 1;
-                    if now.area_ratio < LESS * state.area_ratio {
-                        waiting = 0;
-                        state.clone_from(&now);
-                        slits.clone_from(&slits_now);
-                    }
-                }
-                _ => break,
-            }
-        }
-        // The last slits are kept only if they reach the limit.
-        if now.area_ratio <= limit.ratio {
-            (*state, *slits) = (now, slits_now);
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! Seams that every cut needs: handles opened, and loops joined.
 
-use std::{cmp::Reverse, collections::BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::{
     cut::seam_graph::{EdgeId, SeamEdges, SeamGraph},
@@ -11,9 +11,6 @@ use crate::{
 
 /// Roots from which a system of loops is tried, evenly spread over the vertices' numbers.
 const ROOTS: usize = 4;
-
-/// Sweeps that look for two points far apart.
-const SWEEPS: usize = 4;
 
 /// A seam that opens all handles, the shortest of those from a few roots: the edges in neither the
 /// shortest-path tree of the root nor the spanning tree of the faces with the longest loops, and the paths
@@ -58,31 +55,13 @@ fn from_root(graph: &SeamGraph<'_>, root: VertexId) -> SeamEdges {
     seam
 }
 
-/// Two vertices far apart: each the farthest from the one before, a few times.
-pub(super) fn far_pair(graph: &SeamGraph<'_>) -> [VertexId; 2] {
-    let mut pair = [VertexId::default(); 2];
-    for _ in 0..SWEEPS {
-        let distances = graph.distances(std::iter::once(pair[1]));
-        let farthest = distances.ids().max_by_key(|&v| (distances[v], Reverse(v)));
-        pair = [pair[1], farthest.unwrap_or_default()];
-    }
-    pair
-}
-
 /// The seam with `ends` joined to it: the nearest by a shortest path, until all are connected
 /// (`(takahashi1980)`).
 pub(super) fn join(graph: &SeamGraph<'_>, seam: &SeamEdges, ends: &BTreeSet<VertexId>) -> SeamEdges {
-    let mut seam = seam.clone();
-    let mut here = graph.vertices(&seam);
+    let mut here = graph.vertices(seam);
     let mut left = ends - &here;
     if here.is_empty() {
         here.extend(left.pop_first());
     }
-    while !left.is_empty() {
-        let Some(path) = graph.path(&here, &left) else { break };
-        here.extend(path.iter().flat_map(|&e| graph.ends[e]));
-        seam.extend(path);
-        left.retain(|v| !here.contains(v));
-    }
-    seam
+    seam.iter().copied().chain(graph.paths.tree_to(&graph.weights, &here, left)).collect()
 }

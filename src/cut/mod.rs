@@ -12,50 +12,48 @@
 //! point of a closed surface. On it
 //!
 //! 1. **handles are opened** along the tree-cotree loops: the edges in neither the shortest-path tree
-//!    of one vertex nor a spanning tree of the faces (`(erickson2004)`); a closed surface without
-//!    handles is cut along the path between two far points;
+//!    of one vertex nor a spanning tree of the faces (`(erickson2004)`);
 //! 2. **loops are joined** to it, always the nearest by a shortest path (`(takahashi1980)`);
-//! 3. **it is shortened**: each path between two branch vertices is replaced by the shortest one that
-//!    opens the same;
-//! 4. **slits** lead from peaks of distortion or curvature to it;
-//! 5. or loops are joined **pair by pair** through what is curved between them, where the map would
-//!    overlap itself otherwise.
+//! 3. **cones are reached**: the conformal factor says where the skin must stretch most, and a shortest
+//!    path leads from there to the seam, again and again (`(benchen2008)`); a closed surface without
+//!    handles is cut between its first two cones;
+//! 4. **it is shortened**: each path between two branch vertices is replaced by the shortest one that
+//!    opens the same.
 //!
-//! Paths through dense taxels count as longer. Each step takes `O(n log n)`, and the result depends on
-//! neither the number of threads nor the pose of the surface.
+//! Paths through dense taxels and taxels of high weight count as longer. Each step takes `O(n log n)`,
+//! and the result depends on neither the number of threads nor the pose of the surface.
 //!
 //! # The rule
 //!
-//! What must be cut is cut. Loops are joined and slits added only where trial maps show that it
-//! pays (`decide`), on a plain disk only where a limit of the area ratio asks for it. The trials are
-//! made on a level of a few thousand faces, each slit from the map before it; what they decide, a
-//! recipe, is then done on the skin itself.
+//! What must be cut is cut. How many cones it reaches, and whether loops are joined, is what a trial map
+//! shows to pay (`decide`); a plain disk is cut only where a limit of the area ratio asks for it. The
+//! trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
+//! itself and shortened again (`recipe`).
 //!
 //! # Files, in reading order
 //!
 //! - `error`: why a surface cannot be cut; `cut_mesh`: a mesh cut open
-//! - `seam_graph`: the closed surface and its shortest paths; `handles`, `shorten`: steps 1 to 3
-//! - `trial`: a seam with its map; `slits`, `pairs`: steps 4 and 5; `recipe`: all steps; `decide`: the
-//!   rule
+//! - `seam_graph`: the closed surface and its shortest paths; `handles`, `cones`, `shorten`: the steps
+//! - `recipe`: a seam, and one of a level on the skin; `trial`: the map after a cut; `decide`: the rule
 //! - `given`: seams from a user
 
+mod cones;
 mod cut_mesh;
 mod decide;
 mod error;
 mod given;
 mod handles;
-mod pairs;
 mod recipe;
 mod seam_graph;
 mod shorten;
-mod slits;
 mod trial;
 
 pub use cut_mesh::{CutMesh, PlaceId};
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
-pub(crate) use decide::{AreaLimit, TrialMaps, decide};
+pub(crate) use decide::{Decision, decide};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
+pub(crate) use seam_graph::seam_costs;
 
 use crate::skin::TaxelId;
 
@@ -66,10 +64,10 @@ pub enum Cut {
     /// better; a plain disk never.
     #[default]
     Auto,
-    /// As [`Cut::Auto`], and slits are added, into a plain disk too, until no face of the map is larger
-    /// or smaller than on the skin by more than this ratio (see
-    /// [`Distortion::area_max`](crate::flatten::Distortion)). Where slits do not suffice, those that
-    /// lower the ratio most are added.
+    /// As [`Cut::Auto`], and the seam reaches more cones, of a plain disk too, until no face of the map is
+    /// larger or smaller than on the skin by more than this ratio (see
+    /// [`Distortion::area_max`](crate::flatten::Distortion)). Where no number of cones suffices, that of
+    /// the lowest ratio is taken.
     AreaRatio(f64),
     /// Nothing is cut; closed patches and handles have no map then.
     None,

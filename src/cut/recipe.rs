@@ -1,141 +1,133 @@
-//! What defines a seam, so that the seam found on a coarse level can be repeated on the skin.
+//! A seam and what it joins, and how one that was found on a coarse level is repeated on the skin.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::{
     cut::{
         CutError, CutMesh,
-        handles::{far_pair, join, open_handles},
-        seam_graph::{SeamEdges, SeamGraph},
+        cones::ConformalFactor,
+        handles::{join, open_handles},
+        seam_graph::{EdgeId, SeamEdges, SeamGraph},
         shorten::shorten,
     },
     id::{IdVec, VertexId},
     mesh::TriMesh,
 };
 
-/// What must be cut, which loops are joined and where slits end.
+/// A seam, and what it joins: cones and apexes of loops.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Seam {
+    pub(super) edges: SeamEdges,
+    pub(super) ends: BTreeSet<VertexId>,
+}
+
+impl Seam {
+    /// The seam with more ends joined to it, shortened.
+    pub(super) fn joined(&self, graph: &SeamGraph<'_>, ends: impl Iterator<Item = VertexId>) -> Self {
+        let ends = self.ends.iter().copied().chain(ends).collect();
+        Self { edges: shorten(graph, join(graph, &self.edges, &ends), &ends), ends }
+    }
+}
+
+/// The seam without which the surface has no map: handles are opened, and of a closed surface the first two
+/// cones are joined. Empty for a disk with holes.
+pub(super) fn must_cut(graph: &SeamGraph<'_>) -> Seam {
+    if graph.genus() > 0 {
+        let handles = shorten(graph, open_handles(graph), &BTreeSet::new());
+        // At least one loop is joined to it: the map has one outer boundary then.
+        let ends: BTreeSet<_> = (!graph.loops.is_empty()).then(|| graph.apex(0)).into_iter().collect();
+        return Seam { edges: join(graph, &handles, &ends), ends };
+    }
+    if !graph.loops.is_empty() {
+        return Seam::default();
+    }
+    let mut fixed = IdVec::filled(false, graph.mesh.positions.len());
+    let mut ends = BTreeSet::new();
+    let factor = ConformalFactor::new(graph.mesh);
+    for any in [0, 1].map(VertexId::new) {
+        let cone = factor.as_ref().and_then(|factor| factor.next_cone(&fixed)).map_or(any, |(v, _)| v);
+        fixed[cone] = true;
+        ends.insert(cone);
+    }
+    let mut edges = join(graph, &SeamEdges::new(), &ends);
+    if edges.len() == 1 {
+        // A seam of one edge opens nothing: both its sides would have the same ends.
+        let is_next = |edge: &EdgeId| graph.ends[*edge].iter().filter(|v| ends.contains(v)).count() == 1;
+        let next = graph.ends.ids().find(is_next);
+        edges.extend(next);
+        ends.extend(next.into_iter().flat_map(|edge| graph.ends[edge]));
+    }
+    Seam { edges, ends }
+}
+
+/// The edges of a seam, and what it joins.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Recipe {
-    /// Whether there is a seam at all.
-    pub(super) is_cut: bool,
-    /// The edges that must be cut: of closed surfaces and handles.
-    pub(super) base: Vec<[VertexId; 2]>,
+    /// The edges of the mesh that are cut.
+    pub(super) edges: Vec<[VertexId; 2]>,
     /// The vertices of loops at which these edges pass through the loop, which counts as one point.
     pub(super) spokes: Vec<VertexId>,
-    /// A vertex of each loop to be joined.
+    /// A vertex of each loop that is joined.
     pub(super) loops: Vec<VertexId>,
-    /// If not empty, the edges that join pairs of loops through what is curved between them: used instead
-    /// of all the rest.
-    pub(super) through: Vec<[VertexId; 2]>,
-    /// Where the slits end, in the order in which they are cut.
-    pub(super) slits: Vec<VertexId>,
-    /// The area ratio of the trial map, where a limit was given; else 0.
-    pub(crate) area_ratio: f64,
+    /// The vertices that the seam reaches.
+    pub(super) cones: Vec<VertexId>,
 }
 
 impl Recipe {
-    /// The recipe for a finer mesh, on which `origins` says where the vertices are.
-    pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
-        let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
-        let edges = |edges: &[[VertexId; 2]]| edges.iter().map(|ends| ends.map(|v| origins[v])).collect();
+    /// That of a seam of `graph`.
+    pub(super) fn new(graph: &SeamGraph<'_>, seam: &Seam) -> Self {
+        let own = graph.mesh.positions.len();
+        let loops = seam.ends.iter().filter_map(|v| v.index().checked_sub(own));
         Self {
-            is_cut: self.is_cut,
-            base: edges(&self.base),
-            spokes: map(&self.spokes),
-            loops: map(&self.loops),
-            through: edges(&self.through),
-            slits: map(&self.slits),
-            area_ratio: self.area_ratio,
+            edges: graph.mesh_edges(&seam.edges),
+            spokes: graph.spokes(&seam.edges),
+            loops: loops.map(|k| graph.loops[k][0]).collect(),
+            cones: seam.ends.iter().copied().filter(|v| v.index() < own).collect(),
         }
     }
 
-    /// Cuts a mesh, whose taxels have these densities (1/m^2); nothing where the recipe cuts
-    /// nothing.
+    /// The recipe for a finer mesh, on which `origins` says where the vertices are.
+    pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
+        let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
+        Self {
+            edges: self.edges.iter().map(|ends| ends.map(|v| origins[v])).collect(),
+            spokes: map(&self.spokes),
+            loops: map(&self.loops),
+            cones: map(&self.cones),
+        }
+    }
+
+    /// Cuts a mesh, on which seams have these costs; nothing where the recipe cuts nothing.
     ///
     /// # Errors
     /// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
     pub(crate) fn cut(
         &self,
         mesh: &TriMesh,
-        densities: Option<&IdVec<VertexId, f64>>,
+        costs: Option<&IdVec<VertexId, f64>>,
     ) -> Result<Option<CutMesh>, CutError> {
-        if !self.is_cut {
+        if self.edges.is_empty() {
             return Ok(None);
         }
-        let graph = SeamGraph::new(mesh, densities)?;
-        if !self.through.is_empty()
-            && let Some(cut) = self.cut_through(&graph)
-        {
+        let graph = SeamGraph::new(mesh, costs)?;
+        let loops = self.loops.iter().filter_map(|&v| graph.apex_at(v));
+        let ends: BTreeSet<VertexId> = self.cones.iter().copied().chain(loops).collect();
+        if let Some(cut) = self.along(&graph, &ends).and_then(|seam| graph.checked(&seam).ok()) {
             return Ok(Some(cut));
         }
-        let mut seam = self.shortest_seam(&graph).unwrap_or_else(|| must_cut(&graph));
-        let wanted = |walk: &Vec<VertexId>| walk.iter().any(|v| self.loops.contains(v));
-        let loops: Vec<usize> = (0..graph.loops.len()).filter(|&k| wanted(&graph.loops[k])).collect();
-        if !loops.is_empty() {
-            seam = join_loops(&graph, &seam, &loops);
-        }
-        for &end in &self.slits {
-            seam = slit(&graph, &seam, end);
-        }
-        graph.checked(&seam).map(Some)
+        // Paths that meet twice open too much: the seam is found anew.
+        let seam = must_cut(&graph).joined(&graph, ends.into_iter());
+        graph.checked(&seam.edges).map(Some)
     }
 
-    /// The mesh cut along the seam that joins pairs of loops; `None` if that does not open it.
-    fn cut_through(&self, graph: &SeamGraph<'_>) -> Option<CutMesh> {
-        let path = |&[a, b]: &[VertexId; 2]| graph.path(&[a].into(), &[b].into());
-        let paths: Vec<_> = self.through.iter().map(path).collect::<Option<_>>()?;
-        graph.checked(&graph.tree_of(paths.into_iter().flatten().collect())).ok()
-    }
-
-    /// The required cuts as shortest paths between the ends of their edges; `None` if these do not open
-    /// the surface.
-    fn shortest_seam(&self, graph: &SeamGraph<'_>) -> Option<SeamEdges> {
+    /// The seam along shortest paths between the ends of its edges, shortened.
+    fn along(&self, graph: &SeamGraph<'_>, ends: &BTreeSet<VertexId>) -> Option<SeamEdges> {
         let spokes = self.spokes.iter().map(|&v| Some([v, graph.apex_at(v)?])).collect::<Option<Vec<_>>>()?;
         let mut seam = SeamEdges::new();
-        let mut uses = BTreeMap::<VertexId, u32>::new();
-        for &[a, b] in self.base.iter().chain(&spokes) {
+        for &[a, b] in self.edges.iter().chain(&spokes) {
             seam.extend(graph.path(&[a].into(), &[b].into())?);
-            [a, b].iter().for_each(|&v| *uses.entry(v).or_default() += 1);
         }
-        let ends = uses.into_iter().filter(|x| x.1 == 1).map(|x| x.0).collect();
-        graph.prune(&mut seam, &ends);
-        let shorter = shorten(graph, seam, &ends);
-        graph.checked(&shorter).is_ok().then_some(shorter)
+        graph.prune(&mut seam, ends);
+        Some(shorten(graph, seam, ends))
     }
-}
-
-/// The seam without which the surface has no map: handles are opened, and of a closed surface two
-/// far points are joined. Empty for a disk with holes.
-pub(super) fn must_cut(graph: &SeamGraph<'_>) -> SeamEdges {
-    if graph.genus() > 0 {
-        let seam = shorten(graph, open_handles(graph), &BTreeSet::new());
-        // At least one loop is joined to it: the map has one outer boundary then.
-        let first = (!graph.loops.is_empty()).then(|| graph.apex(0));
-        return join(graph, &seam, &first.into_iter().collect());
-    }
-    if !graph.loops.is_empty() {
-        return SeamEdges::new();
-    }
-    let seam = join(graph, &SeamEdges::new(), &far_pair(graph).into_iter().collect());
-    if seam.len() > 1 {
-        return seam;
-    }
-    // A seam of one edge opens nothing: both its sides would have the same ends.
-    let ends = graph.vertices(&seam);
-    let next = graph.ends.ids().find(|&e| graph.ends[e].iter().filter(|v| ends.contains(v)).count() == 1);
-    seam.into_iter().chain(next).collect()
-}
-
-/// The seam with loops joined to it, shortened.
-pub(super) fn join_loops(graph: &SeamGraph<'_>, seam: &SeamEdges, loops: &[usize]) -> SeamEdges {
-    let ends: BTreeSet<VertexId> = loops.iter().map(|&k| graph.apex(k)).collect();
-    shorten(graph, join(graph, seam, &ends), &ends)
-}
-
-/// The seam with a shortest path from a vertex to it, or to a loop.
-pub(super) fn slit(graph: &SeamGraph<'_>, seam: &SeamEdges, end: VertexId) -> SeamEdges {
-    let mut to = graph.vertices(seam);
-    to.extend((0..graph.loops.len()).map(|k| graph.apex(k)));
-    let path = graph.path(&[end].into(), &to).unwrap_or_default();
-    seam.iter().copied().chain(path).collect()
 }

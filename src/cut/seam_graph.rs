@@ -10,7 +10,8 @@ use crate::{
     cut::{CutError, CutMesh, cut_mesh::check_disk},
     id::{FaceId, Id, IdVec, VertexId},
     mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh},
-    numeric::{Csr, DisjointSets},
+    numeric::Csr,
+    skin::Taxels,
 };
 
 /// An edge of a [`SeamGraph`].
@@ -43,6 +44,15 @@ const FREE: u64 = 1;
 /// shall be straight.
 const DENSE: f64 = 2.0;
 
+/// Factors by weight, over the mean one, are at least and at most these.
+const WEIGHTED: [f64; 2] = [0.25, 4.0];
+
+/// A face is a needle if its height is below this share of its longest edge.
+const THIN: f64 = 0.03;
+
+/// Factor on the length of paths along needles: one at a seam collapses on the map, at hardly any energy.
+const NEEDLE: f64 = 1.5;
+
 /// The closed surface of a mesh: every boundary loop gets an apex, joined to each of its vertices.
 #[derive(Debug)]
 pub(super) struct SeamGraph<'m> {
@@ -64,14 +74,11 @@ pub(super) struct SeamGraph<'m> {
 }
 
 impl<'m> SeamGraph<'m> {
-    /// Closes a mesh; `densities` (1/m^2) of its taxels say where they are dense.
+    /// Closes a mesh; `costs` are factors on the length of paths at its vertices.
     ///
     /// # Errors
     /// If the mesh is not an oriented manifold.
-    pub(super) fn new(
-        mesh: &'m TriMesh,
-        densities: Option<&IdVec<VertexId, f64>>,
-    ) -> Result<Self, MeshError> {
+    pub(super) fn new(mesh: &'m TriMesh, costs: Option<&IdVec<VertexId, f64>>) -> Result<Self, MeshError> {
         let loops = Adjacency::new(mesh)?.boundary_loops();
         let mut closed = mesh.clone();
         let mut is_on_loop = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
@@ -85,7 +92,7 @@ impl<'m> SeamGraph<'m> {
         }
         let adjacency = Adjacency::new(&closed)?;
         let unit = mesh.area().sqrt();
-        let factors = densities.map(cost_factors);
+        let needles = needles(mesh);
         let mut edge_of = IdVec::<FaceId, _>::filled([EdgeId::default(); 3], closed.triangles.len());
         let (mut ends, mut weights, mut lengths) = (IdVec::default(), IdVec::default(), IdVec::default());
         for along in Edges::new(&closed.triangles, closed.positions.len()).iter() {
@@ -94,7 +101,8 @@ impl<'m> SeamGraph<'m> {
             along.iter().for_each(|h| edge_of[h.face()][h.side()] = id);
             let is_free = along.iter().any(|h| h.face().index() >= mesh.triangles.len());
             let length = if is_free { 0.0 } else { closed.positions[a].distance(closed.positions[b]) / unit };
-            let factor = factors.as_ref().filter(|_| !is_free).map_or(1.0, |d| (d[a] * d[b]).sqrt());
+            let factor = if is_free { 1.0 } else { costs.map_or(1.0, |c| (c[a] * c[b]).sqrt()) };
+            let factor = if !is_free && (needles[a] || needles[b]) { factor * NEEDLE } else { factor };
             lengths.push(length);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
             let weight = ((length * factor / RESOLUTION).round() as u64).clamp(FREE, u64::MAX >> 32);
@@ -179,36 +187,20 @@ impl<'m> SeamGraph<'m> {
         Ok(cut)
     }
 
-    /// The seam without the heaviest edge of every cycle, and without the dead ends that this leaves: paths
-    /// that meet twice would cut out a piece. A loop counts as one point.
-    pub(super) fn tree_of(&self, seam: SeamEdges) -> SeamEdges {
-        let mut pieces = DisjointSets::<VertexId>::new(self.closed.positions.len());
-        for (k, walk) in self.loops.iter().enumerate() {
-            walk.iter().for_each(|&v| pieces.join(v, self.apex(k)));
-        }
-        let mut edges: Vec<EdgeId> = seam.into_iter().collect();
-        edges.sort_by_key(|&e| (self.weights[e], e));
-        let joins = |e: &EdgeId| {
-            let [a, b] = self.ends[*e];
-            let is_new = pieces.root(a) != pieces.root(b);
-            pieces.join(a, b);
-            is_new
-        };
-        let mut tree: SeamEdges = edges.into_iter().filter(joins).collect();
-        self.prune(&mut tree, &self.loops.iter().flatten().copied().collect());
-        tree
-    }
-
     /// Removes dead ends, except those at the vertices to `keep`.
     pub(super) fn prune(&self, seam: &mut SeamEdges, keep: &BTreeSet<VertexId>) {
-        loop {
-            let degrees = self.degrees(seam);
-            let is_loose = |v: VertexId| degrees[v] == 1 && !keep.contains(&v);
-            let before = seam.len();
-            seam.retain(|&e| !self.ends[e].into_iter().any(is_loose));
-            if seam.len() == before {
-                return;
+        let mut degrees = self.degrees(seam);
+        let mut loose: Vec<VertexId> = self.vertices(seam).into_iter().filter(|&v| degrees[v] == 1).collect();
+        while let Some(v) = loose.pop() {
+            if degrees[v] != 1 || keep.contains(&v) {
+                continue;
             }
+            let at = self.paths.neighbours[v.index()].iter().find(|(_, edge)| seam.contains(edge));
+            let Some(&(w, edge)) = at else { continue };
+            seam.remove(&edge);
+            degrees[v] -= 1;
+            degrees[w] -= 1;
+            loose.push(w);
         }
     }
 
@@ -223,25 +215,56 @@ impl<'m> SeamGraph<'m> {
     pub(super) fn path(&self, from: &BTreeSet<VertexId>, to: &BTreeSet<VertexId>) -> Option<Vec<EdgeId>> {
         self.paths.shortest(&self.weights, from.iter().copied(), |v| to.contains(&v))
     }
+}
 
-    /// Weighted distances over the square root of the area from a set of vertices.
-    pub(super) fn distances(&self, from: impl Iterator<Item = VertexId>) -> IdVec<VertexId, u64> {
-        self.paths.tree(&self.weights, from).distances
+/// Factors on the length of paths at each taxel: seams avoid taxels that are dense or whose weights are high.
+/// None where all are equal.
+pub(crate) fn seam_costs(taxels: &Taxels) -> Option<IdVec<VertexId, f64>> {
+    let densities = taxels.wanted_densities();
+    let of_density = densities.as_ref().map(|densities| {
+        let mut sorted = densities.to_vec();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let dense = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0) * DENSE;
+        densities.map(|rho| (rho / dense).sqrt().max(1.0))
+    });
+    let of_weight = taxels.weights.as_ref().map(|weights| {
+        let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+        let [least, most] = WEIGHTED;
+        weights.map(|w| if mean > 0.0 { (w / mean).clamp(least, most) } else { 1.0 })
+    });
+    match (of_density, of_weight) {
+        (Some(a), Some(b)) => Some(a.iter().zip(&b).map(|(a, b)| a * b).collect()),
+        (a, b) => a.or(b),
     }
 }
 
-/// Factor on the length of paths at each vertex; 1 where the density is normal.
-fn cost_factors(densities: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
-    let mut sorted = densities.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let dense = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0) * DENSE;
-    densities.map(|rho| (rho / dense).sqrt().max(1.0))
+/// The vertices of faces that are needles.
+fn needles(mesh: &TriMesh) -> IdVec<VertexId, bool> {
+    let mut found = IdVec::filled(false, mesh.positions.len());
+    for (face, corners) in mesh.triangles.enumerate() {
+        let [a, b, c] = mesh.corners(face);
+        let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        if 2.0 * mesh.face_area(face) < THIN * longest {
+            corners.iter().for_each(|&v| found[v] = true);
+        }
+    }
+    found
 }
 
 /// Which vertices edges join, for shortest paths.
 #[derive(Debug)]
 pub(super) struct Paths {
     neighbours: Csr<(VertexId, EdgeId)>,
+}
+
+/// What becomes of a vertex that a search reaches.
+enum Met {
+    /// The search goes on.
+    Way,
+    /// The search ends.
+    End,
+    /// The path to it is a source from now on.
+    Source,
 }
 
 /// Shortest paths from a set of vertices to all others.
@@ -282,7 +305,7 @@ impl Paths {
 
     /// The shortest paths from `sources` (Dijkstra).
     pub(super) fn tree(&self, weights: &IdVec<EdgeId, u64>, sources: impl Iterator<Item = VertexId>) -> Tree {
-        self.search(weights, sources, |_| false).0
+        self.search(weights, sources, |_| Met::Way).0
     }
 
     /// The edges of the shortest path from `sources` to a vertex that is a target; of equally near
@@ -293,20 +316,50 @@ impl Paths {
         sources: impl Iterator<Item = VertexId>,
         is_target: impl Fn(VertexId) -> bool,
     ) -> Option<Vec<EdgeId>> {
-        let (tree, reached) = self.search(weights, sources, is_target);
+        let mut reached = None;
+        let met = |v| {
+            if !is_target(v) {
+                return Met::Way;
+            }
+            reached = Some(v);
+            Met::End
+        };
+        let (tree, _) = self.search(weights, sources, met);
         reached.map(|v| tree.path(v).collect())
     }
 
+    /// The edges of shortest paths that join targets to `sources` and to each other, always the nearest
+    /// one.
+    pub(super) fn tree_to(
+        &self,
+        weights: &IdVec<EdgeId, u64>,
+        sources: &BTreeSet<VertexId>,
+        mut targets: BTreeSet<VertexId>,
+    ) -> Vec<EdgeId> {
+        let met = |v| {
+            if targets.is_empty() {
+                Met::End
+            } else if targets.remove(&v) {
+                Met::Source
+            } else {
+                Met::Way
+            }
+        };
+        self.search(weights, sources.iter().copied(), met).1
+    }
+
+    /// The shortest paths from `sources`, in order of their lengths, and the edges of those that became
+    /// sources too. `met` says what becomes of each vertex that is reached.
     fn search(
         &self,
         weights: &IdVec<EdgeId, u64>,
         sources: impl Iterator<Item = VertexId>,
-        is_target: impl Fn(VertexId) -> bool,
-    ) -> (Tree, Option<VertexId>) {
+        mut met: impl FnMut(VertexId) -> Met,
+    ) -> (Tree, Vec<EdgeId>) {
         let vertices = self.neighbours.len();
         let mut tree =
             Tree { distances: IdVec::filled(u64::MAX, vertices), parents: IdVec::filled(None, vertices) };
-        let mut heap = BinaryHeap::new();
+        let (mut heap, mut edges) = (BinaryHeap::new(), Vec::new());
         for v in sources {
             tree.distances[v] = 0;
             heap.push(Reverse((0, v)));
@@ -315,8 +368,20 @@ impl Paths {
             if distance > tree.distances[v] {
                 continue;
             }
-            if is_target(v) {
-                return (tree, Some(v));
+            match met(v) {
+                Met::Way => {}
+                Met::End => break,
+                Met::Source => {
+                    let mut at = Some(v);
+                    while let Some(w) = at {
+                        tree.distances[w] = 0;
+                        heap.push(Reverse((0, w)));
+                        let step = tree.parents[w].take();
+                        edges.extend(step.map(|(_, edge)| edge));
+                        at = step.map(|(from, _)| from);
+                    }
+                    continue;
+                }
             }
             for &(w, edge) in &self.neighbours[v.index()] {
                 let further = distance + weights[edge];
@@ -327,6 +392,6 @@ impl Paths {
                 }
             }
         }
-        (tree, None)
+        (tree, edges)
     }
 }

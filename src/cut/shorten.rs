@@ -9,6 +9,10 @@ use crate::{
     numeric::{DisjointSets, order_by},
 };
 
+/// A seam of more chains stays as it is: each takes a search of the surface, and a plate of 400 handles has
+/// 1200.
+const MOST_CHAINS: usize = 150;
+
 /// A path of a seam between two knots: vertices where it ends or branches.
 #[derive(Debug)]
 struct Chain {
@@ -17,7 +21,7 @@ struct Chain {
 }
 
 /// Replaces every chain of a seam by a shorter one, the longest first, until none gets shorter.
-/// Vertices to `keep` stay on the seam.
+/// Vertices to `keep` stay on the seam. A seam of very many chains stays as it is.
 ///
 /// Without the chain the seam is two pieces, or the surface cut along the rest is an annulus: the
 /// shortest path between the pieces or across the annulus takes its place.
@@ -25,6 +29,9 @@ pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSe
     let mut done: BTreeSet<Vec<EdgeId>> = BTreeSet::new();
     'changed: loop {
         let mut all = chains(graph, &seam, keep);
+        if all.len() > MOST_CHAINS {
+            return seam;
+        }
         all.retain(|chain| !done.contains(&chain.edges));
         let weight = |chain: &Chain| chain.edges.iter().map(|&e| graph.weights[e]).sum::<u64>();
         let weights: Vec<u64> = all.iter().map(weight).collect();

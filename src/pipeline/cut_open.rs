@@ -2,9 +2,8 @@
 
 use crate::{
     Error,
-    cut::{AreaLimit, Cut, CutMesh, PlaceId, TrialMaps, decide, is_plain_disk},
-    flatten::{FlattenOptions, Method, Overlap, distortion, flatten, flatten_roughly},
-    id::{IdVec, VertexId},
+    cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs},
+    flatten::{FlattenOptions, Overlap, distortion, flatten, flatten_roughly},
     mesh::TriMesh,
     pyramid::{CoarsenOptions, Level, coarsen},
     skin::Taxels,
@@ -14,9 +13,9 @@ use crate::{
 /// second, and its seam differs little from that of the skin.
 const DECIDED_ON: usize = 2000;
 
-/// Slits are decided on a coarser level, whose map is a little better than that of the skin: by these
-/// shares of the logarithm of an area ratio they aim lower until the map of the skin keeps it.
-const AIMS: [f64; 3] = [0.95, 0.8, 0.6];
+/// Maps of the skin by which an area ratio is judged at most: the first one shows how much higher it is
+/// than on the level.
+const JUDGED: usize = 3;
 
 /// A map without a pyramid keeps a ratio a little better, by this share of its logarithm: through the
 /// pyramid it ends a little elsewhere.
@@ -53,80 +52,50 @@ pub(super) fn cut_open(
     cut: &Cut,
     options: &FlattenOptions,
 ) -> Result<Option<CutMesh>, Error> {
-    match cut {
-        Cut::None => Ok(None),
-        Cut::AreaRatio(wanted) => keep_ratio(mesh, taxels, options, *wanted),
-        // Nothing is decided on a disk, so it need not be coarsened for that.
-        _ if is_plain_disk(mesh) => Ok(None),
-        cut => cut_below(mesh, taxels, cut, options, None).map(|(made, _)| made),
+    let limit = if let Cut::AreaRatio(wanted) = *cut { Some(wanted.powf(KEPT)) } else { None };
+    // Nothing is decided on a disk, so it need not be coarsened for that.
+    if *cut == Cut::None || (limit.is_none() && is_plain_disk(mesh)) {
+        return Ok(None);
     }
-}
-
-/// Cuts a mesh open until the area ratio of its map is at most `wanted` or no slit helps.
-///
-/// # Errors
-/// As [`cut_open`].
-fn keep_ratio(
-    mesh: &TriMesh,
-    taxels: &Taxels,
-    options: &FlattenOptions,
-    wanted: f64,
-) -> Result<Option<CutMesh>, Error> {
-    let mut best: Option<(f64, Option<CutMesh>)> = None;
-    for aim in AIMS {
-        let (cut, on_trial) =
-            cut_below(mesh, taxels, &Cut::AreaRatio(wanted), options, Some(wanted.powf(aim)))?;
-        let opened = cut.as_ref().map(|cut| cut.mesh(&mesh.positions));
-        let places = cut.as_ref().map(|cut| taxels.select(&cut.opened_vertices()));
-        let (opened, places) = (opened.as_ref().unwrap_or(mesh), places.as_ref().unwrap_or(taxels));
-        let map = flatten(opened, Some(places), options);
-        let area_ratio = map.map_or(f64::INFINITY, |map| distortion(opened, &map.uv).area_max);
-        if best.as_ref().is_none_or(|best| area_ratio < best.0) {
+    let costs = seam_costs(taxels);
+    let level = decided_level(mesh, taxels)?;
+    let of_level = level.as_ref().zip(costs.as_ref());
+    let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
+    // A seam is as good as the best map after it, which may overlap itself.
+    let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, None, Overlap::Allow, most).ok();
+    let made = |limit: Option<f64>| -> Result<_, Error> {
+        let Decision { recipe, area_ratio } = match &level {
+            None => decide(mesh, costs.as_ref(), cut, &map, limit)?,
+            Some(level) => {
+                let found = decide(&level.mesh, of_level.as_ref(), cut, &map, limit)?;
+                Decision { recipe: found.recipe.on_finer(&level.origins), ..found }
+            }
+        };
+        Ok((recipe.cut(mesh, costs.as_ref())?, area_ratio))
+    };
+    let Some(wanted) = limit else { return Ok(made(None)?.0) };
+    let (mut aim, mut best) = (wanted, None);
+    for _ in 0..JUDGED {
+        let (cut, on_trial) = made(Some(aim))?;
+        let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options);
+        if best.as_ref().is_none_or(|(least, _)| area_ratio < *least) {
             best = Some((area_ratio, cut));
         }
         // Where the trial map does not keep the ratio, a lower aim changes nothing.
-        if area_ratio <= wanted.powf(KEPT) || on_trial > wanted || area_ratio.is_infinite() {
+        if area_ratio <= wanted || on_trial > aim || area_ratio.is_infinite() {
             break;
         }
+        aim = on_trial.powf(wanted.ln() / area_ratio.ln());
     }
     Ok(best.and_then(|(_, cut)| cut))
 }
 
-/// The cut that [`decide`] finds on a level, done on the mesh, and the area ratio of its trial map.
-fn cut_below(
-    mesh: &TriMesh,
-    taxels: &Taxels,
-    cut: &Cut,
-    options: &FlattenOptions,
-    area_ratio: Option<f64>,
-) -> Result<(Option<CutMesh>, f64), Error> {
-    // A seam is as good as the best map after it, which may overlap itself, at first.
-    let free = |mesh: &TriMesh, _: &_, start: Option<&_>, most: f64| {
-        flatten_roughly(mesh, start, Overlap::Allow, most).ok()
-    };
-    let apart = |mesh: &TriMesh, _: &_, start: Option<&_>, most: f64| {
-        flatten_roughly(mesh, start, Overlap::Prevent, most).ok()
-    };
-    let is_apart = options.overlap == Overlap::Prevent && matches!(options.method, Method::Intrinsic { .. });
-    let maps = TrialMaps { free: &free, apart: if is_apart { Some(&apart) } else { None } };
-    let densities = taxels.wanted_densities();
-    let level = decided_level(mesh, taxels)?;
-    let taxels_there = level.as_ref().map(|level| taxels.select(&level.origins));
-    let taxels_there = taxels_there.as_ref().unwrap_or(taxels);
-    let judged = |mesh: &TriMesh, unsplit: &IdVec<PlaceId, VertexId>, _: Option<&_>, _: f64| {
-        flatten(mesh, Some(&taxels_there.select(&unsplit.iter().copied().collect())), options)
-            .ok()
-            .map(|map| map.uv)
-    };
-    let limit = area_ratio.map(|ratio| AreaLimit { ratio, map: &judged });
-    let recipe = match &level {
-        None => decide(mesh, densities.as_ref(), cut, &maps, limit.as_ref())?,
-        Some(level) => {
-            let of_level = densities.as_ref().map(|all| level.origins.map(|&v| all[v]));
-            decide(&level.mesh, of_level.as_ref(), cut, &maps, limit.as_ref())?.on_finer(&level.origins)
-        }
-    };
-    Ok((recipe.cut(mesh, densities.as_ref())?, recipe.area_ratio))
+/// The largest area ratio of the map of a mesh that is cut; infinite without a map.
+fn area_ratio(mesh: &TriMesh, taxels: &Taxels, cut: Option<&CutMesh>, options: &FlattenOptions) -> f64 {
+    let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.opened_vertices())));
+    let (mesh, taxels) = opened.as_ref().map_or((mesh, taxels), |(mesh, taxels)| (mesh, taxels));
+    let map = flatten(mesh, Some(taxels), options);
+    map.map_or(f64::INFINITY, |map| distortion(mesh, &map.uv).area_max)
 }
 
 #[cfg(test)]
