@@ -1,4 +1,4 @@
-//!
+//! Arrays of numpy: the header and the values of one `.npy`, of any type that is read.
 
 use std::{io::Read, path::Path};
 
