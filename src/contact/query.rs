@@ -188,7 +188,7 @@ pub struct FieldHit {
     pub normal: DVec3,
 }
 
-/// What has a place on the map: see [`ContactIndex::cell`].
+/// What has a place on the map: see [`ContactIndex::cell`](super::ContactIndex::cell).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Found<'a> {
     /// A point of level 0.

@@ -92,7 +92,7 @@ impl LiveServer {
         format!("http://{}/{}/", self.shared.address, self.shared.token)
     }
 
-    /// Shows a frame, as [`Page::live_frame`](super::Page::live_frame) gives it.
+    /// Shows a frame, as [`LiveFrames::next`](super::LiveFrames::next) gives it.
     pub fn show(&self, frame: String) {
         let mut latest = self.shared.latest();
         latest.count += 1;

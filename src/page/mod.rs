@@ -3,7 +3,7 @@
 //! [`Page::new`] takes a map, [`Page::record`] the frames of a recording, and [`Page::to_html`] writes them
 //! into the page that `tools/page` makes, which is kept packed (`page.html.gz`). The page draws the skin in
 //! space next to its map; its slider unfolds the one into the other
-//! ([`Unfolding`](crate::unfold::Unfolding)). What it needs is packed (`pack`) from the map (`skin`) and
+//! ([`Unfolding`]). What it needs is packed (`pack`) from the map (`skin`) and
 //! the readings (`recording`). Without WebGL it shows the picture of
 //! [`plot_map`](crate::plot::plot_map()) and the numbers of `report.json`.
 //!

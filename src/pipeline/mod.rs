@@ -8,10 +8,10 @@
 //! it is cut (`cut_open`).
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
-//! number of threads. Before it, [`read_draft`](crate::io::read_draft) and
+//! number of threads. Before it, [`read_draft`] and
 //! [`assemble`](crate::skin::assemble()) make the skin; after it,
 //! [`measure`](crate::report::measure) says how faithful the map is,
-//! [`write_map`](crate::io::write_map) keeps it, and [`skin_images`](crate::atlas::skin_images)
+//! [`write_map`] keeps it, and [`skin_images`]
 //! rasterises its levels. [`build_file`] goes from file to files.
 //!
 //! ```
