@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 14] = [
+const ENDS: [(&str, &str, &[&str]); 15] = [
     (
         "build",
         OF_MAPS,
@@ -64,6 +64,15 @@ const ENDS: [(&str, &str, &[&str]); 14] = [
             "dermatome build meshes/forearm.glb -o forearm",
             "dermatome touch forearm/map.glb -o touch.csv --presses 1 --rate-hz 20",
             "dermatome render forearm/map.glb touch.csv -o touch.npz --contacts regions.csv",
+        ],
+    ),
+    (
+        "report",
+        OF_MAPS,
+        &[
+            "dermatome touch meshes/forearm.glb -o touch.csv --presses 1 --rate-hz 20",
+            "dermatome build meshes/forearm.glb -o forearm",
+            "dermatome report forearm/map.glb touch.csv -o touch.html",
         ],
     ),
     ("simulate", "", &["dermatome simulate -o seen.g2o --truth truth.csv --spacing-mm 4mm --outliers 0.1"]),

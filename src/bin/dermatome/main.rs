@@ -48,7 +48,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Build the maps of a skin: writes map.glb, map.exr, report.json, report.html and timings.json.
+    /// Build the maps of a skin: writes map.glb, map.exr and reports as JSON and HTML.
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
