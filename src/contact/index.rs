@@ -9,9 +9,9 @@ use crate::{
     contact::{
         Cell, ContactError, Found, Hit, Hits, IndexOptions, Query,
         cell::Anchor,
-        links::Links,
         patch::IndexedPatch,
         patch_bvh::{Best, PatchBvh},
+        posed_links::Links,
         query::RUN,
     },
     id::{FaceId, IdVec, VertexId},

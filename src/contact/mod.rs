@@ -52,7 +52,7 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `links` (where the links are), `patch_bvh` (the mesh of a level in a
+//! `query` (what is asked and answered), `posed_links` (where the links are), `patch_bvh` (the mesh of a level in a
 //! tree; the trees are those of `crate::bvh`), `patch` (what an index keeps of a patch), `index` (the nearest
 //! point, rays), `fields`; `coarse` (levels with their own trees) and `reactive` (levels alone); `cell` (from a
 //! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
@@ -86,7 +86,7 @@ mod coarse;
 mod error;
 mod fields;
 mod index;
-mod links;
+mod posed_links;
 mod live_taxels;
 mod map_index;
 mod patch;

@@ -6,7 +6,7 @@ use crate::{
     mesh::{HalfedgeMesh, Rings, TriMesh},
     pyramid::{
         Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog,
-        independent_set::{ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing},
+        centres::{ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing},
         removal::{Remover, Seam, SeamRole, TaxelLocations},
     },
     skin::Taxels,

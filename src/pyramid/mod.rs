@@ -30,13 +30,13 @@
 //! allows to remove stays, even if it is not a centre.
 //!
 //! The files in reading order: `level`, `prolongation`, `field`, `removal_log` (what comes out), `coarsen`
-//! (the steps), `independent_set` (step 1), and in `removal` `remover`, `queue`, `star`,
+//! (the steps), `centres` (step 1), and in `removal` `remover`, `queue`, `star`,
 //! `retriangulation` (step 2) and `taxel_locations` (step 3).
 
 mod coarsen;
 mod error;
 mod field;
-mod independent_set;
+mod centres;
 mod level;
 mod level_id;
 mod prolongation;

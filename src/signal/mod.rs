@@ -2,7 +2,7 @@
 //! level. Nothing here knows of pixels or files.
 //!
 //! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
-//! ([`Frame`]) or on every level ([`LevelFrame`]); `join` puts the columns of a recording to their
+//! ([`Frame`]) or on every level ([`LevelFrame`]); `match_taxels` puts the columns of a recording to their
 //! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]); `restrict` carries
 //! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change ([`Contrast`], [`Edges`]);
 //! `contacts` finds what touches the skin ([`ContactTracker`]).
@@ -17,7 +17,7 @@ mod contrast;
 mod edges;
 mod error;
 mod frame;
-mod join;
+mod match_taxels;
 mod restrict;
 mod touch;
 
@@ -28,6 +28,6 @@ pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
 pub use frame::{Frame, LevelFrame};
-pub use join::{Duplicates, Join, JoinReport};
+pub use match_taxels::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
 pub use touch::{Press, Spreader, Touch, TouchOptions, TouchSimulation};

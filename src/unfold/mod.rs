@@ -10,7 +10,7 @@
 //!    not tear. The map stands so that the mean of `w_f` is zero.
 //! 2. At time `t` the edge `e` of `f` is wanted as `exp(t w_f) ((1 - t) x_e + t R_f' u_e)`: at 0 that of
 //!    the skin, at 1 that of the map. The triangles do not fit together then; a least-squares solution
-//!    with cotangent weights does (`join`). Then each is turned as fits it best, and all are joined again,
+//!    with cotangent weights does (`join_triangles`). Then each is turned as fits it best, and all are joined again,
 //!    a few times (sorkine2007). One factor serves all times.
 //! 3. That is solved at [`KEY_TIMES`] on the finest level of at most [`MOST_VERTICES`] vertices, with the
 //!    places of its vertices on the map of level 0. [`Unfolding::at`] interpolates between key frames by
@@ -21,7 +21,7 @@
 //!
 //! Not guaranteed: that the surfaces between do not cross themselves.
 
-mod join;
+mod join_triangles;
 mod turns;
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -32,7 +32,7 @@ use crate::{
     map::{CarriedRow, MapLevel, PatchMap, carried_places, carried_rows},
     pyramid::LevelId,
     sparse::SparseError,
-    unfold::{join::Joiner, turns::Turns},
+    unfold::{join_triangles::Joiner, turns::Turns},
 };
 
 /// Times at which the surfaces between skin (0) and map (1) are solved for.

@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `bare_mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 
 mod arrays;
 mod calib;
@@ -10,7 +10,7 @@ mod index;
 mod jobs;
 mod map;
 mod matrix;
-mod mesh;
+mod bare_mesh;
 mod options;
 mod plot;
 mod signal;
@@ -43,11 +43,11 @@ fn run_command(py: Python<'_>, args: Vec<OsString>) -> u8 {
 mod _dermatome {
     #[pymodule_export]
     use super::{
+        bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
         calib::{PyCalibration, PyObservations, calibrate, simulate},
         index::{PyFields, PyHits, PyIndex},
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
-        mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
         plot::PyPicture,
         run_command,
         signal::{
