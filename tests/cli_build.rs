@@ -290,3 +290,20 @@ fn several_files_are_one_skin() {
     fs::create_dir(path.join("empty")).unwrap();
     build("empty").code(2).stderr(contains("no file with triangles"));
 }
+
+/// A page of more taxels than a browser shows with ease is left to `report`.
+#[test]
+fn no_page_is_written_for_a_quarter_of_a_million_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write(path, "large.glb", shapes::lattice(501, 500, 0.001));
+    let large = "build large.glb -o large --levels 1 --method conformal --pixel-mm 5";
+    dermatome(path, large)
+        .assert()
+        .success()
+        .stderr(contains("report.html is not written for 250500 taxels"));
+    write(path, "small.glb", shapes::lattice(9, 9, 0.001));
+    dermatome(path, "build small.glb -o small").assert().success().stderr(contains("not written").not());
+    let has_page = ["large", "small"].map(|folder| path.join(folder).join("report.html").exists());
+    assert_eq!(has_page, [false, true]);
+}

@@ -368,7 +368,7 @@ fn commands_name_what_they_wrote() {
     wrote("convert a.glb b.csv", &["b.csv", "b.triangles.csv"]);
     let said = wrote(
         "build a.csv -o M",
-        &["M/map.glb", "M/map.exr", "M/report.json", "M/timings.json", "M/report.html"],
+        &["M/map.glb", "M/map.exr", "M/report.html", "M/report.json", "M/timings.json"],
     );
     assert!(said.contains("3 of 4 taxels have a placeholder id"), "{said}");
     wrote("coarsen a.glb -o l.glb", &["l.glb"]);

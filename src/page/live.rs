@@ -108,7 +108,7 @@ impl LiveServer {
     }
 }
 
-/// 128 bits that nobody guesses: the keys of the standard library's hash maps, which come from the system.
+/// 128 bits that cannot be guessed: from the keys of the standard library's hash maps, which come from the system.
 fn token() -> String {
     let mut token = String::new();
     for _ in 0..2 {

@@ -52,7 +52,7 @@ const PICTURE_PX: u32 = 900;
 const PICTURE_PATCHES: usize = 12;
 const PICTURE_VERTICES: usize = 600;
 
-/// A map on its way into a page.
+/// Makes the page of a map.
 ///
 /// ```
 /// use dermatome::{map::SkinMap, mesh::shapes, page::Page};

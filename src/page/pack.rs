@@ -14,7 +14,7 @@ use serde::Serialize;
 /// The largest number of a share.
 pub(super) const WHOLE: f64 = 65535.0;
 
-/// Arrays on their way into a page.
+/// Packs the arrays of a page.
 #[derive(Debug, Default)]
 pub(super) struct Packer {
     /// Planes, bytes of a number, and numbers of a plane of each array.

@@ -54,7 +54,7 @@ impl LevelFrame {
     }
 
     /// # Panics
-    /// If it has not so many patches, and of each so many channels.
+    /// If it does not have this many patches, or a patch not this many channels.
     pub(super) fn check(&self, patches: usize, channels: usize) {
         assert_eq!(self.values.len(), patches, "one entry per patch");
         assert!(self.values.iter().all(|values| values.len() == channels), "one array per channel");

@@ -187,7 +187,7 @@ mod tests {
 
     use super::*;
 
-    /// The path of `n` rows with 2 on the diagonal and -1 beside it, the one matrix everyone can
+    /// The path of `n` rows with 2 on the diagonal and -1 next to it, the one matrix everyone can
     /// invert.
     fn path(n: usize) -> Pattern {
         Pattern::new(n, (1..n).map(|i| (i - 1, i)))

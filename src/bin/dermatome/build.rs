@@ -15,6 +15,7 @@ use dermatome::{
     map::SkinMap,
     page::Page,
     pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress},
+    pyramid::LevelId,
     report::{PatchReport, measure},
     skin::AssembleOptions,
 };
@@ -114,7 +115,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let built = build_with_progress(&skin, &options, &on_progress)
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     let mut outputs = Outputs::default();
-    let [rasterise, write] = write_files(&built.map, folder, &mut outputs, &bar)?;
+    let title = title(&args.skin, folder);
+    let [rasterise, write] = write_files(&built.map, &title, folder, &mut outputs, &bar)?;
     bar.finish_and_clear();
 
     let report = Report {
@@ -136,8 +138,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     for (name, text) in texts {
         outputs.stage_bytes(&folder.join(name), text.as_bytes())?;
     }
-    let page = Page::new(&built.map, title(&args.skin, folder))?.to_html()?;
-    outputs.stage_bytes(&folder.join(PAGE), page.as_bytes())?;
     outputs.publish(common)?;
     note_seams(&report.patches, common);
     note_built(&built, common);
@@ -152,9 +152,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(if left_out + built.failed.len() > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// Rasterises a map and writes [`FILES`]; returns the seconds that either took.
+/// Rasterises a map and writes [`FILES`] and its page; returns the seconds that either took.
 fn write_files(
     map: &Arc<SkinMap>,
+    title: &str,
     folder: &Path,
     outputs: &mut Outputs,
     bar: &ProgressBar,
@@ -167,7 +168,15 @@ fn write_files(
     let [map_file, images_file] = FILES;
     outputs.stage(|| write_map(&folder.join(map_file), map))?;
     outputs.stage(|| write_images(&folder.join(images_file), &images))?;
+    if taxels(map) <= MOST_SHOWN {
+        let page = Page::new(map, title)?.to_html()?;
+        outputs.stage_bytes(&folder.join(PAGE), page.as_bytes())?;
+    }
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
+}
+
+fn taxels(map: &SkinMap) -> usize {
+    map.patches.iter().map(|patch| patch.levels[LevelId::new(0)].level.mesh.positions.len()).sum()
 }
 
 /// What the page is called: as the file of the skin, or as the folder where there are several.
@@ -185,6 +194,14 @@ fn note_built(built: &Built, common: &Common) {
     for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
         let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
         note!(common, "{}: the coarsest {count} levels are left out: {why}", plain(&patch.name));
+    }
+    let count = taxels(map);
+    if count > MOST_SHOWN {
+        note!(
+            common,
+            "{PAGE} is not written for {count} taxels, since a browser is slow with more than {MOST_SHOWN}; \
+             `dermatome report` writes it"
+        );
     }
     if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
         let more = *pixels as f64 / 1e6;
@@ -223,7 +240,7 @@ struct Seconds {
     coarsen: f64,
     flatten: f64,
     rasterise: f64,
-    /// Writing the map and the images.
+    /// Writing the map, the images and the page.
     write: f64,
 }
 
@@ -235,6 +252,9 @@ const REPORT: &str = "report.json";
 
 /// The file that shows the map in a browser.
 const PAGE: &str = "report.html";
+
+/// Taxels of a map up to which [`PAGE`] is written: that of a million faces has 23 MB and took a fifth of the build.
+const MOST_SHOWN: usize = 250_000;
 
 /// What the keys of [`REPORT`] mean.
 const SCHEMA: &str = "dermatome.build/1";

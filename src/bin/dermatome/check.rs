@@ -20,7 +20,7 @@ use crate::{
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
 ///
-/// Errors are what `build` refuses; warnings what it takes, though it is probably not what was meant; notes
+/// Errors are what `build` refuses; warnings are what it accepts, though it is probably a mistake; notes
 /// are nothing wrong. That taxels are bare is a note on standard error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {

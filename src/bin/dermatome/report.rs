@@ -29,7 +29,6 @@ use crate::{
 /// The skin unfolds into its map; what the pointer touches lights on both. A recording plays, with its
 /// contacts.
 #[derive(Debug, clap::Args)]
-#[command(mut_arg("units", |arg| arg.alias("unit")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]

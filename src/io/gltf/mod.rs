@@ -43,7 +43,7 @@ pub(crate) use write_map::as_in_map_file;
 pub use write_map::{map_to_bytes, write_map, write_pyramids};
 pub(super) use write_skin::write_skin;
 
-/// What a map says about a mesh beside its geometry: `extras.dermatome` of the mesh.
+/// What a map says about a mesh besides its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelExtras {
     /// Name of the patch.

@@ -232,7 +232,7 @@ fn read_level(
     }
 }
 
-/// How the vertices of a mesh that is cut open hang together.
+/// Which vertices of a mesh that is cut open are copies of the same vertex.
 struct Places {
     /// A vertex of the mesh for each vertex of the level.
     first: IdVec<VertexId, VertexId>,

@@ -62,7 +62,7 @@ pub(crate) fn end_row(text: &mut Vec<u8>) {
     text.push(b'\n');
 }
 
-/// Rows on their way to a file.
+/// Writes the rows of a table.
 pub(crate) struct TableWriter<W> {
     path: PathBuf,
     output: W,

@@ -5,7 +5,7 @@
 //! In reading order: [`TouchOptions`], `sphere` (the contact model), `path` (where the sphere rolls),
 //! `simulation` (frames and their truth); `spreader` turns contacts with a force into readings.
 //!
-//! Not modelled: friction, and that a skin is pressed in beside its contact.
+//! Not modelled: friction, and that a skin is pressed in next to its contact.
 
 mod path;
 mod simulation;

@@ -154,7 +154,7 @@ pub(crate) fn wrote<'a>(paths: impl IntoIterator<Item = &'a Path>, common: &Comm
     }
 }
 
-/// Complete files on their way to the places they are meant for.
+/// Complete files in temporary places, before they are moved to their own.
 #[derive(Default)]
 pub(crate) struct Outputs {
     files: StagedFiles,

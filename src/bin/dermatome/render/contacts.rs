@@ -41,7 +41,7 @@ pub(super) struct ContactsArgs {
     channel: Option<String>,
 }
 
-/// Contacts on their way out.
+/// Writes contacts.
 pub(super) struct Contacts {
     tracker: ContactTracker,
     writer: RegionWriter,

@@ -116,7 +116,7 @@ pub(super) struct Content<'a> {
     pub(super) has_static: bool,
 }
 
-/// Frames on their way out.
+/// Writes frames.
 pub(super) enum Output {
     Folder { folder: PathBuf, shown: Vec<LevelImage>, written: usize },
     Pictures { folder: PathBuf, options: ImageOptions, written: usize },

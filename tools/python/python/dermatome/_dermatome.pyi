@@ -5,6 +5,37 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "Calibration",
+    "ContactTracker",
+    "Fields",
+    "Flattening",
+    "Hits",
+    "Index",
+    "Level",
+    "Map",
+    "Matrix",
+    "MeshLevel",
+    "Observations",
+    "Patch",
+    "Picture",
+    "Renderer",
+    "Skin",
+    "__version__",
+    "as_floats",
+    "as_numbers",
+    "build",
+    "calibrate",
+    "check",
+    "coarsen",
+    "flatten",
+    "join_readings",
+    "read_readings",
+    "run_command",
+    "simulate",
+    "simulate_touch",
+]
+
 __version__: str
 
 _Path = str | os.PathLike[str]
