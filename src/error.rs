@@ -3,6 +3,7 @@
 /// Any error of the library.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum Error {
     /// A mesh that is not an oriented manifold.
     #[error(transparent)]
@@ -48,12 +49,7 @@ pub enum Error {
     Plot(#[from] crate::plot::PlotError),
     /// Any of them, in one patch of a skin.
     #[error("patch {patch:?}: {source}")]
-    Patch {
-        /// Name of the patch.
-        patch: String,
-        /// What is wrong with it.
-        source: Box<Error>,
-    },
+    Patch { patch: String, source: Box<Error> },
     /// Errors of several patches of a skin, in the order of these.
     #[error("{} patches cannot be mapped: {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Several(Vec<Error>),

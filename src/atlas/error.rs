@@ -7,6 +7,7 @@ use crate::{cut::PlaceId, map::MapError};
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum AtlasError {
     /// The map breaks a rule.
     #[error(transparent)]
@@ -20,15 +21,10 @@ pub enum AtlasError {
     TooLarge {
         /// Patch and level, as `palm/L0`.
         image: String,
-        /// Width and height of the map, in m.
         size: DVec2,
-        /// Width and height the image would have.
         size_px: [u32; 2],
-        /// Largest width or height.
         max_side: u32,
-        /// Largest number of pixels.
         max_pixels: u64,
-        /// A pixel size that fits, in mm.
         fits_mm: f64,
     },
     /// More pixels in all than a skin's images may have.
@@ -40,13 +36,10 @@ pub enum AtlasError {
     TooManyPixels {
         /// Number of images: patches times levels.
         images: usize,
-        /// Pixels in all.
         pixels: u64,
         /// Bytes of their samples before compression.
         bytes: u64,
-        /// Largest number of pixels.
         max_pixels: u64,
-        /// A pixel size that fits, in mm.
         fits_mm: f64,
     },
     /// A place off the picture.
@@ -54,25 +47,15 @@ pub enum AtlasError {
     OutsideFrame {
         /// Patch and level, as `palm/L0`.
         image: String,
-        /// The place.
         place: PlaceId,
-        /// Its map position, in m.
         at: DVec2,
     },
     /// A pixel size that is not a length.
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
-    PixelSize {
-        /// The size asked for, in m.
-        found: f64,
-    },
+    PixelSize { found: f64 },
     /// A margin that is larger than any image.
     #[error("a margin of {found} pixels is wider than any image; at most {max} are drawn")]
-    Margin {
-        /// The margin asked for.
-        found: u32,
-        /// Largest margin.
-        max: u32,
-    },
+    Margin { found: u32, max: u32 },
     /// A canvas that is too small for the charts, even at one pixel each, or too large to draw.
     #[error(
         "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \
@@ -80,11 +63,9 @@ pub enum AtlasError {
         canvas[0], canvas[1], least[0], least[1]
     )]
     Canvas {
-        /// Height and width asked for.
         canvas: [u32; 2],
         /// Height and width that hold one pixel of each chart.
         least: [u64; 2],
-        /// Largest height or width.
         max_side: u32,
     },
 }

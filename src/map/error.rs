@@ -14,149 +14,64 @@ use crate::{
 /// Why data is not a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum MapError {
     /// Links or patches that do not fit each other, or arrays that are not the taxels of a patch.
     #[error(transparent)]
     Skin(#[from] SkinError),
     /// A level that breaks a rule, or is not there.
     #[error("{patch}/{level:?}: {source}")]
-    Level {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// What is wrong with them.
-        source: PyramidError,
-    },
+    Level { patch: String, level: LevelId, source: PyramidError },
     /// A vertex of level 0 whose area is not that of its taxel.
     #[error("{patch}/L0: vertex {vertex} has an area of {found} m^2, but its taxel one of {taxel} m^2")]
-    Area {
-        /// Name of the patch.
-        patch: String,
-        /// The vertex.
-        vertex: VertexId,
-        /// The area on level 0, in m^2.
-        found: f64,
-        /// That of the taxel, in m^2.
-        taxel: f64,
-    },
+    Area { patch: String, vertex: VertexId, found: f64, taxel: f64 },
     /// More faces that fill holes than there are.
     #[error("{patch}: {found} faces are said to fill holes, but level 0 has {faces}")]
-    Filled {
-        /// Name of the patch.
-        patch: String,
-        /// How many fill holes.
-        found: usize,
-        /// All faces of level 0.
-        faces: usize,
-    },
+    Filled { patch: String, found: usize, faces: usize },
     /// A cut that is not one of its level.
     #[error(
         "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \
          are their own first places, and the faces of both are the same"
     )]
-    Cut {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The place.
-        place: PlaceId,
-    },
+    Cut { patch: String, level: LevelId, place: PlaceId },
     /// A map position that is not finite.
     #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]
-    NotFinite {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The vertex.
-        vertex: VertexId,
-        /// Its map position, in m.
-        at: DVec2,
-    },
+    NotFinite { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
     /// A map position that is too far away for the precision of 64-bit numbers.
     #[error(
         "{patch}/{level:?}: vertex {vertex} lies at {at} m on the map; coordinates within 1e12 m are needed"
     )]
-    TooFar {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The vertex.
-        vertex: VertexId,
-        /// Its map position, in m.
-        at: DVec2,
-    },
+    TooFar { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
     /// A map without extent.
     #[error(
         "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; each needs a place of its own"
     )]
-    OnePoint {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// Where they lie, in m.
-        at: DVec2,
-    },
+    OnePoint { patch: String, level: LevelId, at: DVec2 },
     /// A map as seen in a mirror.
     #[error(
         "{patch}/{level:?}: the map is mirrored: all its triangles run clockwise, but from outside of the skin they run \
          counter-clockwise"
     )]
-    Mirrored {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-    },
+    Mirrored { patch: String, level: LevelId },
     /// Two levels that are joined in two ways.
     #[error(
         "{patch}/{level:?}: vertex {vertex} has other weights in `up` (`from_coarser`) than the row of its taxel in \
          `direct` (`to_finest`) of the next coarser level; both say where it lies there"
     )]
-    Contradiction {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The vertex.
-        vertex: VertexId,
-    },
+    Contradiction { patch: String, level: LevelId, vertex: VertexId },
     /// An image frame without a size.
     #[error(
         "{patch}/{level:?}: the image frame is {} m at {} in {:?} pixels; it must be finite, with a positive size",
         frame.size, frame.origin, frame.size_px
     )]
-    Frame {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The frame.
-        frame: ImageFrame,
-    },
+    Frame { patch: String, level: LevelId, frame: ImageFrame },
     /// Measures of a map that no map has.
     #[error(
         "{patch}/{level:?}: the distortion is {distortion:?}; means must be at most maxima, and flips at most the \
          number of faces"
     )]
-    Distortion {
-        /// Name of the patch.
-        patch: String,
-        /// The level.
-        level: LevelId,
-        /// The measures.
-        distortion: Distortion,
-    },
+    Distortion { patch: String, level: LevelId, distortion: Distortion },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
     #[error("a map file cannot hold it: found {found}; needed: {needed}")]
-    Rounded {
-        /// What rounding breaks.
-        found: String,
-        /// What is needed instead.
-        needed: String,
-    },
+    Rounded { found: String, needed: String },
 }

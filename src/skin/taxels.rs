@@ -296,29 +296,17 @@ fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
 /// Why arrays are not the taxels of a patch.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum TaxelError {
     /// An array has not one entry per vertex.
     #[error("{what}: an array of {found} entries; {needed} are needed, one per vertex")]
-    Length {
-        /// Which array.
-        what: &'static str,
-        /// Entries found.
-        found: usize,
-        /// Entries needed.
-        needed: usize,
-    },
+    Length { what: &'static str, found: usize, needed: usize },
     /// A receptive area that is not positive and finite.
     #[error("vertex {vertex} has an area of {found} m^2; a positive number is needed")]
-    Area {
-        /// The vertex.
-        vertex: VertexId,
-        /// The area found.
-        found: f64,
-    },
+    Area { vertex: VertexId, found: f64 },
     /// A normal that is not a unit vector.
     #[error("the normal of vertex {vertex} has length {found}; 1 is needed")]
     Normal {
-        /// The vertex.
         vertex: VertexId,
         /// Length of the normal found; zero where the faces have no direction.
         found: f64,
@@ -328,72 +316,30 @@ pub enum TaxelError {
         "the tangent of vertex {vertex} has length {length} and the part {along} along the normal; \
          1 and 0 are needed"
     )]
-    Tangent {
-        /// The vertex.
-        vertex: VertexId,
-        /// Length of the tangent found.
-        length: f64,
-        /// Its part along the normal.
-        along: f64,
-    },
+    Tangent { vertex: VertexId, length: f64, along: f64 },
     /// A density that is not positive and finite.
     #[error("vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed")]
-    Density {
-        /// The vertex.
-        vertex: VertexId,
-        /// The density found.
-        found: f64,
-    },
+    Density { vertex: VertexId, found: f64 },
     /// A weight that is negative or not finite.
     #[error("vertex {vertex} has a weight of {found}; a number of at least 0 is needed")]
-    Weight {
-        /// The vertex.
-        vertex: VertexId,
-        /// The weight found.
-        found: f64,
-    },
+    Weight { vertex: VertexId, found: f64 },
     /// Weights that are all zero.
     #[error("all {found} weights are 0; at least one above 0 is needed")]
-    NoWeight {
-        /// The number of weights.
-        found: usize,
-    },
+    NoWeight { found: usize },
     /// An acuity out of range.
     #[error("vertex {vertex} has an acuity of {found}; a number from 0.001 to 1000 is needed")]
-    Acuity {
-        /// The vertex.
-        vertex: VertexId,
-        /// The acuity found.
-        found: f64,
-    },
+    Acuity { vertex: VertexId, found: f64 },
     /// Weights of joints that are negative, not finite or do not have the sum 1.
     #[error("vertex {vertex} follows {found:?}; weights of at least 0 with sum 1 are needed")]
-    Joints {
-        /// The vertex.
-        vertex: VertexId,
-        /// Links and weights found.
-        found: Joints,
-    },
+    Joints { vertex: VertexId, found: Joints },
     /// A joint that does not exist.
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
-    UnknownJoint {
-        /// The vertex.
-        vertex: VertexId,
-        /// The link it follows.
-        link: LinkId,
-        /// How many links there are.
-        links: usize,
-    },
+    UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
     /// A matrix that is not the covariance of a position.
     #[error(
         "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
          semidefinite",
         <[f64; 6]>::from(*found)
     )]
-    Covariance {
-        /// The vertex.
-        vertex: VertexId,
-        /// The entries found.
-        found: Covariance,
-    },
+    Covariance { vertex: VertexId, found: Covariance },
 }

@@ -276,35 +276,20 @@ pub(super) type ReadObservations = (Observations, Vec<ObservationRemark>);
 /// Something about a file of observations that a user should know; `Display` is a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum ObservationRemark {
     /// Lines of a kind that is not known here.
-    UnknownTag {
-        /// First word of the lines.
-        tag: String,
-        /// How many there are.
-        lines: usize,
-    },
+    UnknownTag { tag: String, lines: usize },
     /// Quaternions that were not of unit length.
     Normalised {
-        /// How many.
         quaternions: usize,
         /// The length farthest from 1.
         worst: f64,
     },
     /// Information matrices that are not positive semi-definite.
-    Indefinite {
-        /// Line of the first one, from 1.
-        line: usize,
-        /// What it is the information of.
-        name: String,
-        /// How many there are.
-        count: usize,
-    },
+    Indefinite { line: usize, name: String, count: usize },
     /// A table gives no uncertainty.
-    AssumedSigma {
-        /// The standard deviation assumed instead, in m.
-        sigma: f64,
-    },
+    AssumedSigma { sigma: f64 },
 }
 
 impl fmt::Display for ObservationRemark {
