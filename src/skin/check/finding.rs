@@ -52,12 +52,13 @@ pub enum Severity {
 }
 
 macro_rules! finding_kinds {
-    ($n:ident; $($(#[$doc:meta])* $severity:ident $variant:ident $({ $($(#[$meaning:meta])* $field:ident: $type:ty,)* })? => $text:literal $(, $argument:expr)*;)*) => {
+    ($n:ident; $($(#[$doc:meta])* $severity:ident $variant:ident $({ $($field:ident: $type:ty),* })? => $text:literal $(, $argument:expr)*;)*) => {
         /// Kinds of findings. `Display` gives the name in words and in JSON, like `non-manifold-edge`.
         #[derive(Debug, Clone, PartialEq)]
         #[non_exhaustive]
+        #[expect(missing_docs, reason = "the messages say what the fields are")]
         pub enum FindingKind {
-            $($(#[$doc])* $variant $({ $($(#[$meaning])* $field: $type,)* })?,)*
+            $($(#[$doc])* $variant $({ $($field: $type),* })?,)*
         }
 
         impl FindingKind {
@@ -91,55 +92,33 @@ finding_kinds! { n;
     /// Taxels without triangles, which are joined when they are read.
     Note Bare => "its taxels have no triangles: reading it as a skin joins them";
     /// Taxels without triangles that cannot be joined.
-    Error NoSkin {
-        /// Why.
-        reason: SkinError,
-    } => "{reason}";
+    Error NoSkin { reason: SkinError } => "{reason}";
     /// Taxels without triangles fall into pieces when they are joined.
-    Warning BarePieces {
-        /// The names of the pieces.
-        patches: Vec<String>,
-    } => "joined, its taxels fall into {} that share no edge", count(patches.len(), "piece", "pieces");
+    Warning BarePieces { patches: Vec<String> } =>
+        "joined, its taxels fall into {} that share no edge", count(patches.len(), "piece", "pieces");
     /// Taxels without triangles that are left out when others are joined.
     Warning BareLeftOut => "{} left out, without a place in a triangle", count(n, "taxel is", "taxels are");
     /// A sheet of taxels without triangles that cannot be joined, among others that can.
-    Warning BareSheetLeftOut {
-        /// Why.
-        reason: SkinError,
-    } => "left out: {reason}";
+    Warning BareSheetLeftOut { reason: SkinError } => "left out: {reason}";
     /// A link comes before its parent.
     Error LinkOrder => "{}", count(n, "link comes before its parent", "links come before their parents");
     /// A sheet is attached to a link that does not exist.
-    Error UnknownLink {
-        /// The link.
-        link: LinkId,
-        /// How many links there are.
-        links: usize,
-    } => "it is attached to link {link}, but there {}", if *links == 1 { "is 1 link".to_owned() } else { format!("are {links} links") };
+    Error UnknownLink { link: LinkId, links: usize } =>
+        "it is attached to link {link}, but there {}",
+        if *links == 1 { "is 1 link".to_owned() } else { format!("are {links} links") };
     /// More vertices or faces than 32-bit numbers count.
     Error TooLarge => "it has more vertices or faces than 32-bit numbers count; nothing else was looked at";
     /// A sheet so large that the file is probably not in metres.
-    Warning DoubtfulUnit {
-        /// Longest side of the box around the taxels, without outliers, in m.
-        extent: f64,
-    } => "{}", crate::skin::RemarkKind::DoubtfulUnit { extent: *extent };
+    Warning DoubtfulUnit { extent: f64 } => "{}", crate::skin::RemarkKind::DoubtfulUnit { extent: *extent };
     /// An array has not one entry per vertex.
-    Error ArrayLength {
-        /// Which array.
-        what: &'static str,
-        /// Its entries.
-        found: usize,
-        /// How many are needed.
-        needed: usize,
-    } => "the array of {what} has {} for {}; nothing else was looked at",
+    Error ArrayLength { what: &'static str, found: usize, needed: usize } =>
+        "the array of {what} has {} for {}; nothing else was looked at",
         count(*found, "entry", "entries"), count(*needed, "vertex", "vertices");
     /// A position is NaN or infinite.
     Error NotFinite => "{} a coordinate that is NaN or infinite", count(n, "vertex has", "vertices have");
     /// A face names a vertex that does not exist.
-    Error CornerOutOfRange {
-        /// How many vertices there are.
-        vertices: usize,
-    } => "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
+    Error CornerOutOfRange { vertices: usize } =>
+        "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
     /// A face uses one taxel twice.
     Warning RepeatedCorner => "{} one taxel twice", count(n, "face uses", "faces use");
     /// Several faces have the same three corners.
@@ -147,15 +126,10 @@ finding_kinds! { n;
     /// A face whose corners lie on a line.
     Warning ZeroAreaFace => "{} no area: {} corners lie on a line", count(n, "face has", "faces have"), its(n);
     /// A face more than fifty times longer than high.
-    Warning SliverFace {
-        /// Length over height of the thinnest.
-        aspect: f64,
-    } => "{} more than 50 times longer than high, the thinnest {aspect:.0} times", count(n, "face is", "faces are");
+    Warning SliverFace { aspect: f64 } =>
+        "{} more than 50 times longer than high, the thinnest {aspect:.0} times", count(n, "face is", "faces are");
     /// More than two faces meet at an edge.
-    Error NonManifoldEdge {
-        /// The largest number of faces at one.
-        most: usize,
-    } => "{} more than two faces, one has {most}; a sheet has one or two",
+    Error NonManifoldEdge { most: usize } => "{} more than two faces, one has {most}; a sheet has one or two",
         count(n, "edge (pair of vertices) has", "edges (pairs of vertices) have");
     /// Several fans of faces touch in a vertex.
     Warning NonManifoldVertex =>
@@ -165,59 +139,37 @@ finding_kinds! { n;
     Error NotOrientable => "a piece has one side only: at {} its faces cannot be wound the same way",
         count(n, "edge (pair of vertices)", "edges (pairs of vertices)");
     /// Faces are wound against their neighbours.
-    Warning InconsistentWinding {
-        /// How many faces there are.
-        of: usize,
-    } => "{n} of {} wound against most faces of {} piece", count(*of, "face is", &format!("faces {}", are(n))), its(n);
+    Warning InconsistentWinding { of: usize } =>
+        "{n} of {} wound against most faces of {} piece", count(*of, "face is", &format!("faces {}", are(n))), its(n);
     /// Faces are wound against the taxels' normals.
-    Warning WindingAgainstNormals {
-        /// How many faces there are.
-        of: usize,
-    } => "{n} of {} wound against the taxels' normals", count(*of, "face is", &format!("faces {}", are(n)));
+    Warning WindingAgainstNormals { of: usize } =>
+        "{n} of {} wound against the taxels' normals", count(*of, "face is", &format!("faces {}", are(n)));
     /// A sheet has several components, which share no edge.
-    Warning SeveralComponents {
-        /// The faces of the smallest.
-        least: usize,
-        /// The faces of the largest.
-        most: usize,
-    } => "it falls into {n} pieces of {least} to {most} faces that share no edge; listed is the first face of each";
+    Warning SeveralComponents { least: usize, most: usize } =>
+        "it falls into {n} pieces of {least} to {most} faces that share no edge; listed is the first face of each";
     /// A component without boundary: its map is cut open.
     Note ClosedPatch => "{} no boundary: {} map is cut open along a seam; listed is {}",
         count(n, "piece has", "pieces have"), its(n), first_face(n);
     /// A component with handles: its map is cut open.
-    Note Handle {
-        /// How many handles they have together.
-        handles: usize,
-    } => "{} {}, like that of a cup: {} map is cut open along a seam; listed is {}",
+    Note Handle { handles: usize } => "{} {}, like that of a cup: {} map is cut open along a seam; listed is {}",
         count(n, "piece has", "pieces have"), count(*handles, "handle", "handles"), its(n), first_face(n);
     /// A pin-hole, see [`crate::mesh::FillHoles::PinHoles`].
-    Warning PinHole {
-        /// How many.
-        holes: usize,
-    } => "{} in a smooth surface, of at most five edges: faces are missing there; listed are the vertices",
+    Warning PinHole { holes: usize } =>
+        "{} in a smooth surface, of at most five edges: faces are missing there; listed are the vertices",
         count(*holes, "pin-hole", "pin-holes");
     /// Two boundaries so close that they look like an unjoined seam.
-    Warning Gap {
-        /// The smallest distance, in m.
-        nearest: f64,
-    } => "{} within half the local spacing of a boundary {} not joined with, the nearest at {:.3} mm: a seam that \
+    Warning Gap { nearest: f64 } =>
+        "{} within half the local spacing of a boundary {} not joined with, the nearest at {:.3} mm: a seam that \
           was not closed, or a part laid over another",
         count(n, "boundary vertex lies", "boundary vertices lie"), if n == 1 { "it is" } else { "they are" }, 1e3 * nearest;
     /// A taxel without a face.
-    Warning IsolatedTaxel {
-        /// How many taxels there are.
-        of: usize,
-    } => "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
+    Warning IsolatedTaxel { of: usize } =>
+        "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
     /// Several taxels at one place.
-    Warning DuplicatePosition {
-        /// The largest distance between them, in m; 0 where they coincide exactly.
-        distance: f64,
-    } => "{}", coincident(n, *distance);
+    Warning DuplicatePosition { distance: f64 } => "{}", coincident(n, *distance);
     /// Several taxels with one id.
-    Warning DuplicateId {
-        /// How many ids.
-        ids: usize,
-    } => "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
+    Warning DuplicateId { ids: usize } =>
+        "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
     /// Several taxels with a placeholder id.
     Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
     /// A normal that is not a unit vector.
@@ -241,7 +193,8 @@ finding_kinds! { n;
     /// A weight that is negative or not a number.
     Error WeightUnusable => "{} a weight that is negative or not a number", count(n, "vertex has", "vertices have");
     /// Weights that are all zero.
-    Error NoWeight => "the weight is 0 at {}", if n == 1 { "the only vertex".to_owned() } else { format!("all {n} vertices") };
+    Error NoWeight =>
+        "the weight is 0 at {}", if n == 1 { "the only vertex".to_owned() } else { format!("all {n} vertices") };
 }
 
 /// The possessive of one thing or of several.
