@@ -21,9 +21,7 @@ const FREE_PIXELS: u64 = 1 << 20;
 const ROOM: f64 = 1.1;
 
 /// Whether an image keeps to the largest size.
-///
-/// # Errors
-/// If not, with a pixel size that would.
+/// Fails if not, with a pixel size that would.
 pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
     let (size, size_px) = (frame.size, frame.size_px);
     let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
@@ -43,9 +41,7 @@ pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasErr
 
 /// Whether all images together keep to [`MAX_PIXELS`]; each sample of a pixel takes 4 bytes, and
 /// there are `samples` of them.
-///
-/// # Errors
-/// If not, with a pixel size that would.
+/// Fails if not, with a pixel size that would.
 pub(super) fn check_total<'a>(
     frames: impl Iterator<Item = &'a ImageFrame>,
     samples: u64,
@@ -54,9 +50,7 @@ pub(super) fn check_total<'a>(
 }
 
 /// Whether the images of a map keep to what its taxels need; a pixel has `samples`, of 4 bytes.
-///
-/// # Errors
-/// If not, with a pixel size that would.
+/// Fails if not, with a pixel size that would.
 pub(super) fn check_map(map: &SkinMap, samples: u64) -> Result<(), AtlasError> {
     check(Sum::of(frames(map)), most_pixels(map), samples)
 }

@@ -45,10 +45,8 @@ pub struct Chart {
 impl Chart {
     /// Rasterises a level that is known to be valid; errors name it `image`. Work grows with the
     /// covered pixels and the triangles.
-    ///
-    /// # Errors
-    /// If the image would be larger than 16384 pixels a side or `2^26` in all, or if the map does
-    /// not lie in its frame.
+    /// Fails if the image would be larger than 16384 pixels a side or `2^26` in all, or if the map does not
+    /// lie in its frame.
     pub(super) fn new(image: &str, at: &MapLevel, level: LevelId, place: &Place) -> Result<Self, AtlasError> {
         let Place { patch, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;

@@ -54,9 +54,7 @@ pub(super) fn turned(p: DVec2, turns: u8) -> DVec2 {
 }
 
 /// The images of a map that is known to be valid.
-///
-/// # Errors
-/// If the options make no sense or the charts do not fit into the canvas.
+/// Fails if the options make no sense or the charts do not fit into the canvas.
 pub(super) fn layout(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, AtlasError> {
     if let Resolution::Pixel(found) = options.resolution
         && !(found.is_finite() && found > 0.0)
@@ -136,9 +134,7 @@ fn positive(pixel: f64) -> f64 {
 }
 
 /// Width and height of a canvas (height, width) within its margins.
-///
-/// # Errors
-/// If that is less than `least` (width, height) or more than an image may have.
+/// Fails if that is less than `least` (width, height) or more than an image may have.
 fn free(canvas: [u32; 2], margin: u32, least: [u64; 2]) -> Result<[u32; 2], AtlasError> {
     let margins = 2 * u64::from(margin);
     let fits = |side: u32, least: u64| side <= MAX_SIDE && u64::from(side) >= least + margins;

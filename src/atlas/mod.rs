@@ -151,9 +151,7 @@ impl AtlasPart {
     }
 
     /// The id that each pixel shows, as in [`LevelImage`]; `u32::MAX` where there is none.
-    ///
-    /// # Panics
-    /// If `map` is not the one that was rasterised.
+    /// Panics if `map` is not the one that was rasterised.
     pub(crate) fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
         let [width, height] = self.frame.size_px.map(|n| n as usize);
         let mut ids = vec![u32::MAX; width * height];

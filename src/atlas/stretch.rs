@@ -19,9 +19,7 @@ pub(crate) struct Stretch {
 }
 
 /// The stretch of `face`, constant over it.
-///
-/// # Panics
-/// If the face does not exist.
+/// Panics if the face does not exist.
 #[must_use]
 pub(crate) fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };

@@ -108,9 +108,7 @@ impl CutMesh {
     }
 
     /// The edges of the seam in the uncut mesh, smaller vertex first, sorted.
-    ///
-    /// # Errors
-    /// If `uncut` is not an oriented manifold.
+    /// Fails if `uncut` is not an oriented manifold.
     pub(crate) fn seam(&self, uncut: &TriMesh) -> Result<Vec<[VertexId; 2]>, CutError> {
         Ok(self.seam_edges(uncut, &Adjacency::new(uncut)?))
     }

@@ -52,9 +52,7 @@ pub(crate) struct Decision {
 
 /// Decides how to cut a mesh, on which seams have these costs, by trial maps; with a `limit`, cones are
 /// added until the area ratio of the map is below it.
-///
-/// # Errors
-/// If the mesh is not an oriented manifold in one piece.
+/// Fails if the mesh is not an oriented manifold in one piece.
 pub(crate) fn decide(
     mesh: &TriMesh,
     costs: Option<&IdVec<VertexId, f64>>,

@@ -13,9 +13,7 @@ use crate::{
 };
 
 /// The vertices that pairs of taxels are, patch by patch.
-///
-/// # Errors
-/// If a taxel is not there or not the only one of its id, or a pair lies in two patches.
+/// Fails if a taxel is not there or not the only one of its id, or a pair lies in two patches.
 pub(crate) fn pairs_by_patch<'a>(
     pairs: &[[TaxelId; 2]],
     patches: impl Iterator<Item = &'a Taxels>,
@@ -46,10 +44,8 @@ pub(crate) fn pairs_by_patch<'a>(
 }
 
 /// Cuts a mesh along edges; `ids` are those of its taxels, to name them.
-///
-/// # Errors
-/// If the mesh is not an oriented manifold, a pair is not an edge or one of the boundary, or the
-/// mesh is not one disk with holes after the cut.
+/// Fails if the mesh is not an oriented manifold, a pair is not an edge or one of the boundary, or the mesh
+/// is not one disk with holes after the cut.
 pub(crate) fn cut_along(
     mesh: &TriMesh,
     edges: &[[VertexId; 2]],

@@ -98,9 +98,7 @@ impl Recipe {
     }
 
     /// Cuts a mesh, on which seams have these costs; nothing where the recipe cuts nothing.
-    ///
-    /// # Errors
-    /// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
+    /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
     pub(crate) fn cut(
         &self,
         mesh: &TriMesh,

@@ -75,9 +75,6 @@ pub(super) struct SeamGraph<'m> {
 
 impl<'m> SeamGraph<'m> {
     /// Closes a mesh; `costs` are factors on the length of paths at its vertices.
-    ///
-    /// # Errors
-    /// If the mesh is not an oriented manifold.
     pub(super) fn new(mesh: &'m TriMesh, costs: Option<&IdVec<VertexId, f64>>) -> Result<Self, MeshError> {
         let loops = Adjacency::new(mesh)?.boundary_loops();
         let mut closed = mesh.clone();
@@ -177,9 +174,6 @@ impl<'m> SeamGraph<'m> {
     }
 
     /// The mesh cut along a seam, if that is one disk with holes.
-    ///
-    /// # Errors
-    /// If it is not.
     pub(super) fn checked(&self, seam: &SeamEdges) -> Result<CutMesh, CutError> {
         let cut = self.cut(seam);
         let first = self.vertices(seam).first().copied().unwrap_or_default();

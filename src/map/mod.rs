@@ -67,9 +67,7 @@ impl MapLevel {
     }
 
     /// Measures the distortion anew.
-    ///
-    /// # Panics
-    /// If the map has not one position per place, or a triangle names a vertex that does not exist.
+    /// Panics if the map has not one position per place, or a triangle names a vertex that does not exist.
     pub(crate) fn measure(&mut self) {
         self.distortion = distortion(&self.opened(), &self.opened_uv());
     }
@@ -135,9 +133,6 @@ impl MapLevel {
 
     /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
     /// vertices of positive weight.
-    ///
-    /// # Errors
-    /// The first row whose vertices belong to no common face.
     pub(crate) fn row_faces(&self, rows: &Prolongation) -> Result<IdVec<VertexId, FaceId>, PyramidError> {
         let mesh = &self.level.mesh;
         let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
@@ -221,17 +216,12 @@ impl PatchMap {
     }
 
     /// The normals of a level of this patch: those of the taxels that its vertices are.
-    ///
-    /// # Panics
-    /// If a vertex of the level is not a taxel of this patch.
+    /// Panics if a vertex of the level is not a taxel of this patch.
     pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
         level.origins.map(|&taxel| self.taxels.normals[taxel])
     }
 
     /// Checks every rule that concerns this patch alone; see [`SkinMap::validate`].
-    ///
-    /// # Errors
-    /// The first broken rule.
     pub(crate) fn validate(&self) -> Result<(), MapError> {
         let levels: Vec<_> = self.levels.iter().map(|map| &map.level).collect();
         check_levels(&levels).map_err(|broken| {

@@ -55,9 +55,6 @@ pub(crate) struct Filling {
 }
 
 /// Closes the holes that `which` says; returns how many.
-///
-/// # Errors
-/// If the mesh is not an oriented manifold.
 pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, MeshError> {
     let fillings = fillings(mesh, which)?;
     for &t in fillings.iter().flat_map(|filling| &filling.triangles) {
@@ -71,9 +68,6 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, 
 ///
 /// The longest loop is the outer boundary and no hole, unless the surface is closed but for it. Time
 /// grows with the cube of the edges of a hole.
-///
-/// # Errors
-/// If the mesh is not an oriented manifold.
 pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>, MeshError> {
     let adjacency = Adjacency::new(mesh)?;
     let mut loops = adjacency.boundary_loops();

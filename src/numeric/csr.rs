@@ -21,9 +21,7 @@ impl<T> Csr<T> {
     }
 
     /// `lists` lists from pairs of list and item, by a counting sort: a list keeps the order of its pairs.
-    ///
-    /// # Panics
-    /// If a pair names a list beyond the last, or if there are more than 2^32 items.
+    /// Panics if a pair names a list beyond the last, or if there are more than 2^32 items.
     pub(crate) fn from_pairs(lists: usize, pairs: impl Iterator<Item = (usize, T)> + Clone) -> Self
     where
         T: Copy,
@@ -50,9 +48,7 @@ impl<T> Csr<T> {
     }
 
     /// Lists of these lengths, which `fill` writes in parallel; it takes the number of the list.
-    ///
-    /// # Panics
-    /// If there are more than 2^32 items.
+    /// Panics if there are more than 2^32 items.
     pub(crate) fn filled(lengths: &[u32], fill: impl Fn(usize, &mut [T]) + Sync) -> Self
     where
         T: Send + Clone + Default,
@@ -69,18 +65,14 @@ impl<T> Csr<T> {
     }
 
     /// Appends a list.
-    ///
-    /// # Panics
-    /// If there are then more than 2^32 items.
+    /// Panics if there are then more than 2^32 items.
     pub(crate) fn push(&mut self, list: impl IntoIterator<Item = T>) {
         self.items.extend(list);
         self.starts.push(offset(self.items.len()));
     }
 
     /// Appends the lists of another.
-    ///
-    /// # Panics
-    /// If there are then more than 2^32 items.
+    /// Panics if there are then more than 2^32 items.
     pub(crate) fn append(&mut self, mut other: Self) {
         let before = offset(self.items.len());
         self.items.append(&mut other.items);

@@ -22,9 +22,6 @@ const JUDGED: usize = 3;
 const KEPT: f64 = 0.995;
 
 /// The level of a mesh on which seams are decided; `None` where that is the mesh itself.
-///
-/// # Errors
-/// As [`coarsen`].
 fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error> {
     // In steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
@@ -43,9 +40,7 @@ fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error
 
 /// Cuts a mesh open where that is needed or worth it, from trial maps; `None` where it is mapped as it is.
 /// `options` are those of its map.
-///
-/// # Errors
-/// If the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
+/// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
     mesh: &TriMesh,
     taxels: &Taxels,

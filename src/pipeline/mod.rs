@@ -274,9 +274,6 @@ fn each_patch<P: Send, T: Send>(
 }
 
 /// What succeeded; errors are added to `failed`.
-///
-/// # Errors
-/// All errors, unless they may be left out.
 fn good<T>(
     made: Vec<Result<T, Error>>,
     options: &BuildOptions,

@@ -22,9 +22,6 @@ const TRIES: i32 = 8;
 ///
 /// The two sides of a slit in flat skin may be nearer to each other than rounding. *Heuristic*: where it
 /// makes them touch, their vertices move inwards by a few units, once the map itself is one to one.
-///
-/// # Errors
-/// If rounding turns a triangle over.
 pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
     let (mesh, uv) = as_in_map_file(level)?;
     level.distortion = distortion(&mesh, &uv);

@@ -53,8 +53,7 @@ impl LevelFrame {
         Self { time: 0.0, values, areas }
     }
 
-    /// # Panics
-    /// If it does not have this many patches, or a patch not this many channels.
+    /// Panics if it does not have this many patches, or a patch not this many channels.
     pub(super) fn check(&self, patches: usize, channels: usize) {
         assert_eq!(self.values.len(), patches, "one entry per patch");
         assert!(self.values.iter().all(|values| values.len() == channels), "one array per channel");

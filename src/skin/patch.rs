@@ -104,9 +104,6 @@ impl Skin {
 }
 
 /// Checks the links, and that patches have names of their own, and links and joints that exist.
-///
-/// # Errors
-/// The first broken rule.
 pub(crate) fn check_patches<'a>(
     links: &IdVec<LinkId, Link>,
     patches: impl Iterator<Item = (&'a str, LinkId, &'a Taxels)>,
@@ -133,9 +130,6 @@ pub(crate) fn check_patches<'a>(
 
 /// Checks that links come after their parents and have rigid poses. Names may be empty or repeat: a
 /// link is known by its id.
-///
-/// # Errors
-/// The first link of which that is not so.
 pub(crate) fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> {
     if let Some(link) = before_parents(links).next() {
         return Err(SkinError::LinkOrder { link });

@@ -153,10 +153,6 @@ impl From<&TriMesh> for Taxels {
 
 impl Taxels {
     /// Checks the length of every array and the values in it.
-    ///
-    /// # Errors
-    /// The first array that has not one entry for each of `vertices` vertices, or the first value
-    /// out of range.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
         let lengths = [
             ("ids", self.ids.len()),
@@ -238,9 +234,7 @@ impl Taxels {
     }
 
     /// The taxels `origins`, in that order.
-    ///
-    /// # Panics
-    /// If one of them does not exist.
+    /// Panics if one of them does not exist.
     #[must_use]
     pub(crate) fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
         Self {

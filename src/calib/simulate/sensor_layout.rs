@@ -37,9 +37,7 @@ impl SensorLayout {
     /// The `taxels` points of a triangular lattice nearest to a point off its symmetries, lifted to
     /// the sphere by the Lambert equal-area projection about the south pole, which keeps their
     /// density. Lengths in m.
-    ///
-    /// # Errors
-    /// [`CalibError::BadOption`] unless lengths are positive and the taxels fit on the sphere.
+    /// Fails unless lengths are positive and the taxels fit on the sphere.
     pub(super) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
         check(taxels, spacing, radius)?;
         let (cells, plane) = lattice(taxels);

@@ -217,9 +217,7 @@ pub(in crate::io) struct NumberArray {
 }
 
 /// The arrays of an `.npz` whose names `wanted` has.
-///
-/// # Errors
-/// If the file is not an archive of arrays, or one of these holds no numbers or is larger than the file
+/// Fails if the file is not an archive of arrays, or one of these holds no numbers or is larger than the file
 /// explains.
 pub(in crate::io) fn read_number_arrays(
     source: &Source,

@@ -76,9 +76,7 @@ impl Edges {
 }
 
 /// The halfedge on the other side of each, none on a boundary.
-///
-/// # Errors
-/// If an edge has more than two faces or two that run the same way: of all such edges the first.
+/// Fails if an edge has more than two faces or two that run the same way: of all such edges the first.
 pub(crate) fn pair_halfedges(
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     vertices: usize,

@@ -18,9 +18,7 @@ impl Halfedge {
     pub(crate) const NONE: Self = Self(u32::MAX);
 
     /// Side `side` of `face`.
-    ///
-    /// # Panics
-    /// If `side` is not 0, 1 or 2. Meshes with more than 2^30 faces are refused by
+    /// Panics if `side` is not 0, 1 or 2. Meshes with more than 2^30 faces are refused by
     /// [`TriMesh::validate`].
     #[inline]
     pub(crate) fn new(face: FaceId, side: usize) -> Self {

@@ -49,9 +49,6 @@ pub(crate) struct Compacted {
 
 impl HalfedgeMesh {
     /// The halfedges of a mesh, and its one-rings as long as it rests.
-    ///
-    /// # Errors
-    /// If the mesh is not an oriented manifold.
     pub(crate) fn new(mesh: &TriMesh) -> Result<(Self, Rings), MeshError> {
         let (Adjacency { twins, rings }, leaving) = Adjacency::with_starts(mesh)?;
         let degree = |v: VertexId| u32::try_from(rings.of(v).len()).expect("fewer neighbours than vertices");

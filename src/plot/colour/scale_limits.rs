@@ -24,9 +24,7 @@ impl ScaleLimits {
     /// A range that is asked for, or what all but a hundredth of the values lie in: of the triangles
     /// of the levels, or of the taxels' standard deviations (two hundredths above). Ends are rounded
     /// outwards to two digits.
-    ///
-    /// # Errors
-    /// If the paint needs what the patches lack, or the range does not rise.
+    /// Fails if the paint needs what the patches lack, or the range does not rise.
     pub(crate) fn new(
         levels: &[&MapLevel],
         patches: &[PatchView<'_>],

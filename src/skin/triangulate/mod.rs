@@ -96,11 +96,9 @@ const FEW: usize = 20;
 
 /// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
 /// done. `gap` and `outside` are those of [`crate::skin::AssembleOptions`].
-///
-/// # Errors
-/// If the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
-/// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is
-/// left out, with a remark.
+/// Fails if the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
+/// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is left out,
+/// with a remark.
 pub(super) fn triangulate_taxels(
     draft: &Draft,
     gap: f64,

@@ -124,9 +124,7 @@ pub(crate) fn names(paths: &[PathBuf]) -> PathBuf {
 const MOST_NAMES: usize = 10;
 
 /// The patches of a file whose name fits one of the patterns, or all of them without patterns.
-///
-/// # Errors
-/// If one of the patterns fits no name.
+/// Fails if one of the patterns fits no name.
 pub(crate) fn select_patches<T>(
     path: &Path,
     mut patches: Vec<T>,

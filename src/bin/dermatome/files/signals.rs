@@ -60,9 +60,6 @@ pub(crate) fn stopped() -> Option<u8> {
 }
 
 /// Standard input as a live stream: a signal is an error of reading it.
-///
-/// # Errors
-/// If no thread can be started that reads it.
 pub(crate) fn live_input() -> io::Result<impl Read + Send + 'static> {
     let (sender, pieces) = sync_channel(WAITING);
     *STREAM.lock().unwrap_or_else(PoisonError::into_inner) = Some(sender.clone());

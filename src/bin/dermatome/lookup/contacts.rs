@@ -121,9 +121,6 @@ impl Contacts<'_> {
     }
 
     /// The next rows that can be answered; none: the table has ended.
-    ///
-    /// # Errors
-    /// If the table cannot be read on.
     pub(super) fn batch(&mut self, robot: &Robot) -> Result<Batch, IoError> {
         let mut batch = Batch::default();
         while batch.contacts.len() < BATCH {

@@ -38,8 +38,7 @@ impl Player {
         self.set(index, first)
     }
 
-    /// # Errors
-    /// If a pose at this time (s) is too far away.
+    /// Fails if a pose at this time (s) is too far away.
     fn set(&self, index: &mut ContactIndex, time: f64) -> Result<(), IoError> {
         let Some(motion) = &self.motion else { return Ok(()) };
         index.set_motion(motion, time).map_err(|error| {

@@ -79,9 +79,7 @@ impl Readings {
     }
 
     /// Ends the recording of the contacts of this table.
-    ///
-    /// # Errors
-    /// If it has none: a recording needs a frame.
+    /// Fails if it has none: a recording needs a frame.
     pub(super) fn finish(mut self, contacts: &Path) -> Result<Counts, IoError> {
         let Some(frame) = self.frame.take() else {
             let (found, needed) =

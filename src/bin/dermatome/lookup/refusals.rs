@@ -34,9 +34,6 @@ impl Refusals {
     }
 
     /// Counts the next row, and returns its place in the table and itself if it can be answered.
-    ///
-    /// # Errors
-    /// If the table cannot be read on.
     pub(super) fn sort<T>(&mut self, row: Result<T, IoError>) -> Result<Option<(u64, T)>, IoError> {
         let number = self.count;
         self.count += 1;

@@ -93,9 +93,6 @@ enum EnergyArg {
 
 impl FlattenArgs {
     /// The options for a skin; a table of --boundary needs one with a single patch.
-    ///
-    /// # Errors
-    /// As [`Self::options`], and if a taxel or a table that is named cannot be used.
     pub(crate) fn options_for(&self, skin: &Skin) -> anyhow::Result<FlattenOptions> {
         let mut options = self.options()?;
         let Some(BoundaryArg::Table(path)) = &self.boundary else {
@@ -116,9 +113,7 @@ impl FlattenArgs {
     }
 
     /// The options but for a table of --boundary.
-    ///
-    /// # Errors
-    /// If an option is given that has no effect with the others.
+    /// Fails if an option is given that has no effect with the others.
     pub(crate) fn options(&self) -> anyhow::Result<FlattenOptions> {
         let (angle, area) = (self.angle.unwrap_or(1.0), self.area.unwrap_or(1.0));
         let magnify = self.magnify.unwrap_or(0.0);

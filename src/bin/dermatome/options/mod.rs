@@ -42,9 +42,6 @@ pub(crate) struct Common {
 
 impl Common {
     /// The number of worker threads: `--threads`, else the environment's; 0: one per processor.
-    ///
-    /// # Errors
-    /// What is wrong with the variable.
     pub(crate) fn workers(&self) -> Result<usize, String> {
         match std::env::var(THREADS_VARIABLE) {
             Ok(text) if self.threads == 0 && !text.is_empty() => {

@@ -46,9 +46,7 @@ impl PatchArgs {
     }
 
     /// Keeps the faces that are chosen.
-    ///
-    /// # Errors
-    /// If the list of faces cannot be read or does not fit, a material is not there, or nothing is
+    /// Fails if the list of faces cannot be read or does not fit, a material is not there, or nothing is
     /// left.
     pub(crate) fn keep_faces(&self, draft: &mut Draft, path: &Path) -> anyhow::Result<()> {
         let refuse = |what: String, help: &str| Err(advise(format!("{}: {what}", path.display()), help));

@@ -76,9 +76,6 @@ impl ReadArgs {
     }
 
     /// Reads a file as written, lengths in m, with its texture coordinates where these make seams.
-    ///
-    /// # Errors
-    /// As [`read_draft_with`]; also if no sheet has texture coordinates to make seams of.
     pub(crate) fn read(&self, path: &Path, materials: bool) -> anyhow::Result<Draft> {
         let parts = ReadParts { texture: self.seams.is_some(), materials };
         let mut draft = read_draft_with(path, parts).map_err(Error::from)?;
