@@ -67,7 +67,6 @@ pub(crate) fn fitting_pixel(map: &SkinMap) -> Option<f64> {
     Some(two_digits_up(1e3 * ROOM * by_side.max(by_area)))
 }
 
-/// Pixels in the images of a map.
 pub(crate) fn pixels_of(map: &SkinMap) -> u64 {
     Sum::of(frames(map)).pixels
 }

@@ -38,7 +38,6 @@ pub(super) type Snapped = [i64; 2];
 /// Neighbouring pixels of one row that show one face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Span {
-    /// The face.
     pub(crate) face: FaceId,
     /// Column of the first pixel.
     pub(crate) column: u16,

@@ -255,7 +255,6 @@ pub(super) struct Paths {
 enum Met {
     /// The search goes on.
     Way,
-    /// The search ends.
     End,
     /// The path to it is a source from now on.
     Source,

@@ -102,17 +102,14 @@ impl Runs {
         Self { all, rests, blocks, ends, by_source }
     }
 
-    /// Number of sources.
     pub(super) fn sources(&self) -> usize {
         self.by_source.len()
     }
 
-    /// The runs of one source.
     pub(super) fn of_source(&self, source: usize) -> &[Run] {
         &self.by_source[source]
     }
 
-    /// Fills all runs.
     pub(super) fn fill(&self, planes: &[Plane], pixels: &mut [f32]) {
         for rest in &self.rests {
             planes[rest.source as usize].fill::<REST>(rest, pixels);

@@ -83,7 +83,6 @@ impl Rows {
         self.entries.push(row.into_iter().filter(|(_, w)| *w != 0.0));
     }
 
-    /// Value of a row.
     #[inline]
     pub(super) fn value(&self, row: usize, x: &[f64]) -> f64 {
         self.entries[row].iter().map(|&(v, w)| w * x[v as usize]).sum()

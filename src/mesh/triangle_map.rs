@@ -125,7 +125,6 @@ impl SymmetricDirichlet {
         2.0 * ((self.squares / self.area) * (self.inverse / self.area)).sqrt()
     }
 
-    /// The best scale.
     pub(crate) fn scale(&self) -> f64 {
         (self.inverse / self.squares).powf(0.25)
     }

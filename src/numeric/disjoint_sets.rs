@@ -48,7 +48,6 @@ impl Parity for Relation {
 pub(crate) struct Labels<I> {
     /// The number of the set of each.
     pub(crate) of: IdVec<I, usize>,
-    /// How many sets there are.
     pub(crate) count: usize,
 }
 
@@ -97,7 +96,6 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
         }
     }
 
-    /// The sets, numbered.
     pub(crate) fn labels(&mut self) -> Labels<I> {
         let (mut of, mut count) = (IdVec::<I, usize>::default(), 0);
         for member in (0..self.parents.len()).map(I::new) {

@@ -39,7 +39,6 @@ pub(super) struct RecordingHeader {
     is_amount: bool,
     lo: f64,
     hi: f64,
-    /// Whether contacts have a force.
     force: bool,
     times: Vec<f64>,
     /// Sum of the readings of each frame.

@@ -69,12 +69,10 @@ impl<'a> PatchView<'a> {
         cut.and_then(|cut| cut.seam(self.mesh).ok()).unwrap_or_default()
     }
 
-    /// Whether an id is a placeholder here.
     pub(crate) fn is_placeholder(&self, id: TaxelId) -> bool {
         self.placeholders.contains(&id)
     }
 
-    /// The ids that are not placeholders.
     pub(crate) fn known_ids(&self) -> impl Iterator<Item = TaxelId> {
         self.ids.iter().copied().filter(|&id| !self.is_placeholder(id))
     }

@@ -20,11 +20,9 @@ use crate::{
     signal::{Channel, LevelFrame, Quantity},
 };
 
-/// One channel of a frame.
 struct ChannelView<'a> {
     frame: &'a LevelFrame,
     channel: &'a Channel,
-    /// Its position in the frame.
     shown: usize,
 }
 

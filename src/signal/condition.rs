@@ -95,7 +95,6 @@ pub struct Conditioner {
 /// One number per patch, channel and taxel, in this order.
 #[derive(Debug, Clone)]
 struct Baseline {
-    /// Frames that are needed.
     frames: usize,
     kept: Vec<Frame>,
     /// Sums until it is known, then means.

@@ -62,7 +62,6 @@ pub struct Restrictor {
     touched: Touched,
 }
 
-/// The receptive fields of a patch.
 #[derive(Debug, Clone)]
 struct PatchFields {
     /// The areas of the taxels, in m^2.
@@ -76,7 +75,6 @@ struct PatchFields {
 struct Fields {
     /// `Q'` by rows: the taxels of each field and their weights.
     members: Csr<(u32, f64)>,
-    /// The fields of each taxel.
     of_taxel: IdVec<VertexId, [VertexId; 3]>,
 }
 
@@ -160,7 +158,6 @@ impl Restrictor {
     }
 }
 
-/// One channel of one patch as it is restricted.
 struct ChannelOut<'a> {
     quantity: Quantity,
     values: &'a mut IdVec<LevelId, IdVec<VertexId, f64>>,

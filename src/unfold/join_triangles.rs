@@ -18,7 +18,6 @@ const COTANGENTS: [f64; 2] = [0.05, 19.1];
 /// take four times as long and leave 0.6 % and 0.09 %.
 const ROUNDS: usize = 8;
 
-/// The triangles that are joined.
 pub(super) struct Joiner<'a> {
     corners: &'a IdVec<FaceId, [PlaceId; 3]>,
     space: &'a IdVec<PlaceId, DVec3>,
@@ -127,7 +126,6 @@ impl<'a> Joiner<'a> {
     }
 }
 
-/// An edge of a triangle.
 struct Edge {
     face: FaceId,
     /// Its ends among the corners of the face.

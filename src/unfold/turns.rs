@@ -10,7 +10,6 @@ use crate::{
     mesh::{FlatTriangle, SingularValues, VertexCorners, triangle_cross},
 };
 
-/// The turns of all triangles.
 pub(super) struct Turns {
     pub(super) faces: IdVec<FaceId, FaceMap>,
     /// The pose of the map in space: the mean of all turns is zero, and the first corner of the first

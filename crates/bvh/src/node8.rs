@@ -33,7 +33,6 @@ pub(crate) struct Boxes {
 pub(crate) const EMPTY: Boxes =
     Boxes { lo: [[f32::INFINITY; LANES]; 3], hi: [[f32::NEG_INFINITY; LANES]; 3] };
 
-/// The lanes' numbers.
 const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Where a child of a node leads: to a node or to a packet.

@@ -43,7 +43,6 @@ pub(crate) struct Tree {
     pub(crate) owners: Vec<u32>,
 }
 
-/// A primitive as the tree sees it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Primitive {
     pub(crate) centre: DVec3,
@@ -214,7 +213,6 @@ impl Moments {
 /// primitive is in `[k][c]`.
 pub(crate) type Points<const N: usize> = [[[f32; LANES]; 3]; N];
 
-/// Sets the points of the primitive in one lane.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
 pub(crate) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive: [DVec3; N]) {

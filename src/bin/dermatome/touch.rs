@@ -77,7 +77,6 @@ pub(crate) struct Args {
     read: ReadArgs,
 }
 
-/// What a taxel reads.
 const READS: [Choice<Quantity>; 2] = [
     ("force", Quantity::Extensive, "The force on its disc, in N"),
     ("pressure", Quantity::Intensive, "The mean pressure on its disc, in Pa"),

@@ -175,11 +175,13 @@ impl LossFunctions {
 pub(crate) enum Weighting<'w> {
     /// From loss functions, at every step anew.
     Loss(&'w LossFunctions),
-    /// Given.
     Fixed(&'w PerObservation),
     /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
     /// the truncated loss (algorithm 1 of yang2020).
-    Graduated { losses: &'w LossFunctions, mu: f64 },
+    Graduated {
+        losses: &'w LossFunctions,
+        mu: f64,
+    },
 }
 
 impl Weighting<'_> {

@@ -28,9 +28,7 @@ const EDGES_PER_CHUNK: usize = 4096;
 pub(crate) enum BlockLayout {
     /// Positions whose information is the same in every direction: one matrix serves x, y and z.
     Scalar,
-    /// Positions.
     Vector,
-    /// Poses.
     Pose,
 }
 

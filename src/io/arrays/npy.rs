@@ -18,7 +18,6 @@ const MAX_HEADER: usize = 1 << 16;
 /// Most axes of an array, as in numpy.
 const MAX_AXES: usize = 64;
 
-/// What the elements of an array are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::io) struct ElementType {
     is_big_endian: bool,
@@ -39,7 +38,6 @@ enum Kind {
     Bytes,
 }
 
-/// The header of an array.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::io) struct NpyHeader {
     pub(in crate::io) elements: ElementType,

@@ -30,7 +30,6 @@ trait ReadSeek: Read + Seek + Send {}
 impl<T: Read + Seek + Send> ReadSeek for T {}
 
 impl<'a> Storage<'a> {
-    /// A file on disk.
     pub(in crate::io) const fn disk(path: &'a Path) -> Self {
         Self { path, bytes: None }
     }
@@ -53,7 +52,6 @@ impl<'a> Storage<'a> {
     }
 }
 
-/// An array of a file.
 pub(in crate::io) struct StoredArray {
     /// Its name; empty in a `.npy`.
     pub(in crate::io) name: String,

@@ -93,7 +93,6 @@ pub struct RecordingWriter {
     features: Map<String, Value>,
 }
 
-/// The values of one level of a patch.
 struct LevelValues {
     patch: PatchId,
     level: LevelId,

@@ -19,7 +19,6 @@ use crate::{
     skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names},
 };
 
-/// What is read of an animation.
 #[derive(Deserialize)]
 struct AnimationJson {
     channels: Vec<Channel>,

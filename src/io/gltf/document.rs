@@ -47,7 +47,6 @@ pub(super) struct Document {
     /// The animations as the file states them, unchecked.
     pub(super) animations: serde_json::Value,
     chunk: Option<Range<usize>>,
-    /// The names of the materials.
     pub(super) materials: Vec<String>,
     /// Faults that touch no triangle.
     pub(super) notes: Notes,

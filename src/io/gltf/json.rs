@@ -46,7 +46,6 @@ const READ: [&str; 10] = [
 
 const NEEDED: &str = "a value as glTF 2.0 describes it";
 
-/// The JSON of a document.
 pub(super) struct Parsed {
     pub root: Root,
     /// The transform of each node.

@@ -46,7 +46,6 @@ pub(super) struct Placement {
 pub(super) struct Tree {
     pub(super) links: IdVec<LinkId, Link>,
     pub(super) placements: Vec<Placement>,
-    /// The link of each node, if it is one.
     pub(super) nodes: Vec<Option<LinkId>>,
     /// What the transform of each node has besides the rigid pose of its link.
     pub(super) stretches: Vec<Option<DMat3>>,
@@ -89,9 +88,7 @@ struct Nodes<'a> {
     parents: Vec<Option<usize>>,
     /// Which belong to the scene.
     shown: Vec<bool>,
-    /// Whose transforms are animated.
     animated: Vec<bool>,
-    /// Which are joints of some skin.
     joints: Vec<bool>,
 }
 
@@ -232,7 +229,6 @@ fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
     node.children.iter().flatten().map(|child| child.value())
 }
 
-/// Whether a node has no children.
 fn is_end(node: &Node) -> bool {
     children(node).next().is_none()
 }
@@ -284,7 +280,6 @@ fn animated(document: &Document) -> Vec<bool> {
     animated
 }
 
-/// Which nodes are joints of some skin.
 fn joints(document: &Document) -> Vec<bool> {
     let root = document.root();
     let mut joints = vec![false; root.nodes.len()];

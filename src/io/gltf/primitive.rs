@@ -128,7 +128,6 @@ impl<'a> Attributes<'a> {
         self.read(name, |accessor| accessor.reals(|[x]| x))
     }
 
-    /// Positions in metres.
     pub(super) fn positions(&self) -> Result<Vec<DVec3>> {
         self.need("POSITION")?.reals(DVec3::from_array)
     }

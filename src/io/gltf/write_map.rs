@@ -215,7 +215,6 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
     Ok(writer.root.push(mesh))
 }
 
-/// Writes a prolongation for readers of the extras.
 fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
     let indices = writer.array(None, rows.indices.iter().map(|row| row.map(VertexId::raw)));
     let weights = writer.array(None, rows.weights.iter().map(|row| row.map(narrow)));

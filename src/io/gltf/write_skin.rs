@@ -170,7 +170,6 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         }
     }
 
-    /// A positive scalar.
     pub(super) fn positive(&mut self, name: &str, values: &IdVec<VertexId, f64>) -> Result<()> {
         self.scalars((name, "a positive f32"), values, |x| x > 0.0)
     }

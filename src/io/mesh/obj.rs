@@ -251,7 +251,6 @@ impl Reader {
         group.triangles.iter().map(|&[a, b, c]| Some([of(a)?, of(b)?, of(c)?])).collect()
     }
 
-    /// One normal per vertex, from those of its corners.
     fn vertex_normals(&self, group: &Group, places: &[u32], count: usize) -> Option<Vec<DVec3>> {
         let mut first: Vec<Option<DVec3>> = vec![None; count];
         let mut sums = vec![DVec3::ZERO; count];

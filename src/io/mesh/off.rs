@@ -42,7 +42,6 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
 struct Words<'a, I> {
     rows: I,
     at: LineLocation<'a>,
-    /// What is left of the row.
     row: &'a str,
 }
 

@@ -175,7 +175,6 @@ fn read_ids(source: &Source, taxels: &[Taxel<'_>]) -> Result<Vec<TaxelId>> {
     taxels.iter().enumerate().map(id).collect()
 }
 
-/// The normals, of all taxels or of none.
 fn read_normals(source: &Source, taxels: &[Taxel<'_>]) -> Result<Option<Vec<DVec3>>> {
     let normals: Vec<DVec3> = taxels.iter().filter_map(|t| t.n).map(DVec3::from).collect();
     match taxels.iter().position(|t| t.n.is_none()) {

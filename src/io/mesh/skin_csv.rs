@@ -204,7 +204,6 @@ impl Sheets {
         Ok(())
     }
 
-    /// The link of this name, at the origin.
     fn link(&mut self, name: &str) -> Option<LinkId> {
         if name.is_empty() {
             return None;

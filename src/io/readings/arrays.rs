@@ -245,12 +245,10 @@ fn need_shape(path: &Path, array: &StoredArray, count: u64, why: &str) -> Result
     Err(invalid(path, array.element(), array.header.describe(), needed))
 }
 
-/// The rows of an array.
 struct Rows {
     element: String,
     input: Box<dyn Read + Send>,
     elements: ElementType,
-    /// Elements of a row.
     row: usize,
     left: u64,
     done: u64,

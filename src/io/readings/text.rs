@@ -30,11 +30,9 @@ use crate::{
 /// line would fill the memory.
 const LONGEST_LINE: usize = 1 << 24;
 
-/// Lines of a text and their cells.
 pub(super) struct TextLines {
     lines: Lines<BufReader<Box<dyn Read + Send>>>,
     separator: Separator,
-    /// The cells of the line.
     pub(super) words: Cells,
 }
 
@@ -112,7 +110,6 @@ impl TextReadings {
         Ok(true)
     }
 
-    /// Whether rows have a time.
     pub(super) fn has_times(&self) -> bool {
         self.cells.iter().any(|cell| matches!(cell, Cell::Time { .. }))
     }

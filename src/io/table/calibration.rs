@@ -172,7 +172,6 @@ pub(in crate::io) const BY_ROW: [&str; 3] = ["row0", "row1", "row2"];
 /// How a table names the corners of its triangles.
 pub(in crate::io) struct Corners {
     by_id: bool,
-    /// The names of the columns, and where they are.
     pub(in crate::io) names: [&'static str; 3],
     pub(in crate::io) columns: [usize; 3],
 }
@@ -212,7 +211,6 @@ impl Corners {
     }
 }
 
-/// Which rows the taxels have.
 pub(in crate::io) struct Taxels {
     count: usize,
     /// The first row of each id, and how many there are.

@@ -12,7 +12,6 @@ pub(crate) enum Separator {
 #[derive(Debug, Default)]
 pub(crate) struct Cells {
     text: String,
-    /// Where each cell ends.
     ends: Vec<usize>,
 }
 

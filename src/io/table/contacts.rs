@@ -13,7 +13,6 @@ use crate::io::{
     table::{Row, Table, lookups::OFF_SKIN},
 };
 
-/// Columns of a table of contacts.
 const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "only_link", "time"];
 
 /// Columns that make a table one of answers. One of them does not: a `frame` may also be the number of an

@@ -157,7 +157,6 @@ impl<'a, W: Write> LookupWriter<'a, W> {
     }
 }
 
-/// Rows as text.
 #[derive(Debug, Default)]
 struct Text {
     rows: Vec<u8>,

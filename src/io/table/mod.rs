@@ -245,7 +245,6 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 #[derive(Debug)]
 pub(crate) struct Columns {
     path: PathBuf,
-    /// The line of the names.
     line: usize,
     pub(super) names: Vec<String>,
 }
@@ -268,7 +267,6 @@ impl Columns {
         Ok(Self { path: path.into(), line, names })
     }
 
-    /// The line of the names.
     pub(crate) fn at(&self) -> LineLocation<'_> {
         LineLocation { path: &self.path, line: self.line }
     }

@@ -15,7 +15,6 @@ use crate::{
     skin::{Link, LinkId, Motion, MotionFrame, link_names},
 };
 
-/// Columns that are read.
 const COLUMNS: [&str; 13] =
     ["link", "time", "x", "y", "z", "qx", "qy", "qz", "qw", SCALES[0], SCALES[1], SCALES[2], SCALES[3]];
 /// Columns of programs whose poses may be scaled.

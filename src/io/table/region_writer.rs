@@ -13,7 +13,6 @@ use crate::{
     skin::Skin,
 };
 
-/// Columns of the table of regions.
 const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,\
                        major,minor,angle,peak_taxel_id,peak";
 

@@ -32,7 +32,6 @@ pub(crate) fn push_decimal(text: &mut Vec<u8>, number: f64, least: f64) {
     let _ = if is_plain { write!(text, "{number},") } else { write!(text, "{number:e},") };
 }
 
-/// Appends a whole number.
 #[inline]
 pub(crate) fn push_whole(text: &mut Vec<u8>, number: u64) {
     text.extend_from_slice(itoa::Buffer::new().format(number).as_bytes());
@@ -62,7 +61,6 @@ pub(crate) fn end_row(text: &mut Vec<u8>) {
     text.push(b'\n');
 }
 
-/// Writes the rows of a table.
 pub(crate) struct TableWriter<W> {
     path: PathBuf,
     output: W,

@@ -61,7 +61,6 @@ impl Rings {
         &self.neighbours[v.index()]
     }
 
-    /// Number of edges.
     pub(super) fn edges(&self) -> usize {
         self.neighbours.items().len() / 2
     }

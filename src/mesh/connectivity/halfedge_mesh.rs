@@ -74,7 +74,6 @@ impl HalfedgeMesh {
         self.faces.map(|face| face.corners)
     }
 
-    /// Whether a face is one of the mesh still.
     pub(crate) fn is_alive(&self, face: FaceId) -> bool {
         self.alive[face]
     }

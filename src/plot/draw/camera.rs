@@ -28,7 +28,6 @@ pub(crate) struct Camera {
     toward: DVec3,
     /// The direction in whole degrees, azimuth and elevation.
     pub(crate) degrees: [f64; 2],
-    /// Whether y is up in the picture.
     has_y_up: bool,
 }
 

@@ -88,7 +88,6 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Lines between the triangles of a canvas, if they are drawn.
 pub(crate) fn triangle_lines(canvas: &Canvas<'_>, path: Path, fill: &Fill) -> Option<Shape> {
     let edge_px = canvas.edge_px;
     let (colour, opacity, least_px) = fill.lines(canvas.mesh.positions.len() > FINE)?;

@@ -102,7 +102,6 @@ pub(crate) fn lay_out<P>(
     Ok((rows, layout))
 }
 
-/// The slots of all panels, row by row.
 pub(crate) fn slots<P>(rows: &[Vec<Option<P>>], slot: impl Fn(&P) -> &Slot) -> Vec<Row<'_>> {
     rows.iter().map(|row| row.iter().map(|panel| panel.as_ref().map(&slot)).collect()).collect()
 }

@@ -140,7 +140,6 @@ impl Splitter {
         }
     }
 
-    /// A new part.
     fn start(&mut self, peak: f64) -> PartId {
         self.sets.push();
         self.parts.push(Part { peak, taxels: 0 })

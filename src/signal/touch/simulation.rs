@@ -78,7 +78,6 @@ pub struct TouchSimulation<'a> {
     touches: Vec<Touch>,
 }
 
-/// A press that has begun.
 #[derive(Debug, Clone)]
 struct Press {
     number: usize,

@@ -209,7 +209,6 @@ impl Assembly {
         self.remarks.extend(kinds.into_iter().map(|kind| Remark { patch: patch.to_owned(), kind }));
     }
 
-    /// A link at the origin of the world.
     fn origin(&mut self) -> LinkId {
         let link = || Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY };
         *self.origin.get_or_insert_with(|| self.skin.links.push(link()))

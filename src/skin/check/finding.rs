@@ -100,7 +100,6 @@ finding_kinds! { n;
     Warning BareLeftOut => "{} left out, without a place in a triangle", count(n, "taxel is", "taxels are");
     /// A sheet of taxels without triangles that cannot be joined, among others that can.
     Warning BareSheetLeftOut { reason: SkinError } => "left out: {reason}";
-    /// A link comes before its parent.
     Error LinkOrder => "{}", count(n, "link comes before its parent", "links come before their parents");
     /// A sheet is attached to a link that does not exist.
     Error UnknownLink { link: LinkId, links: usize } =>
@@ -119,23 +118,19 @@ finding_kinds! { n;
     /// A face names a vertex that does not exist.
     Error CornerOutOfRange { vertices: usize } =>
         "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
-    /// A face uses one taxel twice.
     Warning RepeatedCorner => "{} one taxel twice", count(n, "face uses", "faces use");
     /// Several faces have the same three corners.
     Error DuplicateFace => "{} the same corners as an earlier face", count(n, "face has", "faces have");
-    /// A face whose corners lie on a line.
     Warning ZeroAreaFace => "{} no area: {} corners lie on a line", count(n, "face has", "faces have"), its(n);
     /// A face more than fifty times longer than high.
     Warning SliverFace { aspect: f64 } =>
         "{} more than 50 times longer than high, the thinnest {aspect:.0} times", count(n, "face is", "faces are");
-    /// More than two faces meet at an edge.
     Error NonManifoldEdge { most: usize } => "{} more than two faces, one has {most}; a sheet has one or two",
         count(n, "edge (pair of vertices) has", "edges (pairs of vertices) have");
     /// Several fans of faces touch in a vertex.
     Warning NonManifoldVertex =>
         "at {} several fans of faces touch in a point; the faces around a taxel must form one fan",
         count(n, "vertex", "vertices");
-    /// A component has one side only.
     Error NotOrientable => "a piece has one side only: at {} its faces cannot be wound the same way",
         count(n, "edge (pair of vertices)", "edges (pairs of vertices)");
     /// Faces are wound against their neighbours.
@@ -170,14 +165,10 @@ finding_kinds! { n;
     /// Several taxels with one id.
     Warning DuplicateId { ids: usize } =>
         "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
-    /// Several taxels with a placeholder id.
     Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
-    /// A normal that is not a unit vector.
     Warning NormalNotUnit => "{} a normal that is not a unit vector", count(n, "vertex has", "vertices have");
-    /// A tangent that is not a unit vector, or is parallel to the normal.
     Warning UnusableTangent => "{} a tangent that is not a unit vector or is parallel to the normal",
         count(n, "vertex has", "vertices have");
-    /// Normals that are all the same on a curved component.
     Warning ConstantNormals => "the normals of {} are all the same although their piece is curved: placeholders",
         count(n, "taxel", "taxels");
     /// Normals that have nothing to do with the faces.
@@ -186,13 +177,9 @@ finding_kinds! { n;
     /// A normal that points to the inside.
     Warning InwardNormal => "{} inwards, against most normals of {} piece",
         count(n, "normal points", "normals point"), its(n);
-    /// A receptive area that is not positive.
     Warning AreaNotPositive => "{} a receptive area that is not positive", count(n, "vertex has", "vertices have");
-    /// A density that is not positive.
     Error DensityNotPositive => "{} a density that is not positive", count(n, "vertex has", "vertices have");
-    /// A weight that is negative or not a number.
     Error WeightUnusable => "{} a weight that is negative or not a number", count(n, "vertex has", "vertices have");
-    /// Weights that are all zero.
     Error NoWeight =>
         "the weight is 0 at {}", if n == 1 { "the only vertex".to_owned() } else { format!("all {n} vertices") };
 }
@@ -211,7 +198,6 @@ const fn are(n: usize) -> &'static str {
 }
 
 impl Finding {
-    /// A finding about a whole sheet.
     pub(super) fn whole(sheet: &str, kind: FindingKind) -> Self {
         Self { patch: sheet.to_owned(), kind, elements: Elements::Whole }
     }

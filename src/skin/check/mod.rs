@@ -77,7 +77,6 @@ pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
     whole.findings
 }
 
-/// The name of the only sheet of a draft.
 fn only_name(draft: &Draft) -> &str {
     match draft.sheets.as_slice() {
         [sheet] => sheet.title(),

@@ -56,7 +56,6 @@ const APART: f64 = 0.25;
 /// layers.
 const STACKED: f64 = 0.9;
 
-/// The normals of a point cloud.
 #[derive(Debug)]
 pub(super) struct PointNormals {
     /// Unit normals.

@@ -30,7 +30,6 @@ pub enum Weld {
     Texture,
 }
 
-/// How to weld and what to repair.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::skin) struct WeldOptions {
     /// Which vertices at one place are one.

@@ -23,11 +23,9 @@ use crate::{
 /// What an output holds.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
-    /// The taxels.
     Table,
     /// The observations, from where the taxels are.
     Graph,
-    /// A mesh.
     Skin,
 }
 

@@ -59,7 +59,6 @@ pub(crate) fn json(schema: &str, object: &impl Serialize) -> serde_json::Result<
     Ok(text.chars().map(escaped).collect::<String>() + "\n")
 }
 
-/// Prints pretty JSON of an object, with its schema.
 pub(crate) fn print_json(schema: &str, object: &impl Serialize) -> anyhow::Result<()> {
     print(&json(schema, object)?)
 }

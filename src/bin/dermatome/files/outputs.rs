@@ -82,7 +82,6 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Makes a folder for outputs, unless it is there.
 pub(crate) fn make_folder(path: &Path) -> Result<(), Error> {
     check_folder(path)?;
     fs::create_dir_all(path).map_err(|source| cannot_write(path, source))
@@ -168,7 +167,6 @@ impl Outputs {
         self.files.stage(write).map_err(Error::from)
     }
 
-    /// A file of these bytes.
     pub(crate) fn stage_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
         let fail = |source| IoError::Write { path: path.to_owned(), source };
         self.stage(|| replace_file(path, |file| io::Write::write_all(file, bytes).map_err(fail)))

@@ -214,7 +214,6 @@ impl<'a> Answers<'a> {
     }
 }
 
-/// The rows of one contact.
 struct Rows<'a, 'b> {
     answers: &'b Answers<'a>,
     contact: &'b Contact,

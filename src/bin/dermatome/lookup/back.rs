@@ -36,7 +36,6 @@ pub(super) struct Back<'a> {
     player: Player,
     rows: Box<dyn Iterator<Item = Result<MapPlaceRow, IoError>> + 'a>,
     pub(super) refusals: Refusals,
-    /// Whether some place has a time.
     has_times: bool,
     /// Places off every triangle of their map.
     off_chart: u64,

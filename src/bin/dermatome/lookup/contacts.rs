@@ -53,7 +53,6 @@ pub(super) struct Contact {
 #[derive(Default)]
 pub(super) struct Batch {
     pub(super) contacts: Vec<Contact>,
-    /// One for each contact.
     pub(super) queries: Vec<Query>,
 }
 

@@ -26,7 +26,6 @@ pub(super) struct Readings {
 /// What of the contacts is not in the recording, or not in order.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
-    /// Contacts with a force.
     forces: u64,
     /// Those of them that touched no taxel.
     untouched: u64,

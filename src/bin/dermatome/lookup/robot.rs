@@ -27,14 +27,11 @@ use crate::{
 pub(super) struct Robot {
     pub(super) map: SkinMap,
     pub(super) links: IdVec<LinkId, String>,
-    /// Names of the patches.
     pub(super) patches: IdVec<PatchId, String>,
     pub(super) live: LiveTaxels,
-    /// Whether each link carries a patch.
     pub(super) carries: IdVec<LinkId, bool>,
     /// Whether it carries one in the file, chosen or not.
     pub(super) has_skin: IdVec<LinkId, bool>,
-    /// The levels that are asked for.
     pub(super) levels: Vec<LevelId>,
 }
 

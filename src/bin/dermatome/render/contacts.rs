@@ -41,7 +41,6 @@ pub(super) struct ContactsArgs {
     channel: Option<String>,
 }
 
-/// Writes contacts.
 pub(super) struct Contacts {
     tracker: ContactTracker,
     writer: RegionWriter,

@@ -105,7 +105,6 @@ impl ColourArgs {
     }
 }
 
-/// What is written.
 pub(super) struct Content<'a> {
     pub(super) map: &'a Arc<SkinMap>,
     /// `None`: values without images.

@@ -19,22 +19,16 @@ use crate::{
     render::readings_args::{FramesArgs, ReadingsArgs},
 };
 
-/// What became of the readings.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tally {
-    /// Frames that were read.
     pub(crate) read: usize,
-    /// Frames that were passed on.
     pub(crate) frames: usize,
-    /// Channels of the readings.
     pub(crate) channels: usize,
-    /// Whether frames have a time.
     pub(crate) has_times: bool,
     /// Readings of matched taxels that are missing, NaN or infinite.
     pub(crate) missing: usize,
     /// How columns and taxels fit each other.
     pub(crate) join: JoinReport,
-    /// What was done to the readings.
     pub(crate) condition: ConditionReport,
 }
 
@@ -207,7 +201,6 @@ fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// The channel of this name.
 pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
     channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
         let what = format!("the readings have no channel {name:?}; they have {}", names(channels));
@@ -215,7 +208,6 @@ pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<u
     })
 }
 
-/// The names of the first channels.
 fn names(channels: &[Channel]) -> String {
     channels.iter().take(10).map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
 }

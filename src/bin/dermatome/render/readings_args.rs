@@ -97,7 +97,6 @@ const DUPLICATES: [Choice<Duplicates>; 3] = [
     ("mean", Duplicates::Mean, "Use the mean of the columns"),
 ];
 
-/// A positive number.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
