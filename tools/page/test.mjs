@@ -210,6 +210,9 @@ await test('arrows walk to a neighbour, and the address keeps the state', async 
 await test('a recording plays, with its contacts', async () => {
   const page = await open(join(folder, 'recording.html'));
   assert.match(await page.textContent('#frame-text'), /contact/);
+  await page.evaluate(() => window.dermatome.setUnfold(0.35));
+  await settle(page);
+  await page.screenshot({ path: join(folder, 'page.png') });
   const before = await page.inputValue('#frame');
   await page.evaluate(() => window.dermatome.setFrame(0));
   await page.focus('#map');
@@ -217,6 +220,41 @@ await test('a recording plays, with its contacts', async () => {
   await page.waitForFunction(() => +document.getElementById('frame').value > 3, null, { timeout: 20000 });
   await page.keyboard.press(' ');
   assert.notEqual(before, '0');
+  await close(page);
+});
+
+const covers = process.env.DERMATOME_DATA && join(process.env.DERMATOME_DATA, 'cyskin');
+const measured = 'a measured recording of a real cover plays, with its contacts';
+if (!covers || !existsSync(covers)) console.log(`skipped: ${measured}; DERMATOME_DATA names no folder with cyskin`);
+else await test(measured, async () => {
+  run('build', join(covers, 'curved_gesture_patch_isomap.json'), '-o', join(folder, 'cover'));
+  run('report', join(folder, 'cover', 'map.glb'), join(covers, 'recordings', '2_finger_01.txt'), '-o', join(folder, 'cover.html'));
+  const page = await open(join(folder, 'cover.html'));
+  const frames = await page.evaluate(() => {
+    const d = window.dermatome, says = [];
+    for (let frame = 0; frame < d.data.header.recording.times.length; frame++) {
+      d.setFrame(frame);
+      says.push(document.getElementById('frame-text').textContent);
+    }
+    return says;
+  });
+  assert.ok(frames.length > 20 && frames.filter((said) => said.includes('2 contacts')).length > 5, frames.join('; '));
+  assert.doesNotMatch(frames[0], /contact/);
+  await close(page);
+});
+
+await test('a touch keeps the taxel under the finger', async () => {
+  const page = await open(maps.forearm, { hasTouch: true, viewport: { width: 390, height: 844 } });
+  const [x, y] = await page.evaluate(() => {
+    document.getElementById('map').scrollIntoView({ block: 'center' });
+    const d = window.dermatome, box = document.getElementById('stage').getBoundingClientRect();
+    const [x, y] = d.view.toPixels(true, 0, [[500, 1]]);
+    return [x + box.left, y + box.top];
+  });
+  await page.touchscreen.tap(x, y);
+  await settle(page);
+  assert.equal(await page.evaluate(() => document.documentElement.dataset.taxel), '0:500');
+  assert.match(await page.textContent('#taxel'), /kept/);
   await close(page);
 });
 
