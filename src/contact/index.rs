@@ -1,6 +1,8 @@
 //! [`ContactIndex`]: the trees and maps of all patches, the poses of all links; the nearest point to one query
 //! or to many, the first on a ray, and where what was found lies on the map.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
@@ -33,11 +35,12 @@ pub(super) const SAME_DISTANCE: f64 = 1.0 + 1e-12;
 /// A map made ready for contacts.
 ///
 /// It owns what it needs of the map, and asking changes nothing in it: share it among threads as
-/// you like.
+/// you like. A clone shares its trees: to have the links elsewhere for some of the queries, move a clone.
 #[derive(Debug, Clone)]
 pub struct ContactIndex {
     pub(super) links: Links,
-    pub(super) patches: IdVec<PatchId, IndexedPatch>,
+    /// Those with a blend are copied when a clone moves.
+    pub(super) patches: IdVec<PatchId, Arc<IndexedPatch>>,
     /// The boxes of all patches as the robot is posed now, in the world.
     pub(super) boxes: BoxTree,
     pub(super) options: IndexOptions,
@@ -63,7 +66,7 @@ impl ContactIndex {
     /// As [`Self::new`].
     pub fn with_options(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(&map.patches, |patch| IndexedPatch::new(patch, options));
+        let patches = par_map(&map.patches, |patch| IndexedPatch::new(patch, options).map(Arc::new));
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
         if patches.is_empty() {
@@ -73,7 +76,7 @@ impl ContactIndex {
         let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options };
         for (id, patch) in map.patches.enumerate() {
             if let Some(joints) = &patch.taxels.joints {
-                index.patches[id].follow(id, joints, &index.links)?;
+                Arc::make_mut(&mut index.patches[id]).follow(id, joints, &index.links)?;
             }
         }
         index.update_posed_boxes();
@@ -88,7 +91,7 @@ impl ContactIndex {
     /// If a pose, or a vertex that follows several links, is too far away; then links stay as they were.
     pub fn set_motion(&mut self, motion: &Motion, time: f64) -> Result<(), ContactError> {
         self.links.aim(motion, time)?;
-        for IndexedPatch { name, link, blend, .. } in self.patches.iter_mut() {
+        for IndexedPatch { name, link, blend, .. } in blended(&mut self.patches) {
             if let Some(blend) = blend {
                 let far = |(vertex, position): (VertexId, DVec3)| {
                     let patch = name.clone();
@@ -98,7 +101,7 @@ impl ContactIndex {
             }
         }
         self.links.commit();
-        self.patches.iter_mut().for_each(IndexedPatch::bend);
+        blended(&mut self.patches).for_each(IndexedPatch::bend);
         self.update_posed_boxes();
         Ok(())
     }
@@ -250,7 +253,7 @@ impl ContactIndex {
 
     /// As [`Self::answer`], but what the cursor points to is searched first.
     fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
-        let is_searched = |patch: &IndexedPatch| query.only_link.is_none_or(|link| link == patch.link);
+        let is_searched = |patch: &Arc<IndexedPatch>| query.only_link.is_none_or(|link| link == patch.link);
         let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut best = None;
         let mut search = |id: PatchId, q: DVec3, start: Start| {
@@ -344,4 +347,9 @@ impl ContactIndex {
     pub(crate) fn mesh(&self, patch: PatchId) -> &TriMesh {
         &self.patches[patch].tree.mesh
     }
+}
+
+/// The patches whose vertices follow several links, for this index alone.
+fn blended(patches: &mut IdVec<PatchId, Arc<IndexedPatch>>) -> impl Iterator<Item = &mut IndexedPatch> {
+    patches.iter_mut().filter(|patch| patch.blend.is_some()).map(Arc::make_mut)
 }

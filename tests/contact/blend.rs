@@ -165,6 +165,34 @@ fn one_joint_is_a_rigid_pose() {
     }
 }
 
+/// A clone that moves answers as an index made anew, and the other as if there were none.
+#[test]
+fn a_clone_moves_alone() {
+    let mut map = robot();
+    let half = [(LinkId::new(1), 0.5), (LinkId::new(2), 0.5), (LinkId::new(0), 0.0), (LinkId::new(0), 0.0)];
+    map.patches[PatchId::new(0)].taxels.joints = Some(finest(&map, 0).positions.map(|_| half));
+    let still = ContactIndex::with_options(&map, &FIELDS).unwrap();
+    let queries: Vec<Query> =
+        (0..40).map(|k| DVec3::new(0.01 * f64::from(k) - 0.2, 0.05, 0.1).into()).collect();
+    let answers = |index: &ContactIndex| {
+        let fields = index.nearest_fields(queries[7], 3, LevelId::new(1)).unwrap();
+        (index.locate_all(&queries).unwrap(), fields)
+    };
+    let (before, mut moved) = (answers(&still), still.clone());
+    for angle in [0.3, -0.7] {
+        let turn =
+            |id: LinkId, pose: &DAffine3| DAffine3::from_rotation_z(angle * f64::from(id.raw())) * *pose;
+        let poses = moves(&still.poses().enumerate().map(|(id, pose)| turn(id, pose)).collect());
+        moved = moved.clone();
+        moved.set_motion(&poses, 0.0).unwrap();
+        let mut fresh = ContactIndex::with_options(&map, &FIELDS).unwrap();
+        fresh.set_motion(&poses, 0.0).unwrap();
+        assert_eq!(answers(&moved), answers(&fresh));
+        assert_ne!(answers(&moved), before);
+        assert_eq!(answers(&still), before);
+    }
+}
+
 #[test]
 fn posing_a_blended_patch_allocates_nothing() {
     let mut map = robot();

@@ -49,3 +49,16 @@ fn frames_of_contacts_allocate_nothing() {
     assert_eq!(allocations.count_total, 0, "in 19 frames of 64 contacts");
     assert!(cells > 64 * 20 && sum.is_finite());
 }
+
+/// A clone that moves shares the trees: it allocates less than the positions of its vertices take.
+#[test]
+fn clones_share_their_trees() {
+    let map = build(&robot(), &BuildOptions::default()).unwrap();
+    let taxels: u64 = map.patches.iter().map(|p| p.taxels.ids.len() as u64).sum();
+    let index = ContactIndex::with_options(&map, &LEVELS).unwrap();
+    let cloned = allocation_counter::measure(|| {
+        let mut moved = index.clone();
+        moved.set_motion(&Motion::default(), 0.0).unwrap();
+    });
+    assert!(cloned.bytes_total < taxels * 24, "{} bytes for {taxels} taxels", cloned.bytes_total);
+}

@@ -506,7 +506,8 @@ impl PyIndex {
         self.fields_of(py, queries, count("threads", threads)?, find)
     }
 
-    /// The same skin with its links elsewhere.
+    /// The same skin with its links elsewhere. The new index shares the trees of this one; patches with joints alone
+    /// have their own.
     ///
     /// Parameters
     /// ----------
