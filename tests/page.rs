@@ -30,6 +30,14 @@ fn the_same_map_gives_the_same_page() {
 }
 
 #[test]
+fn the_picture_shows_a_level_of_its_own_patches() {
+    let mut patches: Vec<_> =
+        (0..12).map(|k| square_pyramid(&format!("plate {k}"), &[30], 0.06, 0.001)).collect();
+    patches.push(square_pyramid("palm", &[13, 7, 4], 0.06, 0.001));
+    Page::new(&skin(patches), "plates").unwrap().to_html().unwrap();
+}
+
+#[test]
 fn names_stay_text_and_fill_no_place_of_the_page() {
     let hostile = "%%DATA%%</script><script>alert(1)</script><!--";
     let map = palm(hostile);

@@ -28,7 +28,7 @@ use serde::Serialize;
 
 use crate::{
     Error,
-    map::SkinMap,
+    map::{PatchMap, SkinMap},
     page::{
         pack::Packer,
         recording::{Recorder, RecordingHeader},
@@ -149,11 +149,10 @@ fn html(
         links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
     let header = Header { version: env!("CARGO_PKG_VERSION"), title, links, patches, recording };
     let data = packer.finish(&header);
-    let levels = vec![picture_level(map)];
-    let shown = map.patches.iter().take(PICTURE_PATCHES).map(|patch| patch.name.clone()).collect();
+    let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
     let options = PlotOptions {
-        patches: shown,
-        levels,
+        patches: shown.iter().map(|patch| patch.name.clone()).collect(),
+        levels: vec![picture_level(&shown)],
         paint: Paint::Angle,
         width_px: PICTURE_PX,
         ..PlotOptions::default()
@@ -165,10 +164,10 @@ fn html(
 }
 
 /// The finest level that is small enough for the picture, else the coarsest.
-fn picture_level(map: &SkinMap) -> LevelId {
-    let deepest = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
+fn picture_level(patches: &[&PatchMap]) -> LevelId {
+    let deepest = patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
     let count = |level: &LevelId| -> usize {
-        map.patches.iter().filter_map(|patch| patch.levels.get(*level)).map(|map| map.uv.len()).sum()
+        patches.iter().filter_map(|patch| patch.levels.get(*level)).map(|map| map.uv.len()).sum()
     };
     let small = (0..deepest).map(LevelId::new).find(|level| count(level) <= PICTURE_VERTICES);
     small.unwrap_or(LevelId::new(deepest.saturating_sub(1)))
