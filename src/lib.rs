@@ -32,6 +32,7 @@ mod parallel;
 mod numeric;
 pub mod mesh;
 pub mod skin;
+pub mod robot;
 pub mod calib;
 pub mod cut;
 pub mod pyramid;

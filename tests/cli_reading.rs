@@ -118,9 +118,13 @@ fn off_is_read_and_written() {
 #[test]
 fn other_formats_are_named_with_what_converts_them() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, said) in
-        [("a.step", "FreeCAD"), ("a.dae", "Blender"), ("a.usd", "glTF"), ("a.urdf", "mesh files")]
-    {
+    for (name, said) in [
+        ("a.step", "FreeCAD"),
+        ("a.fbx", "Blender"),
+        ("a.usd", "glTF"),
+        ("a.xacro", "`xacro"),
+        ("a.sdf", "a .urdf"),
+    ] {
         fs::write(folder.path().join(name), "x").unwrap();
         refuses(folder.path(), &format!("info {name}"), &[said]);
     }

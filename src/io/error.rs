@@ -27,6 +27,20 @@ pub enum IoError {
         found: String,
         needed: String,
     },
+    /// A mesh that a robot description names is not where it was looked for.
+    #[error("{}: {element}: found no file for {url:?}, looked for in: {}", path.display(), listed(searched))]
+    MeshFile {
+        /// The file.
+        path: PathBuf,
+        /// Which element of the file: `line 12, <mesh>`.
+        element: String,
+        /// What it names.
+        url: String,
+        /// The package that it names, if it does.
+        package: Option<String>,
+        /// The places where it was looked for: folders of the package, or the file itself.
+        searched: Vec<PathBuf>,
+    },
     /// The map that is to be written, or that was read, breaks a rule.
     #[error("{}: {source}", path.display())]
     Map { path: PathBuf, source: Box<MapError> },
@@ -81,4 +95,10 @@ impl From<&str> for Feature {
     fn from(feature: &str) -> Self {
         Self::Other(feature.to_owned())
     }
+}
+
+/// Paths as an error lists them.
+fn listed(paths: &[PathBuf]) -> String {
+    let all: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    if all.is_empty() { "no folder of that name".to_owned() } else { all.join(", ") }
 }

@@ -5,7 +5,9 @@
 //! | folder | reads | writes |
 //! |---|---|---|
 //! | `gltf` | [`read_map`], skins | [`write_map`], [`write_pyramids`], skins |
-//! | `mesh` | [`read_draft`]: skins of every format | [`write_skin`], [`write_flat`] |
+//! | `draft` | [`read_draft`]: skins of every format | |
+//! | `robot` | [`read_robot`], [`robot_draft`]: robot descriptions | |
+//! | `mesh` | skins and meshes | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
@@ -45,6 +47,7 @@
 //! ```
 
 mod arrays;
+mod draft;
 mod error;
 mod file;
 mod gltf;
@@ -52,11 +55,13 @@ mod image;
 mod mesh;
 mod observations;
 mod readings;
+mod robot;
 mod table;
 
 pub(crate) use self::gltf::as_in_map_file;
 pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
+pub use draft::{draft_from_bytes, read_draft, read_draft_with};
 pub use error::{Feature, IoError};
 pub use file::{
     file_kind,
@@ -64,14 +69,13 @@ pub use file::{
 };
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
 pub use mesh::{
-    draft_from_bytes,
     parts::{ReadParts, read_faces},
-    read_draft, read_draft_with,
     skin_csv::triangles_path,
     skin_to_bytes, write_flat, write_skin,
 };
 pub use observations::{builder::ObservationRemark, read_observations, write_observations};
 pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
+pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::{
     by_taxel::{read_acuities, read_boundary, read_gains, read_seams},
     calibration::{

@@ -161,7 +161,7 @@ pub fn cross(fine: u32, edge: f64) -> TriMesh {
 }
 
 /// The surface of the solid cells of `edge` metres within `size`, but not towards open cells.
-fn blocks(
+pub(crate) fn blocks(
     size: [i32; 3],
     edge: f64,
     is_solid: impl Fn([i32; 3]) -> bool,

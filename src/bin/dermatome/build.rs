@@ -39,7 +39,8 @@ use crate::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt; several files, or
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt; several files, or
     /// folders of meshes, are one skin
     #[arg(required = true, value_hint = clap::ValueHint::AnyPath)]
     skin: Vec<PathBuf>,

@@ -24,7 +24,8 @@ use crate::{
 /// are nothing wrong. That taxels are bare is a note on standard error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt
     file: PathBuf,
     /// Print all elements of every finding as JSON.
     #[arg(long)]

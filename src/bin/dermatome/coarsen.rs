@@ -24,7 +24,8 @@ use crate::{
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt
     skin: PathBuf,
     /// File for the levels, as in a map file but without maps: .glb
     #[arg(short, long, value_name = "OUT.glb")]

@@ -16,7 +16,8 @@ use crate::{
 /// Arguments of `convert`; the extensions determine the formats.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The file to write: .glb, .gltf, .json, .obj, .off, .ply, .stl or .csv

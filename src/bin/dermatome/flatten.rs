@@ -26,7 +26,8 @@ use crate::{
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt, with one connected sheet
+    /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt, with one connected sheet
     mesh: PathBuf,
     /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
     /// cut, V has the vertices of the seam once for each of their places; may be given twice

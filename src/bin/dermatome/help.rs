@@ -23,6 +23,7 @@ const ENDS: [(&str, &str, &[&str]); 15] = [
         &[
             "dermatome build meshes/forearm.glb",
             "dermatome build meshes/robot.glb -o robot --patch 'fore*' --pixel-mm 0.5",
+            "dermatome build meshes/arm.urdf -o arm --links '*arm'",
         ],
     ),
     (
@@ -38,7 +39,7 @@ const ENDS: [(&str, &str, &[&str]); 15] = [
     ("completions", "", &["dermatome completions bash"]),
     ("convert", "", &["dermatome convert meshes/forearm.glb forearm.csv"]),
     ("flatten", OF_MAPS, &["dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz"]),
-    ("info", OF_PATCHES, &["dermatome info meshes/robot.glb"]),
+    ("info", OF_PATCHES, &["dermatome info meshes/robot.glb", "dermatome info meshes/arm.urdf"]),
     (
         "lookup",
         OF_ANSWERS,

@@ -1,24 +1,26 @@
-//! `info`: the patches of a skin, their size and shape.
+//! `info`: the patches of a skin, their size and shape; of a robot also its links and joints.
 
 use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::{
     Error,
     mesh::{Adjacency, mean_edge_length},
-    skin::{Motion, Patch, Presence, link_names},
+    robot::{Joint, Robot, Role},
+    skin::{Link, LinkId, Motion, Patch, Presence, link_names},
 };
 use serde_json::{Value, json};
 
 use crate::{
     console::print::{plain, print, print_json, print_table},
     files::input::read_skin,
-    options::{Common, PatchArgs, ReadArgs},
+    options::{Common, PatchArgs, ReadArgs, RobotArgs},
 };
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt
     file: PathBuf,
     /// Print as JSON.
     #[arg(long)]
@@ -28,6 +30,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let robot = RobotArgs::describes(&args.file).then(|| args.read.robot.read(&args.file)).transpose()?;
+    if let Some(robot) = robot.as_ref().filter(|_| !args.json) {
+        // Before its meshes are read, which may not be there.
+        print_table(
+            4,
+            &robot.links.enumerate().map(|(id, link)| link_row(robot, id, link)).collect::<Vec<_>>(),
+        )?;
+        print("\n")?;
+    }
     let skin =
         read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(&[&args.file]), common)?;
     let links = link_names(&skin.links);
@@ -37,7 +48,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let animations: Vec<_> = skin.animations.iter().map(animation).collect();
         let patches: Vec<Value> = rows.into_iter().map(object).collect();
-        print_json("dermatome.info/1", &json!({ "patches": patches, "animations": animations }))?;
+        let mut all = json!({ "patches": patches, "animations": animations });
+        if let Some(robot) = &robot {
+            all["links"] = robot.links.enumerate().map(|(id, link)| link_json(robot, id, link)).collect();
+            all["joints"] = robot.joints.iter().map(|joint| joint_json(robot, joint)).collect();
+        }
+        print_json("dermatome.info/1", &all)?;
     } else {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
@@ -55,6 +71,50 @@ fn times(animation: &Motion) -> Option<(&str, [f64; 2])> {
 
 fn animation(animation: &Motion) -> Value {
     json!({ "name": animation.name, "seconds": animation.times() })
+}
+
+/// How many shapes to see, shapes to collide with and taxels a link of a robot has.
+fn counts(robot: &Robot, id: LinkId) -> [usize; 3] {
+    let shapes = |role| robot.shapes.iter().filter(|shape| shape.link == id && shape.role == role).count();
+    let sensors = robot.sensors.iter().filter(|sheet| sheet.link == Some(id));
+    [shapes(Role::Visual), shapes(Role::Collision), sensors.map(|sheet| sheet.positions.len()).sum()]
+}
+
+fn link_row(robot: &Robot, id: LinkId, link: &Link) -> [(&'static str, String); 8] {
+    let [visual, collision, taxels] = counts(robot, id).map(|count| count.to_string());
+    // Every link but the first hangs by a joint, in the same order.
+    let joint = id.index().checked_sub(1).map(|k| &robot.joints[k]);
+    let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".into());
+    let range = |joint: &Joint| Some(joint.limits?.map(|x| format!("{x:.4}")).join(".."));
+    [
+        ("link", plain(&link.name)),
+        ("parent", or_none(link.parent.map(|parent| plain(&robot.links[parent].name)))),
+        ("joint", or_none(joint.map(|joint| plain(&joint.name)))),
+        ("moves", or_none(joint.map(|joint| joint.kind.name().into()))),
+        ("range", or_none(joint.and_then(range))),
+        ("visual", visual),
+        ("collision", collision),
+        ("taxels", taxels),
+    ]
+}
+
+fn link_json(robot: &Robot, id: LinkId, link: &Link) -> Value {
+    let [visual, collision, taxels] = counts(robot, id);
+    let parent = link.parent.map(|parent| &robot.links[parent].name);
+    json!({
+        "name": link.name, "parent": parent, "visual": visual, "collision": collision, "taxels": taxels,
+    })
+}
+
+fn joint_json(robot: &Robot, joint: &Joint) -> Value {
+    let mimic = joint.mimic.as_ref().map(|mimic| {
+        let leader = &robot.joints[mimic.joint].name;
+        json!({ "joint": leader, "multiplier": mimic.multiplier, "offset": mimic.offset })
+    });
+    json!({
+        "name": joint.name, "type": joint.kind.name(), "link": robot.links[joint.link].name,
+        "axis": joint.axis.to_array(), "limits": joint.limits, "mimic": mimic,
+    })
 }
 
 type Row = [(&'static str, Value); 12];

@@ -22,7 +22,8 @@ use crate::{
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt
+    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// .txt
     skin: PathBuf,
     /// File for the readings: .csv with a column for each taxel, or .npz
     #[arg(short, long, value_name = "OUT.csv")]

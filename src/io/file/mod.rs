@@ -1,8 +1,10 @@
 //! What every reader and writer needs of a file, whatever its format: [`Source`] is a file that is read
-//! whole, [`lines`] reads line by line, [`replace`] writes a file whole or not at all.
+//! whole, [`lines`] reads line by line, [`replace`] writes a file whole or not at all,
+//! [`xml`] has the elements of a file.
 
 pub(super) mod lines;
 pub(super) mod replace;
+pub(super) mod xml;
 
 use std::{
     fs::{self, File},

@@ -1,6 +1,7 @@
-//! Skins and flat meshes in all formats: [`read_draft`] and [`write_skin`] say which extension is read and
-//! written by which file, and what each format keeps.
+//! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] say which
+//! extension is read and written, and what each format keeps.
 
+mod dae;
 mod icub;
 mod npz;
 mod obj;
@@ -28,74 +29,23 @@ use crate::{
     skin::{Draft, Skin},
 };
 
-/// Reads a skin or a mesh as it was written, by the extension of its file:
-///
-/// | extension | what | keeps |
-/// |---|---|---|
-/// | `glb`, `gltf` | glTF 2.0: every mesh of the default scene is a sheet | all, as 32 bits |
-/// | `json` | robotskinlib, version 2 | ids, normals, link frame |
-/// | `obj` | Wavefront OBJ: every `o` or `g` is a sheet | normals |
-/// | `npz` | arrays of numpy, `V`, `F`, `N` and `ids`: one sheet | ids, normals |
-/// | `off` | OFF of Geomview, as text: one sheet | normals |
-/// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
-/// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
-/// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
-/// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
-///
-/// Every number of the draft is finite and every corner exists; nothing else has been judged.
-///
-/// ```
-/// use dermatome::io::read_draft;
-///
-/// let path = std::env::temp_dir().join("dermatome-read-draft.obj");
-/// std::fs::write(&path, "o palm\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
-/// let draft = read_draft(&path)?;
-/// assert_eq!(draft.sheets[0].name, "palm");
-/// # std::fs::remove_file(&path)?;
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-///
-/// # Errors
-/// If the file cannot be read, is longer than 4 GiB or of an unknown kind, or breaks a rule of its
-/// format.
-pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
-    read_draft_with(path, ReadParts::default())
-}
+pub(super) type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
 
-/// The same as [`read_draft`], with more parts of the file.
-///
-/// # Errors
-/// As [`read_draft`], or if texture coordinates are not finite numbers.
-pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> {
-    // A file of an unknown kind is not opened.
-    let read = reader_of(path)?;
-    read(Source::open(path)?, parts)
-}
-
-/// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may
-/// name no other files.
-///
-/// # Errors
-/// As [`read_draft`].
-pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result<Draft, IoError> {
-    reader_of(name)?(Source::from_bytes(name, bytes)?, parts)
-}
-
-type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
-
-fn reader_of(path: &Path) -> Result<Reader, IoError> {
+/// What reads a mesh of the kind that the name of a file says.
+pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
     Ok(match file_kind(path).as_str() {
         "glb" | "gltf" => gltf::read_gltf,
         "obj" => |source, parts| obj::read(&source, parts),
         "npz" => |source, _| npz::read(&source),
         "json" => |source, _| robotskin::read(&source),
+        "dae" => |source, _| dae::read(&source),
         "off" => |source, _| off::read(&source),
         "ply" => |source, _| ply::read(&source),
         "stl" => |source, _| stl::read(&source),
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let known = "glb, gltf, json, obj, off, ply, stl, csv, npz, txt";
+            let known = "glb, gltf, json, obj, off, ply, stl, dae, urdf, csv, npz, txt";
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
     })

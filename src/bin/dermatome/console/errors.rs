@@ -16,7 +16,7 @@ use dermatome::{
     cut::CutError,
     flatten::FlattenError,
     image::ImageError,
-    io::{Feature, IoError},
+    io::{Feature, IoError, file_kind},
     map::MapError,
     plot::PlotError,
     signal::SignalError,
@@ -294,10 +294,20 @@ fn io_help(error: &IoError) -> String {
         IoError::NoMap { .. } => BUILD_AGAIN,
         IoError::UnknownKind { path, known } => {
             return match converter(path) {
+                _ if file_kind(path) == "xacro" => {
+                    "expand its macros first: `pip install xacro`, `xacro IN.xacro > OUT.urdf`".into()
+                }
+                _ if matches!(file_kind(path).as_str(), "sdf" | "mjcf") => {
+                    "give a .urdf of the robot, or the mesh files that it names".into()
+                }
                 Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
                 None => format!("name a file that ends in one of: {known}"),
             };
         }
+        IoError::MeshFile { package: Some(package), .. } => {
+            return format!("say where that package is: --package {package}=DIR; --links NAME leaves out links");
+        }
+        IoError::MeshFile { .. } => "put the file there, or correct its name; --links NAME leaves out links",
         IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several"
         }
@@ -310,10 +320,7 @@ fn io_help(error: &IoError) -> String {
 fn converter(path: &Path) -> Option<&'static str> {
     let kind = path.extension()?.to_string_lossy().to_ascii_lowercase();
     Some(match kind.as_str() {
-        "urdf" | "xacro" | "sdf" => {
-            "give the mesh files that it names; if they are .dae, convert them with Blender or assimp"
-        }
-        "dae" | "fbx" | "3ds" | "blend" => "convert it with Blender or `assimp export`",
+        "fbx" | "3ds" | "blend" => "convert it with Blender or `assimp export`",
         "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
         "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
         "3mf" | "vtk" | "vtu" | "msh" => "convert it with `meshio convert`",

@@ -21,7 +21,7 @@ use crate::{
         notes::{note, note_remarks},
     },
     files::outputs,
-    options::{Common, PatchArgs, ReadArgs, Unit},
+    options::{Common, PatchArgs, ReadArgs, RobotArgs, Unit},
 };
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
@@ -36,7 +36,7 @@ pub(crate) fn read_skin(
 }
 
 /// Kinds of files with triangles: those that are taken of a folder.
-const MESHES: [&str; 7] = ["glb", "gltf", "json", "obj", "off", "ply", "stl"];
+const MESHES: [&str; 8] = ["glb", "gltf", "json", "obj", "off", "ply", "stl", "dae"];
 
 /// The files of a skin: those that are named, and the meshes of the folders that are named, by name.
 pub(crate) fn skin_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
@@ -87,7 +87,11 @@ pub(crate) fn read_good_patches(
     if read.unit == Unit::M
         && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
     {
-        note!(common, "--unit mm reads a file in millimetres");
+        if paths.iter().any(|path| RobotArgs::describes(path)) {
+            note!(common, "scale=\"0.001 0.001 0.001\" in its <mesh> reads a mesh in millimetres");
+        } else {
+            note!(common, "--unit mm reads a file in millimetres");
+        }
     }
     if assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::CutKept { .. })) && !read.has_seams() {
         note!(common, "--weld all closes the cut");

@@ -4,6 +4,7 @@ mod coarsen;
 mod flatten;
 mod patches;
 mod read;
+mod robot;
 mod values;
 
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::FlattenArgs;
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use read::{ReadArgs, Unit};
+pub(crate) use robot::RobotArgs;
 pub(crate) use values::{Choice, length, length_mm, one_of, side_mm, word_of};
 
 /// Options that every subcommand takes.

@@ -5,14 +5,14 @@ use std::path::Path;
 use clap::ValueEnum;
 use dermatome::{
     Error,
-    io::{ReadParts, read_draft_with},
+    io::{ReadParts, file_kind, read_draft_with},
     skin::{AssembleOptions, Draft, Weld},
 };
 use glam::DVec3;
 
 use crate::{
     console::errors::advise,
-    options::{Choice, one_of, values::number},
+    options::{Choice, RobotArgs, one_of, values::number},
 };
 
 /// How to read a skin.
@@ -34,13 +34,15 @@ pub(crate) struct ReadArgs {
     seams: Option<Weld>,
     /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
     /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
-    /// each is listed [default for .stl]
+    /// each is listed [default for .stl, .dae and .urdf]
     #[arg(long)]
     repair: bool,
     /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     outside: Option<DVec3>,
+    #[command(flatten)]
+    pub(crate) robot: RobotArgs,
 }
 
 const WELDS: [Choice<Weld>; 3] = [
@@ -61,12 +63,12 @@ const SEAMS: [Choice<Weld>; 1] = [("uv", Weld::Texture, "Seams of the texture")]
 
 impl ReadArgs {
     /// The options for a file. Those of CAD programs need repair more often than not (57 % of 110 robot
-    /// parts), and their format has no other way to say which faces are one sheet.
+    /// parts), and their formats have no other way to say which faces are one sheet.
     pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {
         let weld = self.seams.or(self.weld).unwrap_or_default();
-        let is_stl = |path: &Path| path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("stl"));
-        let is_stl = paths.iter().any(|path| is_stl(path.as_ref()));
-        let (gap, repair, outside) = (self.gap, self.repair || is_stl, self.outside);
+        let is_cad = |path: &Path| matches!(file_kind(path).as_str(), "stl" | "dae" | "urdf");
+        let is_cad = paths.iter().any(|path| is_cad(path.as_ref()));
+        let (gap, repair, outside) = (self.gap, self.repair || is_cad, self.outside);
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
     }
 
@@ -78,7 +80,12 @@ impl ReadArgs {
     /// Reads a file as written, lengths in m, with its texture coordinates where these make seams.
     pub(crate) fn read(&self, path: &Path, materials: bool) -> anyhow::Result<Draft> {
         let parts = ReadParts { texture: self.seams.is_some(), materials };
-        let mut draft = read_draft_with(path, parts).map_err(Error::from)?;
+        let mut draft = if RobotArgs::describes(path) {
+            self.robot.read_draft(path)?
+        } else {
+            self.robot.refuse_unused(path)?;
+            read_draft_with(path, parts).map_err(Error::from)?
+        };
         if self.seams.is_some() && draft.sheets.iter().all(|sheet| sheet.texture.is_none()) {
             let what = format!("{} has no texture coordinates on all corners of a sheet", path.display());
             return Err(advise(what, "leave out --seams uv; OBJ and glTF files may have a texture"));

@@ -1,0 +1,97 @@
+//! Which parts of a robot description are its skin, and where its files are.
+
+use std::path::{Path, PathBuf};
+
+use dermatome::{
+    Error,
+    io::{Packages, RobotSurface, file_kind, read_robot, robot_draft},
+    robot::Robot,
+    skin::Draft,
+};
+use glob::Pattern;
+
+use crate::{
+    console::errors::advise,
+    options::{Choice, one_of, pattern},
+};
+
+/// Which parts of a robot are its skin.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Robots (.urdf)")]
+pub(crate) struct RobotArgs {
+    /// What of a robot is its skin [default: sensors, or visual if it has none, or
+    /// collision]
+    #[arg(long = "mesh", value_parser = one_of(&SURFACES), value_name = "WHICH")]
+    surface: Option<RobotSurface>,
+    /// Take the skin of the links of this name only, in which * and ? stand for any characters; may be
+    /// given more than once [default: all links]
+    #[arg(long, value_name = "NAME", value_parser = pattern)]
+    links: Vec<Pattern>,
+    /// The folder of a package that the file names as package://NAME/...; may be given more than once
+    /// [default: a folder NAME above the file, in ROS_PACKAGE_PATH or in a share of AMENT_PREFIX_PATH]
+    #[arg(long = "package", value_name = "NAME=DIR", value_parser = package)]
+    packages: Vec<(String, PathBuf)>,
+}
+
+const SURFACES: [Choice<RobotSurface>; 3] = [
+    ("visual", RobotSurface::Visual, "What is seen: the shape as it was designed"),
+    ("collision", RobotSurface::Collision, "What collides: simpler shapes, as simulators use them"),
+    ("sensors", RobotSurface::Sensors, "The taxels of <sensor> elements with <tactile>"),
+];
+
+impl RobotArgs {
+    /// Whether a file is a robot description.
+    pub(crate) fn describes(path: &Path) -> bool {
+        file_kind(path) == "urdf"
+    }
+
+    /// Refuses options that a file of another kind has no use for.
+    pub(super) fn refuse_unused(&self, path: &Path) -> anyhow::Result<()> {
+        if self.surface.is_none() && self.links.is_empty() && self.packages.is_empty() {
+            return Ok(());
+        }
+        let what = format!("{} is no robot description", path.display());
+        Err(advise(what, "leave out --mesh, --links and --package, or give a .urdf"))
+    }
+
+    /// Reads a robot, with the shapes and sensors of the links that are chosen.
+    ///
+    /// # Errors
+    /// As [`read_robot`]; also if a pattern fits no link.
+    pub(crate) fn read(&self, path: &Path) -> anyhow::Result<Robot> {
+        let mut robot = read_robot(path).map_err(Error::from)?;
+        let names = || robot.links.iter().map(|link| &*link.name);
+        if let Some(none) = self.links.iter().find(|pattern| !names().any(|name| pattern.matches(name))) {
+            let what = format!("{} has no link of the name {none} in --links", path.display());
+            return Err(advise(what, "`dermatome info` lists its links; * stands for any characters"));
+        }
+        if !self.links.is_empty() {
+            let links = &robot.links;
+            let is_chosen = |name: &str| self.links.iter().any(|pattern| pattern.matches(name));
+            robot.shapes.retain(|shape| is_chosen(&links[shape.link].name));
+            robot.sensors.retain(|sheet| sheet.link.is_some_and(|link| is_chosen(&links[link].name)));
+        }
+        Ok(robot)
+    }
+
+    /// Reads the skin of a robot as it was written.
+    ///
+    /// # Errors
+    /// As [`Self::read`] and [`robot_draft`].
+    pub(super) fn read_draft(&self, path: &Path) -> anyhow::Result<Draft> {
+        let robot = self.read(path)?;
+        let packages = Packages { folders: self.packages.clone(), ..Packages::from_env() };
+        let surface = self.surface.unwrap_or_default();
+        Ok(robot_draft(path, &robot, surface, &packages).map_err(Error::from)?)
+    }
+}
+
+fn package(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, folder)) if !name.is_empty() && Path::new(folder).is_dir() => {
+            Ok((name.into(), folder.into()))
+        }
+        Some((_, folder)) => Err(format!("needed: NAME=DIR; {folder:?} is no folder")),
+        None => Err("needed: NAME=DIR, the name of a package and its folder".into()),
+    }
+}

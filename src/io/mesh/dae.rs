@@ -1,0 +1,318 @@
+//! COLLADA (`.dae`): the triangles of its scene.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat3, DMat4, DVec3};
+use roxmltree::Node;
+
+use crate::{
+    io::{
+        error::Result,
+        file::{
+            Source, excerpt, finite,
+            xml::{Xml, child, children},
+        },
+    },
+    skin::{Draft, Sheet},
+};
+
+/// Nodes in nodes, and nodes that nodes use.
+const DEEPEST: usize = 64;
+
+/// Most triangles, and most nodes, of a scene: nodes that use others multiply without end.
+const MOST_TRIANGLES: usize = 50_000_000;
+const MOST_NODES: usize = 1_000_000;
+
+/// Reads a COLLADA file: every use of a mesh in the scene becomes a sheet, in m by the unit that the file gives;
+/// without a scene, every mesh. Polygons become fans. Which way is up does not turn it: robot descriptions take
+/// coordinates as they are. Normals, colours, lines and what animates are left out.
+pub(crate) fn read(source: &Source) -> Result<Draft> {
+    let xml = Xml::parse(source)?;
+    let root = xml.root();
+    if root.tag_name().name() != "COLLADA" {
+        return Err(xml.invalid(root, "another kind of XML", "COLLADA, whose first element is <COLLADA>"));
+    }
+    let ids = root.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
+    let mut scene =
+        Scene { xml: &xml, ids, metres: metres(&xml)?, sheets: Vec::new(), triangles: 0, nodes: 0 };
+    let instance = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
+    let first = || child(child(root, "library_visual_scenes")?, "visual_scene");
+    match instance.map(|instance| scene.used(instance)).transpose()?.or_else(first) {
+        Some(visual) => scene.add_nodes(visual)?,
+        None => {
+            let library = child(root, "library_geometries");
+            for geometry in library.into_iter().flat_map(|library| children(library, "geometry")) {
+                scene.add_geometry(geometry, DAffine3::IDENTITY, None)?;
+            }
+        }
+    }
+    Ok(Draft { sheets: scene.sheets, ..Draft::default() })
+}
+
+/// The unit of length, in m.
+fn metres(xml: &Xml<'_>) -> Result<f64> {
+    let Some(unit) = child(xml.root(), "asset").and_then(|asset| child(asset, "unit")) else {
+        return Ok(1.0);
+    };
+    let metres = xml.number(unit, "meter")?.unwrap_or(1.0);
+    if metres > 0.0 {
+        Ok(metres)
+    } else {
+        Err(xml.invalid(unit, format!("meter {metres}"), "a length above 0"))
+    }
+}
+
+struct Scene<'a, 'i> {
+    xml: &'a Xml<'i>,
+    ids: HashMap<&'a str, Node<'a, 'i>>,
+    metres: f64,
+    sheets: Vec<Sheet>,
+    triangles: usize,
+    nodes: usize,
+}
+
+impl<'a, 'i> Scene<'a, 'i> {
+    /// The element that an attribute of another names.
+    fn named(&self, node: Node<'a, 'i>, attribute: &str) -> Result<Node<'a, 'i>> {
+        let url = self.xml.need(node, attribute)?;
+        let found = url.strip_prefix('#').and_then(|id| self.ids.get(id)).copied();
+        found.ok_or_else(|| {
+            let found = format!("{attribute}={}", excerpt(url));
+            self.xml.invalid(node, found, "# and the id of an element of this file")
+        })
+    }
+
+    fn used(&self, instance: Node<'a, 'i>) -> Result<Node<'a, 'i>> {
+        self.named(instance, "url")
+    }
+
+    /// Adds what hangs on the nodes of a scene, in the order of the file.
+    fn add_nodes(&mut self, visual: Node<'a, 'i>) -> Result<()> {
+        let mut open = vec![(visual, DAffine3::IDENTITY, 0)];
+        while let Some((node, pose, depth)) = open.pop() {
+            self.nodes += 1;
+            if depth > DEEPEST || self.nodes > MOST_NODES {
+                let needed = format!("at most {DEEPEST} nodes in each other, and {MOST_NODES} in all");
+                return Err(self.xml.invalid(node, "more nodes, or nodes that use themselves", needed));
+            }
+            let first = open.len();
+            for part in node.children().filter(Node::is_element) {
+                match part.tag_name().name() {
+                    "node" => open.push((part, pose * transform(self.xml, part)?, depth + 1)),
+                    "instance_node" => {
+                        let used = self.used(part)?;
+                        open.push((used, pose * transform(self.xml, used)?, depth + 1));
+                    }
+                    "instance_geometry" => {
+                        self.add_geometry(self.used(part)?, pose, node.attribute("name"))?
+                    }
+                    "instance_controller" => {
+                        return Err(self.xml.source.unsupported(self.at(part), "a mesh that follows joints"));
+                    }
+                    _ => {}
+                }
+            }
+            open[first..].reverse();
+        }
+        Ok(())
+    }
+
+    fn at(&self, node: Node<'_, '_>) -> String {
+        format!("line {}", self.xml.line(node))
+    }
+
+    /// Adds a use of a mesh.
+    fn add_geometry(&mut self, geometry: Node<'a, 'i>, pose: DAffine3, name: Option<&str>) -> Result<()> {
+        // Splines and convex hulls are no meshes.
+        let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
+        let mut positions = None;
+        let mut triangles = Vec::new();
+        for part in mesh.children().filter(Node::is_element) {
+            let kind = part.tag_name().name();
+            let Some(shape) = Primitive::named(kind) else { continue };
+            let corners = self.corners(part)?;
+            if positions.is_none() {
+                positions = Some(self.positions(mesh)?);
+            }
+            let known = positions.as_ref().map_or(0, Vec::len);
+            if let Some(&index) = corners.iter().flatten().find(|&&index| index as usize >= known) {
+                return Err(self.xml.invalid(
+                    part,
+                    format!("vertex {index}"),
+                    format!("vertices below {known}"),
+                ));
+            }
+            corners.iter().for_each(|chain| shape.add_triangles(chain, &mut triangles));
+            if self.triangles + triangles.len() > MOST_TRIANGLES {
+                let needed = format!("at most {MOST_TRIANGLES} triangles in all uses of meshes");
+                return Err(self.xml.invalid(part, "more triangles", needed));
+            }
+        }
+        let Some(mut positions) = positions else { return Ok(()) };
+        self.triangles += triangles.len();
+        for p in &mut positions {
+            *p = self.metres * pose.transform_point3(*p);
+            if !p.is_finite() {
+                return Err(self.xml.invalid(geometry, "a vertex beyond all numbers", "finite coordinates"));
+            }
+        }
+        // A mirror turns the triangles over.
+        if pose.matrix3.determinant() < 0.0 {
+            triangles.iter_mut().for_each(|t: &mut [u32; 3]| t.swap(1, 2));
+        }
+        let own = ["name", "id"].into_iter().find_map(|key| geometry.attribute(key));
+        let name = name.or(own).map_or_else(|| self.xml.source.stem(), str::to_owned);
+        self.sheets.push(Sheet { name, positions, triangles, ..Sheet::default() });
+        Ok(())
+    }
+
+    /// The positions of a mesh, from the source that its `<vertices>` name.
+    fn positions(&self, mesh: Node<'a, 'i>) -> Result<Vec<DVec3>> {
+        let vertices = self.xml.need_child(mesh, "vertices")?;
+        let input = children(vertices, "input").find(|input| input.attribute("semantic") == Some("POSITION"));
+        let input =
+            input.ok_or_else(|| self.xml.invalid(vertices, "no positions", "an <input> of POSITION"))?;
+        let source = self.named(input, "source")?;
+        let array = self.xml.need_child(source, "float_array")?;
+        let accessor = child(source, "technique_common").and_then(|common| child(common, "accessor"));
+        let count = |name: &str, default: usize| {
+            let text = accessor.and_then(|accessor| accessor.attribute(name));
+            let refuse =
+                |text: &str| self.xml.invalid(source, format!("{name}={}", excerpt(text)), "a count");
+            text.map_or(Ok(default), |text| text.trim().parse().map_err(|_| refuse(text)))
+        };
+        let (stride, offset) = (count("stride", 3)?, count("offset", 0)?);
+        if stride < 3 {
+            return Err(self.xml.invalid(source, format!("stride={stride}"), "positions of three numbers"));
+        }
+        let numbers = numbers(self.xml, array, finite, "finite numbers")?;
+        let of = |p: &[f64]| p.first_chunk().map(|p| DVec3::from_array(*p));
+        Ok(numbers.get(offset..).unwrap_or_default().chunks(stride).filter_map(of).collect())
+    }
+
+    /// The vertices of each polygon, strip or fan of an element.
+    fn corners(&self, part: Node<'a, 'i>) -> Result<Vec<Vec<u32>>> {
+        let offset = |input: Node<'_, '_>| {
+            let text = input.attribute("offset").unwrap_or("0");
+            let refuse =
+                |_| self.xml.invalid(input, format!("offset={}", excerpt(text)), "a number from 0 to 255");
+            text.trim().parse::<u8>().map(usize::from).map_err(refuse)
+        };
+        let (mut stride, mut vertex) = (0, None);
+        for input in children(part, "input") {
+            let at = offset(input)?;
+            stride = stride.max(at + 1);
+            if input.attribute("semantic") == Some("VERTEX") {
+                vertex = Some(at);
+            }
+        }
+        let index = |word: &str| word.parse::<u32>().ok();
+        let lists = children(part, "p").map(|p| numbers(self.xml, p, index, "numbers of vertices"));
+        let lists = lists.collect::<Result<Vec<_>>>()?;
+        if lists.iter().all(Vec::is_empty) {
+            return Ok(Vec::new());
+        }
+        let vertex = vertex.ok_or_else(|| self.xml.invalid(part, "no vertices", "an <input> of VERTEX"))?;
+        let mut lists: Vec<Vec<u32>> = lists
+            .iter()
+            .map(|list| list.chunks_exact(stride).map(|corner| corner[vertex]).collect())
+            .collect();
+        let counts = match (part.tag_name().name(), child(part, "vcount")) {
+            ("triangles", _) => vec![3; lists[0].len() / 3],
+            ("polylist", Some(counts)) => {
+                numbers(self.xml, counts, |word| word.parse::<usize>().ok(), "counts")?
+            }
+            _ => return Ok(lists),
+        };
+        let list = lists.swap_remove(0);
+        let mut rest = &list[..];
+        let mut cut = |count: usize| {
+            let (chain, after) = rest.split_at_checked(count)?;
+            rest = after;
+            Some(chain.to_vec())
+        };
+        let chains: Option<Vec<_>> = counts.iter().map(|&count| cut(count)).collect();
+        chains.ok_or_else(|| {
+            let found = format!("{} corners", list.len());
+            self.xml.invalid(part, found, "as many corners as its <vcount> says")
+        })
+    }
+}
+
+/// What the corners of an element make.
+#[derive(Clone, Copy)]
+enum Primitive {
+    /// Triangles around the first corner.
+    Fan,
+    /// Triangles of three neighbours each, every second one turned over.
+    Strip,
+}
+
+impl Primitive {
+    fn named(kind: &str) -> Option<Self> {
+        match kind {
+            "triangles" | "polylist" | "polygons" | "trifans" => Some(Self::Fan),
+            "tristrips" => Some(Self::Strip),
+            _ => None,
+        }
+    }
+
+    fn add_triangles(self, chain: &[u32], triangles: &mut Vec<[u32; 3]>) {
+        for (k, pair) in chain.windows(2).enumerate().skip(1) {
+            let [a, b] = [pair[0], pair[1]];
+            triangles.push(match self {
+                Self::Fan => [chain[0], a, b],
+                Self::Strip if k % 2 == 1 => [chain[k - 1], a, b],
+                Self::Strip => [a, chain[k - 1], b],
+            });
+        }
+    }
+}
+
+/// The numbers of a text.
+fn numbers<T>(
+    xml: &Xml<'_>,
+    node: Node<'_, '_>,
+    parse: impl Fn(&str) -> Option<T>,
+    needed: &str,
+) -> Result<Vec<T>> {
+    let words = node.text().unwrap_or_default().split_ascii_whitespace();
+    words.map(|word| parse(word).ok_or_else(|| xml.invalid(node, excerpt(word), needed))).collect()
+}
+
+/// The transform of a node: the product of those in it, in their order.
+fn transform(xml: &Xml<'_>, node: Node<'_, '_>) -> Result<DAffine3> {
+    let mut all = DAffine3::IDENTITY;
+    for part in node.children().filter(Node::is_element) {
+        let kind = part.tag_name().name();
+        let count = match kind {
+            "matrix" => 16,
+            "translate" | "scale" => 3,
+            "rotate" => 4,
+            "lookat" => 9,
+            "skew" => 7,
+            _ => continue,
+        };
+        let given = numbers(xml, part, finite, "finite numbers")?;
+        if given.len() != count {
+            return Err(xml.invalid(part, format!("{} numbers", given.len()), format!("{count}")));
+        }
+        let vector = |k: usize| DVec3::new(given[k], given[k + 1], given[k + 2]);
+        all *= match kind {
+            "matrix" => affine(&given),
+            "translate" => DAffine3::from_translation(vector(0)),
+            "scale" => DAffine3::from_mat3(DMat3::from_diagonal(vector(0))),
+            "rotate" => vector(0)
+                .try_normalize()
+                .map_or(DAffine3::IDENTITY, |axis| DAffine3::from_axis_angle(axis, given[3].to_radians())),
+            _ => return Err(xml.source.unsupported(format!("line {}", xml.line(part)), kind)),
+        };
+    }
+    Ok(all)
+}
+
+/// A matrix as it is written, row by row; its last row is that of an affine map.
+fn affine(rows: &[f64]) -> DAffine3 {
+    let all: [f64; 16] = std::array::from_fn(|k| rows.get(k).copied().unwrap_or_default());
+    DAffine3::from_mat4(DMat4::from_cols_array(&all).transpose())
+}

@@ -1,0 +1,194 @@
+//! The surfaces of a robot, as a draft of its skin.
+
+use std::{
+    collections::{BTreeMap, HashMap, btree_map::Entry},
+    path::{Path, PathBuf},
+};
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use crate::{
+    io::{
+        IoError, ReadParts,
+        error::Result,
+        file::{Source, cannot_read, file_kind, invalid},
+        mesh::reader_of,
+        robot::Packages,
+    },
+    robot::{Geometry, Robot, Role, Shape, triangles_of},
+    skin::{Draft, LinkId, Remark, RemarkKind, Sheet, world_pose},
+};
+
+/// What of a robot is its skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RobotSurface {
+    /// The taxels of its tactile sensors, or if it has none what is seen of it, or what collides.
+    #[default]
+    Auto,
+    /// What is seen: the shape of the robot as it was designed.
+    Visual,
+    /// What collides: simpler shapes around it, as simulators use them.
+    Collision,
+    /// The taxels of its tactile sensors.
+    Sensors,
+}
+
+/// Largest file of a mesh, in bytes: 20 million triangles of STL.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Kinds of meshes that are read.
+const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
+
+/// The skin of a robot that was read from the file `path`: a sheet for each shape of each link, with the vertices
+/// at one place as one. Shapes are called as their link, or, where it has several, with their number after it.
+///
+/// Coordinates of meshes are taken as they are, whatever direction a file calls up; a factor of scale that is
+/// negative turns the triangles over, so that they stay outside.
+///
+/// # Errors
+/// If a mesh cannot be found or read, or there is nothing to make a skin of.
+pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: &Packages) -> Result<Draft> {
+    let mut draft = Draft { links: robot.links.clone(), remarks: robot.remarks.clone(), ..Draft::default() };
+    let has = |role| robot.shapes.iter().any(|shape| shape.role == role);
+    let role = match surface {
+        RobotSurface::Auto if robot.sensors.is_empty() && has(Role::Visual) => Role::Visual,
+        RobotSurface::Auto if robot.sensors.is_empty() => Role::Collision,
+        RobotSurface::Auto | RobotSurface::Sensors => {
+            draft.sheets.clone_from(&robot.sensors);
+            return if draft.sheets.is_empty() {
+                Err(bare(path, "<sensor> with <tactile>"))
+            } else {
+                Ok(draft)
+            };
+        }
+        RobotSurface::Visual => Role::Visual,
+        RobotSurface::Collision => Role::Collision,
+    };
+    let shapes: Vec<&Shape> = robot.shapes.iter().filter(|shape| shape.role == role).collect();
+    if shapes.is_empty() {
+        let what = match (surface, role) {
+            (RobotSurface::Auto, _) => "<visual>, <collision> or <sensor>",
+            (_, Role::Visual) => "<visual>",
+            (_, Role::Collision) => "<collision>",
+        };
+        return Err(bare(path, what));
+    }
+    let meshes = read_meshes(path, &shapes, packages)?;
+    let mut of_link: HashMap<LinkId, usize> = HashMap::new();
+    shapes.iter().for_each(|shape| *of_link.entry(shape.link).or_default() += 1);
+    let mut numbers: HashMap<LinkId, usize> = HashMap::new();
+    for shape in shapes {
+        let number = numbers.entry(shape.link).or_default();
+        *number += 1;
+        let name = &robot.links[shape.link].name;
+        let name = if of_link[&shape.link] > 1 { format!("{name}.{number}") } else { name.clone() };
+        let mut sheet = Welded::of(shape, &meshes).sheet;
+        (sheet.name, sheet.link) = (name, Some(shape.link));
+        if sheet.triangles.is_empty() {
+            let what = "its mesh has no triangles".to_owned();
+            draft.remarks.push(Remark { patch: sheet.name, kind: RemarkKind::PassedOver { what } });
+        } else {
+            draft.sheets.push(sheet);
+        }
+    }
+    Ok(draft)
+}
+
+fn bare(path: &Path, what: &str) -> IoError {
+    let needed = "one to make a skin of: a shape that is seen or collides, or a tactile sensor";
+    invalid(path, "the robot", format!("no {what} on these links"), needed)
+}
+
+/// The drafts of the mesh files of some shapes, by their URLs.
+fn read_meshes(path: &Path, shapes: &[&Shape], packages: &Packages) -> Result<BTreeMap<String, Draft>> {
+    let mut files: BTreeMap<&str, (PathBuf, String)> = BTreeMap::new();
+    for shape in shapes {
+        let Geometry::Mesh { url, .. } = &shape.geometry else { continue };
+        if let Entry::Vacant(place) = files.entry(url) {
+            let element = format!("line {}, <mesh>", shape.line);
+            let file = packages.find(path, &element, url)?;
+            check(path, &element, &file)?;
+            place.insert((file, element));
+        }
+    }
+    let files: Vec<_> = files.into_iter().collect();
+    let read = |(url, (file, _)): (&str, (PathBuf, String))| {
+        Ok((url.to_owned(), reader_of(&file)?(Source::open(&file)?, ReadParts::default())?))
+    };
+    // The first error in the order of the URLs, whatever the threads do.
+    files.into_par_iter().map(read).collect::<Vec<Result<_>>>().into_iter().collect()
+}
+
+/// Refuses a mesh of an unknown kind, or one that is too large.
+fn check(path: &Path, element: &str, file: &Path) -> Result<()> {
+    let kind = file_kind(file);
+    if !KINDS.split(", ").any(|known| known == kind) {
+        let found = match kind.as_str() {
+            "mesh" => format!("{}, a binary mesh of OGRE", file.display()),
+            _ => format!("{}, a mesh of another kind", file.display()),
+        };
+        return Err(invalid(path, element, found, format!("a mesh of one of: {KINDS}")));
+    }
+    let length = file.metadata().map_err(cannot_read(file))?.len();
+    if length > MOST_BYTES {
+        let found = format!("{}, {length} bytes", file.display());
+        return Err(invalid(
+            path,
+            element,
+            found,
+            format!("a mesh of at most {MOST_BYTES} bytes: reduce it first"),
+        ));
+    }
+    Ok(())
+}
+
+/// The triangles of a shape in the frame of its link; vertices at exactly the same place of its mesh are one.
+#[derive(Default)]
+struct Welded {
+    sheet: Sheet,
+    places: HashMap<[u64; 3], u32>,
+}
+
+impl Welded {
+    fn of(shape: &Shape, meshes: &BTreeMap<String, Draft>) -> Self {
+        let mut welded = Self::default();
+        match (&shape.geometry, triangles_of(&shape.geometry)) {
+            (_, Some(mesh)) => {
+                let triangles = mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v]));
+                triangles.for_each(|t| welded.add(t, shape.pose, DVec3::ONE));
+            }
+            (Geometry::Mesh { url, scale }, None) => {
+                if let Some(draft) = meshes.get(url) {
+                    welded.add_draft(draft, shape.pose, *scale);
+                }
+            }
+            _ => {}
+        }
+        welded
+    }
+
+    fn add_draft(&mut self, draft: &Draft, pose: DAffine3, scale: DVec3) {
+        for sheet in &draft.sheets {
+            // Links of a glTF file.
+            let within = sheet.link.map_or(DAffine3::IDENTITY, |link| world_pose(&draft.links, link));
+            let at =
+                |v: u32| sheet.positions.get(v as usize).map_or(DVec3::ZERO, |&p| within.transform_point3(p));
+            sheet.triangles.iter().for_each(|t| self.add(t.map(at), pose, scale));
+        }
+    }
+
+    fn add(&mut self, [a, b, c]: [DVec3; 3], pose: DAffine3, scale: DVec3) {
+        let is_mirrored = scale.x * scale.y * scale.z < 0.0;
+        let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
+        let corners = corners.map(|p| {
+            // Adding zero makes -0 and 0 the same place.
+            let bits = p.to_array().map(|x| (x + 0.0).to_bits());
+            *self.places.entry(bits).or_insert_with(|| {
+                self.sheet.positions.push(pose.transform_point3(p * scale));
+                u32::try_from(self.sheet.positions.len() - 1).unwrap_or(u32::MAX)
+            })
+        });
+        self.sheet.triangles.push(corners);
+    }
+}

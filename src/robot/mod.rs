@@ -1,0 +1,160 @@
+//! Robots: links that hang from each other by joints, and the shapes and sensors on them that can carry skin.
+//!
+//! A [`Robot`] says what a robot description (URDF) says, before any of its mesh files is opened: see
+//! [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
+//! [`Draft`](crate::skin::Draft) of a skin of it. `primitive` makes the meshes of boxes, cylinders and spheres.
+
+mod primitive;
+
+use glam::{DAffine3, DVec3};
+
+use crate::{
+    id::IdVec,
+    skin::{Link, LinkId, Remark, Sheet},
+};
+
+pub(crate) use primitive::triangles_of;
+
+/// A robot as its description has it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Robot {
+    /// Its name; may be empty.
+    pub name: String,
+    /// The links, each after its parent; the pose of a link is its place where all joints are at 0.
+    pub links: IdVec<LinkId, Link>,
+    /// The joints, in the order of the links that hang by them: every link but the first has one.
+    pub joints: Vec<Joint>,
+    /// What is seen of the links, and what they collide with, in the order of the file.
+    pub shapes: Vec<Shape>,
+    /// The taxels of its tactile sensors: a sheet without triangles for each sensor.
+    pub sensors: Vec<Sheet>,
+    /// What its description says in vain.
+    pub remarks: Vec<Remark>,
+}
+
+/// What a link hangs by from its parent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Name, unique in the robot.
+    pub name: String,
+    /// The link that it moves.
+    pub link: LinkId,
+    /// How it moves.
+    pub kind: JointKind,
+    /// The direction that it turns around or moves along, of unit length, in the frame of its link.
+    pub axis: DVec3,
+    /// Its least and greatest value, in rad or m.
+    pub limits: Option<[f64; 2]>,
+    /// The joint that it follows.
+    pub mimic: Option<Mimic>,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// It does not.
+    Fixed,
+    /// It turns, within limits.
+    Revolute,
+    /// It turns without limits.
+    Continuous,
+    /// It slides.
+    Prismatic,
+    /// It moves freely in all six directions; its value is a pose, which joint values do not give.
+    Floating,
+    /// It slides in the plane across its axis; its value is a pose, which joint values do not give.
+    Planar,
+}
+
+impl JointKind {
+    /// Its name in robot descriptions.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fixed => "fixed",
+            Self::Revolute => "revolute",
+            Self::Continuous => "continuous",
+            Self::Prismatic => "prismatic",
+            Self::Floating => "floating",
+            Self::Planar => "planar",
+        }
+    }
+
+    /// The kind of a name.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        use JointKind::{Continuous, Fixed, Floating, Planar, Prismatic, Revolute};
+        [Fixed, Revolute, Continuous, Prismatic, Floating, Planar]
+            .into_iter()
+            .find(|kind| kind.name() == name)
+    }
+
+    /// Whether one number says where it is.
+    #[must_use]
+    pub const fn has_value(self) -> bool {
+        matches!(self, Self::Revolute | Self::Continuous | Self::Prismatic)
+    }
+}
+
+/// A joint that follows another: its value is `multiplier` times that of the other, plus `offset`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mimic {
+    /// Place of the other in [`Robot::joints`].
+    pub joint: usize,
+    /// What its value is multiplied by.
+    pub multiplier: f64,
+    /// What is added, in rad or m.
+    pub offset: f64,
+}
+
+/// A shape of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shape {
+    /// The link.
+    pub link: LinkId,
+    /// Whether it is seen or collides.
+    pub role: Role,
+    /// Its pose in the frame of the link, in m.
+    pub pose: DAffine3,
+    /// What it is.
+    pub geometry: Geometry,
+    /// Where in the file it stands, counted from 1.
+    pub line: usize,
+}
+
+/// What a shape is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It is seen.
+    Visual,
+    /// Others collide with it.
+    Collision,
+}
+
+/// What a shape is. Lengths are in m; boxes, cylinders and spheres have their centre at the origin.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Geometry {
+    /// A file of triangles.
+    Mesh {
+        /// Where it is, as the description names it: `package://NAME/PATH`, `file:///PATH` or a path.
+        url: String,
+        /// What its coordinates are multiplied by; an odd number of negative ones mirrors it.
+        scale: DVec3,
+    },
+    /// A box.
+    Box {
+        /// Its sides.
+        size: DVec3,
+    },
+    /// A closed cylinder along z.
+    Cylinder {
+        /// Its radius.
+        radius: f64,
+        /// Its length.
+        length: f64,
+    },
+    /// A sphere.
+    Sphere {
+        /// Its radius.
+        radius: f64,
+    },
+}

@@ -1,0 +1,405 @@
+//! Robot descriptions: what is read of them, and what is refused with the line where it stands.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+mod common;
+
+use std::{fmt::Write, fs, path::Path};
+
+use common::{dermatome, json, notes, refuses};
+use dermatome::{
+    io::{Packages, RobotSurface, read_draft, read_robot, robot_draft, write_skin},
+    mesh::shapes,
+    skin::{AssembleOptions, Draft, LinkId, Skin, TaxelId, assemble, world_pose},
+};
+use glam::{DAffine3, DMat3, DVec3};
+use tempfile::TempDir;
+
+/// A folder with a robot of these elements.
+fn robot(elements: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_robot(folder.path(), elements);
+    folder
+}
+
+fn write_robot(folder: &Path, elements: &str) {
+    fs::write(folder.join("r.urdf"), format!("<robot name='r'>\n{elements}\n</robot>\n")).unwrap();
+}
+
+/// A link that is seen as something.
+fn link(name: &str, shape: &str) -> String {
+    format!("<link name='{name}'><visual><geometry>{shape}</geometry></visual></link>\n")
+}
+
+/// A joint, with what else it has.
+fn joint(parent: &str, child: &str, kind: &str, more: &str) -> String {
+    format!(
+        "<joint name='to_{child}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>{more}</joint>\n"
+    )
+}
+
+const BALL: &str = "<sphere radius='0.1'/>";
+
+fn draft_of(folder: &Path) -> Draft {
+    read_draft(&folder.join("r.urdf")).unwrap()
+}
+
+/// The outside of the surfaces of a skin encloses this much, in m^3.
+fn volume(skin: &Skin) -> f64 {
+    let six = skin.patches.iter().flat_map(|patch| {
+        patch.mesh.triangles.ids().map(|face| {
+            let [a, b, c] = patch.mesh.corners(face);
+            a.dot(b.cross(c))
+        })
+    });
+    six.sum::<f64>() / 6.0
+}
+
+fn assembled(draft: &Draft) -> Skin {
+    assemble(draft, &AssembleOptions { repair: true, ..AssembleOptions::default() }).unwrap().skin
+}
+
+/// Links come in the order of the tree, whatever the order of the file, with the poses of their joints:
+/// turns around the fixed axes x, then y, then z.
+#[test]
+fn links_make_a_tree_of_poses() {
+    let folder = robot(&format!(
+        "{}{}{}{}{}",
+        link("tip", BALL),
+        joint("arm", "tip", "fixed", "<origin xyz='0 0 1' rpy='0.3 -0.2 0.1'/>"),
+        link("arm", BALL),
+        joint("base", "arm", "revolute", "<origin xyz='1 2 3'/><limit lower='-1' upper='2'/>"),
+        "<link name='base'/>",
+    ));
+    let robot = read_robot(&folder.path().join("r.urdf")).unwrap();
+    let names: Vec<&str> = robot.links.iter().map(|link| &*link.name).collect();
+    assert_eq!(names, ["base", "arm", "tip"]);
+    let joints: Vec<&str> = robot.joints.iter().map(|joint| &*joint.name).collect();
+    assert_eq!(joints, ["to_arm", "to_tip"], "in the order of their links");
+    assert_eq!(robot.joints[0].limits, Some([-1.0, 2.0]));
+    let turn = DMat3::from_rotation_z(0.1) * DMat3::from_rotation_y(-0.2) * DMat3::from_rotation_x(0.3);
+    let expected = DAffine3::from_mat3_translation(turn, DVec3::new(1.0, 2.0, 4.0));
+    let found = world_pose(&robot.links, LinkId::new(2));
+    assert!(found.abs_diff_eq(expected, 1e-15), "{found}");
+    let draft = draft_of(folder.path());
+    assert_eq!(draft.sheets.iter().map(|s| s.link.unwrap().index()).collect::<Vec<_>>(), [2, 1]);
+}
+
+/// Mirrored meshes keep their outside, scaled ones grow, and several shapes of a link have numbers.
+#[test]
+fn meshes_of_all_kinds_are_scaled_and_mirrored() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Skin::from_mesh("ball", shapes::ball(6, 0.1));
+    for name in ["ball.stl", "ball.obj", "ball.ply", "ball.glb"] {
+        write_skin(&folder.path().join(name), &ball).unwrap();
+    }
+    fs::write(folder.path().join("ball.dae"), dae(&ball, "")).unwrap();
+    let one = volume(&ball);
+    for kind in ["stl", "obj", "ply", "glb", "dae"] {
+        for (scale, times) in [
+            ("", 1.0),
+            ("scale='2 2 2'", 8.0),
+            ("scale='2'", 8.0),
+            ("scale='1 -1 1'", 1.0),
+            ("scale='-1 -1 -3'", 3.0),
+        ] {
+            write_robot(folder.path(), &link("a", &format!("<mesh filename='ball.{kind}' {scale}/>")));
+            let draft = draft_of(folder.path());
+            assert_eq!(draft.sheets[0].name, "a");
+            let skin = assembled(&draft);
+            assert_eq!(skin.patches.len(), 1);
+            let found = volume(&skin);
+            assert!((found / (times * one) - 1.0).abs() < 1e-6, "{kind} {scale}: {found}");
+        }
+    }
+    let two = "<link name='a'><visual><geometry><box size='1 1 1'/></geometry></visual>\
+               <visual><geometry><cylinder radius='1' length='2'/></geometry></visual><visual/></link>";
+    write_robot(folder.path(), two);
+    let names: Vec<String> = draft_of(folder.path()).sheets.into_iter().map(|sheet| sheet.name).collect();
+    assert_eq!(names, ["a.1", "a.2"]);
+}
+
+/// A COLLADA file of one mesh, used by these nodes; without any, by none.
+fn dae(skin: &Skin, nodes: &str) -> String {
+    let mesh = &skin.patches.iter().next().unwrap().mesh;
+    let numbers: Vec<String> =
+        mesh.positions.iter().map(|p| format!("{:?} {:?} {:?}", p.x, p.y, p.z)).collect();
+    // The second number of each corner is that of a normal.
+    let corners: Vec<String> = mesh.triangles.iter().flatten().map(|v| format!("{} 0", v.raw())).collect();
+    let scene = if nodes.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "<library_visual_scenes><visual_scene id='s'>{nodes}</visual_scene></library_visual_scenes>\
+             <scene><instance_visual_scene url='#s'/></scene>"
+        )
+    };
+    format!(
+        "<?xml version='1.0'?><COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>\
+         <asset><unit meter='1'/><up_axis>Y_UP</up_axis></asset><library_geometries><geometry id='g'><mesh>\
+         <source id='p'><float_array id='pa'>{}</float_array><technique_common><accessor source='#pa' stride='3'/>\
+         </technique_common></source><vertices id='v'><input semantic='POSITION' source='#p'/></vertices>\
+         <triangles><input semantic='VERTEX' source='#v' offset='0'/><input semantic='NORMAL' source='#n' offset='1'/>\
+         <p>{}</p></triangles></mesh></geometry></library_geometries>{scene}</COLLADA>",
+        numbers.join(" "),
+        corners.join(" ")
+    )
+}
+
+/// Every use of a mesh is a sheet, placed by the nodes above it and scaled by the unit of the file; which
+/// way is up turns nothing.
+#[test]
+fn nodes_of_collada_place_meshes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dae");
+    let triangle = Skin::from_mesh("triangle", shapes::triangle());
+    let read = |text: &str| {
+        fs::write(&path, text).unwrap();
+        read_draft(&path)
+    };
+    let nodes = "<node><translate>1 0 0</translate><node id='n'><rotate>0 0 1 90</rotate><scale>2 2 2</scale>\
+                 <instance_geometry url='#g'/></node></node><node><matrix>1 0 0 5 0 1 0 6 0 0 -1 7 0 0 0 1</matrix>\
+                 <instance_node url='#n'/></node>";
+    let text = dae(&triangle, nodes).replace("meter='1'", "meter='0.5'");
+    let draft = read(&text).unwrap();
+    assert_eq!(draft.sheets.len(), 2);
+    let close = |k: usize, expected: [DVec3; 3]| {
+        let sheet = &draft.sheets[k];
+        let found = sheet.triangles[0].map(|v| sheet.positions[v as usize]);
+        let is_close = found.iter().zip(&expected).all(|(a, b)| a.abs_diff_eq(*b, 1e-12));
+        assert!(is_close, "{found:?}, not {expected:?}");
+    };
+    close(0, [DVec3::X * 0.5, DVec3::new(0.5, 1.0, 0.0), DVec3::new(-0.5, 0.0, 0.0)]);
+    let at = DVec3::new(2.5, 3.0, 3.5);
+    close(1, [at, at - DVec3::X, at + DVec3::Y]);
+    let strips = dae(&Skin::from_mesh("s", shapes::lattice(3, 2, 1.0)), "");
+    let from = strips.find("<triangles>").unwrap();
+    let to = strips.find("</triangles>").unwrap();
+    for (element, count) in [
+        ("<tristrips><input semantic='VERTEX' source='#v'/><p>0 3 1 4 2 5</p></tristrips>", 4),
+        (
+            "<polylist><input semantic='VERTEX' source='#v'/><vcount>4 3</vcount><p>0 1 4 3 1 2 4</p></polylist>",
+            3,
+        ),
+        ("<polygons><input semantic='VERTEX' source='#v'/><p>0 1 4 3</p><p>1 2 4</p></polygons>", 3),
+        (
+            "<lines><input semantic='VERTEX' source='#v'/><p>0 1</p></lines><triangles><input semantic='VERTEX' source='#v'/><p>0 1 3</p></triangles>",
+            1,
+        ),
+    ] {
+        let text = [&strips[..from], element, &strips[to + "</triangles>".len()..]].concat();
+        let sheet = read(&text).unwrap().sheets.remove(0);
+        assert_eq!(sheet.triangles.len(), count, "{element}");
+        let up = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| sheet.positions[v as usize]);
+            (b - a).cross(c - a).z
+        };
+        let same = sheet.triangles.iter().all(|t| up(t) * up(&sheet.triangles[0]) >= 0.0);
+        assert!(same, "all triangles of {element} face one way: {:?}", sheet.triangles);
+    }
+    for (from, to, said) in [
+        ("<p>0 0 1 0", "<p>9 0 1 0", "vertices below 3"),
+        ("#p'", "#w'", "the id of an element"),
+        ("<p>0 0", "<p>x 0", "numbers of vertices"),
+        ("stride='3'", "stride='2'", "three numbers"),
+        ("meter='1'", "meter='-1'", "above 0"),
+        ("COLLADA", "X3D", "COLLADA"),
+        ("<mesh>", "<mesh", "line 1"),
+    ] {
+        let error = read(&dae(&triangle, "").replace(from, to)).unwrap_err().to_string();
+        assert!(error.contains(said), "{from} -> {to}: {error}");
+    }
+    let circle = "<node id='n'><instance_node url='#n'/></node>";
+    assert!(read(&dae(&triangle, circle)).unwrap_err().to_string().contains("use themselves"));
+    // Each node uses the next one twice: 2^30 uses of a mesh.
+    let mut bomb = String::new();
+    for k in 0..30 {
+        let inner = format!("<instance_node url='#n{}'/>", k + 1);
+        write!(bomb, "<node id='n{k}'>{inner}{inner}</node>").unwrap();
+    }
+    bomb.push_str("<node id='n30'/>");
+    assert!(read(&dae(&triangle, &bomb)).unwrap_err().to_string().contains("more nodes"));
+}
+
+/// Taxels of sensors have their ids, and lie where the frames of sensor and taxel put them.
+#[test]
+fn sensors_give_taxels() {
+    let sensors = "<sensor name='tip' update_rate='100'><parent link='a'/><origin xyz='0 0 1' rpy='0 0 1.5707963267948966'/>\
+                   <tactile><taxel idx='7' xyz='1 0 0' rpy='0 0 0'/><taxel idx='9' xyz='0 1 0'/><taxel idx='3' xyz='0 0 0'/>\
+                   </tactile></sensor><sensor name='camera'><parent link='a'/><camera/></sensor>\
+                   <sensor name='pad'><parent link='a'/><tactile><array rows='2' cols='3' size='0.1 0.2' offset='1 1'/></tactile></sensor>";
+    let folder = robot(&(link("a", BALL) + sensors));
+    let draft = draft_of(folder.path());
+    let [tip, pad] = &draft.sheets[..] else { panic!("{} sheets", draft.sheets.len()) };
+    assert_eq!(tip.ids.as_deref(), Some(&[7, 9, 3].map(TaxelId)[..]));
+    let expected = [DVec3::new(0.0, 1.0, 1.0), DVec3::new(-1.0, 0.0, 1.0), DVec3::Z];
+    assert!(tip.positions.iter().zip(expected).all(|(p, q)| p.abs_diff_eq(q, 1e-12)), "{:?}", tip.positions);
+    assert_eq!(pad.positions.len(), 6);
+    assert!(
+        pad.positions[1].abs_diff_eq(DVec3::new(-1.0, -0.8, 0.0), 1e-12),
+        "columns along y: {}",
+        pad.positions[1]
+    );
+    let path = folder.path().join("r.urdf");
+    let seen = robot_draft(&path, &read_robot(&path).unwrap(), RobotSurface::Visual, &Packages::default());
+    assert_eq!(seen.unwrap().sheets[0].name, "a");
+    for (from, to, said) in [
+        ("parent link='a'/><origin", "parent link='b'/><origin", "no <link>"),
+        ("idx='7'", "idx='-7'", "a number from 0"),
+        ("rows='2'", "rows='2000000000'", "a million taxels"),
+        ("size='0.1 0.2'", "", "size or spacing"),
+        ("<array rows='2' cols='3' size='0.1 0.2' offset='1 1'/>", "", "no taxels"),
+    ] {
+        write_robot(folder.path(), &(link("a", BALL) + &sensors.replace(from, to)));
+        refuses(folder.path(), "info r.urdf", &[said, "line"]);
+    }
+}
+
+/// What is wrong is named with its line.
+#[test]
+fn bad_descriptions_are_refused_with_their_line() {
+    let [a, b, c] = ["a", "b", "c"].map(|name| link(name, BALL));
+    let mimic = |of: &str| format!("<mimic joint='to_{of}'/>");
+    let cases: &[(String, &[&str])] = &[
+        (format!("{a}{b}"), &["line 3", "hang by no joint", "\"a\", \"b\""]),
+        (format!("{a}{a}"), &["line 3", "the name of line 2 again"]),
+        (
+            format!("{a}{b}{}{}", joint("a", "b", "fixed", ""), joint("a", "b", "fixed", "")),
+            &["line 5", "the name of line 4"],
+        ),
+        (
+            format!("{a}{b}{c}{}{}", joint("b", "c", "fixed", ""), joint("c", "b", "fixed", "")),
+            &["a circle", "\"b\"", "\"c\""],
+        ),
+        (format!("{a}{}", joint("a", "a", "fixed", "")), &["a circle", "\"a\""]),
+        (
+            format!(
+                "{a}{b}{c}{}{}",
+                joint("a", "c", "fixed", ""),
+                joint("b", "c", "fixed", "").replace("to_c", "other")
+            ),
+            &["line 6", "to_c"],
+        ),
+        (format!("{a}{}", joint("a", "x", "fixed", "")), &["line 3", "no <link> of that name"]),
+        (format!("{a}{b}{}", joint("a", "b", "ball", "")), &["line 4", "type=\"ball\"", "prismatic"]),
+        (format!("{a}{b}{}", joint("a", "b", "revolute", "<axis xyz='0 0 0'/>")), &["a direction"]),
+        (format!("{a}{b}{}", joint("a", "b", "revolute", "<axis xyz='0 0'/>")), &["3 finite numbers"]),
+        (format!("{a}{b}{}", joint("a", "b", "revolute", "<origin xyz='0 0 nan'/>")), &["3 finite numbers"]),
+        (format!("{a}{b}{}", joint("a", "b", "revolute", "<limit lower='1' upper='-1'/>")), &["below upper"]),
+        (format!("{a}{b}{}", joint("a", "b", "revolute", &mimic("b"))), &["follows itself"]),
+        (
+            format!(
+                "{a}{b}{c}{}{}",
+                joint("a", "b", "revolute", &mimic("c")),
+                joint("b", "c", "revolute", &mimic("b"))
+            ),
+            &["follows itself"],
+        ),
+        (link("a", "<mesh filename='x.stl' scale='1 0 1'/>"), &["line 2", "other than 0"]),
+        (link("a", "<mesh filename='x.stl' scale='1 nan 1'/>"), &["line 2", "3 finite numbers"]),
+        (link("a", "<mesh filename='x.stl'/>"), &["line 2", "x.stl", "--links"]),
+        (
+            link("a", "<mesh filename='package://hand/x.stl'/>"),
+            &["line 2", "no folder of that name", "--package hand=DIR"],
+        ),
+        (link("a", "<mesh filename='package://hand/../../x.stl'/>"), &["line 2", "not above it"]),
+        (link("a", "<mesh filename='http://a.b/x.stl'/>"), &["package://NAME/PATH"]),
+        (link("a", "<mesh filename='r.mesh'/>"), &["OGRE", "stl, obj, dae"]),
+        (link("a", "<mesh/>"), &["an attribute filename"]),
+        (link("a", "<sphere radius='0'/>"), &["above 0"]),
+        (link("a", "<box size='1 1 -1'/>"), &["above 0"]),
+        (link("a", "<torus/>"), &["mesh, box, cylinder or sphere"]),
+        ("<link name='a'/>".into(), &["<visual>, <collision> or <sensor>"]),
+        (String::new(), &["no <link>"]),
+        ("<link/>".into(), &["an attribute name"]),
+        ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacro FILE"]),
+        ("<x:macro xmlns:x='http://ros.org/wiki/xacro'/>".into(), &["a macro of xacro"]),
+        ("<link".into(), &["line"]),
+    ];
+    for (elements, said) in cases {
+        let folder = robot(elements);
+        fs::write(folder.path().join("r.mesh"), "x").unwrap();
+        refuses(folder.path(), "info r.urdf", said);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let bomb = "<!DOCTYPE r [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><robot name='&b;'/>";
+    for (text, said) in [(bomb, "DTD"), ("<sdf/>", "<robot>"), ("", "bytes"), ("\u{1}", "line 1")] {
+        fs::write(folder.path().join("r.urdf"), text).unwrap();
+        refuses(folder.path(), "info r.urdf", &[said]);
+    }
+}
+
+/// Packages are found above the file, in the paths of the environment, and where the option says.
+#[test]
+fn packages_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let ball = Skin::from_mesh("ball", shapes::ball(4, 0.1));
+    for place in ["hand/meshes", "hand/urdf", "other/share/arm", "elsewhere"] {
+        fs::create_dir_all(here.join(place)).unwrap();
+    }
+    write_skin(&here.join("hand/meshes/m.stl"), &ball).unwrap();
+    write_skin(&here.join("other/share/arm/m.stl"), &ball).unwrap();
+    write_robot(&here.join("hand/urdf"), &link("a", "<mesh filename='package://hand/meshes/m.stl'/>"));
+    dermatome(here, "info hand/urdf/r.urdf").assert().success();
+    dermatome(here.join("hand/urdf"), "info r.urdf").assert().success();
+    write_robot(here, &link("a", "<mesh filename='package://arm/m.stl'/>"));
+    refuses(here, "info r.urdf", &["--package arm=DIR"]);
+    dermatome(here, "info r.urdf --package arm=other/share/arm").assert().success();
+    dermatome(here, "info r.urdf").env("ROS_PACKAGE_PATH", here.join("other/share")).assert().success();
+    dermatome(here, "info r.urdf").env("AMENT_PREFIX_PATH", here.join("other")).assert().success();
+    refuses(here, "info r.urdf --package arm=elsewhere", &["looked for in: elsewhere"]);
+    refuses(here, "info r.urdf --package arm", &["NAME=DIR"]);
+    refuses(here, "info r.urdf --package arm=nowhere", &["is no folder"]);
+    let file = here.join("hand/meshes/m.stl");
+    write_robot(here, &link("a", &format!("<mesh filename='file://{}'/>", file.display())));
+    dermatome(here, "info r.urdf").assert().success();
+    refuses(here, "info hand/meshes/m.stl --links a", &["a .urdf"]);
+}
+
+/// The arm of `meshes/` builds, one patch for each shape of the links that are chosen, and lists its links.
+#[test]
+fn a_robot_builds_and_lists_its_links() {
+    let folder = tempfile::tempdir().unwrap();
+    let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/arm.urdf");
+    fs::copy(arm, folder.path().join("arm.urdf")).unwrap();
+    let run = dermatome(folder.path(), "info arm.urdf --json").assert().success();
+    let info = json(&run.get_output().stdout);
+    assert_eq!(info["links"].as_array().unwrap().len(), 7);
+    assert_eq!(info["joints"][4]["mimic"]["joint"], "grip");
+    assert_eq!(info["patches"].as_array().unwrap().len(), 8);
+    dermatome(folder.path(), "build arm.urdf -o out --links f* --links thumb").assert().success();
+    let map = dermatome::read_map(&folder.path().join("out/map.glb")).unwrap();
+    let names: Vec<&str> = map.patches.iter().map(|patch| &*patch.name).collect();
+    assert_eq!(names, ["forearm", "finger.1", "finger.2", "thumb.1", "thumb.2"]);
+    assert_eq!(map.links.len(), 7, "links without skin are kept");
+    dermatome(folder.path(), "info arm.urdf --mesh collision --links base").assert().success();
+    refuses(folder.path(), "info arm.urdf --links wrist", &["wrist", "dermatome info"]);
+    refuses(folder.path(), "info arm.urdf --mesh sensors", &["<sensor> with <tactile>"]);
+    write_robot(folder.path(), &link("a", "<box size='200 100 100'/>"));
+    notes(folder.path(), "info r.urdf", &["in millimetres?", "scale=\"0.001 0.001 0.001\""]);
+    let lost = format!(
+        "{}{}{}",
+        link("a", BALL),
+        link("b", BALL),
+        joint("a", "b", "revolute", "<mimic joint='x'/>")
+    );
+    write_robot(folder.path(), &lost);
+    notes(folder.path(), "info r.urdf", &["to_b: it follows a joint \"x\" that is not there"]);
+}
+
+/// A chain and a star of 100,000 links are read one link at a time.
+#[test]
+fn huge_robots_are_read() {
+    for is_chain in [false, true] {
+        let mut text = link("l0", BALL);
+        for k in 1..100_000 {
+            let parent = format!("l{}", if is_chain { k - 1 } else { 0 });
+            write!(text, "<link name='l{k}'/>").unwrap();
+            text += &joint(&parent, &format!("l{k}"), "revolute", "");
+        }
+        let folder = robot(&text);
+        assert_eq!(read_robot(&folder.path().join("r.urdf")).unwrap().links.len(), 100_000);
+        assert_eq!(draft_of(folder.path()).sheets.len(), 1);
+    }
+}
