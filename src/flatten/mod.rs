@@ -36,8 +36,8 @@
 //!    thousandth are minimised as if they were so high first: needles would stop every step.
 //! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
 //!    semi-definite along its four known eigenvectors (`(smith2019)`, `(teran2005)`), a step below
-//!    the first collapse of a face (`(smith2015)`), a line search. Up to 10 000 vertices systems
-//!    are factored, above solved by conjugate gradients.
+//!    the first collapse of a face (`(smith2015)`), a line search. Up to 3000 vertices systems
+//!    are factored, above solved by conjugate gradients in single precision, along a curve that fills space.
 //! 4. **Fill, if needed.** Where a hole turns inside out, the descent goes on from the last map
 //!    that kept it with light triangles in the holes, which may not flip and are made anew every
 //!    few steps; where the map overlaps itself, with such triangles also between its outer loop and
@@ -69,8 +69,8 @@
 //!
 //! - `options`, `error`: what is asked for, and why it may fail
 //! - `domain`, `magnification`, `boundary`: what is known of the skin and of its map
-//! - `energy/` (`elements`, `face_energy`, `objective`, `newton`): the faces, the energy of one, of all,
-//!   and its minimiser; a new energy goes into `face_energy`
+//! - `energy/` (`elements`, `face_energy`, `assembly`, `objective`, `newton`): the faces, the energy of one,
+//!   sums over all, and the minimiser; a new energy goes into `face_energy`
 //! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps without another one to start from
 //! - `crossings`, `overlap`, `fillers`: whether a map overlaps itself, and how that is prevented
 //! - `relax`, `insertion`, `refine`: least energy on one level; from one level to the next
@@ -192,7 +192,7 @@ pub fn flatten(
 }
 
 /// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
-const ROUGH: NewtonLimits = NewtonLimits { decrement: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
+const ROUGH: NewtonLimits = NewtonLimits { rest: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
 
 /// About the map (m) of least symmetric Dirichlet energy, to judge a seam by: from a map of the same
 /// faces without flips, if one is given. A map that will hardly get closer to the energy of an isometry

@@ -32,7 +32,7 @@ use crate::flatten::{
 };
 
 /// Newton steps between two stages of an insertion: they only have to make room.
-const STAGE: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 12, gain: 1e-3, most: f64::INFINITY };
+const STAGE: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 12, gain: 1e-3, most: f64::INFINITY };
 
 /// Vertices of a stage over those of the one before, where a level cannot be inserted at once.
 const STAGE_GROWTH: f64 = 1.5;

@@ -23,18 +23,17 @@ use crate::{
 };
 
 /// Systems up to this size are factored. Above, conjugate gradients reach the same energy sooner if
-/// they start from the optimum of the next coarser level; from any other map, or with fillers, they
-/// take ten times as long (measured on a star of 20k faces).
-const FACTORED: usize = 10_000;
+/// they start from the optimum of the next coarser level (at 5000 vertices in half of the time); from any
+/// other map, or with fillers, they take ten times as long (measured on a star of 20k faces).
+const FACTORED: usize = 3000;
 
 /// Newton steps with a factored system: 3 to 10 are usual from a conformal start, 30 to 80 from a
 /// convex one.
-const EXACT: NewtonLimits = NewtonLimits { decrement: 1e-12, steps: 200, gain: ENOUGH, most: f64::INFINITY };
+const EXACT: NewtonLimits = NewtonLimits { rest: 1e-16, steps: 200, gain: ENOUGH, most: f64::INFINITY };
 
-/// Newton steps on a larger level. From the optimum of the next coarser level four to eight end
-/// within 1e-5 of the optimum (measured at 100k faces); a convex start needs many more.
-const TRUNCATED: NewtonLimits =
-    NewtonLimits { decrement: 1e-6, steps: 100, gain: ENOUGH, most: f64::INFINITY };
+/// Newton steps on a larger level. From the optimum of the next coarser level two to six end
+/// within 1e-6 of the optimum (measured from 10k to a million faces); a convex start needs many more.
+const TRUNCATED: NewtonLimits = NewtonLimits { rest: 1e-7, steps: 100, gain: ENOUGH, most: f64::INFINITY };
 
 /// A start of more energy than this at its best scale is worse than the one inside a circle: the
 /// conformal map of a bunny with holes has 1e4, and Newton needs 40 steps from it instead of 8.
@@ -50,7 +49,7 @@ const COLLAPSED: f64 = 1000.0;
 const FAT: [f64; 2] = [1e-2, 1e-3];
 
 /// Newton steps with each of them.
-const FATTENED: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 60, gain: ENOUGH, most: f64::INFINITY };
+const FATTENED: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 60, gain: ENOUGH, most: f64::INFINITY };
 
 /// Steps with a free boundary that a map may take until every hole has the right orientation: after an
 /// insertion a rim may cross itself. Where 6 steps did not suffice, 20 and 200 did not either (five tubes

@@ -71,19 +71,13 @@ impl FlatTriangle {
     }
 }
 
-/// Signed singular values of a map, and the directions the energies are built from.
-///
-/// `J = (s1 + s2)/2 rotation + (s1 - s2)/2 reflection`, with `rotation = [c, -s; s, c]` and
-/// `reflection = [c, s; s, -c]` of the unit vectors `(c, s)` kept here (smith2019 builds the
-/// eigensystem of any isotropic energy from these two).
+/// Signed singular values of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SingularValues {
     /// Larger singular value, non-negative.
     pub(crate) s1: f64,
     /// Smaller one, `s1 >= |s2|`, negative for a mirrored map.
     pub(crate) s2: f64,
-    pub(crate) rotation: DVec2,
-    pub(crate) reflection: DVec2,
 }
 
 impl SingularValues {
@@ -92,12 +86,7 @@ impl SingularValues {
         let (a, b, c, d) = (j.x_axis.x, j.y_axis.x, j.x_axis.y, j.y_axis.y);
         let (turn, mirror) = (DVec2::new(a + d, c - b), DVec2::new(a - d, c + b));
         let (p, q) = (0.5 * turn.length(), 0.5 * mirror.length());
-        Self {
-            s1: p + q,
-            s2: p - q,
-            rotation: turn.try_normalize().unwrap_or(DVec2::X),
-            reflection: mirror.try_normalize().unwrap_or(DVec2::X),
-        }
+        Self { s1: p + q, s2: p - q }
     }
 }
 
@@ -135,14 +124,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn singular_values_and_directions_rebuild_the_map() {
+    fn singular_values_have_the_norm_and_the_determinant_of_the_map() {
         let j = DMat2::from_cols_array(&[1.5, -0.25, 0.75, 2.0]);
         let s = SingularValues::of(&j);
-        let (r, m) = (s.rotation, s.reflection);
-        let rebuilt = DMat2::from_cols_array(&[r.x, r.y, -r.y, r.x]) * (0.5 * (s.s1 + s.s2))
-            + DMat2::from_cols_array(&[m.x, m.y, m.y, -m.x]) * (0.5 * (s.s1 - s.s2));
-        assert!((rebuilt - j).to_cols_array().iter().all(|x| x.abs() < 1e-15), "{rebuilt} is {j}");
-        assert!((s.s1 * s.s2 - j.determinant()).abs() < 1e-15, "s1 s2 is the determinant");
+        let norm = j.x_axis.length_squared() + j.y_axis.length_squared();
+        assert!((s.s1 * s.s1 + s.s2 * s.s2 - norm).abs() < 1e-15 * norm, "{s:?}");
+        assert!((s.s1 * s.s2 - j.determinant()).abs() < 1e-15 * norm, "{s:?}");
     }
 
     #[test]

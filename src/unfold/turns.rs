@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 use crate::{
     cut::PlaceId,
     id::{FaceId, IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, VertexCorners, triangle_cross},
+    mesh::{FlatTriangle, VertexCorners, triangle_cross},
 };
 
 pub(super) struct Turns {
@@ -107,7 +107,9 @@ pub(super) fn rotation(space: [DVec3; 3], plane: [DVec2; 3]) -> Option<DMat3> {
     let normal = triangle_cross(space).try_normalize()?;
     let along = (space[1] - space[0]).try_normalize()?;
     let flat = FlatTriangle::new(space);
-    let DVec2 { x: cos, y: sin } = SingularValues::of(&flat.jacobian(plane)).rotation;
+    let j = flat.jacobian(plane);
+    let DVec2 { x: cos, y: sin } =
+        DVec2::new(j.x_axis.x + j.y_axis.y, j.x_axis.y - j.y_axis.x).normalize_or(DVec2::X);
     let turn = DMat3::from_cols(DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0), DVec3::Z);
     let rotation = turn * DMat3::from_cols(along, normal.cross(along), normal).transpose();
     rotation.is_finite().then_some(rotation)

@@ -25,12 +25,12 @@ fn lattice(n: usize) -> (Pattern, Vec<DVec3>) {
 /// Graph Laplacian plus a little of the identity.
 fn laplacian(pattern: &Pattern) -> Matrix<'_, f64> {
     let mut matrix = Matrix::zero(pattern);
-    matrix.fill_rows(|row, entries| {
+    for (row, entries) in matrix.parts_mut(1).into_iter().enumerate() {
         let degree = entries.len() as f64 - 1.0;
         for (entry, &column) in entries.iter_mut().zip(pattern.columns(row)) {
             *entry = if column as usize == row { degree + 1e-3 } else { -1.0 };
         }
-    });
+    }
     matrix
 }
 

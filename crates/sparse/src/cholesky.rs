@@ -19,7 +19,11 @@ use faer::{
 };
 use glam::DVec3;
 
-use crate::{Entry, Matrix, Pattern, SparseError, lower::Lower, ordering::order_rows};
+use crate::{
+    Matrix, Pattern, SparseError,
+    lower::{Lower, Numbers},
+    ordering::order_rows,
+};
 
 /// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`]
 /// on it.
@@ -88,7 +92,7 @@ impl Cholesky {
     ///
     /// # Panics
     /// If the matrix has another pattern, or entries of another size.
-    pub fn factor<T: Entry>(&self, matrix: &Matrix<'_, T>) -> Result<Factor<'_, T>, SparseError> {
+    pub fn factor<T: Numbers>(&self, matrix: &Matrix<'_, T>) -> Result<Factor<'_, T>, SparseError> {
         assert_eq!(self.block, T::UNKNOWNS, "unknowns in a row of what was analysed");
         assert_eq!(self.lower.rows, self.block * matrix.pattern().rows(), "the pattern that was analysed");
         let values = self.factor_values(&self.lower.gather(matrix)?)?;
@@ -156,12 +160,12 @@ impl Cholesky {
 
 /// A factored matrix.
 #[derive(Debug)]
-pub struct Factor<'c, T: Entry> {
+pub struct Factor<'c, T: Numbers> {
     of: &'c Cholesky,
     values: Vec<T::Number>,
 }
 
-impl<T: Entry> Factor<'_, T> {
+impl<T: Numbers> Factor<'_, T> {
     /// Solves for one right-hand side, in place: one entry per row, a vector where the matrix has blocks or
     /// complex numbers.
     ///

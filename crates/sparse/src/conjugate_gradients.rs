@@ -1,43 +1,110 @@
-//! Conjugate gradients for matrices of 2 x 2 blocks.
+//! Conjugate gradients for matrices of 2 x 2 blocks, in single or double precision.
 
-use glam::{DMat2, DVec2};
+use std::{
+    iter::Sum,
+    ops::{Add, AddAssign, Mul},
+};
+
+use glam::{DMat2, DVec2, Mat2, Vec2};
 use rayon::prelude::*;
 
-use crate::Matrix;
+use crate::{Entry, Matrix};
 
-/// Entries that one task handles; fixed, so that sums do not depend on the number of threads.
-const ENTRIES_PER_TASK: usize = 4096;
+/// Rows that one task handles; fixed, so that sums do not depend on the number of threads.
+const ROWS_PER_TASK: usize = 4096;
 
-/// The inverses of the diagonal blocks: a preconditioner.
-#[derive(Debug, Clone)]
-pub struct BlockJacobi(Vec<DMat2>);
+/// A 2 x 2 block in single or double precision.
+///
+/// The iteration moves blocks and vectors through memory and computes little: single precision halves
+/// its time. Scalar products are summed in double precision all the same.
+pub trait Block: Entry + AddAssign + Mul<Self::Vector, Output = Self::Vector> {
+    /// Two unknowns.
+    type Vector: Copy + Send + Sync + Add<Output = Self::Vector> + Sum;
 
-impl BlockJacobi {
-    /// Inverts the diagonal blocks; a block that cannot be inverted becomes the identity over its
-    /// largest entry.
-    #[must_use]
-    pub fn new(matrix: &Matrix<'_, DMat2>) -> Self {
-        let invert = |row| {
-            let block = matrix.diagonal(row);
-            let inverse = block.inverse();
-            if block.determinant() > 0.0 && inverse.is_finite() {
-                inverse
-            } else {
-                let largest = block.x_axis.abs().max(block.y_axis.abs()).max_element();
-                DMat2::IDENTITY * if largest > 0.0 { 1.0 / largest } else { 1.0 }
-            }
-        };
-        Self((0..matrix.pattern().rows()).into_par_iter().map(invert).collect())
+    /// The block in this precision.
+    fn of(block: DMat2) -> Self;
+
+    /// The block in double precision.
+    fn widened(self) -> DMat2;
+
+    /// The vector in this precision.
+    fn narrow(vector: DVec2) -> Self::Vector;
+
+    /// The vector in double precision.
+    fn widen(vector: Self::Vector) -> DVec2;
+
+    /// `factor v`.
+    fn scaled(factor: f64, v: Self::Vector) -> Self::Vector;
+}
+
+impl Block for Mat2 {
+    type Vector = Vec2;
+
+    #[inline]
+    fn of(block: DMat2) -> Self {
+        block.as_mat2()
     }
 
-    /// `out` = approximately `M^-1 r`.
-    fn apply(&self, r: &[DVec2], out: &mut [DVec2]) {
-        out.par_chunks_mut(ENTRIES_PER_TASK).enumerate().for_each(|(chunk, out)| {
-            for (k, out) in out.iter_mut().enumerate() {
-                let row = chunk * ENTRIES_PER_TASK + k;
-                *out = self.0[row] * r[row];
-            }
-        });
+    #[inline]
+    fn widened(self) -> DMat2 {
+        self.as_dmat2()
+    }
+
+    #[inline]
+    fn narrow(vector: DVec2) -> Vec2 {
+        vector.as_vec2()
+    }
+
+    #[inline]
+    fn widen(vector: Vec2) -> DVec2 {
+        vector.as_dvec2()
+    }
+
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "a step of the iteration may round")]
+    fn scaled(factor: f64, v: Vec2) -> Vec2 {
+        factor as f32 * v
+    }
+}
+
+impl Block for DMat2 {
+    type Vector = DVec2;
+
+    #[inline]
+    fn of(block: DMat2) -> Self {
+        block
+    }
+
+    #[inline]
+    fn widened(self) -> DMat2 {
+        self
+    }
+
+    #[inline]
+    fn narrow(vector: DVec2) -> DVec2 {
+        vector
+    }
+
+    #[inline]
+    fn widen(vector: DVec2) -> DVec2 {
+        vector
+    }
+
+    #[inline]
+    fn scaled(factor: f64, v: DVec2) -> DVec2 {
+        factor * v
+    }
+}
+
+/// The inverse of a diagonal block, a preconditioner; for a block that cannot be inverted, the identity
+/// over its largest entry.
+fn inverted(block: DMat2) -> DMat2 {
+    let inverse = block.inverse();
+    if block.determinant() > 0.0 && inverse.is_finite() {
+        inverse
+    } else {
+        let largest = block.x_axis.abs().max(block.y_axis.abs()).max_element();
+        DMat2::IDENTITY * if largest > 0.0 { 1.0 / largest } else { 1.0 }
     }
 }
 
@@ -63,62 +130,84 @@ pub struct CgReport {
 #[must_use]
 pub fn dot(a: &[DVec2], b: &[DVec2]) -> f64 {
     let parts: Vec<f64> = a
-        .par_chunks(ENTRIES_PER_TASK)
-        .zip(b.par_chunks(ENTRIES_PER_TASK))
+        .par_chunks(ROWS_PER_TASK)
+        .zip(b.par_chunks(ROWS_PER_TASK))
         .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum())
         .collect();
     parts.iter().sum()
 }
 
-/// `y += factor x`.
-fn add_scaled(y: &mut [DVec2], factor: f64, x: &[DVec2]) {
-    y.par_chunks_mut(ENTRIES_PER_TASK).zip(x.par_chunks(ENTRIES_PER_TASK)).for_each(|(y, x)| {
-        for (y, x) in y.iter_mut().zip(x) {
-            *y += factor * *x;
-        }
-    });
-}
-
-/// Preconditioned conjugate gradients for a positive semi-definite matrix of blocks, from zero.
+/// Conjugate gradients, preconditioned by the inverses of the diagonal blocks, for a positive semi-definite
+/// matrix, from zero.
 ///
 /// Returns the solution so far; every iterate lowers the quadratic `x' M x / 2 - b' x`, so stopping
 /// early still gives a direction of descent. Ends at once when the matrix turns out not to be
 /// positive along a direction.
+///
+/// # Panics
+/// If `rhs` has not one entry per row.
 #[must_use]
-pub fn conjugate_gradients(
-    matrix: &Matrix<'_, DMat2>,
-    preconditioner: &BlockJacobi,
+pub fn conjugate_gradients<B: Block>(
+    matrix: &Matrix<'_, B>,
     rhs: &[DVec2],
     options: CgOptions,
 ) -> (Vec<DVec2>, CgReport) {
-    let zero = || vec![DVec2::ZERO; rhs.len()];
-    let (mut x, mut r, mut z, mut q) = (zero(), rhs.to_vec(), zero(), zero());
-    preconditioner.apply(&r, &mut z);
+    let pattern = matrix.pattern();
+    assert_eq!(rhs.len(), pattern.rows(), "one entry per row");
+    // Of a size that single precision holds.
+    let scale = rhs.iter().fold(0.0_f64, |most, v| most.max(v.abs().max_element()));
+    let scale = if scale > 0.0 { scale } else { 1.0 };
+    let rows = 0..rhs.len();
+    let inverse: Vec<B> =
+        rows.into_par_iter().map(|row| B::of(inverted(matrix.diagonal(row).widened()))).collect();
+    let product = |a: B::Vector, b: B::Vector| B::widen(a).dot(B::widen(b));
+    let zero = B::narrow(DVec2::ZERO);
+    let (mut x, mut q) = (vec![zero; rhs.len()], vec![zero; rhs.len()]);
+    let mut r: Vec<B::Vector> = rhs.iter().map(|v| B::narrow(*v / scale)).collect();
+    let mut z: Vec<B::Vector> = r.iter().zip(&inverse).map(|(r, m)| *m * *r).collect();
     let mut p = z.clone();
-    let first = dot(&r, &z);
-    let mut rz = first;
+    let first: f64 = r.iter().zip(&z).map(|(r, z)| product(*r, *z)).sum();
+    let (mut rz, mut iterations) = (first, 0);
     let relative = |rz: f64| if first > 0.0 { (rz / first).max(0.0).sqrt() } else { 0.0 };
-    let mut iterations = 0;
     while iterations < options.iterations && relative(rz) > options.relative_residual {
-        matrix.multiply(&p, &mut q);
-        let curvature = dot(&p, &q);
+        let multiply = |(task, q): (usize, &mut [B::Vector])| {
+            let mut sum = 0.0;
+            for (row, q) in (task * ROWS_PER_TASK..).zip(q) {
+                let blocks = matrix.values()[pattern.slots(row)].iter();
+                *q = pattern.columns(row).iter().zip(blocks).map(|(&j, m)| *m * p[j as usize]).sum();
+                sum += product(p[row], *q);
+            }
+            sum
+        };
+        let curvatures: Vec<f64> = q.par_chunks_mut(ROWS_PER_TASK).enumerate().map(multiply).collect();
+        let curvature: f64 = curvatures.iter().sum();
         if curvature.is_nan() || curvature <= 0.0 {
             break;
         }
         let step = rz / curvature;
-        add_scaled(&mut x, step, &p);
-        add_scaled(&mut r, -step, &q);
-        preconditioner.apply(&r, &mut z);
-        let next = dot(&r, &z);
+        let vectors = x.par_chunks_mut(ROWS_PER_TASK).zip(r.par_chunks_mut(ROWS_PER_TASK));
+        let vectors = vectors.zip(z.par_chunks_mut(ROWS_PER_TASK)).enumerate();
+        let advanced = vectors.map(|(task, ((x, r), z))| {
+            let mut sum = 0.0;
+            for (row, ((x, r), z)) in (task * ROWS_PER_TASK..).zip(x.iter_mut().zip(r).zip(z)) {
+                *x = *x + B::scaled(step, p[row]);
+                *r = *r + B::scaled(-step, q[row]);
+                *z = inverse[row] * *r;
+                sum += product(*r, *z);
+            }
+            sum
+        });
+        let squares: Vec<f64> = advanced.collect();
+        let next: f64 = squares.iter().sum();
         let keep = next / rz;
-        p.par_chunks_mut(ENTRIES_PER_TASK).zip(z.par_chunks(ENTRIES_PER_TASK)).for_each(|(p, z)| {
+        p.par_chunks_mut(ROWS_PER_TASK).zip(z.par_chunks(ROWS_PER_TASK)).for_each(|(p, z)| {
             for (p, z) in p.iter_mut().zip(z) {
-                *p = *z + keep * *p;
+                *p = *z + B::scaled(keep, *p);
             }
         });
-        rz = next;
-        iterations += 1;
+        (rz, iterations) = (next, iterations + 1);
     }
+    let x = x.into_iter().map(|v| B::widen(v) * scale).collect();
     (x, CgReport { relative_residual: relative(rz), iterations })
 }
 
@@ -127,33 +216,51 @@ mod tests {
     use super::*;
     use crate::Pattern;
 
-    #[test]
-    fn as_many_iterations_as_unknowns_solve_exactly() {
+    #[track_caller]
+    fn assert_solves<B: Block>(tolerance: f64) {
         let pattern = Pattern::new(6, (1..6).map(|i| (i - 1, i)));
-        let mut m = Matrix::zero(&pattern);
+        let mut m = Matrix::<B>::zero(&pattern);
+        let (own, next) =
+            (DMat2::from_cols_array(&[4.0, 1.0, 1.0, 3.0]), DMat2::from_diagonal(DVec2::new(-1.0, -0.5)));
+        let truth: Vec<_> = (0..6).map(|i| 1e-50 * DVec2::new(f64::from(i), 1.0)).collect();
+        let mut rhs: Vec<DVec2> = truth.iter().map(|x| own * *x).collect();
         for i in 0..6 {
-            *m.at(i, i) = DMat2::from_cols_array(&[4.0, 1.0, 1.0, 3.0]);
+            *m.at(i, i) = B::of(own);
             if i > 0 {
-                *m.at(i, i - 1) = DMat2::from_diagonal(DVec2::new(-1.0, -0.5));
-                *m.at(i - 1, i) = DMat2::from_diagonal(DVec2::new(-1.0, -0.5));
+                (*m.at(i, i - 1), *m.at(i - 1, i)) = (B::of(next), B::of(next));
+                rhs[i] += next * truth[i - 1];
+                rhs[i - 1] += next * truth[i];
             }
         }
-        let truth: Vec<_> = (0..6).map(|i| DVec2::new(f64::from(i), 1.0)).collect();
-        let mut rhs = vec![DVec2::ZERO; 6];
-        m.multiply(&truth, &mut rhs);
-        let options = CgOptions { relative_residual: 1e-14, iterations: 12 };
-        let (x, report) = conjugate_gradients(&m, &BlockJacobi::new(&m), &rhs, options);
-        assert!(report.iterations <= 12, "{report:?}");
-        assert!(x.iter().zip(&truth).all(|(a, b)| a.distance(*b) < 1e-12), "{x:?} is {truth:?}");
+        let options = CgOptions { relative_residual: tolerance, iterations: 12 };
+        let (x, report) = conjugate_gradients(&m, &rhs, options);
+        assert!(report.relative_residual <= tolerance, "{report:?}");
+        assert!(x.iter().zip(&truth).all(|(a, b)| a.distance(*b) < 1e-49 * tolerance), "{x:?} is {truth:?}");
+    }
+
+    /// Also of numbers that single precision does not hold.
+    #[test]
+    fn as_many_iterations_as_unknowns_solve_exactly() {
+        assert_solves::<DMat2>(1e-14);
+        assert_solves::<Mat2>(1e-6);
+    }
+
+    #[test]
+    fn it_ends_at_once_along_a_direction_that_is_not_positive() {
+        let pattern = Pattern::new(2, [(0, 1)]);
+        let mut m = Matrix::<DMat2>::zero(&pattern);
+        (*m.at(0, 0), *m.at(1, 1)) = (-DMat2::IDENTITY, -DMat2::IDENTITY);
+        let options = CgOptions { relative_residual: 1e-9, iterations: 9 };
+        assert_eq!(conjugate_gradients(&m, &[DVec2::ONE; 2], options).1.iterations, 0);
     }
 
     #[test]
     fn a_zero_right_hand_side_needs_no_iteration() {
         let pattern = Pattern::new(2, [(0, 1)]);
-        let mut m = Matrix::zero(&pattern);
+        let mut m = Matrix::<DMat2>::zero(&pattern);
         (*m.at(0, 0), *m.at(1, 1)) = (DMat2::IDENTITY, DMat2::IDENTITY);
         let options = CgOptions { relative_residual: 0.0, iterations: 9 };
-        let (x, report) = conjugate_gradients(&m, &BlockJacobi::new(&m), &[DVec2::ZERO; 2], options);
+        let (x, report) = conjugate_gradients(&m, &[DVec2::ZERO; 2], options);
         assert_eq!((x, report.iterations), (vec![DVec2::ZERO; 2], 0));
     }
 }

@@ -22,7 +22,7 @@ mod selected_inverse;
 
 pub use block_system::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem};
 pub use cholesky::{Cholesky, Factor};
-pub use conjugate_gradients::{BlockJacobi, CgOptions, CgReport, conjugate_gradients, dot};
+pub use conjugate_gradients::{Block, CgOptions, CgReport, conjugate_gradients, dot};
 pub use lu::solve_unsymmetric;
 pub use matrix::{Entry, Matrix};
 pub use pattern::Pattern;

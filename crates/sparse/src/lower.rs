@@ -36,7 +36,7 @@ impl Lower {
     }
 
     /// The numbers of the lower triangle in this order.
-    pub(crate) fn gather<T: Entry>(&self, matrix: &Matrix<'_, T>) -> Result<Vec<T::Number>, SparseError> {
+    pub(crate) fn gather<T: Numbers>(&self, matrix: &Matrix<'_, T>) -> Result<Vec<T::Number>, SparseError> {
         let pattern = matrix.pattern();
         let mut values = Vec::with_capacity(self.indices.len());
         for j in 0..pattern.rows() {
@@ -60,8 +60,8 @@ impl Lower {
     }
 }
 
-/// The numbers that an [`Entry`] and a row of unknowns are made of.
-pub trait Numbers: Copy {
+/// The numbers that an [`Entry`] that is factored and a row of unknowns are made of.
+pub trait Numbers: Entry {
     /// What faer computes with.
     type Number: ComplexField + Copy;
     /// The unknowns of a row, or its right-hand side.

@@ -1,12 +1,17 @@
 //! The faces of a surface as finite elements: what the energies, the linear maps and the repairs
 //! compute with.
 
+use std::sync::OnceLock;
+
 use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::{
     delaunay::orientation,
     id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, SingularValues, VertexCorners, signed_area},
+    mesh::{SingularValues, signed_area},
+    numeric::along_curve,
+    parallel::{par_ids, par_map},
     sparse::Pattern,
 };
 
@@ -30,12 +35,17 @@ impl Element {
         0.5 * self.gradients[k].dot(self.gradients[l]) / g1.perp_dot(g2)
     }
 
-    /// Singular values of the map of this face.
+    /// The Jacobian of the map of this face.
     #[inline(always)]
-    pub(crate) fn singular_values(&self, uv: &Uv) -> SingularValues {
+    pub(crate) fn jacobian(&self, uv: &Uv) -> DMat2 {
         let [a, b, c] = self.corners.map(|v| uv[v]);
-        let [g0, g1, g2] = self.gradients;
-        SingularValues::of(&(outer(a, g0) + outer(b, g1) + outer(c, g2)))
+        let [_, g1, g2] = self.gradients;
+        outer(b - a, g1) + outer(c - a, g2)
+    }
+
+    /// Singular values of the map of this face.
+    pub(crate) fn singular_values(&self, uv: &Uv) -> SingularValues {
+        SingularValues::of(&self.jacobian(uv))
     }
 }
 
@@ -63,9 +73,10 @@ pub(crate) struct BoundaryEdge {
 #[derive(Debug, Clone)]
 pub(crate) struct ElementMesh {
     pub(crate) faces: IdVec<FaceId, Element>,
-    /// Movable vertices that share an edge. They are numbered before the fixed ones.
-    pub(crate) pattern: Pattern,
-    /// Positions of the movable vertices on the skin, in m: they order large systems.
+    /// See [`Self::pattern`].
+    pattern: OnceLock<Pattern>,
+    /// Positions of the movable vertices on the skin, in m: they order large systems. Movable vertices are numbered
+    /// before the fixed ones.
     pub(crate) positions: Vec<DVec3>,
     /// Boundary edges, loop by loop, the outer loop first; none for a part inside a fixed rim.
     pub(crate) boundary: Vec<BoundaryEdge>,
@@ -79,16 +90,50 @@ pub(crate) struct ElementMesh {
 impl ElementMesh {
     /// The first vertices, those with a position, may move.
     pub(crate) fn new(faces: IdVec<FaceId, Element>, positions: Vec<DVec3>) -> Self {
-        let free = positions.len();
-        let edges = faces
-            .iter()
-            .flat_map(|e| {
+        let pattern = OnceLock::new();
+        Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0, held: Vec::new() }
+    }
+
+    /// Movable vertices that share an edge.
+    pub(crate) fn pattern(&self) -> &Pattern {
+        self.pattern.get_or_init(|| {
+            let free = self.free();
+            let sides = |e: &Element| {
                 let [a, b, c] = e.corners.map(VertexId::index);
                 [(a, b), (b, c), (c, a)]
-            })
-            .filter(|&(a, b)| a < free && b < free);
-        let pattern = Pattern::new(free, edges);
-        Self { faces, pattern, positions, boundary: Vec::new(), mean_edge: 0.0, held: Vec::new() }
+            };
+            let edges = self.faces.iter().flat_map(sides);
+            Pattern::new(free, edges.filter(|&(a, b)| a < free && b < free))
+        })
+    }
+
+    /// The elements with vertices and faces numbered along a curve that fills space, and the vertex that each of
+    /// the movable ones was: what is near in space is near in memory.
+    pub(crate) fn along_curve(&self) -> (Self, IdVec<VertexId, VertexId>) {
+        let order: IdVec<VertexId, VertexId> =
+            along_curve(&self.positions).into_iter().map(VertexId::new).collect();
+        let mut number: IdVec<VertexId, VertexId> = order.clone();
+        order.enumerate().for_each(|(new, &old)| number[old] = new);
+        let new = |v: VertexId| number.get(v).copied().unwrap_or(v);
+        let first = |face| self.faces[face].corners.map(new).into_iter().min();
+        let mut faces: Vec<(Option<VertexId>, FaceId)> =
+            par_ids::<FaceId, _>(self.faces.len(), |face| (first(face), face)).into_iter().collect();
+        faces.par_sort_unstable();
+        let renumbered = |&(_, face): &(_, FaceId)| {
+            let e = self.faces[face];
+            Element { corners: e.corners.map(new), ..e }
+        };
+        let boundary = self.boundary.iter().map(|edge| BoundaryEdge { ends: edge.ends.map(new), ..*edge });
+        let elements = Self {
+            boundary: boundary.collect(),
+            mean_edge: self.mean_edge,
+            held: order.iter().filter_map(|v| self.held.get(v.index()).copied()).collect(),
+            ..Self::new(
+                par_map(&faces, renumbered).into(),
+                order.iter().map(|v| self.positions[v.index()]).collect(),
+            )
+        };
+        (elements, order)
     }
 
     /// The elements with `more` faces, whose corners may be fixed: numbered after those that may move.
@@ -119,7 +164,7 @@ impl ElementMesh {
 
     /// Number of vertices that may move.
     pub(crate) fn free(&self) -> usize {
-        self.pattern.rows()
+        self.positions.len()
     }
 
     /// Signed area of the map of each face.
@@ -139,52 +184,5 @@ impl ElementMesh {
 
     pub(crate) fn is_flip_free(&self, uv: &Uv) -> bool {
         self.first_flip(uv).is_none()
-    }
-}
-
-/// Slot of a [`Corner`] whose other vertex is fixed or held: there is no unknown to couple with.
-pub(crate) const FIXED: u32 = u32::MAX;
-
-/// One corner of a face at a vertex, and the slots of the vertex's matrix row that its blocks go
-/// to.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Corner {
-    /// The halfedge that leaves the corner.
-    pub(crate) at: Halfedge,
-    /// Slots of the vertex itself, the next and the previous corner.
-    pub(crate) slots: [u32; 3],
-}
-
-/// The corners around every movable vertex, so that the rows of the Hessian are summed in parallel,
-/// always in the same order.
-#[derive(Debug)]
-pub(crate) struct CornerSlots {
-    corners: VertexCorners,
-    /// Slots of each of its corners.
-    slots: Vec<[u32; 3]>,
-    /// Vertices without a row; empty for none.
-    held: Vec<bool>,
-}
-
-impl CornerSlots {
-    pub(crate) fn new(net: &ElementMesh) -> Self {
-        let corners = VertexCorners::new(net.faces.iter().map(|e| e.corners), net.free());
-        let slots_of = |h: &Halfedge| {
-            let around = [*h, h.next(), h.previous()].map(|h| net.faces[h.face()].corners[h.side()].index());
-            let slot = |column| {
-                let slot = net.pattern.slot(around[0], column).filter(|_| !net.is_held(column));
-                slot.and_then(|s| u32::try_from(s).ok())
-            };
-            around.map(|column| slot(column).unwrap_or(FIXED))
-        };
-        let slots = corners.all().iter().map(slots_of).collect();
-        Self { corners, slots, held: net.held.clone() }
-    }
-
-    pub(crate) fn of(&self, row: usize) -> impl Iterator<Item = Corner> {
-        let v = VertexId::new(row);
-        let slots = &self.slots[self.corners.range(v)];
-        let free = if self.held.get(row) == Some(&true) { &[] } else { slots };
-        self.corners.of(v).iter().zip(free).map(|(&at, &slots)| Corner { at, slots })
     }
 }

@@ -1,23 +1,26 @@
 //! Projected Newton with a line search that cannot flip a face (`(teran2005)`, `(smith2015)`).
 //!
 //! Each step solves the Newton system of the convex model, directly or by truncated conjugate
-//! gradients with block Jacobi. It starts at 0.9 of the first step that collapses a face, and is
-//! halved until the energy falls (`(armijo1966)`). It reaches a local minimum, which need not be
-//! the global one.
+//! gradients with block Jacobi: in single precision as long as that finds a descent. It starts at
+//! 0.9 of the first step that collapses a face, and is halved until the energy falls
+//! (`(armijo1966)`). It reaches a local minimum, which need not be the global one.
 //!
 //! Where steps stay too short, because faces have negative curvatures that the convex model leaves
 //! out, most of these are kept, and left out again for a few steps where the Hessian is not positive
 //! with them (after `(longva2023)`; *heuristic*: when, and how many): 45 steps instead of 184 at 4400
 //! vertices of a head with sharp features.
 
-use glam::{DMat2, DVec2};
+use glam::{DMat2, DVec2, Mat2};
 
 use crate::{
     flatten::{
-        energy::elements::Uv,
-        energy::objective::{Objective, System},
+        energy::assembly::Assembly,
+        energy::elements::{ElementMesh, Uv},
+        energy::objective::Objective,
     },
-    sparse::{BlockJacobi, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
+    id::VertexId,
+    parallel::par_ids,
+    sparse::{Block, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
 };
 
 /// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
@@ -38,9 +41,13 @@ const HELD_BACK: f64 = 1e-3;
 /// Ratio of two decrements above which they fall linearly: some curvatures are clamped.
 const LINEAR: f64 = 0.1;
 
-/// Decrement over the energy at which such a minimisation ends, which would take hundreds of steps
+/// Expected rest over the energy at which such a minimisation ends, which would take hundreds of steps
 /// to a smaller one (200 at 4400 vertices of a head).
-const LINEAR_DECREMENT: f64 = 1e-10;
+const LINEAR_REST: f64 = 1e-11;
+
+/// Ratio of the decrease that one step promises to that of the step before, at most and for the first step.
+const MOST_RATIO: f64 = 0.9;
+const FIRST_RATIO: f64 = 0.5;
 
 /// Decrement over the energy below which negative curvatures may be kept: the Hessian is likely to be
 /// positive there.
@@ -97,8 +104,8 @@ pub(crate) enum Solver {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct NewtonLimits {
-    /// Decrease promised by a step, over the energy.
-    pub(crate) decrement: f64,
+    /// Decrease that the steps to come are expected to bring, over the energy.
+    pub(crate) rest: f64,
     pub(crate) steps: usize,
     /// Relative decrease of the energy in a round with fillers at which the rounds end.
     pub(crate) gain: f64,
@@ -131,17 +138,34 @@ impl Objective<'_> {
         limits: NewtonLimits,
         go_on: &mut dyn FnMut(&Uv) -> bool,
     ) -> Result<Ended, SparseError> {
-        let mut system = System::zero(self.elements);
-        let direct = match solver {
-            Solver::Direct => Some(Cholesky::of_blocks(&self.elements.pattern, &self.elements.positions)?),
-            Solver::Iterative => None,
+        if solver == Solver::Direct {
+            return self.descend(uv, solver, limits, go_on);
+        }
+        // A large system waits for memory: in the order of a file, whatever that is, up to three times as long.
+        let (elements, order) = self.elements.along_curve();
+        let mut moved = order.map(|&v| uv[v]);
+        let mut back = |moved: &Uv| {
+            order.iter().zip(moved).for_each(|(&v, &at)| uv[v] = at);
+            go_on(uv)
         };
+        self.on(&elements).descend(&mut moved, solver, limits, &mut back)
+    }
+
+    /// As [`Self::minimise`], in the order of the elements.
+    fn descend(
+        &self,
+        uv: &mut Uv,
+        solver: Solver,
+        limits: NewtonLimits,
+        go_on: &mut dyn FnMut(&Uv) -> bool,
+    ) -> Result<Ended, SparseError> {
+        let mut system = System::new(self.elements, solver)?;
         let mut energy = self.energy(uv);
         let (mut iterations, mut last) = (FIRST_ITERATIONS, f64::INFINITY);
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
-            let step = self.step(uv, &mut system, direct.as_ref(), (energy, iterations), &mut kept);
-            let Step { downhill, d, gauge } = match step {
+            let step = self.step(uv, &mut system, (energy, iterations), &mut kept);
+            let Step { downhill, d, gauge, .. } = match step {
                 // The curvature of a face that is nearly a line exceeds 64-bit numbers.
                 Err(SparseError::NotFinite { .. }) => return Ok(Ended::Short),
                 step => step?,
@@ -153,18 +177,18 @@ impl Objective<'_> {
                     kept.pause();
                     continue;
                 }
+                None if system.widen() => continue,
                 None if decrement <= STATIONARY * energy => return Ok(Ended::Converged),
                 None => return Ok(Ended::Short),
             }
             if !go_on(uv) {
                 return Ok(Ended::Stopped);
             }
-            // After the step, not before: convergence is quadratic, so the last step squares the
-            // error, unless the gauge term holds it back.
+            // Not if the gauge term holds steps back: they promise less than there is to gain.
             let is_free =
                 gauge * dot(&d, &d) <= HELD_BACK * decrement || decrement <= LEAST_DECREMENT * energy;
-            let enough = if decrement > LINEAR * last { LINEAR_DECREMENT } else { limits.decrement };
-            if decrement <= enough.max(limits.decrement) * energy && is_free {
+            let enough = if decrement > LINEAR * last { LINEAR_REST } else { 0.0 };
+            if expected_rest(decrement, last) <= limits.rest.max(enough) * energy && is_free {
                 return Ok(Ended::Converged);
             }
             if energy - HOPE * decrement > limits.most {
@@ -182,51 +206,49 @@ impl Objective<'_> {
         Ok(Ended::Short)
     }
 
-    /// The step from `uv`, of this energy, by these iterations at most unless it is factored.
+    /// The step from `uv`, where the energy is `energy`, by these iterations at most unless it is factored.
     fn step(
         &self,
         uv: &Uv,
         system: &mut System<'_>,
-        direct: Option<&Cholesky>,
         (energy, iterations): (f64, usize),
         kept: &mut Kept,
     ) -> Result<Step, SparseError> {
         loop {
-            let gradient = self.assemble(uv, system, kept.share());
-            let downhill: Vec<DVec2> = gradient.iter().map(|g| -*g).collect();
-            let found = match direct {
-                Some(cholesky) => {
-                    factored_step(cholesky, &mut system.hessian, &downhill, energy, kept.gauge())
+            let System { assembly, method } = system;
+            let step = match method {
+                Method::Factored(cholesky, hessian) => {
+                    let downhill = self.assemble(uv, assembly, hessian, kept.share());
+                    factored_step(cholesky, hessian, downhill, energy, kept.gauge())
                 }
-                None => Ok(iterated_step(&mut system.hessian, &downhill, iterations, energy)),
+                Method::Single(hessian) => {
+                    let downhill = self.assemble(uv, assembly, hessian, kept.share());
+                    Ok(iterated_step(hessian, downhill, iterations))
+                }
+                Method::Double(hessian) => {
+                    let downhill = self.assemble(uv, assembly, hessian, kept.share());
+                    Ok(iterated_step(hessian, downhill, iterations))
+                }
             };
-            let (d, gauge) = match found {
-                Ok((_, _, false)) | Err(SparseError::NotPositiveDefinite { .. }) if kept.is_on() => {
+            match step {
+                Ok(Step { is_convex: false, .. }) | Err(SparseError::NotPositiveDefinite { .. })
+                    if kept.is_on() =>
+                {
                     kept.pause();
-                    continue;
                 }
-                found => found.map(|(d, gauge, _)| (d, gauge))?,
-            };
-            return Ok(Step { downhill, d, gauge });
+                Ok(Step { is_convex: false, .. }) if system.widen() => {}
+                step => return step,
+            }
         }
-    }
-
-    /// Length of the gradient at `uv` over the energy: 0 at a minimum. Lengths are those of the
-    /// elements.
-    pub(crate) fn relative_gradient(&self, uv: &Uv) -> f64 {
-        let gradient = self.gradient(uv);
-        dot(&gradient, &gradient).sqrt() / self.energy(uv)
     }
 
     /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it
     /// falls nowhere.
     fn line_search(&self, uv: &mut Uv, d: &[DVec2], energy: f64, decrement: f64) -> Option<f64> {
         let mut step = self.largest_step(uv, d);
-        let mut trial = uv.clone();
         for _ in 0..HALVINGS {
-            for ((t, u), d) in trial.iter_mut().zip(uv.iter()).zip(d) {
-                *t = *u + step * *d;
-            }
+            let moved = |v: VertexId| uv[v] + d.get(v.index()).map_or(DVec2::ZERO, |d| step * *d);
+            let trial = par_ids(uv.len(), moved);
             let reached = self.energy(&trial);
             if reached <= energy * (1.0 + ROUNDING) - ARMIJO * step * decrement {
                 *uv = trial;
@@ -238,6 +260,49 @@ impl Objective<'_> {
     }
 }
 
+/// What the steps to come are expected to bring after one that promised `decrement`: each promises as much
+/// less than the one before as this one did. Half of the time of a level of a million faces went into two
+/// steps that lowered the energy by a millionth.
+fn expected_rest(decrement: f64, last: f64) -> f64 {
+    let ratio = if last.is_finite() { (decrement / last).min(MOST_RATIO) } else { FIRST_RATIO };
+    decrement * ratio / (1.0 - ratio)
+}
+
+/// How the Newton systems of a minimisation are solved, with the memory for all steps.
+enum Method<'e> {
+    Factored(Box<Cholesky>, Matrix<'e, DMat2>),
+    Single(Matrix<'e, Mat2>),
+    Double(Matrix<'e, DMat2>),
+}
+
+/// The Newton systems of a minimisation.
+struct System<'e> {
+    assembly: Assembly,
+    method: Method<'e>,
+}
+
+impl<'e> System<'e> {
+    fn new(elements: &'e ElementMesh, solver: Solver) -> Result<Self, SparseError> {
+        let pattern = elements.pattern();
+        let method = match solver {
+            Solver::Direct => Method::Factored(
+                Box::new(Cholesky::of_blocks(pattern, &elements.positions)?),
+                Matrix::zero(pattern),
+            ),
+            Solver::Iterative => Method::Single(Matrix::zero(pattern)),
+        };
+        Ok(Self { assembly: Assembly::new(elements), method })
+    }
+
+    /// Goes on in double precision, if it was not so before: single precision does not resolve the curvatures of
+    /// needles.
+    fn widen(&mut self) -> bool {
+        let Method::Single(hessian) = &self.method else { return false };
+        self.method = Method::Double(Matrix::zero(hessian.pattern()));
+        true
+    }
+}
+
 /// A Newton step.
 struct Step {
     /// Minus the gradient.
@@ -245,6 +310,8 @@ struct Step {
     d: Vec<DVec2>,
     /// What was added to the diagonal of the Hessian.
     gauge: f64,
+    /// Whether the Hessian is positive as far as the step knows.
+    is_convex: bool,
 }
 
 /// How much of the negative curvatures the next step keeps.
@@ -301,46 +368,40 @@ fn add_gauge(hessian: &mut Matrix<'_, DMat2>, gauge: f64, most: f64) -> f64 {
     added
 }
 
-/// The step that minimises the model, the gauge term of its diagonal, which may grow up to `largest`,
-/// and whether the model is convex as far as the step knows.
+/// The step that minimises the model, with a gauge term on its diagonal that may grow up to `largest`.
 fn factored_step(
     cholesky: &Cholesky,
     hessian: &mut Matrix<'_, DMat2>,
-    rhs: &[DVec2],
+    downhill: Vec<DVec2>,
     energy: f64,
     largest: f64,
-) -> Result<(Vec<DVec2>, f64, bool), SparseError> {
-    let (mut gauge, mut most, mut added) = (GAUGE, WELL_SHAPED * energy, 0.0);
+) -> Result<Step, SparseError> {
+    let (mut share, mut most, mut gauge) = (GAUGE, WELL_SHAPED * energy, 0.0);
     loop {
-        added += add_gauge(hessian, gauge, most);
+        gauge += add_gauge(hessian, share, most);
         match cholesky.factor(hessian) {
             Ok(factor) => {
-                let mut x = rhs.to_vec();
-                factor.solve(&mut x)?;
-                return Ok((x, added, true));
+                let mut d = downhill.clone();
+                factor.solve(&mut d)?;
+                return Ok(Step { downhill, d, gauge, is_convex: true });
             }
-            Err(SparseError::NotPositiveDefinite { .. }) if gauge < largest => {
-                (gauge, most) = (gauge * GAUGE_GROWTH, f64::INFINITY);
+            Err(SparseError::NotPositiveDefinite { .. }) if share < largest => {
+                (share, most) = (share * GAUGE_GROWTH, f64::INFINITY);
             }
             Err(other) => return Err(other),
         }
     }
 }
 
-/// As [`factored_step`], by conjugate gradients.
-fn iterated_step(
-    hessian: &mut Matrix<'_, DMat2>,
-    rhs: &[DVec2],
-    iterations: usize,
-    energy: f64,
-) -> (Vec<DVec2>, f64, bool) {
-    let added = add_gauge(hessian, GAUGE, WELL_SHAPED * energy);
+/// A step that lowers the model, by conjugate gradients. They start at zero and need no gauge: nothing moves or
+/// turns the whole map.
+fn iterated_step<B: Block>(hessian: &Matrix<'_, B>, downhill: Vec<DVec2>, iterations: usize) -> Step {
     let options = CgOptions { relative_residual: RESIDUAL, iterations };
-    let (d, report) = conjugate_gradients(hessian, &BlockJacobi::new(hessian), rhs, options);
+    let (d, report) = conjugate_gradients(hessian, &downhill, options);
     // It ends early along a direction of negative curvature.
     let ended = report.relative_residual <= RESIDUAL || report.iterations == iterations;
-    let is_convex = ended && dot(rhs, &d) > 0.0;
-    (d, added, is_convex)
+    let is_convex = ended && dot(&downhill, &d) > 0.0;
+    Step { downhill, d, gauge: 0.0, is_convex }
 }
 
 #[cfg(test)]
@@ -351,8 +412,7 @@ mod tests {
         mesh::shapes,
     };
 
-    const LIMITS: NewtonLimits =
-        NewtonLimits { decrement: 1e-12, steps: 60, gain: 1e-3, most: f64::INFINITY };
+    const LIMITS: NewtonLimits = NewtonLimits { rest: 1e-16, steps: 60, gain: 1e-3, most: f64::INFINITY };
 
     /// From a far start, with both solvers and every term.
     #[test]

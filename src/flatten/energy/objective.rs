@@ -15,12 +15,12 @@ use rayon::prelude::*;
 use crate::{
     flatten::{
         Energy,
-        energy::elements::{BoundaryEdge, CornerSlots, Element, ElementMesh, FIXED, Uv, outer},
+        energy::assembly::Assembly,
+        energy::elements::{BoundaryEdge, Element, ElementMesh, Uv, outer},
         energy::face_energy::{DistortionEnergy, LocalModel, face_gradient},
     },
-    mesh::{Halfedge, SymmetricDirichlet},
-    parallel::{par_collect, par_map},
-    sparse::Matrix,
+    mesh::SymmetricDirichlet,
+    sparse::{Block, Matrix, dot},
 };
 
 /// Elements that one task handles; fixed, so that sums do not depend on the number of threads.
@@ -29,6 +29,9 @@ const FACES_PER_TASK: usize = 2048;
 /// Share of the step to the first collapsed face that is taken at most.
 const STEP_TO_COLLAPSE: f64 = 0.9;
 
+/// More than the inverse of that: a face that keeps its area up to here does not limit a step.
+const BEYOND: f64 = 1.12;
+
 /// The energy of a map, with its gradient and a convex model of its Hessian.
 #[derive(Debug)]
 pub(crate) struct Objective<'e> {
@@ -36,21 +39,6 @@ pub(crate) struct Objective<'e> {
     energy: DistortionEnergy,
     /// Weight of the perimeter term, `l3`.
     perimeter: f64,
-    slots: CornerSlots,
-}
-
-/// The Hessian of a Newton step, and the models of the faces that it is the sum of: memory for all
-/// steps.
-#[derive(Debug)]
-pub(crate) struct System<'e> {
-    pub(crate) hessian: Matrix<'e, DMat2>,
-    models: Vec<LocalModel>,
-}
-
-impl<'e> System<'e> {
-    pub(crate) fn zero(elements: &'e ElementMesh) -> Self {
-        Self { hessian: Matrix::zero(&elements.pattern), models: Vec::new() }
-    }
 }
 
 impl<'e> Objective<'e> {
@@ -64,7 +52,12 @@ impl<'e> Objective<'e> {
     }
 
     pub(crate) fn of_faces(elements: &'e ElementMesh, energy: DistortionEnergy) -> Self {
-        Self { elements, energy, perimeter: 0.0, slots: CornerSlots::new(elements) }
+        Self { elements, energy, perimeter: 0.0 }
+    }
+
+    /// The same energy on other elements.
+    pub(crate) fn on<'f>(&self, elements: &'f ElementMesh) -> Objective<'f> {
+        Objective { elements, ..*self }
     }
 
     /// `f` of every part of the faces, in order.
@@ -74,7 +67,7 @@ impl<'e> Objective<'e> {
 
     /// The energy; infinite if a face is flipped and the energy has a barrier.
     pub(crate) fn energy(&self, uv: &Uv) -> f64 {
-        let face = |e: &Element| e.weight * self.energy.value(&e.singular_values(uv));
+        let face = |e: &Element| e.weight * self.energy.value(&e.jacobian(uv));
         let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
         parts.iter().sum::<f64>() + self.perimeter_energy(uv)
     }
@@ -92,59 +85,58 @@ impl<'e> Objective<'e> {
         self.elements.boundary.iter().map(term).sum()
     }
 
-    /// Gradient by the movable vertices at `uv`; `system` gets the Hessian, with a share `kept` of the
-    /// negative curvatures of the faces.
-    pub(crate) fn assemble(&self, uv: &Uv, system: &mut System<'_>, kept: f64) -> Vec<DVec2> {
-        let System { hessian, models } = system;
+    /// Minus the gradient by the movable vertices at `uv`; `hessian` gets the Hessian, with a share `kept` of
+    /// the negative curvatures of the faces.
+    pub(crate) fn assemble<B: Block>(
+        &self,
+        uv: &Uv,
+        assembly: &Assembly,
+        hessian: &mut Matrix<'_, B>,
+        kept: f64,
+    ) -> Vec<DVec2> {
         let model =
-            |e: &Element| LocalModel::new(&self.energy, &e.singular_values(uv), &e.gradients, e.weight, kept);
-        let faces = self.elements.faces.par_iter().with_min_len(FACES_PER_TASK);
-        faces.map(model).collect_into_vec(models);
-        let pattern = hessian.pattern();
-        hessian.fill_rows(|row, blocks| {
-            let first = pattern.slots(row).start;
-            for corner in self.slots.of(row) {
-                let (m, k) = (&models[corner.at.face().index()], corner.at.side());
-                let of_corner = [m.diagonal[k], m.off_diagonal[k], m.off_diagonal[(k + 2) % 3].transpose()];
-                for (slot, block) in corner.slots.into_iter().zip(of_corner) {
-                    if slot != FIXED {
-                        blocks[slot as usize - first] += block;
-                    }
-                }
-            }
-        });
-        for (ends @ [a, b], _, block) in self.perimeter_terms(uv) {
+            |e: &Element| LocalModel::new(&self.energy, &e.jacobian(uv), &e.gradients, e.weight, kept);
+        let mut downhill = assembly.sum(&self.elements.faces, model, hessian);
+        for (ends @ [a, b], force, block) in self.perimeter_terms(uv) {
             for i in ends {
-                *hessian.at(i, i) += block;
+                *hessian.at(i, i) += B::of(block);
             }
-            *hessian.at(a, b) -= block;
-            *hessian.at(b, a) -= block;
+            *hessian.at(a, b) += B::of(-block);
+            *hessian.at(b, a) += B::of(-block);
+            downhill[b] -= force;
+            downhill[a] += force;
         }
         // The rows of held vertices are empty: they stay where they are.
         for i in self.elements.held_vertices() {
-            *hessian.at(i, i) = DMat2::IDENTITY;
+            *hessian.at(i, i) = B::of(DMat2::IDENTITY);
         }
-        self.sum_gradient(uv, |h| models[h.face().index()].gradient[h.side()])
+        downhill
     }
 
     /// Gradient by the movable vertices alone.
-    pub(crate) fn gradient(&self, uv: &Uv) -> Vec<DVec2> {
-        let of_face =
-            |e: &Element| face_gradient(&self.energy, &e.singular_values(uv), &e.gradients, e.weight);
-        let faces = par_map(&self.elements.faces, of_face);
-        self.sum_gradient(uv, |h| faces[h.face().index()][h.side()])
-    }
-
-    /// The gradient of the corners `of_corner` of all faces and of the perimeter.
-    fn sum_gradient(&self, uv: &Uv, of_corner: impl Fn(Halfedge) -> DVec2 + Sync) -> Vec<DVec2> {
-        let mut gradient = par_collect(self.elements.free(), |rows, out| {
-            out.extend(rows.map(|row| self.slots.of(row).map(|c| of_corner(c.at)).sum::<DVec2>()));
-        });
+    fn gradient(&self, uv: &Uv) -> Vec<DVec2> {
+        let mut gradient = vec![DVec2::ZERO; self.elements.free()];
+        for e in &self.elements.faces {
+            let of_face = face_gradient(&self.energy, &e.jacobian(uv), &e.gradients, e.weight);
+            for (v, force) in e.corners.into_iter().zip(of_face) {
+                if let Some(sum) = gradient.get_mut(v.index()) {
+                    *sum += force;
+                }
+            }
+        }
         for ([a, b], force, _) in self.perimeter_terms(uv) {
             gradient[b] += force;
             gradient[a] -= force;
         }
+        self.elements.held_vertices().for_each(|i| gradient[i] = DVec2::ZERO);
         gradient
+    }
+
+    /// Length of the gradient at `uv` over the energy: 0 at a minimum. Lengths are those of the
+    /// elements.
+    pub(crate) fn relative_gradient(&self, uv: &Uv) -> f64 {
+        let gradient = self.gradient(uv);
+        dot(&gradient, &gradient).sqrt() / self.energy(uv)
     }
 
     /// What each boundary edge adds if there is a perimeter term: its ends, the force that its second
@@ -196,6 +188,10 @@ fn collapse(e: &Element, uv: &Uv, d: &[DVec2]) -> f64 {
     let (p, q, dp, dq) = (b - a, c - a, db - da, dc - da);
     // area(t) = c0 + c1 t + c2 t^2.
     let (c0, c1, c2) = (p.perp_dot(q), p.perp_dot(dq) + dp.perp_dot(q), dp.perp_dot(dq));
+    // Nearly all faces: no root, no division.
+    if c0 > BEYOND * (c1.abs() + BEYOND * c2.abs()) {
+        return f64::INFINITY;
+    }
     let discriminant = c1 * c1 - 4.0 * c2 * c0;
     if discriminant < 0.0 {
         return f64::INFINITY;
@@ -219,22 +215,23 @@ mod tests {
             .map(|p| p + 0.2 * DVec2::new(p.y * p.y, p.x * p.y))
             .collect();
         let objective = Objective::new(&domain.elements, Energy::SymmetricDirichlet);
+        let assembly = Assembly::new(&domain.elements);
         let assembled = |uv: &Uv, kept: f64| {
-            let mut system = System::zero(&domain.elements);
-            let gradient = objective.assemble(uv, &mut system, kept);
-            (gradient, system.hessian)
+            let mut hessian = Matrix::<DMat2>::zero(domain.elements.pattern());
+            let downhill = objective.assemble(uv, &assembly, &mut hessian, kept);
+            (downhill, hessian)
         };
         let (_, mut whole) = assembled(&uv, 1.0);
         let (_, mut clamped) = assembled(&uv, 0.0);
         let mut left_out = 0.0_f64;
         for v in (0..domain.vertices()).step_by(5).map(VertexId::new) {
             for axis in [DVec2::X, DVec2::Y] {
-                let gradient = |by: f64| {
+                let downhill = |by: f64| {
                     let mut moved = uv.clone();
                     moved[v] += by * axis;
                     assembled(&moved, 0.0).0[v.index()]
                 };
-                let curvature = (gradient(1e-6) - gradient(-1e-6)) / 2e-6;
+                let curvature = (downhill(-1e-6) - downhill(1e-6)) / 2e-6;
                 let found = *whole.at(v.index(), v.index()) * axis;
                 assert!((found - curvature).length() < 1e-5 * found.length(), "{v}: {found} is {curvature}");
                 left_out = left_out.max((*clamped.at(v.index(), v.index()) * axis - found).length());
@@ -255,9 +252,14 @@ mod tests {
             .collect();
         for energy in [Energy::SymmetricDirichlet, Energy::Sum { angle: 1.0, area: 0.4, perimeter: 0.2 }] {
             let objective = Objective::new(&domain.elements, energy);
-            let mut system = System::zero(&domain.elements);
-            let gradient = objective.assemble(&uv, &mut system, 0.0);
-            assert_eq!(gradient, objective.gradient(&uv), "{energy:?}: the same without the Hessian");
+            let assembly = Assembly::new(&domain.elements);
+            let mut hessian = Matrix::<DMat2>::zero(domain.elements.pattern());
+            let downhill = objective.assemble(&uv, &assembly, &mut hessian, 0.0);
+            let gradient = objective.gradient(&uv);
+            assert!(
+                downhill.iter().zip(&gradient).all(|(d, g)| *d == -*g),
+                "{energy:?}: the same without the Hessian"
+            );
             let scale = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
             let step = 1e-6;
             for v in (0..domain.vertices()).step_by(7).map(VertexId::new) {
@@ -271,11 +273,9 @@ mod tests {
                         (objective.energy(&moved(step)) - objective.energy(&moved(-step))) / (2.0 * step);
                     let found = gradient[v.index()].dot(axis);
                     assert!((found - slope).abs() < 1e-6 * scale, "{energy:?} {v}: {found} is {slope}");
-                    let mut unused = System::zero(&domain.elements);
-                    let up = objective.assemble(&moved(step), &mut unused, 0.0);
-                    let down = objective.assemble(&moved(-step), &mut unused, 0.0);
+                    let (up, down) = (objective.gradient(&moved(step)), objective.gradient(&moved(-step)));
                     let curvature = (up[v.index()] - down[v.index()]) / (2.0 * step);
-                    let found = *system.hessian.at(v.index(), v.index()) * axis;
+                    let found = *hessian.at(v.index(), v.index()) * axis;
                     let size = found.length();
                     // Clamping only adds curvature.
                     let added = (found - curvature).dot(axis);

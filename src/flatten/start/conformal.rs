@@ -41,7 +41,7 @@ const ITERATIONS: usize = 60;
 /// and adds the only imaginary entries. One complex unknown a vertex instead of two real ones makes
 /// the factor four times smaller (natural conformal map of Desbrun, Meyer and Alliez 2002).
 pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
-    let mut matrix = Matrix::<DVec2>::zero(&domain.elements.pattern);
+    let mut matrix = Matrix::<DVec2>::zero(domain.elements.pattern());
     for e in &domain.elements.faces {
         for k in 0..3 {
             for l in 0..3 {
@@ -64,7 +64,7 @@ pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, 
 /// of 1, so that the map does not depend on how densely the boundary is sampled.
 pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
-    let cholesky = Cholesky::new(&domain.elements.pattern, &domain.mesh.positions).map_err(failed)?;
+    let cholesky = Cholesky::new(domain.elements.pattern(), &domain.mesh.positions).map_err(failed)?;
     let mut matrix = conformal_matrix(domain);
     let mass = boundary_mass(domain);
     let (mut shift, mut added) = (SHIFT, 0.0);

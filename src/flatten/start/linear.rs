@@ -32,7 +32,7 @@ fn authalic_weight(i: DVec3, j: DVec3, k: DVec3) -> f64 {
 
 /// The authalic rows `sum_j w_ij (u_j - u_i) = 0`; not symmetric.
 fn authalic_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
-    let mut matrix = Matrix::<DVec2>::zero(&domain.elements.pattern);
+    let mut matrix = Matrix::<DVec2>::zero(domain.elements.pattern());
     for e in &domain.elements.faces {
         for k in 0..3 {
             let around = [e.corners[k], e.corners[(k + 1) % 3], e.corners[(k + 2) % 3]];
@@ -71,14 +71,14 @@ pub(crate) fn linear(domain: &FlattenDomain<'_>, angle: f64, area: f64) -> Resul
     let total = angle + area;
     let (angle, area) = (angle / total, area / total * same_size);
     for &i in &inner {
-        for slot in domain.elements.pattern.slots(i) {
+        for slot in domain.elements.pattern().slots(i) {
             let mixed = matrix.values()[slot] * angle + authalic.values()[slot] * area;
             matrix.values_mut()[slot] = mixed;
         }
     }
     let mut uv = vec![DVec2::ZERO; domain.vertices()];
     for (pin, at) in far_apart(domain).into_iter().zip([DVec2::ZERO, DVec2::X]) {
-        for slot in domain.elements.pattern.slots(pin.index()) {
+        for slot in domain.elements.pattern().slots(pin.index()) {
             matrix.values_mut()[slot] = DVec2::ZERO;
         }
         *matrix.at(pin.index(), pin.index()) = DVec2::X;
@@ -123,9 +123,9 @@ mod tests {
         let matrix = authalic_matrix(&domain);
         let row: DVec2 = domain
             .elements
-            .pattern
+            .pattern()
             .slots(0)
-            .zip(domain.elements.pattern.columns(0))
+            .zip(domain.elements.pattern().columns(0))
             .map(|(slot, &j)| matrix.values()[slot].x * mesh.positions[VertexId::from(j)].truncate())
             .sum();
         let size = matrix.diagonal(0).x;

@@ -175,7 +175,7 @@ impl Net {
     fn new(domain: &FlattenDomain<'_>) -> Self {
         let vertices = domain.vertices();
         let all = vertices + domain.disk.loops.len() - 1;
-        let mesh_pattern = &domain.elements.pattern;
+        let mesh_pattern = domain.elements.pattern();
         let below = |i: usize| mesh_pattern.columns(i).iter().map(|&j| j as usize).filter(move |&j| j < i);
         let mut springs: Vec<[usize; 2]> =
             (0..vertices).flat_map(|i| below(i).map(move |j| [i, j])).collect();

@@ -34,7 +34,7 @@ const SOFTNESS: f64 = 1.0;
 const ROUNDS: usize = 40;
 
 /// Newton steps of a round; the energy changes with the next one anyway.
-const ROUND: NewtonLimits = NewtonLimits { decrement: 1e-3, steps: 4, gain: 0.0, most: f64::INFINITY };
+const ROUND: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 4, gain: 0.0, most: f64::INFINITY };
 
 /// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
 ///

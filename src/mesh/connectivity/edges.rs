@@ -168,21 +168,10 @@ impl VertexCorners {
         &self.0[v.index()]
     }
 
-    /// The corners of all vertices, one vertex after the other.
-    pub(crate) fn all(&self) -> &[Halfedge] {
-        self.0.items()
-    }
-
     /// The faces around `v`, smallest id first.
     #[inline]
     pub(crate) fn faces(&self, v: VertexId) -> impl Iterator<Item = FaceId> + Clone {
         self.of(v).iter().map(|h| h.face())
-    }
-
-    /// Where the corners of `v` are among those of all vertices.
-    #[inline]
-    pub(crate) fn range(&self, v: VertexId) -> std::ops::Range<usize> {
-        self.0.range(v.index())
     }
 }
 
@@ -217,6 +206,5 @@ mod tests {
             assert!(corners.faces(v).is_sorted(), "faces of {v}");
             assert_eq!(corners.of(v).len(), if v.index() == 0 { 5 } else { 2 });
         }
-        assert_eq!(corners.all().len(), 9, "corners of other vertices are left out");
     }
 }

@@ -1,0 +1,111 @@
+//! Which blocks of a Hessian each face adds to.
+
+use std::ops::Range;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::{
+    flatten::energy::{
+        elements::{Element, ElementMesh},
+        face_energy::LocalModel,
+    },
+    id::{FaceId, IdVec, VertexId},
+    sparse::{Block, Matrix},
+};
+
+/// Rows that one task sums. They depend on the size of the system alone, so sums do not depend on the number
+/// of threads. A face between two parts is computed for both: one in twenty along a curve that fills the
+/// plane.
+const MOST_ROWS: usize = 4096;
+
+/// Rows at least: smaller parts would compute most faces twice.
+const LEAST_ROWS: usize = 256;
+
+/// Parts of a small system.
+const PARTS: usize = 8;
+
+/// Slot of an entry whose row another part sums, or whose row or column is fixed or held: there is no
+/// unknown.
+const NONE: u32 = u32::MAX;
+
+/// A face, and where its blocks go to in the entries of a part.
+struct Place {
+    face: FaceId,
+    /// Of the row of each corner: the slots of the corner itself, of the next and of the previous one.
+    slots: [[u32; 3]; 3],
+}
+
+impl Place {
+    /// The place of a face in the part of these rows.
+    fn new(net: &ElementMesh, rows: &Range<usize>, face: FaceId) -> Self {
+        let corners = net.faces[face].corners.map(VertexId::index);
+        let first = net.pattern().slots(rows.start).start;
+        let slot = |row, column| {
+            let slot = net.pattern().slot(row, column).filter(|_| !net.is_held(column));
+            slot.and_then(|slot| u32::try_from(slot - first).ok()).unwrap_or(NONE)
+        };
+        let slots = [0, 1, 2].map(|k| {
+            let row = corners[k];
+            let around = [row, corners[(k + 1) % 3], corners[(k + 2) % 3]];
+            let is_summed = rows.contains(&row) && !net.is_held(row);
+            if is_summed { around.map(|column| slot(row, column)) } else { [NONE; 3] }
+        });
+        Self { face, slots }
+    }
+}
+
+/// The faces around the rows of each part of a system, so that parts are summed side by side, always in the
+/// same order.
+pub(crate) struct Assembly {
+    rows: usize,
+    parts: Vec<Vec<Place>>,
+}
+
+impl Assembly {
+    pub(crate) fn new(net: &ElementMesh) -> Self {
+        let free = net.free();
+        let rows = free.div_ceil(PARTS).clamp(LEAST_ROWS, MOST_ROWS);
+        let mut faces = vec![Vec::new(); free.div_ceil(rows)];
+        for (face, e) in net.faces.enumerate() {
+            let [a, b, c] = e.corners.map(|v| v.index() / rows);
+            for part in [Some(a), Some(b).filter(|b| *b != a), Some(c).filter(|c| *c != a && *c != b)] {
+                if let Some(faces) = part.and_then(|part| faces.get_mut(part)) {
+                    faces.push(face);
+                }
+            }
+        }
+        let places = |(part, faces): (usize, Vec<FaceId>)| {
+            let rows = part * rows..((part + 1) * rows).min(free);
+            faces.into_iter().map(|face| Place::new(net, &rows, face)).collect()
+        };
+        Self { rows, parts: faces.into_par_iter().enumerate().map(places).collect() }
+    }
+
+    /// Sums the Hessians of the models of all faces, and returns minus the sum of their gradients.
+    pub(crate) fn sum<B: Block>(
+        &self,
+        faces: &IdVec<FaceId, Element>,
+        model: impl Fn(&Element) -> LocalModel + Sync,
+        hessian: &mut Matrix<'_, B>,
+    ) -> Vec<DVec2> {
+        let mut downhill = vec![DVec2::ZERO; hessian.pattern().rows()];
+        let sums = hessian.parts_mut(self.rows).into_par_iter().zip(downhill.par_chunks_mut(self.rows));
+        self.parts.par_iter().zip(sums).enumerate().for_each(|(part, (places, (blocks, downhill)))| {
+            blocks.fill(B::ZERO);
+            for &Place { face, slots } in places {
+                let e = &faces[face];
+                let m = model(e);
+                for (k, slots) in slots.into_iter().enumerate().filter(|(_, slots)| slots[0] != NONE) {
+                    downhill[e.corners[k].index() - part * self.rows] -= m.gradient[k];
+                    let of_corner =
+                        [m.diagonal[k], m.off_diagonal[k], m.off_diagonal[(k + 2) % 3].transpose()];
+                    for (slot, block) in slots.into_iter().zip(of_corner).filter(|(slot, _)| *slot != NONE) {
+                        blocks[slot as usize] += B::of(block);
+                    }
+                }
+            }
+        });
+        downhill
+    }
+}
