@@ -14,7 +14,7 @@ use dermatome::{
     map::{MapError, PatchMap, SkinMap},
     mesh::shapes,
     plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::{PatchId, Presence, TaxelId},
+    skin::Presence,
 };
 use glam::DVec2;
 use maps::{flat_level, flat_patch, level_id, mapped_level, patch, skin, square_pyramid};
@@ -23,7 +23,7 @@ use roxmltree::Document;
 use ttf_parser::Face;
 
 /// All that need no calibration.
-const PAINTS: [Paint; 4] = [Paint::Fields, Paint::Angle, Paint::Area, Paint::Taxel];
+const PAINTS: [Paint; 3] = [Paint::Fields, Paint::Angle, Paint::Area];
 
 /// The text of an SVG picture.
 fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<String, PlotError> {
@@ -183,9 +183,7 @@ fn names_are_escaped() {
 
 #[test]
 fn a_png_has_the_size_of_its_picture() {
-    for (width_px, paint) in
-        [(200, Paint::Fields), (801, Paint::Angle), (400, Paint::Area), (640, Paint::Taxel)]
-    {
+    for (width_px, paint) in [(200, Paint::Fields), (801, Paint::Angle), (400, Paint::Area)] {
         let options = PlotOptions { width_px, paint, ..PlotOptions::default() };
         let picture = plot::plot_map(&skin(vec![palm()]), &options).unwrap();
         let (svg, png) = (picture.to_svg(), picture.to_png().unwrap());
@@ -279,14 +277,10 @@ fn the_bar_of_a_map_of_any_size_has_a_round_length() {
     }
 }
 
-/// The scales are those of ColorBrewer and of viridis.
+/// The scales are those of ColorBrewer.
 #[test]
 fn colour_scales_begin_and_end_as_published() {
-    for (paint, first, last) in [
-        (Paint::Angle, "#ffffe5", "#662506"),
-        (Paint::Area, "#2166ac", "#b2182b"),
-        (Paint::Taxel, "#440154", "#fde725"),
-    ] {
+    for (paint, first, last) in [(Paint::Angle, "#ffffe5", "#662506"), (Paint::Area, "#2166ac", "#b2182b")] {
         let svg = plot_map(&skin(vec![palm()]), &PlotOptions { paint, ..PlotOptions::default() }).unwrap();
         let document = Document::parse(&svg).unwrap();
         let stops: Vec<_> = document.descendants().filter_map(|node| node.attribute("stop-color")).collect();
@@ -321,21 +315,6 @@ fn a_scale_says_where_values_are_beyond_it() {
         let options = PlotOptions { paint, range: Some(range), ..PlotOptions::default() };
         assert!(matches!(plot_map(&map, &options), Err(PlotError::Range { .. })), "{paint:?}");
     }
-}
-
-#[test]
-fn ids_are_numbered_and_placeholders_grey() {
-    let options = PlotOptions { paint: Paint::Taxel, ..PlotOptions::default() };
-    let mut map = skin(vec![palm()]);
-    let svg = plot_map(&map, &options).unwrap();
-    let (_, texts) = elements(&svg);
-    assert!(["100", "184", "268"].iter().all(|id| texts.iter().any(|t| t == id)), "{texts:?}");
-    assert!(!svg.contains("placeholder") && !svg.contains("#b8b8b8"));
-    let ids = &mut map.patches[PatchId::new(0)].taxels.ids;
-    ids.iter_mut().take(5).for_each(|id| *id = TaxelId(u32::MAX));
-    let svg = plot_map(&map, &options).unwrap();
-    assert!(svg.contains("placeholder id") && svg.contains("#b8b8b8"));
-    assert!(!svg.contains(&u32::MAX.to_string()));
 }
 
 /// A map with a fault is not to be taken for a good one.
@@ -396,13 +375,13 @@ fn many_patches_are_drawn_on_two_screens() {
 
 /// On a fine mesh dots would hide the colours.
 #[test]
-fn fine_meshes_have_dots_on_request_only() {
-    let map = skin(vec![flat_patch("fine", shapes::lattice(80, 70, 0.001), 0.001)]);
-    let dots = |dots| {
-        let options = PlotOptions { dots, width_px: 4000, ..PlotOptions::default() };
+fn fine_meshes_have_no_dots() {
+    let dots = |columns| {
+        let map = skin(vec![flat_patch("fine", shapes::lattice(columns, 70, 0.001), 0.001)]);
+        let options = PlotOptions { width_px: 4000, ..PlotOptions::default() };
         plot_map(&map, &options).unwrap().matches("<circle").count()
     };
-    assert_eq!((dots(false), dots(true)), (0, 5600));
+    assert_eq!((dots(80), dots(70)), (0, 4900));
 }
 
 /// Letters come with the crate: a PNG shows them whichever fonts the machine has.
@@ -495,7 +474,7 @@ fn the_command_refuses_unknown_levels_patches_and_kinds() {
 #[test]
 fn the_unfolding_is_a_strip_of_panels() {
     let options = PlotOptions { unfold: vec![0.0, 0.5, 1.0], ..PlotOptions::default() };
-    for paint in [Paint::Fields, Paint::Angle, Paint::Area, Paint::Taxel] {
+    for paint in PAINTS {
         let svg = plot_map(&skin(vec![palm()]), &PlotOptions { paint, ..options.clone() }).unwrap();
         let (_, texts) = elements(&svg);
         for which in ["palm, in space", "palm, 50 % unfolded", "palm, its map"] {

@@ -178,7 +178,7 @@ fn the_scale_bar_holds_in_space() {
 
 #[test]
 fn pictures_are_the_same_every_time() {
-    for (faces, paint) in [(400, Paint::Sigma), (60_000, Paint::Taxel)] {
+    for (faces, paint) in [(400, Paint::Sigma), (60_000, Paint::Fields)] {
         let skin = calibrated_cap(faces);
         let draw = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -197,7 +197,7 @@ fn pictures_are_the_same_every_time() {
 #[test]
 fn the_picture_of_a_large_skin_stays_small() {
     let skin = calibrated_cap(200_000);
-    for paint in [Paint::Fields, Paint::Taxel, Paint::Sigma] {
+    for paint in [Paint::Fields, Paint::Sigma] {
         let svg = plot_skin(&skin, &PlotOptions { paint, ..PlotOptions::default() }).unwrap();
         assert!(svg.len() < 8 << 20, "{paint:?}: {} bytes", svg.len());
     }
@@ -341,7 +341,7 @@ fn a_body_that_stands_along_y_stands_in_the_picture() {
     let lying = tube.positions.map(|p| DVec3::new(p.x, p.z, -p.y));
     let [along_z, along_y] = [tube.positions, lying].map(|positions| {
         let skin = Skin::from_mesh("tube", TriMesh { positions, triangles: tube.triangles.clone() });
-        plot_skin(&skin, &PlotOptions { dots: true, ..PlotOptions::default() }).unwrap()
+        plot_skin(&skin, &PlotOptions::default()).unwrap()
     });
     let height = |svg: &str| {
         let (low, high) = dots(svg).iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p.y), h.max(p.y)));

@@ -49,8 +49,6 @@ pub enum Paint {
     Angle,
     /// `s1 s2` of each triangle: its area on the map over that on the skin.
     Area,
-    /// Each taxel's id, from the lowest to the highest.
-    Taxel,
     /// How uncertain each taxel's position is: the square root of the trace of its covariance.
     Sigma,
 }
@@ -82,8 +80,6 @@ pub struct PlotOptions {
     /// [`Paint::Sigma`] (m), or of readings in the unit of their channel, of an extensive one per m^2.
     /// `None`: those of all but a hundredth of what is drawn, of readings all, rounded.
     pub range: Option<[f64; 2]>,
-    /// Whether meshes of more than 5000 vertices have dots too.
-    pub dots: bool,
     /// Width of the picture, in pixels.
     pub width_px: u32,
 }
@@ -97,7 +93,6 @@ impl Default for PlotOptions {
             space: None,
             unfold: Vec::new(),
             range: None,
-            dots: false,
             width_px: 1600,
         }
     }

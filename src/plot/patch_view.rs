@@ -8,7 +8,7 @@ use crate::{
     mesh::TriMesh,
     plot::PlotError,
     pyramid::LevelId,
-    skin::{Covariance, Patch, Presence, Skin, TaxelId, Taxels, world_pose},
+    skin::{Covariance, Patch, Presence, Skin, Taxels, world_pose},
 };
 
 pub(crate) struct PatchView<'a> {
@@ -16,30 +16,13 @@ pub(crate) struct PatchView<'a> {
     /// The taxels and the triangles between them, in the link's frame.
     pub(crate) mesh: &'a TriMesh,
     pub(crate) pose: DAffine3,
-    pub(crate) ids: &'a IdVec<VertexId, TaxelId>,
-    /// Ids that several taxels have because they have none.
-    placeholders: Vec<TaxelId>,
-    pub(crate) presence: &'a IdVec<VertexId, Presence>,
-    pub(crate) covariances: Option<&'a IdVec<VertexId, Covariance>>,
+    presence: &'a IdVec<VertexId, Presence>,
+    covariances: Option<&'a IdVec<VertexId, Covariance>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
 }
 
 impl<'a> PatchView<'a> {
-    /// Taxels and the triangles between them, without a map.
-    pub(crate) fn new(
-        name: &'a str,
-        mesh: &'a TriMesh,
-        pose: DAffine3,
-        ids: &'a IdVec<VertexId, TaxelId>,
-        presence: &'a IdVec<VertexId, Presence>,
-        covariances: Option<&'a IdVec<VertexId, Covariance>>,
-    ) -> Self {
-        let is_shared = |id: &TaxelId| ids.iter().filter(|other| *other == id).nth(1).is_some();
-        let placeholders = TaxelId::PLACEHOLDERS.into_iter().filter(is_shared).collect();
-        Self { name, mesh, pose, ids, placeholders, presence, covariances, levels: None }
-    }
-
     pub(crate) fn of_map(map: &'a SkinMap, patch: &'a PatchMap) -> Result<Self, PlotError> {
         let mesh = &patch.levels.get(LevelId::default()).ok_or(PlotError::Empty)?.level.mesh;
         let pose = world_pose(&map.links, patch.link);
@@ -50,8 +33,10 @@ impl<'a> PatchView<'a> {
         Self::of_taxels(&patch.name, &patch.mesh, world_pose(&skin.links, patch.link), &patch.taxels)
     }
 
+    /// Taxels and the triangles between them, without a map.
     pub(crate) fn of_taxels(name: &'a str, mesh: &'a TriMesh, pose: DAffine3, taxels: &'a Taxels) -> Self {
-        Self::new(name, mesh, pose, &taxels.ids, &taxels.presence, taxels.covariances.as_ref())
+        let Taxels { presence, covariances, .. } = taxels;
+        Self { name, mesh, pose, presence, covariances: covariances.as_ref(), levels: None }
     }
 
     pub(crate) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
@@ -67,14 +52,6 @@ impl<'a> PatchView<'a> {
     pub(crate) fn seam(&self) -> Vec<[VertexId; 2]> {
         let cut = self.level(LevelId::default()).and_then(|finest| finest.cut.as_ref());
         cut.and_then(|cut| cut.seam(self.mesh).ok()).unwrap_or_default()
-    }
-
-    pub(crate) fn is_placeholder(&self, id: TaxelId) -> bool {
-        self.placeholders.contains(&id)
-    }
-
-    pub(crate) fn known_ids(&self) -> impl Iterator<Item = TaxelId> {
-        self.ids.iter().copied().filter(|&id| !self.is_placeholder(id))
     }
 
     /// Whether a taxel reads pressure.
@@ -98,49 +75,36 @@ impl<'a> PatchView<'a> {
 /// Patches side by side in the world.
 #[derive(Debug, Default)]
 pub(crate) struct Robot {
-    pub(crate) name: String,
-    pub(crate) mesh: TriMesh,
-    pub(crate) ids: IdVec<VertexId, TaxelId>,
-    pub(crate) presence: IdVec<VertexId, Presence>,
-    /// As the patches have them, each in the frame of its link; `None` if one has none.
-    pub(crate) covariances: Option<IdVec<VertexId, Covariance>>,
+    name: String,
+    mesh: TriMesh,
+    /// Presence, and covariances as the patches have them, each in the frame of its link, if all have some.
+    taxels: Taxels,
 }
 
 impl Robot {
     pub(crate) fn new(patches: &[PatchView<'_>]) -> Self {
         let (mut positions, mut triangles) = (Vec::<DVec3>::new(), Vec::<[VertexId; 3]>::new());
-        let mut ids = Vec::new();
-        let mut presence = Vec::new();
-        let mut covariances = Some(Vec::new());
+        let (mut presence, mut covariances) = (Vec::new(), Some(Vec::new()));
         for patch in patches {
             let before = positions.len();
             positions.extend(patch.mesh.positions.iter().map(|&p| patch.pose.transform_point3(p)));
             let moved = |t: &[VertexId; 3]| t.map(|v| VertexId::new(before + v.index()));
             triangles.extend(patch.mesh.triangles.iter().map(moved));
-            ids.extend(patch.ids.iter().copied());
             presence.extend(patch.presence.iter().copied());
             covariances = covariances.zip(patch.covariances).map(|(mut all, more)| {
                 all.extend(more.iter().copied());
                 all
             });
         }
+        let covariances = covariances.map(IdVec::from);
         Self {
             name: format!("{} patches", patches.len()),
             mesh: TriMesh { positions: positions.into(), triangles: IdVec::<FaceId, _>::from(triangles) },
-            ids: ids.into(),
-            presence: presence.into(),
-            covariances: covariances.map(IdVec::from),
+            taxels: Taxels { presence: presence.into(), covariances, ..Taxels::default() },
         }
     }
 
     pub(crate) fn view(&self) -> PatchView<'_> {
-        PatchView::new(
-            &self.name,
-            &self.mesh,
-            DAffine3::IDENTITY,
-            &self.ids,
-            &self.presence,
-            self.covariances.as_ref(),
-        )
+        PatchView::of_taxels(&self.name, &self.mesh, DAffine3::IDENTITY, &self.taxels)
     }
 }

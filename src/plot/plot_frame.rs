@@ -106,7 +106,7 @@ pub fn plot_frame(
         let shares = drawn.densities.map(|x| (x - low) / (high - low));
         has_gaps |= shares.iter().any(|x| x.is_nan());
         groups.push(layout.caption(&panel.slot.caption, &view));
-        groups.push(panel.draw_values(&view, &shares, colours.scale, options));
+        groups.push(panel.draw_values(&view, &shares, colours.scale));
     }
     groups.push(layout.scale_bar());
     groups.push(layout.colour_bar(colours.scale, &about.label, &colours.labels(about.factor)));

@@ -152,10 +152,6 @@ fn draw(
     let has_hollow = groups.iter().flatten().any(|s| matches!(s, Shape::Dots { has_rim: true, .. }));
     groups.push(layout.scale_bar());
     groups.push(layout.legend(options.paint, &limits));
-    let has_placeholders = || patches.iter().any(|patch| patch.known_ids().count() < patch.ids.len());
-    if options.paint == Paint::Taxel && has_placeholders() {
-        groups.push(layout.legend_of_placeholders());
-    }
     if has_hollow {
         groups.push(layout.legend_of_hollow_dots(options.paint));
     }

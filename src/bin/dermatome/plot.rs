@@ -61,9 +61,6 @@ pub(crate) struct Args {
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Draw dots also on meshes of more than 5000 vertices
-    #[arg(long)]
-    dots: bool,
     /// Width of the picture, in pixels
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
@@ -92,11 +89,10 @@ struct FrameArgs {
 }
 
 /// What the colours show.
-const SHOWN: [Choice<Paint>; 5] = [
+const SHOWN: [Choice<Paint>; 4] = [
     ("fields", Paint::Fields, "The receptive field with the largest weight at each taxel"),
     ("angle", Paint::Angle, "Angle distortion of each triangle: the ratio of its stretches"),
     ("area", Paint::Area, "Area of each triangle on the map divided by that on the skin"),
-    ("taxel", Paint::Taxel, "Ids of the taxels, in their order"),
     ("sigma", Paint::Sigma, "Standard deviation of each taxel's position, if the skin was calibrated"),
 ];
 
@@ -118,7 +114,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         range: args
             .range
             .map(|range| if args.show == Paint::Sigma { range.map(|x| 1e-3 * x) } else { range }),
-        dots: args.dots,
         width_px: args.width,
     };
     let map = read_map_if_any(&args.map)?;

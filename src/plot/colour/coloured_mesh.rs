@@ -10,13 +10,12 @@ use crate::{
     plot::{
         Paint, PlotError,
         colour::{
-            Colour, DIVERGING, INK, ORDER, SEQUENTIAL, SKIN, Scale, ScaleLimits, UNKNOWN,
+            Colour, DIVERGING, INK, SEQUENTIAL, SKIN, Scale, ScaleLimits,
             field_colours::{dominant_fields, field_colours},
             hatch,
         },
         patch_view::PatchView,
     },
-    skin::TaxelId,
 };
 
 /// A grey that can be seen on both ends of every scale.
@@ -142,9 +141,10 @@ impl<'a> ColouredMesh<'a> {
                     }
                 }
             }
-            Paint::Taxel => of_taxels(by_value(&ranks_of_ids(patch, limits), ORDER)),
             Paint::Sigma => {
-                of_taxels(by_value(&patch.sigmas()?.map(|&s| limits.place(paint, s)), SEQUENTIAL))
+                let groups = patch.sigmas()?.map(|&s| step(limits.place(paint, s)));
+                let colours = (0..=STEPS).map(|k| step_colour(k, SEQUENTIAL)).collect();
+                of_taxels(Fill::Cells { groups, colours })
             }
         }
     }
@@ -175,21 +175,6 @@ pub(crate) fn mean_of_known(weighted: impl Iterator<Item = (f64, f64)>) -> f64 {
     let known = weighted.filter(|(value, _)| !value.is_nan());
     let (sum, weight) = known.fold((0.0, 0.0), |(sum, weight), (x, w)| (sum + w * x, weight + w));
     sum / weight
-}
-
-/// Cells coloured by values from 0 to 1; grey where the value is NaN.
-fn by_value(values: &IdVec<VertexId, f64>, scale: Scale) -> Fill {
-    Fill::Cells {
-        groups: values.map(|&x| if x.is_nan() { STEPS + 1 } else { step(x) }),
-        colours: (0..=STEPS).map(|k| step_colour(k, scale)).chain([UNKNOWN]).collect(),
-    }
-}
-
-/// Rank of each taxel's id among the ids of the picture, 0 to 1; NaN for placeholders.
-fn ranks_of_ids(patch: &PatchView<'_>, limits: &ScaleLimits) -> IdVec<VertexId, f64> {
-    let last = limits.ids.len().saturating_sub(1).max(1) as f64;
-    let rank = |id: TaxelId| limits.ids.partition_point(|other| *other < id) as f64 / last;
-    patch.ids.map(|&id| if patch.is_placeholder(id) { f64::NAN } else { rank(id) })
 }
 
 fn step(x: f64) -> u32 {

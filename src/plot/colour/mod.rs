@@ -13,9 +13,6 @@ pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
 /// The skin itself, whose taxels are not fields yet.
 pub(crate) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
 
-/// A value that is not known, such as an id that is a placeholder.
-pub(crate) const UNKNOWN: Colour = Colour(0xb8, 0xb8, 0xb8);
-
 /// Around a map that cannot be trusted.
 pub(crate) const WARNING: Colour = Colour(0xd0, 0x10, 0x10);
 

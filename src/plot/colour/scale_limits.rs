@@ -5,7 +5,6 @@ use crate::{
     map::MapLevel,
     numeric::second_digit,
     plot::{Paint, PlotError, patch_view::PatchView},
-    skin::TaxelId,
 };
 
 /// Values that a scale shows, and the values that there are.
@@ -16,8 +15,6 @@ pub(crate) struct ScaleLimits {
     pub(crate) range: [f64; 2],
     /// Smallest and largest value drawn.
     pub(crate) extremes: [f64; 2],
-    /// The taxel ids, ascending, placeholders left out.
-    pub(crate) ids: Vec<TaxelId>,
 }
 
 impl ScaleLimits {
@@ -41,7 +38,7 @@ impl ScaleLimits {
         let stretches =
             || levels.iter().flat_map(|l| l.level.mesh.triangles.ids().map(|f| face_stretch(l, f)));
         let (values, range) = match paint {
-            Paint::Fields | Paint::Taxel => (Vec::new(), [0.0, 1.0]),
+            Paint::Fields => (Vec::new(), [0.0, 1.0]),
             Paint::Angle => {
                 let values = sorted(stretches().map(|s| s.angle.abs()));
                 let most = share(&values, 99).unwrap_or(1.0).clamp(1.01, 100.0);
@@ -68,10 +65,7 @@ impl ScaleLimits {
             }
         };
         let ends = [values.first(), values.last()].map(|x| x.copied().unwrap_or(f64::NAN));
-        let mut ids: Vec<_> = patches.iter().flat_map(PatchView::known_ids).collect();
-        ids.sort_unstable();
-        ids.dedup();
-        Ok(Self { range: asked.unwrap_or(range), extremes: ends, ids })
+        Ok(Self { range: asked.unwrap_or(range), extremes: ends })
     }
 
     /// Where a value lies on the scale, 0 to 1; a ratio on both sides of 1 by its logarithm.

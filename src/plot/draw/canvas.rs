@@ -24,7 +24,7 @@ const FINENESS: usize = 2;
 /// this size fill a gigabyte.
 const LARGE_PX: usize = 4096;
 
-/// Above this many vertices lines are faint, and dots are drawn on request only.
+/// Above this many vertices lines are faint, and there are no dots.
 pub(crate) const FINE: usize = 5000;
 
 /// Dots are drawn if their distance on the picture is at least this, in pixels.

@@ -113,7 +113,7 @@ impl<'a> Panel<'a> {
         let mut coloured = ColouredMesh::new(self.patch, self.level(), options.paint, limits)?;
         Ok(match &self.look {
             Look::OnMap(level) => {
-                coloured.has_dots &= options.dots || level.uv.len() <= FINE;
+                coloured.has_dots &= level.uv.len() <= FINE;
                 let mut shapes = draw_map(self.patch, level, &coloured, view);
                 shapes.extend(fault(level).map(|_| warning(view)));
                 shapes
@@ -124,7 +124,7 @@ impl<'a> Panel<'a> {
                     _ if coloured.has_dots => self.centres(None),
                     _ => Vec::new(),
                 };
-                let dots = if options.dots || dots.len() <= FINE { &dots[..] } else { &[] };
+                let dots = if dots.len() <= FINE { &dots[..] } else { &[] };
                 draw_in_space(self.patch, &coloured, camera, view, dots)
             }
             Look::Between(camera, between) => {
@@ -132,7 +132,7 @@ impl<'a> Panel<'a> {
                 let patch = PatchView::of_taxels(self.patch.name, mesh, self.patch.pose, taxels);
                 coloured.fill = on_places(&coloured.fill, finest.unsplit()).into_owned();
                 coloured.mesh = mesh;
-                let is_shown = options.paint.has_dots() && (options.dots || finest.uv.len() <= FINE);
+                let is_shown = options.paint.has_dots() && finest.uv.len() <= FINE;
                 let is_centre = |place: &PlaceId| {
                     options.paint != Paint::Fields || level.level.origins.contains(&finest.vertex_of(*place))
                 };
@@ -152,14 +152,8 @@ impl<'a> Panel<'a> {
 
     /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
     /// are.
-    pub(crate) fn draw_values(
-        &self,
-        view: &View,
-        values: &IdVec<VertexId, f64>,
-        scale: Scale,
-        options: &PlotOptions,
-    ) -> Vec<Shape> {
-        let has_dots = options.dots || values.len() <= FINE;
+    pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
+        let has_dots = values.len() <= FINE;
         let coloured = |mesh, owner, values, has_lines| {
             let fill = Fill::Values { values, scale, has_lines };
             ColouredMesh { mesh, owner, fill, is_scale: true, has_dots }

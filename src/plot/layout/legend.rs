@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::plot::{
     Paint,
-    colour::{Colour, DIVERGING, INK, ORDER, SEQUENTIAL, Scale, ScaleLimits, UNKNOWN, hatch},
+    colour::{Colour, DIVERGING, INK, SEQUENTIAL, Scale, ScaleLimits, hatch},
     layout::{Layout, caption::width, round_down, short},
     picture::{Anchor, Path, Pixels, Shape},
 };
@@ -36,17 +36,6 @@ impl Layout {
         vec![bar(0.0, -2.0, length, 4.0), bar(0.0, -7.0, 2.0, 14.0), end, label]
     }
 
-    /// What grey cells mean, to the left of the legend of the colours.
-    pub(crate) fn legend_of_placeholders(&self) -> Vec<Shape> {
-        let side = 0.8 * self.em;
-        let right = f64::from(self.width) - self.margin - WIDTH_OF_COLOURS * self.em;
-        let corner = DVec2::new(right - side, self.foot() - 0.9 * self.em);
-        let path = Path::rectangle(corner, DVec2::splat(side));
-        let square = Shape::Path { path, fill: Some(UNKNOWN), stroke: None };
-        let beside = corner + DVec2::new(-0.4 * self.em, 0.7 * self.em);
-        vec![square, Shape::text("placeholder id", beside, Anchor::End)]
-    }
-
     /// What hollow dots mean, at the lower right, to the left of the legend of the colours.
     pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
         let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
@@ -64,13 +53,6 @@ impl Layout {
             Paint::Angle => (SEQUENTIAL, "s1/s2", ends(limits, 1.0, None)),
             Paint::Area => (DIVERGING, "area on map / on skin", ends(limits, 1.0, Some("1"))),
             Paint::Sigma => (SEQUENTIAL, "sigma, mm", ends(limits, 1e3, None)),
-            Paint::Taxel => {
-                let [Some(low), Some(high)] = [limits.ids.first(), limits.ids.last()] else {
-                    return Vec::new();
-                };
-                let middle = limits.ids[limits.ids.len() / 2];
-                (ORDER, "taxel id", [low, &middle, high].map(ToString::to_string))
-            }
         };
         self.colour_bar(scale, name, &labels)
     }

@@ -411,7 +411,7 @@ impl PyMap {
     ///     The patches, one row each; by default all.
     /// levels : sequence of int, optional
     ///     The levels, side by side; by default the finest three.
-    /// paint : {"fields", "angle", "area", "taxel", "sigma"}
+    /// paint : {"fields", "angle", "area", "sigma"}
     ///     What the colours say.
     /// space : bool
     ///     Whether the skin in space is shown, too.

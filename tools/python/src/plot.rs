@@ -43,7 +43,6 @@ impl PyPicture {
             ("fields", Paint::Fields),
             ("angle", Paint::Angle),
             ("area", Paint::Area),
-            ("taxel", Paint::Taxel),
             ("sigma", Paint::Sigma),
         ];
         let options = PlotOptions {

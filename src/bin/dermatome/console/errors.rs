@@ -238,9 +238,7 @@ fn option_help(error: &Error) -> &'static str {
             PlotError::Channel { .. } | PlotError::Range { .. } => {
                 "give --range two numbers, the lower one first"
             }
-            PlotError::NoCovariances { .. } => {
-                "calibrate the skin with covariances, or use --show fields or taxel"
-            }
+            PlotError::NoCovariances { .. } => "calibrate the skin with covariances, or use --show fields",
             PlotError::UnknownLevel { .. } => "give one of them, or leave out --level to draw the finest",
             PlotError::Width { .. } | PlotError::Size { .. } => {
                 "choose another --width, or draw fewer patches and levels"

@@ -178,7 +178,7 @@ class Map:
         *,
         patches: Sequence[str] | None = None,
         levels: Sequence[int] | None = None,
-        paint: Literal["fields", "angle", "area", "taxel", "sigma"] = "fields",
+        paint: Literal["fields", "angle", "area", "sigma"] = "fields",
         space: bool = False,
         range: tuple[float, float] | None = None,
         width: int = 1600,
