@@ -187,7 +187,7 @@ fn the_gap_is_an_option_and_its_range_is_told() {
     };
     let (count, said) = patches(&[]);
     assert_eq!(count, 2, "{said}");
-    assert!(said.contains("would join pieces: 1 instead of 2"), "{said}");
+    assert!(said.contains("a larger --gap joins pieces"), "{said}");
     assert_eq!(patches(&["--gap", "4"]).0, 1);
     let check = |args: &[&str]| command().args(["check", "--quiet"]).arg(&path).args(args).assert();
     check(&[]).success().stdout(predicate::str::starts_with("warning: two: bare-pieces: ")).stderr("");

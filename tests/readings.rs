@@ -622,25 +622,17 @@ fn without_ids_columns_are_the_taxels_in_order() {
 }
 
 #[test]
-fn columns_with_the_same_id_are_refused_or_joined() {
+fn columns_with_the_same_id_are_refused_or_the_first_is_taken() {
     let map = two_patches();
     let columns = ids(&[3, 5, 3, 77, 3]);
     let refused = Join::new(&map, Some(&columns), 5, Duplicates::Refuse).unwrap_err();
     assert_eq!(refused, SignalError::DuplicateId { taxel: TaxelId(3), columns: [0, 2] });
     let mut frame = Frame::new(&map, 1);
-    for (duplicates, values, expected) in [
-        (Duplicates::First, [1.0, 9.0, 5.0, 0.0, 9.0], 1.0),
-        (Duplicates::Mean, [1.0, 9.0, 5.0, 0.0, 9.0], 5.0),
-        (Duplicates::Mean, [1.0, 9.0, f64::NAN, 0.0, 9.0], 5.0),
-    ] {
-        let join = Join::new(&map, Some(&columns), 5, duplicates).unwrap();
-        assert_eq!((join.report().duplicates, join.report().unknown), (2, 1));
-        join.fill(&values, &mut frame);
-        assert_eq!(taxels(&frame, 0)[2], expected, "{duplicates:?}");
-    }
-    let join = Join::new(&map, Some(&columns), 5, Duplicates::Mean).unwrap();
-    assert_eq!(join.fill(&[f64::NAN; 5], &mut frame), 2, "a mean of nothing is missing");
-    let ids_lack = Join::new(&map, Some(&columns), 6, Duplicates::Mean).unwrap_err();
+    let join = Join::new(&map, Some(&columns), 5, Duplicates::First).unwrap();
+    assert_eq!((join.report().duplicates, join.report().unknown), (2, 1));
+    join.fill(&[1.0, 9.0, 5.0, 0.0, 9.0], &mut frame);
+    assert_eq!(taxels(&frame, 0)[2], 1.0);
+    let ids_lack = Join::new(&map, Some(&columns), 6, Duplicates::First).unwrap_err();
     assert_eq!(ids_lack, SignalError::IdCount { ids: 5, width: 6 });
     let empty = Join::new(&map, Some(&[]), 0, Duplicates::Refuse).unwrap_err();
     assert_eq!(empty, SignalError::Width { found: 0, needed: 13 });

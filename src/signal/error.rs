@@ -13,7 +13,7 @@ pub enum SignalError {
     /// Two columns of the readings have the same id.
     #[error(
         "columns {} and {} of the readings both have the taxel id {taxel}; an id of its own is needed for \
-         each column, or a choice between the first of them and their mean",
+         each column, or the choice of the first",
         columns[0], columns[1]
     )]
     DuplicateId { taxel: TaxelId, columns: [usize; 2] },

@@ -17,8 +17,6 @@ pub enum Duplicates {
     Refuse,
     /// Use the first column.
     First,
-    /// Use the mean of the columns that have a reading.
-    Mean,
 }
 
 /// How columns and taxels fit each other.
@@ -59,19 +57,8 @@ pub struct JoinReport {
 #[derive(Debug, Clone)]
 pub struct Join {
     report: JoinReport,
-    sources: IdVec<PatchId, Vec<Source>>,
-    /// Columns with the same id.
-    groups: Vec<Vec<usize>>,
+    sources: IdVec<PatchId, Vec<Option<u32>>>,
     width: usize,
-}
-
-/// What a taxel gets its readings from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Source {
-    Nothing,
-    Column(u32),
-    /// The mean of a group of columns.
-    Group(u32),
 }
 
 impl Join {
@@ -89,11 +76,10 @@ impl Join {
     ) -> Result<Self, SignalError> {
         let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let mut report = JoinReport::default();
-        let mut groups = Vec::new();
         let source_of = match ids {
             Some(ids) if ids.len() != width => return Err(SignalError::IdCount { ids: ids.len(), width }),
             _ if width == 0 => return Err(SignalError::Width { found: 0, needed: taxels }),
-            Some(ids) => Some(sources_by_id(ids, duplicates, &mut groups, &mut report)?),
+            Some(ids) => Some(columns_by_id(ids, duplicates, &mut report)?),
             None if width != taxels => return Err(SignalError::Width { found: width, needed: taxels }),
             None => None,
         };
@@ -103,11 +89,11 @@ impl Join {
             let source = |((id, presence), column): ((&TaxelId, &Presence), u32)| {
                 *known.entry(*id).or_insert(0_usize) += 1;
                 let source = match &source_of {
-                    Some(source_of) => source_of.get(id).copied().unwrap_or(Source::Nothing),
-                    None => Source::Column(column),
+                    Some(source_of) => source_of.get(id).copied(),
+                    None => Some(column),
                 };
-                let source = if *presence == Presence::Present { source } else { Source::Nothing };
-                *(if source == Source::Nothing { &mut report.masked } else { &mut report.matched }) += 1;
+                let source = source.filter(|_| *presence == Presence::Present);
+                *(if source.is_none() { &mut report.masked } else { &mut report.matched }) += 1;
                 source
             };
             slots.map(source).collect()
@@ -122,7 +108,7 @@ impl Join {
                 return Err(SignalError::NoneMatched { columns: width, first, known });
             }
         }
-        Ok(Self { sources, groups, width, report })
+        Ok(Self { sources, width, report })
     }
 
     /// How columns and taxels fit each other.
@@ -146,14 +132,10 @@ impl Join {
             for (read, taxels) in values.chunks_exact(self.width).zip(channels) {
                 assert_eq!(taxels.len(), sources.len(), "one number per taxel");
                 for (x, source) in taxels.iter_mut().zip(sources) {
-                    *x = match *source {
-                        Source::Nothing => f64::NAN,
-                        Source::Column(column) => read[column as usize],
-                        Source::Group(group) => mean(self.groups[group as usize].iter().map(|&c| read[c])),
-                    };
+                    *x = source.map_or(f64::NAN, |column| read[column as usize]);
                     if !x.is_finite() {
                         *x = f64::NAN;
-                        missing += usize::from(*source != Source::Nothing);
+                        missing += usize::from(source.is_some());
                     }
                 }
             }
@@ -162,37 +144,19 @@ impl Join {
     }
 }
 
-/// What the taxels with each id get their readings from.
-fn sources_by_id(
+/// The column of each id.
+fn columns_by_id(
     ids: &[TaxelId],
     duplicates: Duplicates,
-    groups: &mut Vec<Vec<usize>>,
     report: &mut JoinReport,
-) -> Result<HashMap<TaxelId, Source>, SignalError> {
-    let (mut source_of, mut group) = (HashMap::with_capacity(ids.len()), 0);
+) -> Result<HashMap<TaxelId, u32>, SignalError> {
+    let mut columns = HashMap::with_capacity(ids.len());
     for (column, &taxel) in (0_u32..).zip(ids) {
-        let source = source_of.entry(taxel).or_insert(Source::Nothing);
-        report.duplicates += usize::from(*source != Source::Nothing);
-        match (*source, duplicates) {
-            (Source::Nothing, _) => *source = Source::Column(column),
-            (Source::Column(first), Duplicates::Refuse) => {
-                return Err(SignalError::DuplicateId { taxel, columns: [first as usize, column as usize] });
-            }
-            (Source::Column(first), Duplicates::Mean) => {
-                *source = Source::Group(group);
-                group += 1;
-                groups.push(vec![first as usize, column as usize]);
-            }
-            (Source::Group(group), _) => groups[group as usize].push(column as usize),
-            (Source::Column(_), Duplicates::First) => {}
+        let first = *columns.entry(taxel).or_insert(column);
+        report.duplicates += usize::from(first != column);
+        if first != column && duplicates == Duplicates::Refuse {
+            return Err(SignalError::DuplicateId { taxel, columns: [first as usize, column as usize] });
         }
     }
-    Ok(source_of)
-}
-
-/// The mean of those that are finite, or NaN.
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let finite = values.filter(|x| x.is_finite());
-    let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
-    sum / count
+    Ok(columns)
 }

@@ -49,7 +49,7 @@ mod weld;
 mod taxels;
 
 pub use crate::numeric::Covariance;
-pub use assemble::{AssembleOptions, Assembled, assemble, joining_gap};
+pub use assemble::{AssembleOptions, Assembled, assemble};
 pub use check::{Elements, Finding, FindingKind, Severity, check};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;

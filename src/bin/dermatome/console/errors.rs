@@ -221,7 +221,7 @@ fn option_help(error: &Error) -> &'static str {
             _ => "correct the file of observations",
         },
         Error::Signal(e) => match e {
-            SignalError::DuplicateId { .. } => "choose with --duplicates first or --duplicates mean",
+            SignalError::DuplicateId { .. } => "--duplicates first takes the first of them",
             SignalError::Width { .. } => {
                 "give readings with ids: a .csv whose header names them, or a .npz with an array `ids`; the axes of an \
                  array of three are frames, taxels, channels, or with --layout tcn frames, channels, taxels"

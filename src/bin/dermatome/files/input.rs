@@ -11,7 +11,7 @@ use dermatome::{
     Error,
     io::{IoError, read_map},
     map::SkinMap,
-    skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble, joining_gap},
+    skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble},
 };
 use glob::Pattern;
 
@@ -102,12 +102,11 @@ pub(crate) fn read_good_patches(
     if assembled.remarks.iter().any(is_guessed) {
         note!(common, "--outside DIR says where the outside is");
     }
-    // Trials take time, so there are none for a quiet run.
-    if !common.quiet
-        && let Some((gap, patches)) = joining_gap(&draft, &assembled, options)
+    let has = |is_kind: fn(&RemarkKind) -> bool| assembled.remarks.iter().any(|r| is_kind(&r.kind));
+    if has(|kind| matches!(kind, RemarkKind::Triangulated { .. }))
+        && has(|kind| matches!(kind, RemarkKind::Components { .. }))
     {
-        let now = assembled.skin.patches.len();
-        note!(common, "--gap {gap} would join pieces: {patches} instead of {now}");
+        note!(common, "a larger --gap joins pieces");
     }
     if !sheets {
         let patches = assembled.skin.patches.into_iter().collect();

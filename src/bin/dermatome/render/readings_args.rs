@@ -91,10 +91,9 @@ const LAYOUTS: [Choice<ReadingsLayout>; 2] = [
     ("tcn", ReadingsLayout::ChannelsFirst, "Frames, channels, taxels"),
 ];
 
-const DUPLICATES: [Choice<Duplicates>; 3] = [
+const DUPLICATES: [Choice<Duplicates>; 2] = [
     ("refuse", Duplicates::Refuse, "Refuse the readings"),
     ("first", Duplicates::First, "Use the first column"),
-    ("mean", Duplicates::Mean, "Use the mean of the columns"),
 ];
 
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
