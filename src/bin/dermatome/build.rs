@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::{
     console::{
-        errors::advise,
+        errors::{INCOMPLETE, advise},
         notes::{note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams},
         print::{json, plain, print_json, print_levels},
         progress,
@@ -150,7 +150,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !common.quiet {
         print_levels(&report.patches)?;
     }
-    Ok(if left_out + built.failed.len() > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(if left_out + built.failed.len() > 0 { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })
 }
 
 /// Rasterises a map and writes [`FILES`] and its page; returns the seconds that either took.

@@ -25,7 +25,7 @@ use crate::{
         inputs::{Inputs, Truth},
     },
     console::{
-        errors::advise,
+        errors::{BAD_INPUT, advise},
         notes::note,
         print::{print, print_json, print_table, say},
         progress,
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !common.quiet {
         print_summary(&summary)?;
     }
-    Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+    Ok(if found.termination.is_converged() { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
 }
 
 fn list_iterations(iterations: &[Iteration], common: &Common) {

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use crate::{
     console::{
+        errors::INCOMPLETE,
         notes::note,
         print::{line, print, print_json},
     },
@@ -62,7 +63,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         print(&findings.iter().map(|f| sentence(f, &draft)).collect::<String>())?;
     }
-    Ok(if is_refused { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    Ok(if is_refused { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })
 }
 
 fn as_json(findings: &[Finding], draft: &Draft) -> Value {

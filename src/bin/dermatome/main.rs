@@ -13,6 +13,7 @@ mod info;
 mod lookup;
 mod options;
 mod plot;
+mod readings;
 mod render;
 mod report;
 mod shell;

@@ -23,7 +23,7 @@ use crate::{
         outputs::{self, Outputs, is_stream},
     },
     options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern},
-    render::{FramesArgs, Pass, ReadingsArgs, find_channel, range},
+    readings::{FramesArgs, Pass, ReadingsArgs, find_channel, range},
 };
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their

@@ -3,8 +3,6 @@
 
 mod contacts;
 mod output;
-mod readings;
-mod readings_args;
 
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
@@ -31,15 +29,12 @@ use crate::{
         signals,
     },
     options::{Choice, Common, one_of, side_mm},
+    readings::{FramesArgs, Pass, ReadingsArgs, Tally},
     render::{
         contacts::ContactsArgs,
         output::{Array, ColourArgs, Content, Kind, Output, Pictures},
-        readings::Tally,
     },
 };
-
-pub(crate) use readings::{Pass, find_channel};
-pub(crate) use readings_args::{FramesArgs, ReadingsArgs, range};
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///

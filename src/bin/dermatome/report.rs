@@ -21,7 +21,7 @@ use crate::{
     },
     files::outputs::{self, Outputs, is_stream},
     options::Common,
-    render::{FramesArgs, Pass, ReadingsArgs, find_channel},
+    readings::{FramesArgs, Pass, ReadingsArgs, find_channel},
 };
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.

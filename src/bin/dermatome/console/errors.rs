@@ -28,8 +28,11 @@ use crate::{
     options::ColorChoice,
 };
 
-/// Exit code of bad usage and bad input.
-const BAD_INPUT: u8 = 2;
+/// Exit code of a skin with problems, and of a map without some of its patches.
+pub(crate) const INCOMPLETE: u8 = 1;
+
+/// Exit code of bad usage and bad input, and of a calibration that did not converge.
+pub(crate) const BAD_INPUT: u8 = 2;
 
 /// What a user can do about an error of the command's own, as a sentence.
 #[derive(Debug)]
@@ -155,6 +158,7 @@ fn library_help(error: &Error) -> String {
     match error {
         Error::Io(e) => return io_help(e),
         Error::Patch { source, .. } => return library_help(source),
+        Error::Skin(SkinError::Several { errors, valid }) => return several_help(errors, *valid),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
             let others = "`dermatome build --keep-going` maps the other patches";
@@ -172,7 +176,6 @@ fn library_help(error: &Error) -> String {
 fn option_help(error: &Error) -> &'static str {
     match error {
         Error::Skin(e) | Error::Signal(SignalError::Skin(e)) => match e {
-            SkinError::Several { errors, valid } => several_help(errors, *valid),
             SkinError::Gap { .. } => "change --gap",
             SkinError::NonManifoldEdges { .. } => {
                 "--repair splits such edges into sheets; `dermatome check` lists them"
@@ -256,23 +259,16 @@ fn option_help(error: &Error) -> &'static str {
 }
 
 /// What mends several patches of a skin, of which `valid` others are good.
-fn several_help(errors: &[SkinError], valid: usize) -> &'static str {
+fn several_help(errors: &[SkinError], valid: usize) -> String {
     let is_repaired =
         |e: &SkinError| matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. });
-    match (errors.iter().any(is_repaired), valid > 0) {
-        (true, true) => {
-            "--repair splits edges of more than two faces and surfaces with one side; `dermatome build --keep-going` \
-             maps the other patches; `dermatome check` lists the findings of all"
-        }
-        (true, false) => {
-            "--repair splits edges of more than two faces and surfaces with one side; `dermatome check` lists the \
-             findings of all"
-        }
-        (false, true) => {
-            "`dermatome build --keep-going` maps the other patches, --patch takes some; `dermatome check` lists the \
-             findings of all"
-        }
-        (false, false) => CORRECT,
+    let repair = "--repair splits edges of more than two faces and surfaces with one side; ";
+    let repair = if errors.iter().any(is_repaired) { repair } else { "" };
+    let rest = "`dermatome build --keep-going` maps the other patches; ";
+    let rest = if valid > 0 { rest } else { "" };
+    match (repair, rest) {
+        ("", "") => CORRECT.to_owned(),
+        _ => format!("{repair}{rest}`dermatome check` lists the findings of all"),
     }
 }
 

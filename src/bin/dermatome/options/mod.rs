@@ -16,7 +16,7 @@ pub(crate) use flatten::FlattenArgs;
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use read::{ReadArgs, Unit};
 pub(crate) use robot::RobotArgs;
-pub(crate) use values::{Choice, length, length_mm, one_of, side_mm, word_of};
+pub(crate) use values::{Choice, length, length_mm, number, one_of, side_mm, word_of};
 
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]

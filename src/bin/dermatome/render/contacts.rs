@@ -9,10 +9,7 @@ use dermatome::{
     signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
 };
 
-use crate::render::{
-    find_channel,
-    readings_args::{ReadingsArgs, positive},
-};
+use crate::readings::{ReadingsArgs, find_channel, positive};
 
 /// Which contacts are found.
 #[derive(Debug, Clone, clap::Args)]

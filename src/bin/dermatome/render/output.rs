@@ -23,7 +23,7 @@ use dermatome::{
 use crate::{
     console::{errors::advise, print::is_harmless},
     files::outputs::{self, is_stream},
-    render::readings_args::range,
+    readings::range,
 };
 
 /// What a folder holds.
