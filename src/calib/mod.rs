@@ -44,6 +44,7 @@ mod observations;
 mod options;
 mod pose;
 mod robust;
+mod sensor_layout;
 mod simulate;
 mod skin;
 mod solve;

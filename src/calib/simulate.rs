@@ -1,8 +1,6 @@
 //! The experiment of the source paper's section IV (cannata): a skin whose truth is known, its
 //! displacements and its contacts with a sphere.
 
-mod sensor_layout;
-
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::{
@@ -10,7 +8,7 @@ use crate::{
         CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
         DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement, TaxelVariable,
         pose::exp,
-        simulate::sensor_layout::{Neighbourhoods, SensorLayout},
+        sensor_layout::{Neighbourhoods, SensorLayout},
         solve::initial::spanning_tree,
     },
     id::{IdVec, VertexId},
