@@ -304,7 +304,6 @@ fn largest_scale(items: &[Item], canvas: [u32; 2], margin: u32, gap: u64) -> Res
 struct Shelves {
     /// Left and lower edge of each rectangle.
     positions: Vec<[u64; 2]>,
-    /// Width and height of all.
     size: [u64; 2],
 }
 

@@ -30,7 +30,6 @@ pub(crate) enum Samples {
     U32(Vec<u32>),
 }
 
-/// The type of the values of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SampleType {
     F32,
@@ -96,7 +95,6 @@ pub struct LevelImage {
     charts: Vec<ShadedChart>,
 }
 
-/// A chart, and what follows from the mesh of its level.
 #[derive(Debug, Clone)]
 struct ShadedChart {
     chart: Chart,

@@ -41,7 +41,6 @@ pub(crate) struct Span {
     pub(crate) face: FaceId,
     /// Column of the first pixel.
     pub(crate) column: u16,
-    /// Number of pixels.
     pub(crate) length: u16,
 }
 

@@ -85,7 +85,6 @@ pub(crate) fn decide(
     Ok(Decision { recipe: Recipe::new(&graph, &found.seam), area_ratio: found.trial.area_ratio })
 }
 
-/// A seam with its map.
 #[derive(Debug, Clone)]
 struct Found {
     seam: Seam,

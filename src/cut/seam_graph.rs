@@ -119,7 +119,6 @@ impl<'m> SeamGraph<'m> {
         self.loops.iter().position(|walk| walk.contains(&v)).map(|k| self.apex(k))
     }
 
-    /// Handles of the surface.
     pub(super) fn genus(&self) -> usize {
         usize::try_from((2 - self.adjacency.euler_characteristic()) / 2).unwrap_or(0)
     }

@@ -162,7 +162,6 @@ impl Layer {
         }
     }
 
-    /// Draws the whole chart.
     fn draw_all(&mut self, surface: &PixelSurface, pixels: &mut [f32]) {
         match &self.pattern {
             Pattern::Faces => {

@@ -98,7 +98,6 @@ pub struct Renderer {
     images: Vec<TactileImage>,
 }
 
-/// One chart of an image.
 #[derive(Debug, Clone)]
 struct Tile {
     patch: PatchId,

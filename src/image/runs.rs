@@ -32,7 +32,6 @@ pub(super) struct Run {
     /// Column and row of the first pixel in the chart.
     pub(super) column: u16,
     pub(super) row: u16,
-    /// Number of pixels.
     pub(super) length: u16,
 }
 

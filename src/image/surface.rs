@@ -40,7 +40,6 @@ pub enum Interpolation {
 #[derive(Debug, Clone)]
 pub(super) struct PixelSurface {
     chart: Chart,
-    /// Columns of the image.
     width: usize,
     /// Area of a pixel, in m^2.
     pub(super) pixel_area: f64,
@@ -204,7 +203,6 @@ impl PixelSurface {
         Runs::new(&all, live.len())
     }
 
-    /// Natural neighbours of the live vertices.
     fn natural(&self, live: &[bool]) -> Rows {
         /// What is smaller is 0 to the triangulation.
         const ZERO: f64 = 1e-40;

@@ -308,7 +308,6 @@ pub fn write_frame(path: &Path, image: &TactileImage, content: &FrameContent<'_>
     write_parts(path, &[&FrameRows { image, channels, shown }], &[note.to_string()])
 }
 
-/// What the attribute says of a channel.
 fn note_of(channel: &Channel) -> Value {
     let quantity = match channel.quantity {
         Quantity::Intensive => "intensive",
@@ -322,7 +321,6 @@ fn note_of(channel: &Channel) -> Value {
     })
 }
 
-/// An image with the channels that it has in a file.
 struct FrameRows<'a> {
     image: &'a TactileImage,
     channels: &'a [Channel],

@@ -54,7 +54,6 @@ impl From<DMat3> for Covariance {
     }
 }
 
-/// The whole matrix.
 impl From<Covariance> for DMat3 {
     fn from(Covariance { xx, xy, xz, yy, yz, zz }: Covariance) -> Self {
         Self::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])

@@ -80,7 +80,6 @@ impl<T> Csr<T> {
         self.starts.extend(other.starts[1..].iter().map(|start| before + start));
     }
 
-    /// Number of lists.
     pub(crate) fn len(&self) -> usize {
         self.starts.len() - 1
     }
@@ -97,7 +96,6 @@ impl<T> Csr<T> {
         self.starts[list] as usize..self.starts[list + 1] as usize
     }
 
-    /// The lists, in order.
     pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> + Clone {
         self.starts.windows(2).map(|range| &self.items[range[0] as usize..range[1] as usize])
     }

@@ -109,7 +109,6 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
 }
 
 impl<I: Id> DisjointSets<I> {
-    /// A new set of one member.
     pub(crate) fn push(&mut self) -> I {
         self.parents.push((I::new(self.parents.len()), ()))
     }

@@ -51,7 +51,6 @@ struct Shared {
 /// The newest frame.
 #[derive(Debug, Default)]
 struct Latest {
-    /// How many frames there were.
     count: u64,
     /// As JSON, without the braces.
     frame: Arc<str>,

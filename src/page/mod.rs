@@ -245,7 +245,6 @@ fn numbers(patches: &[PatchReport]) -> String {
     table
 }
 
-/// A text as HTML shows it.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

@@ -14,7 +14,6 @@ use serde::Serialize;
 /// The largest number of a share.
 pub(super) const WHOLE: f64 = 65535.0;
 
-/// Packs the arrays of a page.
 #[derive(Debug, Default)]
 pub(super) struct Packer {
     /// Planes, bytes of a number, and numbers of a plane of each array.

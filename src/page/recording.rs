@@ -17,7 +17,6 @@ use crate::{
 /// Readings that a page holds at most: a quarter of a gigabyte while it is made.
 const MAX_READINGS: usize = 1 << 26;
 
-/// Frames of one channel.
 #[derive(Debug)]
 pub(super) struct Recorder<'m> {
     map: &'m SkinMap,

@@ -54,12 +54,10 @@ impl<'a> PatchView<'a> {
         cut.and_then(|cut| cut.seam(self.mesh).ok()).unwrap_or_default()
     }
 
-    /// Whether a taxel reads pressure.
     pub(crate) fn is_live(&self, taxel: VertexId) -> bool {
         self.presence[taxel].reads_pressure()
     }
 
-    /// The error of a picture that needs a map.
     pub(crate) fn no_map(&self, what: &'static str) -> PlotError {
         PlotError::NoMap { patch: self.name.to_owned(), what }
     }

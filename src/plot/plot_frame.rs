@@ -175,7 +175,6 @@ fn densities<'a>(
     Ok(Some(Drawn { level, values, densities }))
 }
 
-/// The scale of colours of all panels.
 struct Colours {
     range: [f64; 2],
     /// Smallest and largest value drawn.

@@ -281,7 +281,6 @@ fn is_too_large(x: f64) -> bool {
     x.abs() > f64::from(f32::MAX)
 }
 
-/// The channels of the slow and the fast part.
 fn parts(channel: &Channel) -> [Channel; 2] {
     ["slow", "fast"].map(|part| Channel { name: format!("{}.{part}", channel.name), ..channel.clone() })
 }

@@ -56,7 +56,6 @@ pub struct Edges {
     out: LevelFrame,
 }
 
-/// A level of a patch on its map.
 #[derive(Debug, Clone)]
 struct FlatLevel {
     faces: Vec<FlatFace>,

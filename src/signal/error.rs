@@ -54,7 +54,6 @@ pub enum SignalError {
 }
 
 impl SignalError {
-    /// An error about an option, what it is, and what it must be.
     pub(super) fn option(option: impl Into<String>, found: f64, needed: impl Into<String>) -> Self {
         Self::Option { option: option.into(), found, needed: needed.into() }
     }

@@ -70,7 +70,6 @@ struct PatchFields {
     coarse: Vec<Fields>,
 }
 
-/// The receptive fields of a level.
 #[derive(Debug, Clone)]
 struct Fields {
     /// `Q'` by rows: the taxels of each field and their weights.

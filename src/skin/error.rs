@@ -104,7 +104,6 @@ pub enum SkinError {
     NoTriangles,
 }
 
-/// The sentences of several errors.
 fn joined(errors: &[SkinError]) -> String {
     errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }

@@ -30,7 +30,6 @@ pub struct Motion {
     tracks: IdVec<LinkId, Option<Track>>,
 }
 
-/// The poses of one link.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Track {
     pub(crate) frame: MotionFrame,

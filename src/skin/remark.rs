@@ -181,7 +181,6 @@ impl fmt::Display for UnreliableNormals {
     }
 }
 
-/// The words for faces that were turned over.
 fn turned(faces: usize, of: usize, outside: OutsideFrom) -> String {
     if faces == of {
         format!("all {of} faces were wound against {outside} and were turned over")

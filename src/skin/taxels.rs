@@ -271,7 +271,6 @@ pub(super) fn is_positive(x: f64) -> bool {
     x.is_finite() && x > 0.0
 }
 
-/// Whether a number can be a weight.
 pub(super) fn is_weight(x: f64) -> bool {
     x.is_finite() && x >= 0.0
 }

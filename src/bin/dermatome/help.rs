@@ -80,7 +80,6 @@ const ENDS: [(&str, &str, &[&str]); 15] = [
     ("touch", "", &["dermatome touch meshes/forearm.glb -o touch.csv --truth touches.csv --sphere-mm 1cm"]),
 ];
 
-/// Words of the measures of a map.
 const OF_MAPS: &str = "\
 Words:
   level            a mesh: level 0 is the skin, every further one is coarser
@@ -94,14 +93,12 @@ Words:
   flips            faces that the map mirrors or squeezes to nothing
   crossings        places where the map overlaps itself";
 
-/// Words of meshes and their levels.
 const OF_LEVELS: &str = "\
 Words:
   level   a mesh: level 0 is the skin, every further one is coarser
   field   a vertex above level 0 with the taxels that it stands for, each with a weight
   loop    a closed chain of edges with one face each: the rim of a patch or of a hole";
 
-/// Words of the list of patches.
 const OF_PATCHES: &str = "\
 Words:
   patch    one connected sheet of taxels on one link
@@ -110,7 +107,6 @@ Words:
   spacing  the mean length of the edges
   present, absent, thermal   what a slot of the skin holds: a working taxel, none, a thermal pad";
 
-/// Words of the answers of a lookup.
 const OF_ANSWERS: &str = "\
 Words:
   level   a mesh: level 0 is the skin, every further one is coarser

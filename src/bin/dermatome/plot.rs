@@ -88,7 +88,6 @@ struct FrameArgs {
     channel: Option<String>,
 }
 
-/// What the colours show.
 const SHOWN: [Choice<Paint>; 4] = [
     ("fields", Paint::Fields, "The receptive field with the largest weight at each taxel"),
     ("angle", Paint::Angle, "Angle distortion of each triangle: the ratio of its stretches"),
@@ -146,7 +145,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Draws one frame of readings.
 fn picture_of_frame(
     args: &Args,
     map: &SkinMap,

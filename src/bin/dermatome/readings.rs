@@ -160,7 +160,6 @@ impl Tally {
     }
 }
 
-/// One pass over readings of a map.
 pub(crate) struct Pass<'a> {
     args: &'a ReadingsArgs,
     frames: FramesArgs,
@@ -204,7 +203,6 @@ impl<'a> Pass<'a> {
         Ok(Pass { args, frames, reader, join, conditioner, frame })
     }
 
-    /// The channels of the frames that are passed on.
     pub(crate) fn channels(&self) -> &[Channel] {
         self.conditioner.channels()
     }

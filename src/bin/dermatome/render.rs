@@ -195,7 +195,6 @@ impl Args {
 }
 
 impl ImageArgs {
-    /// What is drawn of readings with these channels.
     fn values(&self, map: &SkinMap, channels: &[Channel]) -> Values {
         Values {
             restrictor: Restrictor::new(map, channels),

@@ -75,7 +75,6 @@ pub(crate) struct Args {
     outliers: f64,
 }
 
-/// What is estimated of a taxel.
 const MODELS: [Choice<Model>; 2] = [
     ("positions", Model::Positions, "Its position"),
     ("poses", Model::Poses, "Its position and orientation"),

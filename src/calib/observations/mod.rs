@@ -274,7 +274,6 @@ fn scale_lengths<const N: usize>(information: &mut Information<N>, factor: f64) 
     }
 }
 
-/// A pose for every taxel.
 pub(crate) type Poses = IdVec<VertexId, Pose>;
 
 /// Taxels that edges join.

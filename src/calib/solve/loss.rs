@@ -124,7 +124,6 @@ impl LossFunction {
     }
 }
 
-/// The loss function of every observation.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LossFunctions {
     pub(crate) loss: Loss,

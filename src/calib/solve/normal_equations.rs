@@ -64,7 +64,6 @@ impl BlockLayout {
         }
     }
 
-    /// Unknown numbers of a taxel.
     pub(crate) const fn unknowns(self) -> usize {
         self.size() * self.columns()
     }

@@ -141,7 +141,6 @@ impl ElementType {
         Some(Self { is_big_endian: order == '>', kind, size: bytes })
     }
 
-    /// Bytes of an element.
     pub(in crate::io) const fn size(self) -> usize {
         self.size
     }
@@ -317,7 +316,6 @@ const MAGIC: [u8; 8] = *b"\x93NUMPY\x01\x00";
 /// Elements begin at a multiple of this many bytes.
 const ALIGNMENT: usize = 64;
 
-/// Number of elements of a shape.
 pub(crate) fn count(path: &std::path::Path, name: &str, shape: &[usize]) -> Result<usize, IoError> {
     let count = shape.iter().try_fold(1_usize, |count, &n| count.checked_mul(n));
     count.filter(|&n| n < 1 << 40).ok_or_else(|| {

@@ -59,7 +59,6 @@ pub(in crate::io) struct StoredArray {
     place: Place,
 }
 
-/// Where the bytes of an array are.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     /// The first of them in the file.

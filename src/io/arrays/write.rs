@@ -166,7 +166,6 @@ impl ArrayWriter {
         if in_block == full { self.write_block() } else { Ok(()) }
     }
 
-    /// Writes the block out and empties it.
     fn write_block(&mut self) -> Result<(), IoError> {
         let fail = cannot_write(&self.path);
         let mut out = match &mut self.target {
@@ -213,7 +212,6 @@ impl ArrayWriter {
     }
 }
 
-/// The shape of an array with this many rows.
 fn shape_of(rows: u64, row: &[usize]) -> Vec<u64> {
     std::iter::once(rows).chain(row.iter().map(|&n| n as u64)).collect()
 }
@@ -271,7 +269,6 @@ fn copy(mut from: &File, start: u64, bytes: u64, buffer: &mut [u8], out: &mut dy
 /// Arrays of more bytes than this need the long form of a zip entry.
 const LARGE_ENTRY: u64 = 1 << 31;
 
-/// An archive that is being written.
 pub(crate) struct Archive<'a, 'f>(ZipWriter<Latch<&'a mut BufWriter<&'f File>>>);
 
 impl Archive<'_, '_> {

@@ -81,7 +81,6 @@ pub(crate) struct Lines<R> {
     /// Whether a row is one line, so that a bad one costs the rows after it nothing: one that is too long
     /// is passed over.
     pub(crate) has_row_per_line: bool,
-    /// Whether the line was too long.
     is_cut: bool,
     /// Longest line, in bytes.
     pub(crate) longest: usize,
@@ -171,7 +170,6 @@ impl<R> Lines<R> {
         self.ended
     }
 
-    /// The line that was read last.
     pub(crate) fn at(&self) -> LineLocation<'_> {
         LineLocation { path: &self.path, line: self.line }
     }

@@ -279,7 +279,6 @@ fn is_harmless(extension: &str) -> bool {
 /// How a GLB begins.
 pub(super) const MAGIC: &[u8] = b"glTF";
 
-/// The types of chunks.
 const JSON: u32 = 0x4E4F_534A;
 const BIN: u32 = 0x004E_4942;
 

@@ -86,7 +86,6 @@ pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
 struct Nodes<'a> {
     document: &'a Document,
     parents: Vec<Option<usize>>,
-    /// Which belong to the scene.
     shown: Vec<bool>,
     animated: Vec<bool>,
     joints: Vec<bool>,

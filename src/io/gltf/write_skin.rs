@@ -115,7 +115,6 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         self.attributes.insert(Checked::Valid(semantic), rows);
     }
 
-    /// All that is known of taxels, one per vertex.
     pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize) -> Result<()> {
         taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
         self.frames(&taxels.normals, taxels.tangents.as_ref());

@@ -206,7 +206,6 @@ pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
     })
 }
 
-/// Writes contacts, with their normals if they have any.
 fn write_contacts(observations: &Observations, path: &Path) -> Result<()> {
     let has_normal =
         |c: &ContactObservation| matches!(c.measurement, ContactMeasurement::PositionNormal { .. });

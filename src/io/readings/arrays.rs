@@ -35,7 +35,6 @@ const ABOUT: [&str; 4] = ["ids", "timestamps", "channels", "units"];
 /// Bytes of an array in Fortran order, which is held in memory: its first frame ends near its end.
 const MAX_FORTRAN: u64 = 1 << 30;
 
-/// Readings that are read row by row.
 pub(super) struct ArrayReadings {
     path: PathBuf,
     values: Rows,
@@ -310,7 +309,6 @@ impl Rows {
         Ok(true)
     }
 
-    /// Reads a row of texts.
     fn texts(&mut self, path: &Path) -> Result<Vec<String>, IoError> {
         self.take(path)?;
         let mut texts = self.elements.texts(&self.bytes);

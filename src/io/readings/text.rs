@@ -70,7 +70,6 @@ impl TextLines {
     }
 }
 
-/// Readings that are read line by line.
 pub(super) struct TextReadings {
     lines: TextLines,
     cells: Vec<Cell>,

@@ -65,7 +65,6 @@ pub fn read_motion(
     read_poses(&source, &link_names(links))
 }
 
-/// Reads a table of poses in the world.
 fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFile, IoError> {
     let table = Table::of(source)?;
     let unused = table.columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();

@@ -55,7 +55,6 @@ pub(crate) fn push_cell(text: &mut Vec<u8>, cell: &str) {
     text.push(b',');
 }
 
-/// Ends a row of at least one cell.
 pub(crate) fn end_row(text: &mut Vec<u8>) {
     text.pop();
     text.push(b'\n');
@@ -114,7 +113,6 @@ impl<W: Write> TableWriter<W> {
         Ok(())
     }
 
-    /// Ends the table.
     pub(crate) fn finish(mut self) -> Result<W> {
         self.flush()?;
         Ok(self.output)

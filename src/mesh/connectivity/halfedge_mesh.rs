@@ -35,7 +35,6 @@ pub(crate) struct HalfedgeMesh {
     /// vertex.
     pub(crate) leaving: IdVec<VertexId, Halfedge>,
     pub(crate) on_boundary: IdVec<VertexId, bool>,
-    /// Number of neighbours of each vertex.
     pub(crate) degree: IdVec<VertexId, u32>,
 }
 

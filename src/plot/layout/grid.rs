@@ -191,7 +191,6 @@ impl Layout {
         views
     }
 
-    /// The caption above a panel.
     pub(crate) fn caption(&self, caption: &Caption, view: &View) -> Vec<Shape> {
         let x = view.corner.x + 0.5 * view.size.x;
         let row = self.rows.iter().rev().find(|row| row.top <= view.corner.y + 1.0);

@@ -93,7 +93,6 @@ impl Finder {
         }
     }
 
-    /// Adds a region that has enough taxels.
     fn add(&mut self, region: ContactRegion, least: usize, found: &mut Vec<ContactRegion>) {
         if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
     }

@@ -45,7 +45,6 @@ pub(super) struct Splitter {
     parts: IdVec<PartId, Part>,
     /// Parts that have become one; the one of the highest peak is the root.
     sets: DisjointSets<PartId>,
-    /// The parts around a taxel.
     meeting: Vec<PartId>,
 }
 

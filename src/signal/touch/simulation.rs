@@ -253,7 +253,6 @@ impl<'a> TouchSimulation<'a> {
         }
     }
 
-    /// A random place for a press.
     fn choose(&mut self, number: usize) -> Option<Press> {
         let areas: Vec<f64> = self.skin.patches.iter().map(|patch| patch.mesh.area()).collect();
         let mut left = self.places.uniform() * areas.iter().sum::<f64>();

@@ -109,17 +109,14 @@ finding_kinds! { n;
     Error TooLarge => "it has more vertices or faces than 32-bit numbers count; nothing else was looked at";
     /// A sheet so large that the file is probably not in metres.
     Warning DoubtfulUnit { extent: f64 } => "{}", crate::skin::RemarkKind::DoubtfulUnit { extent: *extent };
-    /// An array has not one entry per vertex.
     Error ArrayLength { what: &'static str, found: usize, needed: usize } =>
         "the array of {what} has {} for {}; nothing else was looked at",
         count(*found, "entry", "entries"), count(*needed, "vertex", "vertices");
-    /// A position is NaN or infinite.
     Error NotFinite => "{} a coordinate that is NaN or infinite", count(n, "vertex has", "vertices have");
     /// A face names a vertex that does not exist.
     Error CornerOutOfRange { vertices: usize } =>
         "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
     Warning RepeatedCorner => "{} one taxel twice", count(n, "face uses", "faces use");
-    /// Several faces have the same three corners.
     Error DuplicateFace => "{} the same corners as an earlier face", count(n, "face has", "faces have");
     Warning ZeroAreaFace => "{} no area: {} corners lie on a line", count(n, "face has", "faces have"), its(n);
     /// A face more than fifty times longer than high.
@@ -157,12 +154,10 @@ finding_kinds! { n;
         "{} within half the local spacing of a boundary {} not joined with, the nearest at {:.3} mm: a seam that \
           was not closed, or a part laid over another",
         count(n, "boundary vertex lies", "boundary vertices lie"), if n == 1 { "it is" } else { "they are" }, 1e3 * nearest;
-    /// A taxel without a face.
     Warning IsolatedTaxel { of: usize } =>
         "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
     /// Several taxels at one place.
     Warning DuplicatePosition { distance: f64 } => "{}", coincident(n, *distance);
-    /// Several taxels with one id.
     Warning DuplicateId { ids: usize } =>
         "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
     Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
@@ -174,7 +169,6 @@ finding_kinds! { n;
     /// Normals that have nothing to do with the faces.
     Warning UnrelatedNormals => "{} not fit the faces around {}, inward or outward",
         count(n, "normal does", "normals do"), if n == 1 { "it" } else { "them" };
-    /// A normal that points to the inside.
     Warning InwardNormal => "{} inwards, against most normals of {} piece",
         count(n, "normal points", "normals point"), its(n);
     Warning AreaNotPositive => "{} a receptive area that is not positive", count(n, "vertex has", "vertices have");

@@ -27,7 +27,6 @@ const DENSEST: f64 = 10.0;
 /// A taxel that was found, and its squared distance in m^2.
 pub(super) type Neighbour = (VertexId, f64);
 
-/// A tree over taxels.
 pub(super) fn tree_of(positions: &IdVec<VertexId, DVec3>) -> PointTree {
     PointTree::new(positions, |_| DVec3::ZERO)
 }

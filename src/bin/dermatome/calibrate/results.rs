@@ -20,7 +20,6 @@ use crate::{
     options::Common,
 };
 
-/// What an output holds.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     Table,
@@ -30,7 +29,6 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The extension decides.
     fn of(path: &Path) -> Result<Self, IoError> {
         match outputs::kind(path).as_str() {
             "csv" => Ok(Self::Table),

@@ -66,7 +66,6 @@ pub(crate) fn print_json(schema: &str, object: &impl Serialize) -> anyhow::Resul
 /// Longest name a table shows; what follows is cut off.
 const LONGEST_NAME: usize = 60;
 
-/// A name as a table shows it.
 pub(crate) fn plain(name: &str) -> String {
     harmless(name, LONGEST_NAME)
 }

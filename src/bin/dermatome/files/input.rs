@@ -117,7 +117,6 @@ pub(crate) fn read_good_patches(
     Ok((assembled.skin, left_out))
 }
 
-/// The names of the files of one skin.
 pub(crate) fn names(paths: &[PathBuf]) -> PathBuf {
     let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
     names.join(", ").into()

@@ -196,7 +196,6 @@ impl Outputs {
     }
 }
 
-/// An error about a place.
 pub(crate) fn cannot_write(path: &Path, source: io::Error) -> Error {
     IoError::Write { path: path.to_owned(), source }.into()
 }

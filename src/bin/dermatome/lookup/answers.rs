@@ -33,7 +33,6 @@ use crate::{
 /// unit: a note asks.
 const DOUBTFUL: f64 = 3.0;
 
-/// What is asked of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Question {
     /// The nearest point of the skin, exactly.
@@ -108,7 +107,6 @@ impl<'a> Answers<'a> {
         self.index.spacing(patch).unwrap_or(0.0)
     }
 
-    /// Answers all contacts of a table.
     pub(super) fn answer(
         &mut self,
         contacts: &mut Contacts<'_>,

@@ -41,7 +41,6 @@ pub(super) struct Back<'a> {
     off_chart: u64,
 }
 
-/// A place that can be answered.
 struct Place {
     number: u64,
     patch: PatchId,

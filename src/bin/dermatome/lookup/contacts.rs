@@ -71,7 +71,6 @@ const ONLY_LINK: &str = ", column `only_link`";
 /// Where an answer names its frame.
 const FRAME: &str = ", column `frame`";
 
-/// The frame of the world, in tables.
 pub(super) const WORLD: &str = "world";
 
 /// What the command line says of a table.

@@ -12,7 +12,6 @@ use crate::{console::notes::note_count, options::Common};
 
 /// How the links move, if they do.
 pub(super) struct Player {
-    /// The file of the motion.
     path: PathBuf,
     motion: Option<Motion>,
     /// First and last time of the motion, in s, if poses depend on it.
@@ -27,7 +26,6 @@ impl Player {
         Self { path: path.to_owned(), motion, span, held: 0 }
     }
 
-    /// Whether poses depend on the time.
     pub(super) fn is_timed(&self) -> bool {
         self.span.is_some()
     }

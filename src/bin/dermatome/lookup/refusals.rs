@@ -15,7 +15,6 @@ const QUOTED: usize = 5;
 pub(super) struct Refusals {
     /// Name of the table in errors.
     pub(super) path: PathBuf,
-    /// Rows read.
     count: u64,
     refused: u64,
     /// Rows of answers whose contact was off the skin.
@@ -50,7 +49,6 @@ impl Refusals {
         }
     }
 
-    /// An error about a line of the table.
     pub(super) fn invalid(&self, line: u64, part: &str, found: String, needed: &str) -> IoError {
         let element = format!("line {line}{part}");
         IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }

@@ -40,7 +40,6 @@ impl PatchArgs {
         Self { patches: patches.to_vec(), ..Self::default() }
     }
 
-    /// Whether faces are chosen by their material.
     pub(crate) const fn wants_materials(&self) -> bool {
         !self.materials.is_empty()
     }

@@ -72,7 +72,6 @@ impl ReadArgs {
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
     }
 
-    /// Whether cuts are asked for.
     pub(crate) const fn has_seams(&self) -> bool {
         self.seams.is_some()
     }

@@ -115,7 +115,6 @@ pub(super) struct Content<'a> {
     pub(super) has_static: bool,
 }
 
-/// Writes frames.
 pub(super) enum Output {
     Folder { folder: PathBuf, shown: Vec<LevelImage>, written: usize },
     Pictures { folder: PathBuf, options: ImageOptions, written: usize },
