@@ -23,7 +23,6 @@ const ALONE: CalibOptions = CalibOptions {
     robust: Some(Loss::Squared),
     initialization: Initialization::Chordal,
     max_iterations: 100,
-    relative_decrease: 1e-9,
     covariances: false,
 };
 

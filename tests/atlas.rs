@@ -433,31 +433,30 @@ fn a_canvas_holds_the_whole_patch_at_the_largest_scale() {
 #[test]
 fn packed_charts_do_not_touch_and_show_no_pixel_twice() {
     let map = Arc::new(body());
-    for (margin_px, gap) in [(0, 1), (1, 2), (3, 6)] {
-        for resolution in [Resolution::Map, Resolution::Pixel(0.0017), Resolution::Canvas([150, 90])] {
-            let options = AtlasOptions { resolution, packed: true, margin_px };
-            let atlas = Atlas::new(&map, &options).unwrap();
-            assert_eq!(atlas.parts.len(), 2, "one image per level");
-            assert_eq!(atlas, Atlas::new(&map, &options).unwrap(), "the same again");
-            let images = WholeImage::of(&atlas.images(&map, None));
-            for (part, image) in atlas.parts.iter().zip(&images) {
-                let pixels = shown(&map, part);
-                let mut owner = std::collections::BTreeMap::new();
-                for &(x, y, chart) in &pixels {
-                    assert!(owner.insert((x, y), chart.patch).is_none(), "pixel {x}, {y} is shown twice");
-                }
-                let covered = image.floats("A").iter().filter(|c| **c == 1.0);
-                assert_eq!(covered.count(), owner.len());
-                assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered()).sum::<usize>());
-                let [width, height] = part.frame.size_px;
-                for (&(x, y), patch) in &owner {
-                    let free = |at: u32, side: u32| at >= margin_px && at + margin_px < side;
-                    assert!(free(x, width) && free(y, height), "pixel {x}, {y} lies in the margin");
-                    let around = (y.saturating_sub(gap)..=y + gap)
-                        .flat_map(|row| (x.saturating_sub(gap)..=x + gap).map(move |column| (column, row)));
-                    let other = around.filter_map(|at| owner.get(&at)).find(|other| *other != patch);
-                    assert_eq!(other, None, "charts are {gap} pixels apart");
-                }
+    let (margin, gap) = (1, 2);
+    for resolution in [Resolution::Map, Resolution::Pixel(0.0017), Resolution::Canvas([150, 90])] {
+        let options = AtlasOptions { resolution, packed: true };
+        let atlas = Atlas::new(&map, &options).unwrap();
+        assert_eq!(atlas.parts.len(), 2, "one image per level");
+        assert_eq!(atlas, Atlas::new(&map, &options).unwrap(), "the same again");
+        let images = WholeImage::of(&atlas.images(&map, None));
+        for (part, image) in atlas.parts.iter().zip(&images) {
+            let pixels = shown(&map, part);
+            let mut owner = std::collections::BTreeMap::new();
+            for &(x, y, chart) in &pixels {
+                assert!(owner.insert((x, y), chart.patch).is_none(), "pixel {x}, {y} is shown twice");
+            }
+            let covered = image.floats("A").iter().filter(|c| **c == 1.0);
+            assert_eq!(covered.count(), owner.len());
+            assert_eq!(pixels.len(), part.charts.iter().map(|chart| chart.covered()).sum::<usize>());
+            let [width, height] = part.frame.size_px;
+            for (&(x, y), patch) in &owner {
+                let free = |at: u32, side: u32| at >= margin && at + margin < side;
+                assert!(free(x, width) && free(y, height), "pixel {x}, {y} lies in the margin");
+                let around = (y.saturating_sub(gap)..=y + gap)
+                    .flat_map(|row| (x.saturating_sub(gap)..=x + gap).map(move |column| (column, row)));
+                let other = around.filter_map(|at| owner.get(&at)).find(|other| *other != patch);
+                assert_eq!(other, None, "charts are {gap} pixels apart");
             }
         }
     }
@@ -527,24 +526,23 @@ fn a_pixel_has_a_taxel_where_it_is_covered() {
 }
 
 #[test]
-fn invalid_pixels_margins_and_canvases_are_refused() {
+fn invalid_pixels_and_canvases_are_refused() {
     let map = body();
-    let refused = |resolution, margin_px| {
-        let options = AtlasOptions { resolution, packed: true, margin_px };
+    let refused = |resolution| {
+        let options = AtlasOptions { resolution, packed: true };
         let packed = Atlas::new(&map, &options).unwrap_err();
         let single = Atlas::new(&map, &AtlasOptions { packed: false, ..options }).unwrap_err();
         (packed, single)
     };
     for pixel in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(refused(Resolution::Pixel(pixel), 1).0, AtlasError::PixelSize { .. }));
+        assert!(matches!(refused(Resolution::Pixel(pixel)).0, AtlasError::PixelSize { .. }));
     }
-    assert!(matches!(refused(Resolution::Map, u32::MAX).0, AtlasError::Margin { .. }));
     for canvas in [[0, 0], [2, 2], [100_000, 10], [u32::MAX; 2]] {
-        let (packed, single) = refused(Resolution::Canvas(canvas), 1);
+        let (packed, single) = refused(Resolution::Canvas(canvas));
         assert!(matches!(packed, AtlasError::Canvas { .. }), "{packed}");
         assert!(matches!(single, AtlasError::Canvas { .. }), "{single}");
     }
-    let (packed, single) = refused(Resolution::Pixel(1e-7), 1);
+    let (packed, single) = refused(Resolution::Pixel(1e-7));
     assert!(matches!(packed, AtlasError::TooLarge { .. }), "{packed}");
     assert!(matches!(single, AtlasError::TooLarge { .. }), "{single}");
     assert_eq!(atlas(&SkinMap::default(), Resolution::Canvas([8, 8]), true).parts, [], "no patch, no image");

@@ -668,10 +668,10 @@ fn condition(map: &SkinMap, options: &ConditionOptions, frames: &[(f64, f64)]) -
 fn the_baseline_is_the_mean_of_the_first_frames() {
     let map = two_patches();
     let frames: Vec<(f64, f64)> = (0..6).map(|t| (f64::from(t), f64::from(t) * 2.0)).collect();
-    for (baseline, mean, used) in [(0, None, 0), (1, Some(0.0), 1), (4, Some(3.0), 4), (50, Some(5.0), 6)] {
+    for (baseline, mean) in [(0, None), (1, Some(0.0)), (4, Some(3.0)), (50, Some(5.0))] {
         let options = ConditionOptions { baseline, ..ConditionOptions::default() };
-        let (out, conditioner) = condition(&map, &options, &frames);
-        assert_eq!((out.len(), conditioner.report().baseline_frames), (6, used));
+        let (out, _) = condition(&map, &options, &frames);
+        assert_eq!(out.len(), 6);
         for (frame, &(time, x)) in out.iter().zip(&frames) {
             assert_eq!(frame.time, time);
             for patch in &frame.values {

@@ -53,9 +53,6 @@ pub enum AtlasError {
     /// A pixel size that is not a length.
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
     PixelSize { found: f64 },
-    /// A margin that is larger than any image.
-    #[error("a margin of {found} pixels is wider than any image; at most {max} are drawn")]
-    Margin { found: u32, max: u32 },
     /// A canvas that is too small for the charts, even at one pixel each, or too large to draw.
     #[error(
         "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \

@@ -61,9 +61,6 @@ pub(super) fn layout(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLa
     {
         return Err(AtlasError::PixelSize { found });
     }
-    if options.margin_px > MAX_SIDE {
-        return Err(AtlasError::Margin { found: options.margin_px, max: MAX_SIDE });
-    }
     if options.packed { packed(map, options) } else { one_per_patch(map, options) }
 }
 
@@ -72,7 +69,7 @@ fn one_per_patch(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout
     let mut parts = Vec::new();
     for (id, patch) in map.patches.enumerate() {
         let canvas = match options.resolution {
-            Resolution::Canvas(canvas) => Some(centred(Extent::of(patch, 0), canvas, options.margin_px)?),
+            Resolution::Canvas(canvas) => Some(centred(Extent::of(patch, 0), canvas)?),
             _ => None,
         };
         for (level, at) in patch.levels.enumerate() {
@@ -80,7 +77,7 @@ fn one_per_patch(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout
                 (_, Some(frame)) => frame,
                 (Resolution::Pixel(pixel), _) => {
                     let Extent { lo, hi } = Extent::around(&at.uv, 0);
-                    ImageFrame::around_box(lo, hi, pixel, options.margin_px)
+                    ImageFrame::around_box(lo, hi, pixel, MARGIN)
                 }
                 _ => at.frame,
             };
@@ -117,8 +114,8 @@ impl Extent {
 }
 
 /// The frame of a whole canvas around an extent, at the largest scale that fits.
-fn centred(extent: Extent, canvas: [u32; 2], margin: u32) -> Result<ImageFrame, AtlasError> {
-    let [width, height] = free(canvas, margin, [1, 1])?.map(f64::from);
+fn centred(extent: Extent, canvas: [u32; 2]) -> Result<ImageFrame, AtlasError> {
+    let [width, height] = free(canvas, [1, 1])?.map(f64::from);
     let size = extent.size();
     let pixel = positive((size.x / width).max(size.y / height));
     let size_px = [canvas[1], canvas[0]];
@@ -135,16 +132,20 @@ fn positive(pixel: f64) -> f64 {
 
 /// Width and height of a canvas (height, width) within its margins.
 /// Fails if that is less than `least` (width, height) or more than an image may have.
-fn free(canvas: [u32; 2], margin: u32, least: [u64; 2]) -> Result<[u32; 2], AtlasError> {
-    let margins = 2 * u64::from(margin);
+fn free(canvas: [u32; 2], least: [u64; 2]) -> Result<[u32; 2], AtlasError> {
+    let margins = 2 * u64::from(MARGIN);
     let fits = |side: u32, least: u64| side <= MAX_SIDE && u64::from(side) >= least + margins;
     let [height, width] = canvas;
     if fits(width, least[0]) && fits(height, least[1]) {
-        return Ok([width - 2 * margin, height - 2 * margin]);
+        return Ok([width - 2 * MARGIN, height - 2 * MARGIN]);
     }
     let least = [least[1] + margins, least[0] + margins];
     Err(AtlasError::Canvas { canvas, least, max_side: MAX_SIDE })
 }
+
+/// Pixels around a chart that show nothing, and between two charts of a packed image.
+const MARGIN: u32 = 1;
+const GAP: u64 = 2;
 
 /// A chart to be packed.
 struct Item {
@@ -175,31 +176,29 @@ fn packed(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, Atla
     if items.is_empty() {
         return Ok(Vec::new());
     }
-    let margin = options.margin_px;
-    let gap = (2 * u64::from(margin)).max(1);
     let (pixel, canvas) = match options.resolution {
         Resolution::Pixel(pixel) => (pixel, None),
         Resolution::Map => {
             let frame = map.patches[PatchId::new(0)].levels[LevelId::new(0)].frame;
             (frame.size.x / f64::from(frame.size_px[0]), None)
         }
-        Resolution::Canvas(canvas) => (largest_scale(&items, canvas, margin, gap)?, Some(canvas)),
+        Resolution::Canvas(canvas) => (largest_scale(&items, canvas)?, Some(canvas)),
     };
     let sizes: Vec<[u64; 2]> = items.iter().map(|item| item.size_px(pixel)).collect();
     let width = match canvas {
-        Some([_, width]) => u64::from(width) - 2 * u64::from(margin),
-        None => width_of(&sizes, gap),
+        Some([_, width]) => u64::from(width) - 2 * u64::from(MARGIN),
+        None => width_of(&sizes),
     };
-    let shelves = Shelves::new(&items, &sizes, gap, width);
-    let total = shelves.size.map(|n| u32::try_from(n + 2 * u64::from(margin)).unwrap_or(u32::MAX));
+    let shelves = Shelves::new(&items, &sizes, width);
+    let total = shelves.size.map(|n| u32::try_from(n + 2 * u64::from(MARGIN)).unwrap_or(u32::MAX));
     let size_px = canvas.map_or(total, |[height, width]| [width, height]);
     let frame =
         ImageFrame { origin: DVec2::ZERO, size: DVec2::from_array(size_px.map(f64::from)) * pixel, size_px };
     let px = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     let place = |(item, &[left, bottom]): (&Item, &[u64; 2])| {
         let frame = ImageFrame::around_box(item.extent.lo, item.extent.hi, pixel, 0);
-        let below = px(bottom).saturating_add(margin).saturating_add(frame.size_px[1]);
-        let corner_px = [px(left).saturating_add(margin), size_px[1].saturating_sub(below)];
+        let below = px(bottom).saturating_add(MARGIN).saturating_add(frame.size_px[1]);
+        let corner_px = [px(left).saturating_add(MARGIN), size_px[1].saturating_sub(below)];
         Place { patch: item.patch, turns: item.turns, frame, corner_px }
     };
     let places: Vec<Place> = items.iter().zip(&shelves.positions).map(place).collect();
@@ -269,8 +268,8 @@ fn distal(links: &IdVec<LinkId, Link>, patch: &PatchMap) -> Option<DVec3> {
 }
 
 /// Width of the shelves where none is asked for: about a square, and never less than a chart.
-fn width_of(sizes: &[[u64; 2]], gap: u64) -> u64 {
-    let area: f64 = sizes.iter().map(|[w, h]| (*w + gap) as f64 * (*h + gap) as f64).sum();
+fn width_of(sizes: &[[u64; 2]]) -> u64 {
+    let area: f64 = sizes.iter().map(|[w, h]| (*w + GAP) as f64 * (*h + GAP) as f64).sum();
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -281,16 +280,16 @@ fn width_of(sizes: &[[u64; 2]], gap: u64) -> u64 {
 }
 
 /// The smallest pixel size whose shelves fit into a canvas (height, width).
-fn largest_scale(items: &[Item], canvas: [u32; 2], margin: u32, gap: u64) -> Result<f64, AtlasError> {
+fn largest_scale(items: &[Item], canvas: [u32; 2]) -> Result<f64, AtlasError> {
     let needed = |pixel: f64, width: u64| {
         let sizes: Vec<_> = items.iter().map(|item| item.size_px(pixel)).collect();
-        Shelves::new(items, &sizes, gap, width).size
+        Shelves::new(items, &sizes, width).size
     };
     // One pixel a chart.
-    let within = u64::from(canvas[1]).saturating_sub(2 * u64::from(margin)).max(1);
+    let within = u64::from(canvas[1]).saturating_sub(2 * u64::from(MARGIN)).max(1);
     let largest = items.iter().map(|item| item.extent.size().max_element()).fold(0.0, f64::max);
     let coarse = positive(largest);
-    let [width, height] = free(canvas, margin, needed(coarse, within))?.map(u64::from);
+    let [width, height] = free(canvas, needed(coarse, within))?.map(u64::from);
     let (mut fits, mut fails) = (coarse, coarse / f64::from(2 * MAX_SIDE));
     for _ in 0..64 {
         let pixel = (fits * fails).sqrt();
@@ -309,7 +308,7 @@ struct Shelves {
 
 impl Shelves {
     /// A new shelf begins with each depth, and where the next rectangle would end beyond `width`.
-    fn new(items: &[Item], sizes: &[[u64; 2]], gap: u64, width: u64) -> Self {
+    fn new(items: &[Item], sizes: &[[u64; 2]], width: u64) -> Self {
         let mut positions = vec![[0, 0]; items.len()];
         let order = order_by(items.len(), &|a, b| items[a].depth.cmp(&items[b].depth));
         let (mut left, mut bottom, mut top, mut right) = (0, 0, 0, 0);
@@ -317,12 +316,12 @@ impl Shelves {
         for k in order {
             let [w, h] = sizes[k];
             if left > 0 && (depth != Some(items[k].depth) || left + w > width) {
-                (left, bottom) = (0, top + gap);
+                (left, bottom) = (0, top + GAP);
             }
             depth = Some(items[k].depth);
             positions[k] = [left, bottom];
             (right, top) = (right.max(left + w), top.max(bottom + h));
-            left += w + gap;
+            left += w + GAP;
         }
         Self { positions, size: [right, top] }
     }
@@ -349,13 +348,10 @@ pub struct AtlasOptions {
     /// Whether all patches of a level lie in one image; otherwise each has its own. Packed images
     /// of different levels have the same layout.
     pub packed: bool,
-    /// Pixels that stay free around each chart, 1 by default. Not used by [`Resolution::Map`] where
-    /// each patch has its own image: the map's frames have their own.
-    pub margin_px: u32,
 }
 
 impl Default for AtlasOptions {
     fn default() -> Self {
-        Self { resolution: Resolution::Map, packed: false, margin_px: 1 }
+        Self { resolution: Resolution::Map, packed: false }
     }
 }

@@ -21,9 +21,6 @@ pub struct CalibOptions {
     pub initialization: Initialization,
     /// Most iterations of one minimisation; robust estimation minimises several times.
     pub max_iterations: usize,
-    /// The cost has converged when a step lowers it by less than this share, or the next step is
-    /// predicted to.
-    pub relative_decrease: f64,
     /// Whether to compute the covariance of every taxel.
     pub covariances: bool,
 }
@@ -35,7 +32,6 @@ impl Default for CalibOptions {
             robust: None,
             initialization: Initialization::default(),
             max_iterations: 100,
-            relative_decrease: 1e-9,
             covariances: true,
         }
     }
@@ -49,10 +45,6 @@ impl CalibOptions {
                 found: 0.0,
                 needed: "at least 1",
             });
-        }
-        if !(0.0..1.0).contains(&self.relative_decrease) {
-            let found = self.relative_decrease;
-            return Err(CalibError::BadOption { option: "the relative decrease", found, needed: "0 to 1" });
         }
         Ok(())
     }

@@ -38,10 +38,6 @@ pub struct SimulateOptions {
     pub anchor_noise: f64,
     /// Noise of the normals of absolute contacts per tangent axis, in rad; `None`: positions alone.
     pub normal_noise: Option<f64>,
-    /// Centre of the fixed sphere that the taxels touch, in m.
-    pub probe_centre: DVec3,
-    /// Its radius, in m.
-    pub probe_radius: f64,
     /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the
     /// taxel.
     pub indentation: f64,
@@ -67,8 +63,6 @@ impl Default for SimulateOptions {
             anchors: 0,
             anchor_noise: 1e-3,
             normal_noise: None,
-            probe_centre: DVec3::new(0.4, 0.1, 0.3),
-            probe_radius: 0.01,
             indentation: 0.0,
             arm_noise: 0.0,
             arm_rotation_noise: 0.0,
@@ -78,7 +72,11 @@ impl Default for SimulateOptions {
     }
 }
 
-/// The largest noise and probe that are accepted, in m and rad.
+/// Centre and radius of the ball that taxels touch, in the frame of the arm's base, in m.
+const PROBE: DVec3 = DVec3::new(0.4, 0.1, 0.3);
+const PROBE_RADIUS: f64 = 0.01;
+
+/// The largest noise that is accepted, in m and rad.
 const MOST_NOISE: f64 = 1e3;
 
 impl SimulateOptions {
@@ -88,7 +86,6 @@ impl SimulateOptions {
             ("the rotation noise", self.rotation_noise),
             ("the anchor noise", self.anchor_noise),
             ("the noise of normals", self.normal_noise.unwrap_or(0.0)),
-            ("the radius of the probe", self.probe_radius),
             ("the indentation", self.indentation),
             ("the position noise of the end effector", self.arm_noise),
             ("the rotation noise of the end effector", self.arm_rotation_noise),
@@ -269,14 +266,14 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
 /// observed at `Q' (c_b + r_b u - o)`. Returns its position and normal in the frame of the end
 /// effector, as the arm believes them.
 fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> [DVec3; 2] {
-    let (probe, depth) = (options.probe_centre, options.indentation);
+    let depth = options.indentation;
     let u = arm.direction();
     let spin = exp(std::f64::consts::TAU * arm.uniform() * DVec3::Z);
     let rotation = frame_of(-u) * spin * frame_of(n).conjugate();
-    let centre = probe + (options.radius + options.probe_radius - depth) * u;
+    let centre = PROBE + (options.radius + PROBE_RADIUS - depth) * u;
     let believed_centre = centre + arm.vector(options.arm_noise);
     let believed_rotation = exp(arm.vector(options.arm_rotation_noise)) * rotation;
-    let contact = probe + options.probe_radius * u;
+    let contact = PROBE + PROBE_RADIUS * u;
     let back = believed_rotation.conjugate();
     [back * (contact - believed_centre), (back * -u).normalize()]
 }

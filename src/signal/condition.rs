@@ -44,8 +44,6 @@ pub struct ConditionReport {
     pub too_large: u64,
     /// Frames whose time is before that of the frame before, or is not a number: filters stand still.
     pub backwards: u64,
-    /// Frames that the baseline is the mean of; fewer than asked for if the recording is shorter.
-    pub baseline_frames: usize,
     /// Readings of all channels without a baseline, since none of those frames has one; they are
     /// masked from then on.
     pub without_baseline: usize,
@@ -219,7 +217,6 @@ impl Conditioner {
     pub fn finish<E>(&mut self, mut pass_on: impl FnMut(&Frame) -> Result<(), E>) -> Result<(), E> {
         let kept = std::mem::take(&mut self.baseline.kept);
         if !self.baseline.is_known {
-            self.report.baseline_frames = kept.len();
             self.report.without_baseline = self.baseline.divide();
         }
         kept.iter().try_for_each(|frame| {

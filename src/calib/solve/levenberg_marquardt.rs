@@ -177,7 +177,7 @@ impl Solver<'_> {
             return Ok((iterate, Termination::NothingToSolve));
         }
         let mut control = StepControl { damping: 0.0, growth: FIRST_GROWTH };
-        let mut convergence = Convergence::new(problem, self.options.relative_decrease);
+        let mut convergence = Convergence::new(problem);
         for _ in 0..self.options.max_iterations {
             let weights = weighting.weights(&iterate.chi2);
             let free = self.gauge.free_under(problem, &iterate.poses, &weights);
@@ -278,9 +278,11 @@ impl StepControl {
     }
 }
 
+/// The cost has converged when a step lowers it by less than this share, or the next step is predicted to.
+const RELATIVE_DECREASE: f64 = 1e-9;
+
 /// Decides from the decreases of the cost whether it has converged.
 struct Convergence {
-    relative_decrease: f64,
     /// A decrease that is too small for any cost.
     negligible: f64,
     /// Whether the squared residuals are quadratic: their minimum is where one undamped step leads.
@@ -290,9 +292,8 @@ struct Convergence {
 }
 
 impl Convergence {
-    fn new(problem: &Problem<'_>, relative_decrease: f64) -> Self {
+    fn new(problem: &Problem<'_>) -> Self {
         Self {
-            relative_decrease,
             negligible: EXACT_FIT * problem.dimensions.iter().count() as f64,
             is_quadratic: problem.layout != BlockLayout::Pose,
             last: None,
@@ -301,13 +302,13 @@ impl Convergence {
 
     /// Whether a `decrease` to `cost` is too small to go on.
     fn is_small(&self, decrease: f64, cost: f64) -> bool {
-        decrease <= self.relative_decrease * cost
+        decrease <= RELATIVE_DECREASE * cost
     }
 
     /// After a step that was damped, or on weights that change.
     fn is_reached(&mut self, decrease: f64, cost: f64) -> bool {
         self.last = None;
-        decrease <= self.relative_decrease * cost + self.negligible
+        decrease <= RELATIVE_DECREASE * cost + self.negligible
     }
 
     /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again

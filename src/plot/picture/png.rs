@@ -18,12 +18,6 @@ impl Picture {
     /// # Errors
     /// If the picture has no pixels or more than memory can hold.
     pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
-        let colours = self.to_pixels()?;
-        Ok(encode(self.size_px.map(|n| n as usize), &colours))
-    }
-
-    /// The pixels of the picture, row by row from the top.
-    pub(crate) fn to_pixels(&self) -> Result<Vec<Colour>, PlotError> {
         let [width, height] = self.size_px;
         let pixels =
             Pixmap::new(width, height).ok_or(PlotError::Size { width, height, least: 1, most: MAX_SIDE })?;
@@ -31,7 +25,8 @@ impl Picture {
         canvas.pixels.fill(Color::WHITE);
         self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
         let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
-        Ok(canvas.pixels.pixels().iter().map(colour).collect())
+        let colours: Vec<Colour> = canvas.pixels.pixels().iter().map(colour).collect();
+        Ok(encode(self.size_px.map(|n| n as usize), &colours))
     }
 }
 

@@ -17,7 +17,7 @@ use dermatome::{
     map::SkinMap,
     plot::{ImageOptions, image_png},
     pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity},
+    signal::{Channel, LevelFrame},
 };
 
 use crate::{
@@ -146,7 +146,7 @@ impl Output {
             }
             Kind::Folder(Pictures::Png) => {
                 let range = colours.range.unwrap_or(ImageOptions::default().range);
-                let options = ImageOptions { range, bar: None, magnification: colours.zoom };
+                let options = ImageOptions { range, magnification: colours.zoom };
                 Self::Pictures { folder, options, written: 0 }
             }
         })
@@ -176,8 +176,6 @@ impl Output {
                     let several =
                         if channels.len() > 1 { format!(".{}", channel.name) } else { String::new() };
                     let name = frame_file_name(&format!("{}{several}", image.name), number, "png");
-                    // The pictures of the first frame have a colour bar.
-                    options.bar = (*written == 0).then(|| label(channel));
                     write_picture(&folder.join(name), image, k, options).map_err(|e| after(*written, e))?;
                 }
                 *written += 1;
@@ -195,15 +193,6 @@ impl Output {
             Self::Array(writer) => writer.finish(),
             Self::Folder { .. } | Self::Pictures { .. } | Self::Pipe(_) => Ok(()),
         }
-    }
-}
-
-/// What a colour bar says.
-fn label(channel: &Channel) -> String {
-    match (channel.quantity, channel.pixel_unit().as_str()) {
-        (Quantity::Extensive, unit) => format!("{} per area, {unit}", channel.name),
-        (_, "") => channel.name.clone(),
-        (_, unit) => format!("{}, {unit}", channel.name),
     }
 }
 
