@@ -134,6 +134,28 @@ proptest! {
     }
 }
 
+/// What is carried to one level alone has the bits that it has among all.
+#[test]
+fn one_level_has_the_bits_of_all() {
+    let map = palm();
+    for k in (0..5).map(LevelId::new) {
+        let mut alone = Restrictor::to_level(&map, &channels(), k);
+        for seed in 0..3 {
+            let frame = pressures(&map, |v| if noise(v, seed) < 0.1 { f64::NAN } else { noise(v, seed + 9) });
+            let all = Restrictor::new(&map, &channels()).restrict(&frame).clone();
+            let one = alone.restrict(&frame);
+            let of = |levels: &IdVec<LevelId, IdVec<VertexId, f64>>| {
+                levels.get(k).map(|x| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+            };
+            for (all, one) in [(&all.values, &one.values), (&all.areas, &one.areas)] {
+                let [all, one] =
+                    [all, one].map(|levels| levels[PatchId::new(PALM)].iter().map(of).collect::<Vec<_>>());
+                assert_eq!(all, one, "level {k:?}");
+            }
+        }
+    }
+}
+
 /// The contrast sums back to the frame, and a constant pressure has none but on the coarsest level,
 /// also with dead taxels and for its forces.
 #[test]

@@ -12,7 +12,7 @@
 
 use crate::{
     id::{IdVec, VertexId},
-    map::{PatchMap, SkinMap},
+    map::{MapLevel, PatchMap, SkinMap},
     numeric::Csr,
     pyramid::{LevelId, Prolongation},
     signal::{Channel, Frame, LevelFrame, Quantity},
@@ -66,8 +66,8 @@ pub struct Restrictor {
 struct PatchFields {
     /// The areas of the taxels, in m^2.
     areas: IdVec<VertexId, f64>,
-    /// Those of level 1, 2 and so on.
-    coarse: Vec<Fields>,
+    /// Those of the levels above level 0 that are wanted.
+    coarse: Vec<(LevelId, Fields)>,
 }
 
 #[derive(Debug, Clone)]
@@ -115,9 +115,22 @@ impl Restrictor {
     /// A restrictor for frames of these channels.
     #[must_use]
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
-        let patches = map.patches.map(|patch: &PatchMap| PatchFields {
-            areas: patch.taxels.areas.clone(),
-            coarse: patch.levels.iter().filter_map(|l| l.level.to_finest.as_ref()).map(Fields::new).collect(),
+        Self::of(map, channels, |_| true)
+    }
+
+    /// A restrictor to one level: as [`Self::new`], but of the other levels above level 0 it gives no values.
+    #[must_use]
+    pub fn to_level(map: &SkinMap, channels: &[Channel], level: LevelId) -> Self {
+        Self::of(map, channels, |other| other == level)
+    }
+
+    fn of(map: &SkinMap, channels: &[Channel], is_wanted: impl Fn(LevelId) -> bool) -> Self {
+        let patches = map.patches.map(|patch: &PatchMap| {
+            let levels = patch.levels.enumerate().filter(|(level, _)| is_wanted(*level));
+            let fields = |(level, map): (LevelId, &MapLevel)| {
+                Some((level, Fields::new(map.level.to_finest.as_ref()?)))
+            };
+            PatchFields { areas: patch.taxels.areas.clone(), coarse: levels.filter_map(fields).collect() }
         });
         let amounts = patches.map(|patch| vec![IdVec::filled(0.0, patch.areas.len()); channels.len()]);
         let mut levels = LevelFrame::new(map, channels.len());
@@ -125,7 +138,7 @@ impl Restrictor {
         let areas = levels.areas.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
         areas.for_each(|areas| areas.fill(0.0));
         let taxels = patches.iter().map(|patch| patch.areas.len()).max().unwrap_or(0);
-        let fields = patches.iter().flat_map(|p| &p.coarse).map(|f| f.members.len()).max().unwrap_or(0);
+        let fields = patches.iter().flat_map(|p| &p.coarse).map(|(_, f)| f.members.len()).max().unwrap_or(0);
         let touched = Touched {
             taxels: Vec::with_capacity(taxels),
             fields: Vec::with_capacity(fields),
@@ -203,16 +216,16 @@ impl ChannelOut<'_> {
     }
 
     /// Sums the fields that the changed taxels reach, or all, then their areas too.
-    fn collect(&mut self, coarse: &[Fields], masks_changed: bool, touched: &mut Touched) {
+    fn collect(&mut self, coarse: &[(LevelId, Fields)], masks_changed: bool, touched: &mut Touched) {
         let all = masks_changed || touched.taxels.len() > self.amounts.len() / FEW;
-        for (fields, level) in coarse.iter().zip((1..).map(LevelId::new)) {
-            let (values, areas) = (&mut *self.values[level], &mut self.areas);
+        for (level, fields) in coarse {
+            let (values, areas) = (&mut *self.values[*level], &mut self.areas);
             if masks_changed {
                 let (served, collected) = areas.split_at_mut(level.index());
                 let collected = collected[0].iter_mut().enumerate();
                 collected.for_each(|(field, area)| *area = fields.sum(field, &served[0]));
             }
-            let areas = &*areas[level];
+            let areas = &*areas[*level];
             let mut sum = |field: usize| {
                 let value = match (fields.sum(field, self.amounts), self.quantity) {
                     // 0 / 0 is NaN.

@@ -196,8 +196,12 @@ impl Args {
 
 impl ImageArgs {
     fn values(&self, map: &SkinMap, channels: &[Channel]) -> Values {
+        let restrictor = match self.level.map(LevelId::from) {
+            Some(level) if !self.contrast && !self.edges => Restrictor::to_level(map, channels, level),
+            _ => Restrictor::new(map, channels),
+        };
         Values {
-            restrictor: Restrictor::new(map, channels),
+            restrictor,
             contrast: self.contrast.then(|| Contrast::new(map, channels)),
             edges: self.edges.then(|| Edges::new(map, channels)),
         }

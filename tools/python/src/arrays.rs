@@ -5,10 +5,13 @@ use std::fmt::Display;
 
 use glam::{DVec2, DVec3};
 use numpy::{
-    Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
-    ndarray::Dimension,
+    Element, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods, ndarray::Dimension,
 };
-use pyo3::{prelude::*, types::PyDict};
+use pyo3::{
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
 
 use crate::errors::bad;
 
@@ -38,6 +41,31 @@ fn array_of<'py, T: Element>(
 /// Numbers of any shape.
 pub(crate) fn floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     array_of(name, value, ["iuf", "f8", "an array of real numbers"])
+}
+
+/// Real numbers of any shape, of one of the two widths.
+pub(crate) enum Reals<'py> {
+    Single(PyReadonlyArrayDyn<'py, f32>),
+    Double(PyReadonlyArrayDyn<'py, f64>),
+}
+
+/// Numbers of any shape, those of 32 bits as they are.
+pub(crate) fn reals<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Reals<'py>> {
+    let is_single = value.getattr("dtype").and_then(|dtype| dtype.eq("f4")).unwrap_or(false);
+    Ok(if is_single {
+        Reals::Single(array_of(name, value, ["f", "f4", "an array of real numbers"])?)
+    } else {
+        Reals::Double(floats(name, value)?)
+    })
+}
+
+impl Reals<'_> {
+    pub(crate) fn shape(&self) -> &[usize] {
+        match self {
+            Self::Single(array) => array.shape(),
+            Self::Double(array) => array.shape(),
+        }
+    }
 }
 
 /// Whole numbers of any shape.
@@ -137,6 +165,12 @@ pub(crate) fn matrix<T: Element, const N: usize>(
 ) -> PyResult<Bound<'_, PyArray2<T>>> {
     let rows: Vec<[T; N]> = rows.into_iter().collect();
     shaped(py, [rows.len(), N], rows.into_flattened())
+}
+
+/// An array of zeros, in 32 bits, of any shape.
+pub(crate) fn zeros<'py>(py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let zeros = py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, "f4"))?;
+    Ok(zeros.cast_into()?)
 }
 
 /// An array of any shape.

@@ -107,7 +107,7 @@ pub(crate) fn flatten(
         (None, None) => Cut::None,
         (cut, ratio) => self::cut(cut, ratio)?,
     };
-    let flat = run(py, count("threads", threads)?, move || -> Result<Flat, dermatome::Error> {
+    let flat = run(py, count("threads", threads)?, move |_| -> Result<Flat, dermatome::Error> {
         mesh.validate()?;
         if cut == Cut::None {
             let map = flatten_mesh(&mesh, None, &options)?;
@@ -246,7 +246,7 @@ pub(crate) fn coarsen<'py>(
     let mesh = mesh_of(vertices, faces)?;
     let levels = levels.map(|levels| count("levels", levels)).transpose()?;
     let options = CoarsenOptions { ratio, levels, coarsest: count("coarsest", coarsest)? };
-    let pyramid = run(py, count("threads", threads)?, move || -> Result<Pyramid, dermatome::Error> {
+    let pyramid = run(py, count("threads", threads)?, move |_| -> Result<Pyramid, dermatome::Error> {
         mesh.validate()?;
         Ok(coarsen_mesh(&mesh, &Taxels::from(&mesh), &options)?)
     })?;

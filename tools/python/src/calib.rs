@@ -59,7 +59,7 @@ impl PyObservations {
     ) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let (mut observations, remarks) =
-            run(py, 0, move || read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
+            run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
         observations.scale(metres);
         let remarks = remarks.iter().map(ToString::to_string).collect();
         Ok(Self { observations: Arc::new(observations), remarks })
@@ -68,7 +68,7 @@ impl PyObservations {
     /// Write them to a graph .g2o or a table .csv.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let observations = Arc::clone(&self.observations);
-        run(py, 0, move || write_observations(&path, &observations))?.map_err(error)
+        run(py, 0, move |_| write_observations(&path, &observations))?.map_err(error)
     }
 
     /// int: Number of taxels.
@@ -173,7 +173,7 @@ impl PyCalibration {
     /// Skin
     fn skin(&self, py: Python<'_>) -> PyResult<PySkin> {
         let (found, observations) = (Arc::clone(&self.found), Arc::clone(&self.observations));
-        let made = run(py, 0, move || calibrated_skin(&found, &observations, None))?.map_err(error)?;
+        let made = run(py, 0, move |_| calibrated_skin(&found, &observations, None))?.map_err(error)?;
         Ok(PySkin::new(made.skin, &made.remarks))
     }
 
@@ -259,7 +259,7 @@ pub(crate) fn calibrate(
         }
     };
     let of = Arc::clone(&observations);
-    let found = run(py, count("threads", threads)?, move || calibrate_taxels(&of, &options))?;
+    let found = run(py, count("threads", threads)?, move |_| calibrate_taxels(&of, &options))?;
     Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations })
 }
 
@@ -320,7 +320,7 @@ pub(crate) fn simulate<'py>(
         seed,
         ..usual
     };
-    let made = run(py, 0, move || simulate_contacts(&options))?.map_err(|e| error(Error::from(e)))?;
+    let made = run(py, 0, move |_| simulate_contacts(&options))?.map_err(|e| error(Error::from(e)))?;
     let truth = PyDict::new(py);
     truth
         .set_item("positions", matrix(py, made.truth.iter().map(|pose| DVec3::to_array(&pose.position)))?)?;

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::{
     arrays::{bad_shape, floats, matrix, points, vector},
     errors::{bad, error},
-    jobs::run,
+    jobs::{Stop, run},
     map::starts,
     matrix::{PyMatrix, Rows},
     options::{count, level},
@@ -152,7 +152,7 @@ impl PyIndex {
     ) -> PyResult<Self> {
         let of = Arc::clone(map);
         let options = IndexOptions { levels, fields };
-        let index = run(py, threads, move || ContactIndex::with_options(&of, &options))?.map_err(error)?;
+        let index = run(py, threads, move |_| ContactIndex::with_options(&of, &options))?.map_err(error)?;
         Ok(Self { index: Arc::new(index), map: Arc::clone(map) })
     }
 
@@ -246,8 +246,13 @@ impl PyIndex {
         find: impl Fn(&ContactIndex, Query) -> Result<Vec<FieldHit>, ContactError> + Send + Sync + 'static,
     ) -> PyResult<PyFields> {
         let index = Arc::clone(&self.index);
-        let found = run(py, threads, move || -> Result<Vec<Vec<FieldHit>>, ContactError> {
-            queries.par_iter().with_min_len(FEW).map(|query| find(&index, *query)).collect()
+        let found = run(py, threads, move |stop| -> Result<Vec<Vec<FieldHit>>, ContactError> {
+            queries
+                .par_iter()
+                .with_min_len(FEW)
+                .inspect(|_| stop.check())
+                .map(|query| find(&index, *query))
+                .collect()
         })?;
         let found = found.map_err(error)?;
         let ends = found.iter().scan(0, |end, row| {
@@ -285,6 +290,25 @@ fn columns(found: Vec<Option<Hit>>) -> Answers {
         hits.normal.push(hit.map_or(DVec3::NAN, |hit| hit.normal));
     }
     answers
+}
+
+/// The nearest points of the skin, in batches between which the search may be given up.
+fn locate(index: &ContactIndex, queries: &[Query], stop: &Stop) -> Result<Hits, ContactError> {
+    /// Queries of a batch: so many that their order pays.
+    const BATCH: usize = 1 << 18;
+    let mut hits = Hits::default();
+    for batch in queries.chunks(BATCH) {
+        stop.check();
+        let more = index.locate_all(batch)?;
+        hits.patch.extend(more.patch);
+        hits.link.extend(more.link);
+        hits.face.extend(more.face);
+        hits.barycentric.extend(more.barycentric);
+        hits.distance.extend(more.distance);
+        hits.position.extend(more.position);
+        hits.normal.extend(more.normal);
+    }
+    Ok(hits)
 }
 
 /// Where hits lie on the map of a level.
@@ -332,8 +356,8 @@ impl PyIndex {
         let queries = self.queries(points, self.frame(link, only_link)?);
         let level = level.map(|level| self.level(level)).transpose()?;
         let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move || {
-            let mut answers = Answers { hits: index.locate_all(&queries)?, ..Answers::default() };
+        let answers = run(py, count("threads", threads)?, move |stop| {
+            let mut answers = Answers { hits: locate(&index, &queries, stop)?, ..Answers::default() };
             cells(&index, &mut answers, level);
             Ok(answers)
         })?;
@@ -381,8 +405,8 @@ impl PyIndex {
         let queries = self.queries(origins, self.frame(link, only_link)?);
         let level = level.map(|level| self.level(level)).transpose()?;
         let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move || -> Result<Answers, ContactError> {
-            let rays = queries.par_iter().zip(&directions).with_min_len(FEW);
+        let answers = run(py, count("threads", threads)?, move |stop| -> Result<Answers, ContactError> {
+            let rays = queries.par_iter().zip(&directions).with_min_len(FEW).inspect(|_| stop.check());
             let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
             let mut answers = columns(rays.map(hit).collect::<Result<_, _>>()?);
             cells(&index, &mut answers, level);
@@ -419,10 +443,11 @@ impl PyIndex {
         let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
         let level = self.level(level)?;
         let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move || -> Result<Answers, ContactError> {
+        let answers = run(py, count("threads", threads)?, move |stop| -> Result<Answers, ContactError> {
             let found: Vec<Reactive> = queries
                 .par_iter()
                 .with_min_len(FEW)
+                .inspect(|_| stop.check())
                 .map(|query| index.reactive(*query, level))
                 .collect::<Result<_, _>>()?;
             let hit = |found: &Reactive| {
@@ -538,7 +563,7 @@ impl PyIndex {
             motion.set(link, MotionFrame::World, &[(0.0, pose)]).map_err(error)?;
         }
         let index = Arc::clone(&self.index);
-        let posed = run(py, 0, move || {
+        let posed = run(py, 0, move |_| {
             let mut posed = ContactIndex::clone(&index);
             posed.set_motion(&motion, 0.0).map(|()| posed)
         })?;

@@ -4,7 +4,8 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     sync::{
         Arc, Mutex, PoisonError,
-        mpsc::{RecvTimeoutError, channel},
+        atomic::{AtomicBool, Ordering},
+        mpsc::{Receiver, RecvTimeoutError, channel},
     },
     time::Duration,
 };
@@ -48,29 +49,65 @@ fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
     Ok(pool)
 }
 
-/// Runs a job on `threads` threads, 0 for one per processor. Ctrl-C and other signals are heard while it runs; a
-/// job that is given up goes on in the background until it ends.
-pub(crate) fn run<T: Send + 'static>(
-    py: Python<'_>,
-    threads: usize,
-    job: impl FnOnce() -> T + Send + 'static,
-) -> PyResult<T> {
-    let (send, mut receive) = channel();
-    pool(threads)?.spawn(move || {
-        // Nobody waits for a job that was given up.
-        let _ = send.send(catch_unwind(AssertUnwindSafe(job)));
-    });
+/// Tells a job that it was given up.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Ends the job at this place, by unwinding, if it was given up.
+    pub(crate) fn check(&self) {
+        if self.0.load(Ordering::Relaxed) {
+            resume_unwind(Box::new("given up"));
+        }
+    }
+}
+
+type Answer<T> = std::thread::Result<T>;
+
+/// The answer of a job, or what a handler of signals raised meanwhile; then the job is to stop.
+fn wait<T>(receive: &Receiver<Answer<T>>, stop: &Stop) -> PyResult<Answer<T>> {
     loop {
-        let answer;
-        (receive, answer) = py.detach(move || {
-            let answer = receive.recv_timeout(HEARD_AFTER);
-            (receive, answer)
-        });
-        match answer {
-            Ok(Ok(answer)) => return Ok(answer),
-            Ok(Err(panic)) => resume_unwind(panic),
-            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+        match receive.recv_timeout(HEARD_AFTER) {
+            Ok(answer) => return Ok(answer),
+            Err(RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())
+                .inspect_err(|_| stop.0.store(true, Ordering::Relaxed))?,
             Err(RecvTimeoutError::Disconnected) => return Err(PyRuntimeError::new_err("the job was lost")),
         }
     }
+}
+
+/// Runs a job on `threads` threads, 0 for one per processor. Ctrl-C and other signals are heard while it runs; a
+/// job that is given up goes on in the background until it checks whether it was, or ends.
+pub(crate) fn run<T: Send + 'static>(
+    py: Python<'_>,
+    threads: usize,
+    job: impl FnOnce(&Stop) -> T + Send + 'static,
+) -> PyResult<T> {
+    let (pool, stop, (send, receive)) = (pool(threads)?, Stop::default(), channel());
+    let given = stop.clone();
+    pool.spawn(move || {
+        // Nobody waits for a job that was given up.
+        let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&given))));
+    });
+    let answer = py.detach(move || wait(&receive, &stop))?;
+    answer.or_else(|panic| resume_unwind(panic))
+}
+
+/// Runs a job that borrows, as [`run`]: Ctrl-C is heard when the job checks whether it was given up.
+pub(crate) fn run_here<T: Send>(
+    py: Python<'_>,
+    threads: usize,
+    job: impl FnOnce(&Stop) -> T + Send,
+) -> PyResult<T> {
+    let (pool, stop) = (pool(threads)?, Stop::default());
+    let answer = py.detach(|| {
+        let (send, receive) = channel();
+        pool.in_place_scope(|scope| {
+            scope.spawn(|_| {
+                let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&stop))));
+            });
+            wait(&receive, &stop)
+        })
+    })?;
+    answer.or_else(|panic| resume_unwind(panic))
 }

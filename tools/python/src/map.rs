@@ -22,7 +22,7 @@ use dermatome::{
     skin::{PatchId, Presence},
 };
 use glam::DVec3;
-use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
     prelude::*,
     types::{PyBytes, PyDict, PyTuple},
@@ -30,9 +30,9 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, one_each, places, vector},
+    arrays::{bad_shape, floats, matrix, one_each, places, vector, zeros},
     errors::{bad, error},
-    jobs::run,
+    jobs::{Stop, run, run_here},
     matrix::{PyMatrix, Rows},
     options::{FlattenArgs, channels, count, cut, level, positive, word},
     plot::{PlotArgs, PyPicture},
@@ -119,7 +119,7 @@ impl PyMap {
     /// Map
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let read = run(py, 0, move || {
+        let read = run(py, 0, move |_| {
             let map = read_map(&path)?;
             let file = if file_kind(&path) == "glb" {
                 fs::read(&path).map_err(|source| IoError::Read { path, source })?
@@ -135,7 +135,7 @@ impl PyMap {
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
         let file = data.to_vec();
-        run(py, 0, move || Self::of_file(file))?.map_err(error)
+        run(py, 0, move |_| Self::of_file(file))?.map_err(error)
     }
 
     /// The content of the file that `write` writes.
@@ -149,7 +149,7 @@ impl PyMap {
             return Err(bad("path", path.display(), "a file .glb"));
         }
         let file = Arc::clone(&self.file);
-        run(py, 0, move || {
+        run(py, 0, move |_| {
             replace_file(&path, |output| {
                 output.write_all(&file).map_err(|source| IoError::Write { path: path.clone(), source })
             })
@@ -239,7 +239,7 @@ impl PyMap {
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let map = Arc::clone(&self.map);
-        json(py, &run(py, 0, move || measure(&map))?)
+        json(py, &run(py, 0, move |_| measure(&map))?)
     }
 
     /// How the taxels depend on the receptive fields of a level: the law of fields.
@@ -313,21 +313,20 @@ impl PyMap {
         level: i64,
         extensive: bool,
         threads: i64,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let level = self::level("level", level, self.levels())?;
         let values = floats("values", values)?;
         let needed = self.n_taxels();
-        let Some((&last, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
+        let Some((_, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
             return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
         };
         let fields = starts(&self.map, level).last().copied().unwrap_or(0);
         let shape: Vec<usize> = frames.iter().copied().chain([fields]).collect();
-        let (map, values) = (Arc::clone(&self.map), values.as_slice()?.to_vec());
-        let pooled =
-            run(py, count("threads", threads)?, move || pooled(&map, &values, last, level, extensive))?
-                .map_err(error)?;
-        let pooled = vector(py, pooled);
-        pooled.call_method1("reshape", (PyTuple::new(py, shape)?,))
+        let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
+        let mut writer = pooled.readwrite();
+        let (out, pooling) = (writer.as_slice_mut()?, Pooling { map: &self.map, level, extensive });
+        run_here(py, count("threads", threads)?, |stop| pooling.pool(values, out, stop))?.map_err(error)?;
+        Ok(pooled)
     }
 
     /// Make the map ready to be asked what is near a point.
@@ -487,13 +486,14 @@ impl PyMap {
             Some(back) => Arc::clone(back),
             None => {
                 let map = Arc::clone(&self.map);
-                let made = run(py, 0, move || MapIndex::new(&map))?.map_err(error)?;
+                let made = run(py, 0, move |_| MapIndex::new(&map))?.map_err(error)?;
                 Arc::clone(self.back.get_or_init(|| Arc::new(made)))
             }
         };
-        let found = run(py, 0, move || {
+        let found = run(py, 0, move |stop| {
             let mut found = Vec::new();
             let mut place = |uv| {
+                stop.check();
                 found.clear();
                 back.places(patch, level, uv, &mut found)?;
                 Ok(found.first().map(|place| (place.position, place.normal, place.off_chart)))
@@ -509,39 +509,42 @@ impl PyMap {
     }
 }
 
-/// Frames of `width` readings on the fields of a level.
-fn pooled(
-    map: &SkinMap,
-    values: &[f64],
-    width: usize,
+/// How frames are carried to the fields of a level.
+struct Pooling<'a> {
+    map: &'a SkinMap,
     level: LevelId,
     extensive: bool,
-) -> Result<Vec<f32>, dermatome::Error> {
-    let fields = starts(map, level).last().copied().unwrap_or(0);
-    let count = values.len().checked_div(width).unwrap_or(0);
-    if count == 0 || fields == 0 {
-        return Ok(Vec::new());
-    }
-    let join = Join::new(map, None, width, Duplicates::Refuse)?;
-    let restrictor = Restrictor::new(map, &channels(1, extensive));
-    let frame = Frame::new(map, 1);
-    let mut pooled = vec![0.0; count * fields];
-    let share = count.div_ceil(4 * rayon::current_num_threads());
-    let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
-    shares.for_each_init(
-        || (restrictor.clone(), frame.clone()),
-        |(restrictor, frame), (out, values)| {
-            for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
-                join.fill(values, frame);
-                let on_levels = restrictor.restrict(frame);
-                let of_patches = on_levels.values.iter().filter_map(|channels| channels[0].get(level));
-                for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
-                    *out = narrow(value);
+}
+
+impl Pooling<'_> {
+    /// Carries frames of readings one after the other.
+    fn pool(&self, values: &[f64], pooled: &mut [f32], stop: &Stop) -> Result<(), dermatome::Error> {
+        let Self { map, level, extensive } = *self;
+        let fields = starts(map, level).last().copied().unwrap_or(0);
+        let width: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        if pooled.is_empty() {
+            return Ok(());
+        }
+        let join = Join::new(map, None, width, Duplicates::Refuse)?;
+        let restrictor = Restrictor::to_level(map, &channels(1, extensive), level);
+        let share = (pooled.len() / fields).div_ceil(4 * rayon::current_num_threads());
+        let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
+        shares.for_each_init(
+            || (restrictor.clone(), Frame::new(map, 1)),
+            |(restrictor, frame), (out, values)| {
+                for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
+                    stop.check();
+                    join.fill(values, frame);
+                    let on_levels = restrictor.restrict(frame);
+                    let of_patches = on_levels.values.iter().filter_map(|channels| channels[0].get(level));
+                    for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
+                        *out = narrow(value);
+                    }
                 }
-            }
-        },
-    );
-    Ok(pooled)
+            },
+        );
+        Ok(())
+    }
 }
 
 /// A number of a result, in 32 bits.
@@ -874,7 +877,8 @@ pub(crate) fn build(
             Arc::clone(&read.cast::<PySkin>()?.get().skin)
         }
     };
-    let tell = move |told: dermatome::pipeline::Progress| {
+    let tell = move |told: dermatome::pipeline::Progress, stop: &Stop| {
+        stop.check();
         let Some(progress) = &progress else { return };
         let stage = match told.stage {
             dermatome::pipeline::Stage::Coarsen => "coarsen",
@@ -886,8 +890,8 @@ pub(crate) fn build(
             }
         });
     };
-    let map = run(py, count("threads", threads)?, move || -> Result<PyMap, dermatome::Error> {
-        let built = build_with_progress(&skin, &options, &tell)?;
+    let map = run(py, count("threads", threads)?, move |stop| -> Result<PyMap, dermatome::Error> {
+        let built = build_with_progress(&skin, &options, &|told| tell(told, stop))?;
         // What a file holds, so that a map is the same whether it was built, read or unpickled.
         Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
     })?;

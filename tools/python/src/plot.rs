@@ -55,7 +55,7 @@ impl PyPicture {
             ..PlotOptions::default()
         };
         let (map, extensive) = (Arc::clone(map), args.extensive);
-        let picture = run(py, 0, move || -> Result<Picture, dermatome::Error> {
+        let picture = run(py, 0, move |_| -> Result<Picture, dermatome::Error> {
             let Some(values) = values else { return Ok(plot_map(&map, &options)?) };
             let channels = channels(1, extensive);
             let mut frame = Frame::new(&map, 1);
@@ -81,7 +81,7 @@ impl PyPicture {
     /// The picture as PNG.
     fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let picture = Arc::clone(&self.0);
-        Ok(PyBytes::new(py, &run(py, 0, move || picture.to_png())?.map_err(error)?))
+        Ok(PyBytes::new(py, &run(py, 0, move |_| picture.to_png())?.map_err(error)?))
     }
 
     /// Write the picture to a file .svg or .png.
@@ -89,7 +89,7 @@ impl PyPicture {
         let picture = Arc::clone(&self.0);
         let bytes = match file_kind(&path).as_str() {
             "svg" => picture.to_svg().into_bytes(),
-            "png" => run(py, 0, move || picture.to_png())?.map_err(error)?,
+            "png" => run(py, 0, move |_| picture.to_png())?.map_err(error)?,
             _ => return Err(bad("path", path.display(), "a file .svg or .png")),
         };
         fs::write(&path, bytes).map_err(|source| error(IoError::Write { path, source }))

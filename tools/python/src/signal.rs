@@ -17,18 +17,17 @@ use dermatome::{
     },
     skin::{Patch, TaxelId},
 };
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayDyn, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
-    exceptions::PyMemoryError,
     prelude::*,
     types::{PyDict, PyList},
 };
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, one_number_each, shaped, vector},
+    arrays::{Reals, bad_shape, floats, matrix, one_number_each, reals, shaped, vector, zeros},
     errors::{bad, error},
-    jobs::run,
+    jobs::{Stop, run, run_here},
     map::{PyMap, starts},
     matrix::{PyMatrix, Rows},
     options::{channels, count, level, positive, word},
@@ -75,19 +74,18 @@ struct Plan {
 }
 
 impl Plan {
-    /// The images of frames of readings, one after the other; `None` if there is no memory for them.
-    fn draw(&self, values: &[f64], frames: usize) -> Option<Vec<f32>> {
-        let image = &self.renderer.images()[0].values;
-        let (size, width) = (image.len(), self.channels * self.taxels);
-        let mut images = Vec::new();
-        images.try_reserve_exact(frames.checked_mul(size)?).ok()?;
-        images.resize(frames * size, 0.0);
-        let share = frames.div_ceil(4 * rayon::current_num_threads()).max(1);
+    /// Draws frames of readings one after the other.
+    fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], stop: &Stop) {
+        let (size, width) = (self.renderer.images()[0].values.len(), self.channels * self.taxels);
+        let share = (images.len() / size).div_ceil(4 * rayon::current_num_threads()).max(1);
         images.par_chunks_mut(share * size).zip(values.par_chunks(share * width)).for_each_init(
-            || (self.restrictor.clone(), self.renderer.clone(), self.frame.clone()),
-            |(restrictor, renderer, frame), (images, values)| {
+            || (self.restrictor.clone(), self.renderer.clone(), self.frame.clone(), Vec::new()),
+            |(restrictor, renderer, frame, read), (images, values)| {
                 for (image, values) in images.chunks_mut(size).zip(values.chunks(width)) {
-                    self.join.fill(values, frame);
+                    stop.check();
+                    read.clear();
+                    read.extend(values.iter().map(|&x| x.into()));
+                    self.join.fill(read, frame);
                     image.copy_from_slice(&renderer.render(restrictor.restrict(frame))[0].values);
                     if !self.fill.is_nan() {
                         image.iter_mut().filter(|x| x.is_nan()).for_each(|x| *x = self.fill);
@@ -95,7 +93,6 @@ impl Plan {
                 }
             },
         );
-        Some(images)
     }
 }
 
@@ -148,7 +145,7 @@ impl PyRenderer {
         let options = AtlasOptions { resolution, packed: args.pack, ..AtlasOptions::default() };
         let (map, fill) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN));
         let extensive = args.extensive;
-        let plan = run(py, 0, move || -> Result<Option<Plan>, dermatome::Error> {
+        let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {
             let mut atlas = Atlas::new(&map, &options)?;
             let of_patch = |chart: &dermatome::atlas::Chart| patch.is_none_or(|patch| chart.patch == patch);
             atlas.parts.retain(|part| part.level == level && part.charts.iter().any(of_patch));
@@ -162,7 +159,7 @@ impl PyRenderer {
             let render = RenderOptions { interpolation, level: Some(level) };
             Ok(Some(Plan {
                 join: Join::new(&map, None, taxels, Duplicates::Refuse)?,
-                restrictor: Restrictor::new(&map, &channels),
+                restrictor: Restrictor::to_level(&map, &channels, level),
                 renderer: Renderer::new(&map, &atlas, &channels, &render)?,
                 frame: Frame::new(&map, channels.len()),
                 taxels,
@@ -203,18 +200,28 @@ impl PyRenderer {
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
         threads: i64,
-    ) -> PyResult<Bound<'py, PyArray4<f32>>> {
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let Plan { channels, taxels, .. } = *self.plan;
-        let values = floats("values", values)?;
+        let values = reals("values", values)?;
         let frames = match *values.shape() {
             [frames, c, n] if (c, n) == (channels, taxels) => frames,
             [frames, n] if (1, n) == (channels, taxels) => frames,
             ref shape => return Err(bad_shape("values", shape, format!("shape (T, {channels}, {taxels})"))),
         };
-        let (plan, values) = (Arc::clone(&self.plan), values.as_slice()?.to_vec());
-        let images = run(py, count("threads", threads)?, move || plan.draw(&values, frames))?;
-        let images = images.ok_or_else(|| PyMemoryError::new_err("no memory for the images"))?;
-        shaped(py, [frames, channels, self.shape.0, self.shape.1], images)
+        let images = zeros(py, &[frames, channels, self.shape.0, self.shape.1])?;
+        let (mut drawn, threads) = (images.readwrite(), count("threads", threads)?);
+        let drawn = drawn.as_slice_mut()?;
+        match values {
+            Reals::Single(values) => {
+                let values = values.as_slice()?;
+                run_here(py, threads, |stop| self.plan.draw(values, drawn, stop))?;
+            }
+            Reals::Double(values) => {
+                let values = values.as_slice()?;
+                run_here(py, threads, |stop| self.plan.draw(values, drawn, stop))?;
+            }
+        }
+        Ok(images)
     }
 
     /// (H, W) bool array: Which pixels show the skin.
@@ -394,7 +401,7 @@ struct Recording {
 }
 
 impl Recording {
-    fn read(path: &std::path::Path, layout: ReadingsLayout) -> Result<Self, IoError> {
+    fn read(path: &std::path::Path, layout: ReadingsLayout, stop: &Stop) -> Result<Self, IoError> {
         let mut reader = ReadingsReader::open(path, layout)?;
         let mut recording = Self {
             width: reader.width,
@@ -404,6 +411,7 @@ impl Recording {
         };
         let (mut values, mut time) = (Vec::new(), f64::NAN);
         while reader.read(&mut values, &mut time)? {
+            stop.check();
             recording.values.extend_from_slice(&values);
             recording.times.push(time);
         }
@@ -439,7 +447,7 @@ pub(crate) fn read_readings<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let known = [("tnc", ReadingsLayout::TaxelsFirst), ("tcn", ReadingsLayout::ChannelsFirst)];
     let layout = word("layout", layout, &known)?;
-    run(py, 0, move || Recording::read(&path, layout))?.map_err(error)?.into_dict(py)
+    run(py, 0, move |stop| Recording::read(&path, layout, stop))?.map_err(error)?.into_dict(py)
 }
 
 /// Readings of columns with these ids as readings of the taxels of a map: (T, C, n) to (T, C, N).
@@ -540,7 +548,7 @@ pub(crate) fn simulate_touch<'py>(
         seed,
     };
     let names: Vec<String> = skin.patches.iter().map(|patch| patch.name.clone()).collect();
-    let made = run(py, 0, move || -> Result<(Recording, Vec<Touch>), dermatome::Error> {
+    let made = run(py, 0, move |stop| -> Result<(Recording, Vec<Touch>), dermatome::Error> {
         let mut simulation = TouchSimulation::new(&skin, &options)?;
         let taxels = skin.patches.iter().map(|patch| &patch.taxels.ids);
         let ids: Vec<TaxelId> = taxels.flat_map(|ids| ids.iter().copied()).collect();
@@ -548,6 +556,7 @@ pub(crate) fn simulate_touch<'py>(
         let mut recording = Recording { width: ids.len(), channels, ids: Some(ids), ..Recording::default() };
         let mut truth = Vec::new();
         while let Some((frame, touches)) = simulation.next_frame() {
+            stop.check();
             recording.values.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
             recording.times.push(frame.time);
             truth.extend_from_slice(touches);

@@ -98,7 +98,7 @@ impl PySkin {
     }
 
     fn assembled(py: Python<'_>, draft: Draft, options: AssembleOptions) -> PyResult<Self> {
-        let assembled = run(py, 0, move || assemble(&draft, &options))?.map_err(error)?;
+        let assembled = run(py, 0, move |_| assemble(&draft, &options))?.map_err(error)?;
         Ok(Self::new(assembled.skin, &assembled.remarks))
     }
 }
@@ -156,7 +156,7 @@ impl PySkin {
         let repair = repair.unwrap_or_else(|| is_stl(&path));
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
         let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let mut draft = run(py, 0, move || read_draft_with(&path, ReadParts::default()))?.map_err(error)?;
+        let mut draft = run(py, 0, move |_| read_draft_with(&path, ReadParts::default()))?.map_err(error)?;
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
         draft.scale(metres);
         Self::assembled(py, draft, options)
@@ -247,7 +247,7 @@ impl PySkin {
     /// Write the skin to a file; its kind follows from its extension.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let skin = Arc::clone(&self.skin);
-        run(py, 0, move || write_skin(&path, &skin))?.map_err(error)
+        run(py, 0, move |_| write_skin(&path, &skin))?.map_err(error)
     }
 
     /// The content of a file of this skin, of a kind that is one file.
@@ -383,7 +383,7 @@ pub(crate) fn check<'py>(
     let (mut draft, stl) = match (source.extract::<PathBuf>(), faces) {
         (Ok(path), None) => {
             let stl = is_stl(&path);
-            (run(py, 0, move || read_draft_with(&path, ReadParts::default()))?.map_err(error)?, stl)
+            (run(py, 0, move |_| read_draft_with(&path, ReadParts::default()))?.map_err(error)?, stl)
         }
         (Ok(_), Some(_)) => return Err(bad("faces", "triangles of a file", "None")),
         (Err(_), faces) => (draft_of(source, faces)?, false),
@@ -392,7 +392,7 @@ pub(crate) fn check<'py>(
     let options =
         Reading { gap, weld, repair, outside: None, fill_holes: None, keep_going: false }.options()?;
     draft.scale(unit.map_or(Ok(1.0), self::unit)?);
-    let findings = run(py, 0, move || {
+    let findings = run(py, 0, move |_| {
         let mut findings = findings_of(&draft, &options);
         let is_refused = findings.iter().any(|found| found.severity() == Severity::Error);
         if !is_refused && let Err(reason) = assemble(&draft, &options) {
