@@ -163,6 +163,8 @@ fn what_is_written_is_read_by_the_gltf_crate() {
             if let Some(ids) = primitive.get(&id) {
                 assert_eq!(ids.count(), positions.len(), "{name}: an id each");
             }
+            let is_map = name == "map.glb";
+            assert_eq!(primitive.material().index(), is_map.then_some(0), "{name}: a map has one material");
         }
     }
 }
@@ -487,6 +489,27 @@ fn ids_come_in_every_width() {
     for odd in [0.5, -1.0, 16_777_218.0] {
         let error = refusal(&with(5126, "SCALAR", &f32s(&[0., 1., odd, 3.])));
         assert!(error.contains("row 2"), "{odd}: {error}");
+    }
+}
+
+/// A map has ids as floats where all are below 2^24, and presence; skins have integers.
+#[test]
+fn maps_hold_small_ids_as_floats() {
+    let accessor = |glb: &Glb, name: &str| {
+        let at = glb.json["meshes"][0]["primitives"][0]["attributes"][name].as_u64().unwrap();
+        let accessor = &glb.json["accessors"][usize::try_from(at).unwrap()];
+        (accessor["componentType"].as_u64().unwrap(), accessor["type"].as_str().unwrap().to_owned())
+    };
+    for (last, id) in [((1 << 24) - 1, (5126, "SCALAR".to_owned())), (1 << 24, (5123, "VEC2".to_owned()))] {
+        let mut map = map();
+        let ids = &mut map.patches[PatchId::new(0)].taxels.ids;
+        *ids = (0..ids.len()).map(|k| if k == 3 { TaxelId(last) } else { TaxelId(k as u32) }).collect();
+        let ids = ids.clone();
+        let bytes = map_to_bytes(&map).unwrap();
+        let glb = Glb::parse(&bytes);
+        assert_eq!(accessor(&glb, "_TAXEL_ID"), id, "up to {last}");
+        assert_eq!(accessor(&glb, "_PRESENT"), (5126, "SCALAR".into()));
+        assert_eq!(map_from_bytes(bytes).unwrap().patches[PatchId::new(0)].taxels.ids, ids);
     }
 }
 
@@ -984,6 +1007,25 @@ fn broken_maps_are_refused() {
         for word in *words {
             assert!(error.contains(word), "{pointer} = {value}: {word:?} is missing in {error}");
         }
+    }
+}
+
+/// What another program broke is blamed on it, by its name; what it kept whole is read.
+#[test]
+fn rewritten_maps_are_refused_by_the_name_of_the_program() {
+    let glb = Glb::parse(&map_file()).with("/asset/generator", json!("mesher 3.1"));
+    assert_eq!(read_map_bytes(&glb.bytes()).unwrap(), read_map_bytes(&map_file()).unwrap());
+    for (pointer, value) in [
+        // An accessor of another type, as where arrays were put in another order.
+        ("/meshes/0/extras/dermatome/up/indices", json!(0)),
+        ("/meshes/0/extras/dermatome/map/size", json!([0, 1])),
+    ] {
+        let broken = glb.clone().with(pointer, value);
+        let error = read_map_bytes(&broken.bytes()).unwrap_err();
+        assert!(matches!(error, IoError::Rewritten { .. }), "{error}");
+        assert!(error.to_string().contains("mesher 3.1"), "{error}");
+        let ours = broken.with("/asset/generator", json!("dermatome 0.1.0"));
+        assert!(!matches!(read_map_bytes(&ours.bytes()).unwrap_err(), IoError::Rewritten { .. }));
     }
 }
 

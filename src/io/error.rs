@@ -65,6 +65,13 @@ pub enum IoError {
     /// The file is not a map; it may be a skin.
     #[error("{}: found no mesh with extras.dermatome; needed: a map, as dermatome writes it", path.display())]
     NoMap { path: PathBuf },
+    /// A map that another program wrote anew, without all that a map needs.
+    #[error(
+        "{}: another program, {generator}, rewrote this map and broke it: {fault}; \
+         needed: the file as dermatome wrote it",
+        path.display()
+    )]
+    Rewritten { path: PathBuf, generator: String, fault: String },
     /// The extension is not one of a file that can be used here.
     #[error("{}: unknown kind of file; known here: {known}", path.display())]
     UnknownKind { path: PathBuf, known: &'static str },

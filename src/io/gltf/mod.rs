@@ -43,6 +43,9 @@ pub(crate) use write_map::as_in_map_file;
 pub use write_map::{map_to_bytes, write_map, write_pyramids};
 pub(super) use write_skin::write_skin;
 
+/// What `asset.generator` of our files begins with.
+const GENERATOR: &str = "dermatome";
+
 /// What a map says about a mesh besides its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelExtras {

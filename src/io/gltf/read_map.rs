@@ -15,9 +15,9 @@ use crate::{
     io::{
         IoError,
         error::Result,
-        file::Source,
+        file::{Source, excerpt},
         gltf::{
-            FrameExtras, LevelExtras, Notes, RowsExtras,
+            FrameExtras, GENERATOR, LevelExtras, Notes, RowsExtras,
             animation::read_animations,
             document::Document,
             joints::Binding,
@@ -43,8 +43,9 @@ const OUTSIDE: f64 = 1e-6;
 /// without `TANGENT` have no tangents; the distortion is measured anew.
 ///
 /// # Errors
-/// [`IoError::NoMap`] for a glTF file without a map; if the file cannot be read, breaks a rule of
-/// glTF 2.0, or has a map that [`SkinMap::validate`] refuses.
+/// [`IoError::NoMap`] for a glTF file without a map, [`IoError::Rewritten`] for a map that another program
+/// wrote anew and broke; if the file cannot be read, breaks a rule of glTF 2.0, or has a map that
+/// [`SkinMap::validate`] refuses.
 pub fn read_map(path: &Path) -> Result<SkinMap, IoError> {
     read(path, Source::open(path)?)
 }
@@ -59,7 +60,23 @@ pub fn map_from_bytes(bytes: Vec<u8>) -> Result<SkinMap, IoError> {
 }
 
 fn read(path: &Path, source: Source) -> Result<SkinMap> {
-    let document = &Document::new(source, Notes::new(true))?;
+    let document = Document::new(source, Notes::new(true))?;
+    let read = read_document(path, &document);
+    let generator = document.root().asset.generator.as_deref().unwrap_or_default();
+    if generator.is_empty() || generator.starts_with(GENERATOR) {
+        return read;
+    }
+    let rewritten = |fault| IoError::Rewritten { path: path.into(), generator: excerpt(generator), fault };
+    read.map_err(|fault| match fault {
+        IoError::Invalid { element, found, needed, .. } => {
+            rewritten(format!("{element}: found {found}; needed: {needed}"))
+        }
+        IoError::Map { source, .. } => rewritten(source.to_string()),
+        other => other,
+    })
+}
+
+fn read_document(path: &Path, document: &Document) -> Result<SkinMap> {
     let found = levels_by_patch(document)?;
     if !found.iter().flat_map(|patch| &patch.levels).any(|(_, extras)| extras.map.is_some()) {
         return Err(IoError::NoMap { path: path.into() });

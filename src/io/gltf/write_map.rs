@@ -8,7 +8,10 @@
 use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::{DVec2, DVec3};
-use gltf::json::{Index, Mesh};
+use gltf::json::{
+    Index, Material, Mesh,
+    material::{PbrMetallicRoughness, StrengthFactor},
+};
 
 use crate::{
     cut::PlaceId,
@@ -19,7 +22,7 @@ use crate::{
         file::{replace_file, unfit},
         gltf::{
             FrameExtras, LevelExtras, RowsExtras,
-            write_skin::{SheetWriter, joints_of, mesh, node},
+            write_skin::{Codes, SheetWriter, joints_of, mesh, node},
             writer::{Form, Hung, SceneWriter},
         },
     },
@@ -36,8 +39,8 @@ use crate::{
 /// A scene shows the links that carry a patch of its level (scene 0, the default, shows all links)
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
-/// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (VEC2 of u16:
-/// low, high), `_PRESENT`, and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
+/// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (f32, or where an id is 2^24 or larger VEC2 of u16:
+/// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
 /// are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
 /// nodes of the links; its nodes are roots, as glTF wants it, and `extras.dermatome` of each is
 /// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` holds the names of patch and level, the
@@ -170,8 +173,11 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
     if number.index() == 0 {
         let count = opened.positions.len();
         match unsplit {
-            None => sheet.taxels(patch.taxels, count)?,
-            Some(at) => sheet.taxels(&patch.taxels.select(&at.iter().copied().collect()), count)?,
+            None => sheet.taxels(patch.taxels, count, Codes::Real)?,
+            Some(at) => {
+                let opened = patch.taxels.select(&at.iter().copied().collect());
+                sheet.taxels(&opened, count, Codes::Real)?;
+            }
         }
     } else {
         let taxel_of: IdVec<VertexId, VertexId> = match unsplit {
@@ -193,7 +199,10 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
             texture_coordinates(map, &opened).map_err(|(found, needed)| sheet.unfit(found, &needed))?;
         sheet.insert("TEXCOORD_0", texture.into_iter());
     }
-    let primitive = sheet.finish();
+    let mut primitive = sheet.finish();
+    if map.is_some() {
+        primitive.material = Some(plain(writer));
+    }
 
     let content = LevelExtras {
         patch: patch.name.to_owned(),
@@ -213,6 +222,21 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
     let mut mesh = mesh(name, primitive);
     mesh.extras = writer.extras(&content)?;
     Ok(writer.root.push(mesh))
+}
+
+/// The one material of a document: some programs read texture coordinates only of a mesh that has one.
+fn plain(writer: &mut SceneWriter<'_>) -> Index<Material> {
+    if writer.root.materials.is_empty() {
+        let look =
+            PbrMetallicRoughness { metallic_factor: StrengthFactor(0.0), ..PbrMetallicRoughness::default() };
+        writer.root.push(Material {
+            name: Some("skin".into()),
+            pbr_metallic_roughness: look,
+            double_sided: true,
+            ..Material::default()
+        });
+    }
+    Index::new(0)
 }
 
 fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {

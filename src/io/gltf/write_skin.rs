@@ -41,7 +41,7 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
     let mut nodes = Vec::new();
     for patch in &skin.patches {
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
-        sheet.taxels(&patch.taxels, patch.mesh.positions.len())?;
+        sheet.taxels(&patch.taxels, patch.mesh.positions.len(), Codes::Whole)?;
         let mesh = mesh(patch.name.clone(), sheet.finish());
         let node = node(patch.name.clone(), writer.root.push(mesh));
         nodes.push(Hung { link: patch.link, node, joints: joints_of(&patch.taxels) });
@@ -66,6 +66,18 @@ pub(super) fn node(name: String, mesh: Index<Mesh>) -> Node {
 
 pub(super) fn mesh(name: String, primitive: Primitive) -> Mesh {
     Mesh { extensions: None, extras: None, name: Some(name), primitives: vec![primitive], weights: None }
+}
+
+/// Ids below this are exact in 32-bit floats.
+const EXACT_IDS: u32 = 1 << 24;
+
+/// How ids and presence are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Codes {
+    /// As integers: ids as VEC2 of u16.
+    Whole,
+    /// As 32-bit floats, which programs for meshes keep as attributes; larger ids as integers.
+    Real,
 }
 
 /// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot hold.
@@ -115,15 +127,20 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         self.attributes.insert(Checked::Valid(semantic), rows);
     }
 
-    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize) -> Result<()> {
+    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize, codes: Codes) -> Result<()> {
         taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
         self.frames(&taxels.normals, taxels.tangents.as_ref());
-        // Vendor ids, low half first.
-        let halves = |id: &TaxelId| {
-            let [a, b, c, d] = id.0.to_le_bytes();
-            [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
-        };
-        self.insert("_TAXEL_ID", taxels.ids.iter().map(halves));
+        let are_exact = taxels.ids.iter().all(|id| id.0 < EXACT_IDS);
+        if codes == Codes::Real && are_exact {
+            self.insert("_TAXEL_ID", taxels.ids.iter().map(|id| [narrow(id.0.into())]));
+        } else {
+            // Low half first.
+            let halves = |id: &TaxelId| {
+                let [a, b, c, d] = id.0.to_le_bytes();
+                [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
+            };
+            self.insert("_TAXEL_ID", taxels.ids.iter().map(halves));
+        }
         self.positive("_AREA", &taxels.areas)?;
         if let Some(densities) = &taxels.densities {
             self.positive("_DENSITY", densities)?;
@@ -134,7 +151,10 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         if let Some(acuities) = &taxels.acuities {
             self.positive("_ACUITY", acuities)?;
         }
-        self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()]));
+        match codes {
+            Codes::Whole => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()])),
+            Codes::Real => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [f32::from(p.code())])),
+        }
         if let Some(joints) = &taxels.joints {
             self.joints(&joints_of(taxels), joints)?;
         }

@@ -21,7 +21,7 @@ use crate::{
     io::{
         error::Result,
         file::{cannot_write, unfit, write_to},
-        gltf::{NodeExtras, nodes::RIGID},
+        gltf::{GENERATOR, NodeExtras, nodes::RIGID},
     },
     mesh::rotation_defect,
     numeric::narrow,
@@ -81,7 +81,7 @@ pub(super) struct SceneWriter<'p> {
 impl<'p> SceneWriter<'p> {
     pub(super) fn new(path: &'p Path) -> Self {
         let mut root = Root::default();
-        root.asset.generator = Some(format!("dermatome {}", env!("CARGO_PKG_VERSION")));
+        root.asset.generator = Some(format!("{GENERATOR} {}", env!("CARGO_PKG_VERSION")));
         Self { path, root, bytes: Vec::new(), link_nodes: Vec::new() }
     }
 

@@ -285,7 +285,7 @@ fn io_help(error: &IoError) -> String {
         IoError::Unfit { .. } => {
             "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or choose another format"
         }
-        IoError::NoMap { .. } => BUILD_AGAIN,
+        IoError::NoMap { .. } | IoError::Rewritten { .. } => BUILD_AGAIN,
         IoError::UnknownKind { path, known } => {
             return match converter(path) {
                 _ if file_kind(path) == "xacro" => {
