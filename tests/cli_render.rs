@@ -235,6 +235,16 @@ fn arrays_of_another_width_are_refused_with_both_numbers() {
     // As many frames as channels: only the layout tells the axes apart.
     render(&[2, 2, 120], 480, &[]).code(2).stderr(contains("2 columns").and(contains("--layout tcn")));
     render(&[2, 2, 120], 480, &["--layout", "tcn"]).success();
+    render(&[2, 2, 120], 480, &["--layout", "tcn", "--channels", "force.N,heat", "--readings-unit", "N,K"])
+        .success();
+    let features = fs::read(folder.path().join("a.features.json")).unwrap();
+    let features: serde_json::Value = serde_json::from_slice(&features).unwrap();
+    let about = &features["observation.tactile.sheet.L0"]["info"];
+    let known = serde_json::json!({"channels": ["force.N", "heat"], "units": ["N", "K"]});
+    assert_eq!((&about["channels"], &about["units"]), (&known["channels"], &known["units"]));
+    render(&[2, 2, 120], 480, &["--layout", "tcn", "--channels", "a,a"])
+        .code(2)
+        .stderr(contains("two channels are called \"a\""));
     render(&[2, 120], 240, &[]).success().stderr(contains("no times").and(contains("--rate")));
     render(&[2, 120], 240, &["--rate", "50"]).success().stderr("wrote a.npz, a.features.json\n");
 }
@@ -308,6 +318,7 @@ fn invalid_outputs_and_options_are_refused_before_work() {
         ("-o x.npz --size 4000 4000 --max-memory 50", "at most 50 MB"),
         ("-o x.npz --size 2000 2000 --max-disk 50", "on the disk; at most 50 MB"),
         ("-o x.npz --readings-unit Pa,K", "2 units"),
+        ("-o x.npz --channels a,b", "2 names for 1 channels"),
         ("-o x.npz --clip 5,1", "lower"),
         ("-o x.npz --from 5 --to 2", "--to 2 is before --from 5"),
         ("-o x.npz --from 99", "the readings have 5 frames"),

@@ -277,14 +277,15 @@ def check_level(key, levels, k, values, arrays, options):
 def check_features(recording, arrays):
     features = json.load(open(os.path.splitext(recording)[0] + ".features.json"))
     for name, feature in features.items():
-        array = arrays[feature["info"]["array"]]
-        units = arrays["image_units" if feature["info"]["array"].endswith(".image") else "units"]
-        if feature["info"]["units"] != list(units):
-            return f"feature {name} has the units {feature['info']['units']}, not {units}"
-        if not name.startswith("observation.tactile.") or feature["dtype"] != str(array.dtype):
+        array, valid = (arrays[feature["info"][key]] for key in ("array", "valid"))
+        if feature["info"]["units"] != list(arrays["units"]) or feature["info"]["channels"] != list(arrays["channels"]):
+            return f"feature {name} has the units {feature['info']['units']}, not {arrays['units']}"
+        if not name.startswith("observation.tactile.") or "/" in name or feature["dtype"] != str(array.dtype):
             return f"feature {name} has the dtype {feature['dtype']}"
-        if feature["shape"] != list(array.shape[1:]) or len(feature["names"]) != array.ndim - 1:
+        if feature["shape"] != [array[0].size] or feature["names"] is not None or valid.shape != array[:, 0].shape:
             return f"feature {name} has the shape {feature['shape']}"
+        if not np.isfinite(np.where(valid[:, None] == 1, array, feature["info"]["missing"])).all():
+            return f"feature {name} is not finite"
     return None
 
 

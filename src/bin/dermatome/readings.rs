@@ -28,6 +28,9 @@ pub(crate) struct ReadingsArgs {
     /// Order of the axes of an array with three
     #[arg(long, value_parser = one_of(&LAYOUTS), default_value = "tnc")]
     layout: ReadingsLayout,
+    /// Names of the channels, one each: of a .npy, which has none, or instead of those of the file
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    channels: Vec<String>,
     /// Unit of the readings; force, charge and other amounts are summed over receptive fields, all
     /// else is averaged; several channels: one unit each
     #[arg(long = "readings-unit", value_name = "UNIT", value_delimiter = ',')]
@@ -184,9 +187,7 @@ impl<'a> Pass<'a> {
             ReadingsReader::open(path, args.layout)
         }
         .map_err(Error::from)?;
-        if !args.units.is_empty() {
-            name_units(&mut reader.channels, &args.units)?;
-        }
+        name_channels(&mut reader.channels, &args.channels, &args.units)?;
         if args.split.is_some() && !reader.has_times && args.rate.is_none() {
             return Err(advise(
                 "--split needs times, and the readings have none",
@@ -283,17 +284,29 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Gives the channels the units that the user names.
-fn name_units(channels: &mut [Channel], units: &[String]) -> anyhow::Result<()> {
-    if units.len() != channels.len() {
+/// Gives the channels the names and the units that the user names, if any.
+fn name_channels(channels: &mut [Channel], known: &[String], units: &[String]) -> anyhow::Result<()> {
+    for (given, what, example) in [(known, "name", "force.N,temperature"), (units, "unit", "Pa,K")] {
+        if !given.is_empty() && given.len() != channels.len() {
+            return Err(advise(
+                format!("{} {what}s for {} channels ({})", given.len(), channels.len(), names(channels)),
+                format!("give one {what} for each channel, as in {example}"),
+            ));
+        }
+    }
+    if let Some((_, name)) = known.iter().enumerate().find(|(k, name)| known[..*k].contains(name)) {
         return Err(advise(
-            format!("{} units for {} channels ({})", units.len(), channels.len(), names(channels)),
-            "give one unit for each channel, as in Pa,K",
+            format!("two channels are called {name:?}"),
+            "give each channel a name of its own",
         ));
     }
-    for (channel, unit) in channels.iter_mut().zip(units) {
+    if known.is_empty() && units.is_empty() {
+        return Ok(());
+    }
+    for (k, channel) in channels.iter_mut().enumerate() {
         // Readings without a name are called pressure until their unit says what they are.
-        let name = if *channel == Channel::default() { "" } else { &channel.name };
+        let old = if *channel == Channel::default() { "" } else { &channel.name };
+        let (name, unit) = (known.get(k).map_or(old, String::as_str), units.get(k).unwrap_or(&channel.unit));
         *channel = Channel::new(name, unit);
     }
     Ok(())

@@ -172,7 +172,6 @@ impl RecordingWriter {
                 let name = format!("{key}.metres_per_pixel");
                 self.writer.constant(&name, &[], Elements::F64(&[pixel_size(part)]))?;
             }
-            self.add_feature(&key, "image", &shape, &["channels", "height", "width"], channels);
         }
         Ok(())
     }
@@ -190,30 +189,27 @@ impl RecordingWriter {
                 let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
                 let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
                 self.values.push(LevelValues { patch: id, level, values, valid });
-                let axis = if level == LevelId::default() { "taxels" } else { "fields" };
-                self.add_feature(&key, "values", &shape, &["channels", axis], layout.channels);
+                self.add_feature(&key, shape.iter().product(), layout.channels);
             }
         }
         Ok(())
     }
 
-    /// Images are the observation of their level; values have a name of their own.
-    fn add_feature(&mut self, key: &str, array: &str, shape: &[usize], axes: &[&str], channels: &[Channel]) {
-        let name = if array == "image" { key.to_owned() } else { format!("{key}.{array}") };
-        let unit = |channel: &Channel| {
-            if array == "image" { channel.pixel_unit() } else { channel.unit.clone() }
-        };
+    /// The values of a level as one vector, channel by channel: statistics of images would be of rows of pixels.
+    fn add_feature(&mut self, key: &str, length: usize, channels: &[Channel]) {
         let feature = json!({
             "dtype": "float32",
-            "shape": shape,
-            "names": axes,
+            "shape": [length],
+            "names": null,
             "info": {
-                "array": format!("{key}.{array}"),
+                "array": format!("{key}.values"),
+                "valid": format!("{key}.valid"),
+                "missing": 0,
                 "channels": channels.iter().map(|c| &c.name).collect::<Vec<_>>(),
-                "units": channels.iter().map(unit).collect::<Vec<_>>(),
+                "units": channels.iter().map(|c| &c.unit).collect::<Vec<_>>(),
             },
         });
-        self.features.insert(format!("observation.tactile.{name}"), feature);
+        self.features.insert(format!("observation.tactile.{}", key.replace('/', "_")), feature);
     }
 
     /// Writes a frame and its images, in the order of the atlas; those of other levels than the
@@ -253,9 +249,9 @@ impl RecordingWriter {
         self.writer.end_frame()
     }
 
-    /// Puts the file in its place, and next to an `.npz` the file that says what it holds, next to
-    /// `touch.npz` `touch.features.json`: each image and each level's values with `dtype`, `shape` and
-    /// `names`, as datasets of `LeRobot` describe their features.
+    /// Puts the file in its place, and next to an `.npz`, as `touch.npz`, its features, `touch.features.json`: the
+    /// values of each level as a vector, as datasets of `LeRobot` describe features. Such vectors are finite: a
+    /// value that is not known is 0 there, and `info.valid` is the array that says which are known.
     ///
     /// # Errors
     /// If the disk is full.
