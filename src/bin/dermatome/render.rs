@@ -372,6 +372,6 @@ impl PixelArgs {
             (None, Some(side)) => Resolution::Pixel(side),
             (None, None) => Resolution::Map,
         };
-        AtlasOptions { resolution, packed: self.pack, ..AtlasOptions::default() }
+        AtlasOptions { resolution, packed: self.pack }
     }
 }

@@ -133,7 +133,6 @@ impl Args {
             arm_rotation_noise: self.arm_noise_deg.to_radians(),
             outliers: self.outliers,
             seed,
-            ..SimulateOptions::default()
         }
     }
 }

@@ -95,7 +95,6 @@ impl Args {
             initialization: self.initial,
             max_iterations: self.iterations,
             covariances: !self.no_covariance,
-            ..CalibOptions::default()
         }
     }
 }
