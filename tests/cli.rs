@@ -12,7 +12,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use common::{command, data, listing};
+use common::{command, data, dermatome, listing};
 use dermatome::{
     id::VertexId,
     io::write_skin,
@@ -20,6 +20,7 @@ use dermatome::{
     skin::{Patch, PatchId, Presence, Skin},
 };
 use predicates::{prelude::*, str::contains};
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// A folder with `cap.glb`, a curved disk of about 400 triangles.
@@ -458,4 +459,27 @@ fn a_table_prescribes_the_boundary() {
     std::fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "4,0,x\n")).unwrap();
     flatten("canvas.csv").code(2).stderr(contains("canvas.csv").and(contains("line 5")));
     flatten("oval").code(2).stderr(contains("needed: free, circle, rectangle"));
+}
+
+/// Of every level above level 0, answers within their bounds, which grow with the level; of a map without such
+/// levels the exact answers alone.
+#[test]
+fn bench_measures_every_level() {
+    let (folder, _) = folder_with_a_cap();
+    let run = |words: &str| dermatome(folder.path(), words).assert().success().get_output().stdout.clone();
+    let built: Value = serde_json::from_slice(&run("build cap.glb -o map --json")).unwrap();
+    let costs: Value = serde_json::from_slice(&run("bench map/map.glb --json")).unwrap();
+    let (built, levels) = (&built["patches"][0]["levels"], costs["levels"].as_array().unwrap());
+    assert_eq!(costs["faces"], built[0]["faces"]);
+    assert_eq!(levels.len() + 1, built.as_array().unwrap().len());
+    let mut last = 0.0;
+    for (level, built) in levels.iter().zip(built.as_array().unwrap().iter().skip(1)) {
+        assert_eq!((&level["faces"], &level["violations"]), (&built["faces"], &0.into()));
+        let [bound, error] = ["bound_mm", "error_mm"].map(|key| level[key][2].as_f64().unwrap());
+        assert!(error <= bound && bound > last, "{level}");
+        last = bound;
+    }
+    run("build cap.glb -o single --levels 0");
+    let table = String::from_utf8(run("bench single/map.glb")).unwrap();
+    assert!(table.contains("| single ns |") && table.trim_end().ends_with("|---|"), "{table}");
 }

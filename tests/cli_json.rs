@@ -78,6 +78,7 @@ fn every_object_keeps_to_its_schema() {
         printed.insert(format!("dermatome.{name}/1"), value);
     };
     keep("build", &run(at, "build cap.glb -o map --json"));
+    keep("bench", &run(at, "bench map/map.glb --json"));
     keep("timings", &fs::read(at.join("map/timings.json")).unwrap());
     run(at, "touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
     keep("calibrate", &run(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));

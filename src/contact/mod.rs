@@ -25,6 +25,7 @@
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
 //!   [one link](Query::only_link).
+//! - [`measure`] measures the time, the bound and the error of the answers on each level of a map.
 //! - [`LiveTaxels`] names the nearest taxel that works.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`](crate::signal::Spreader) makes readings of taxels from the forces of contacts.
@@ -55,7 +56,8 @@
 //! `query` (what is asked and answered), `posed_links` (where the links are), `patch_bvh` (the mesh of a level in a
 //! tree; the trees are those of `crate::bvh`), `patch` (what an index keeps of a patch), `index` (the nearest
 //! point, rays), `fields`; `coarse` (levels with their own trees) and `reactive` (levels alone); `cell` (from a
-//! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works).
+//! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works); `measure` (what
+//! answers on each level cost).
 //!
 //! # Example
 //!
@@ -89,6 +91,7 @@ mod index;
 mod posed_links;
 mod live_taxels;
 mod map_index;
+mod measure;
 mod patch;
 mod patch_bvh;
 mod query;
@@ -103,4 +106,5 @@ pub use error::ContactError;
 pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
+pub use measure::{AnswerCosts, LevelCosts, SampleContacts, THRESHOLDS_MM, measure};
 pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive};

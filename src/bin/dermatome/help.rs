@@ -16,7 +16,12 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 15] = [
+const ENDS: [(&str, &str, &[&str]); 16] = [
+    (
+        "bench",
+        OF_COSTS,
+        &["dermatome build meshes/forearm.glb -o forearm", "dermatome bench forearm/map.glb"],
+    ),
     (
         "build",
         OF_MAPS,
@@ -92,6 +97,14 @@ Words:
   symm. Dirichlet  mean of s1^2 + s2^2 + 1/s1^2 + 1/s2^2 at the best scale; 4 is best
   flips            faces that the map mirrors or squeezes to nothing
   crossings        places where the map overlaps itself";
+
+const OF_COSTS: &str = "\
+Words:
+  level    a mesh: level 0 is the skin, every further one is coarser
+  bound    what the error of an answer of the level alone cannot exceed; it comes with the answer
+  error    how far the distance from the level is from the distance from the skin
+  decides  share of the contacts of which the answer tells for sure whether they are within 1, 2, 5
+           or 10 mm of the skin";
 
 const OF_LEVELS: &str = "\
 Words:

@@ -1,5 +1,6 @@
 //! `dermatome`: the command. It parses, calls the library and prints.
 
+mod bench;
 mod build;
 mod calibrate;
 mod check;
@@ -49,6 +50,8 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Measure lookups on a map: time, error bound and true error on each level.
+    Bench(bench::Args),
     /// Build the maps of a skin: writes map.glb, map.exr and reports as JSON and HTML.
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
@@ -138,6 +141,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
 fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
     let common = &cli.common;
     match &cli.command {
+        Command::Bench(args) => bench::run(args),
         Command::Build(args) => build::run(args, common),
         Command::Calibrate(args) => calibrate::run(args, common),
         Command::Check(args) => check::run(args, common),
