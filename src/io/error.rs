@@ -84,15 +84,6 @@ pub enum Feature {
     /// An extension of glTF, by its name.
     #[error("{0}")]
     Extension(String),
-    /// An animation of glTF that scales.
-    #[error("animated scale")]
-    AnimatedScale,
-    /// An animation of glTF that turns what is scaled unevenly.
-    #[error("animated rotation below an uneven scale")]
-    RotationBelowUnevenScale,
-    /// An OFF file that is binary, or has vertices of other than three coordinates: its first line.
-    #[error("{0}")]
-    OffVariant(String),
     /// Anything else, in words.
     #[error("{0}")]
     Other(String),

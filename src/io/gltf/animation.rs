@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::{
     id::IdVec,
     io::{
-        Feature, IoError,
+        IoError,
         file::Source,
         gltf::{
             Notes,
@@ -203,10 +203,9 @@ fn motion(
             }
             "rotation" if moving[link].rotation.is_some() => return Err(twice(node)),
             "rotation" if stretch.is_some_and(|stretch| !is_uniform(stretch)) => {
-                return Err(document.unsupported(&element, Feature::RotationBelowUnevenScale));
+                return Err(document.unsupported(&element, "animated rotation below an uneven scale"));
             }
             "rotation" => moving[link].rotation = Some(rotations(document, &element, sampler)?),
-            "scale" => return Err(document.unsupported(&element, Feature::AnimatedScale)),
             other => return Err(document.unsupported(&element, format!("animated {other}").as_str())),
         }
     }

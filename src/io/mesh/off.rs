@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     io::{
-        Feature, IoError,
+        IoError,
         file::{Source, excerpt, invalid, lines::LineLocation, replace::write_to},
         mesh::parts::all_triangles,
     },
@@ -115,9 +115,7 @@ fn header<'a>(
     let mut has_normals = 0;
     if let Some((kind, rest)) = text.split_once("OFF") {
         if rest.contains("BINARY") || kind.contains(['4', 'n']) {
-            return Err(
-                source.unsupported(format!("line {}", words.at.line), Feature::OffVariant(excerpt(text)))
-            );
+            return Err(source.unsupported(format!("line {}", words.at.line), excerpt(text).as_str()));
         }
         if !["", "C", "N", "CN", "ST", "STC", "STN", "STCN"].contains(&kind) {
             return Err(words.at.invalid(excerpt(text), "OFF, or COFF, NOFF, STOFF"));

@@ -225,10 +225,7 @@ impl Contacts<'_> {
                 let found = format!("{name:?}, the name of {} links", 1 + others);
                 (found, "the name of one link of the map alone")
             }
-            (None, _) => {
-                self.refusals.count_unknown_link(name);
-                (format!("{name:?}"), needed)
-            }
+            (None, _) => (format!("{name:?}"), needed),
         };
         Err(self.refusals.invalid(line, column, found, needed))
     }

@@ -1,15 +1,15 @@
 //! Rows of a table that are not answered: counted and listed, while the others are answered.
 
-use std::{collections::BTreeMap, fmt::Display, path::PathBuf};
+use std::{fmt::Display, path::PathBuf};
 
 use dermatome::io::IoError;
 
 use crate::{
-    console::{errors::advise, notes::note_count, print::plain},
+    console::{errors::advise, notes::note_count},
     options::Common,
 };
 
-/// Refused rows that are quoted, and names of unknown links.
+/// Refused rows that are quoted.
 const QUOTED: usize = 5;
 
 pub(super) struct Refusals {
@@ -21,15 +21,11 @@ pub(super) struct Refusals {
     pub(super) off_skin: u64,
     /// The first refused rows.
     quoted: Vec<IoError>,
-    /// Rows of links that the map does not have: of the first few names, and of all others.
-    unknown_links: BTreeMap<String, u64>,
-    of_other_links: u64,
 }
 
 impl Refusals {
     pub(super) fn new(path: PathBuf) -> Self {
-        let (quoted, unknown_links) = (Vec::new(), BTreeMap::new());
-        Self { path, count: 0, refused: 0, off_skin: 0, quoted, unknown_links, of_other_links: 0 }
+        Self { path, count: 0, refused: 0, off_skin: 0, quoted: Vec::new() }
     }
 
     /// Counts the next row, and returns its place in the table and itself if it can be answered.
@@ -72,16 +68,6 @@ impl Refusals {
         written
     }
 
-    /// Counts a row of a link that the map does not have.
-    pub(super) fn count_unknown_link(&mut self, name: &str) {
-        let name = plain(name);
-        if self.unknown_links.len() < QUOTED || self.unknown_links.contains_key(&name) {
-            *self.unknown_links.entry(name).or_default() += 1;
-        } else {
-            self.of_other_links += 1;
-        }
-    }
-
     /// Rows that were read and can be answered.
     pub(super) fn answered(&self) -> u64 {
         self.count - self.refused - self.off_skin
@@ -102,12 +88,6 @@ impl Refusals {
         let mut what = format!("{refused} of {count} rows have no answer: {}", quoted.join("; "));
         if refused > self.quoted.len() as u64 {
             what.push_str("; ...");
-        }
-        let links = self.unknown_links.iter().map(|(name, rows)| format!("{name:?} {rows}"));
-        let others = (self.of_other_links > 0).then(|| format!("of others {}", self.of_other_links));
-        let links: Vec<_> = links.chain(others).collect();
-        if !links.is_empty() {
-            what.push_str(&format!("; rows of unknown links: {}", links.join(", ")));
         }
         let others = if self.answered() > 0 { "all others are answered" } else { "there are no others" };
         Err(advise(what, format!("correct or remove them; {others}")))
