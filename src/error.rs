@@ -66,22 +66,9 @@ impl Error {
     #[must_use]
     pub fn kind(&self) -> String {
         match self {
-            Self::Mesh(e) => e.kind(),
-            Self::Skin(e) => e.kind(),
-            Self::Calib(e) => e.kind(),
-            Self::Cut(e) => e.kind(),
-            Self::Pyramid(e) => e.kind(),
-            Self::Flatten(e) => e.kind(),
-            Self::Map(e) => e.kind(),
-            Self::Signal(e) => e.kind(),
-            Self::Contact(e) => e.kind(),
-            Self::Atlas(e) => e.kind(),
-            Self::Image(e) => e.kind(),
-            Self::Io(e) => e.kind(),
-            Self::Unfold(e) => variant_name(e),
-            Self::Plot(e) => e.kind(),
             Self::Patch { source, .. } => source.kind(),
-            Self::Several(errors) => errors.first().map_or_else(|| variant_name(self), Self::kind),
+            Self::Several(errors) => errors.first().map_or_else(|| variant_name(self, 0), Self::kind),
+            _ => variant_name(self, 1),
         }
     }
 
@@ -98,7 +85,7 @@ macro_rules! kinds {
             /// [`Error::kind`](crate::Error::kind).
             #[must_use]
             pub fn kind(&self) -> String {
-                variant_name(self)
+                variant_name(self, 0)
             }
         })*
     };
@@ -120,10 +107,10 @@ kinds!(
     crate::plot::PlotError,
 );
 
-/// The name of the variant of an enum whose `Debug` is derived, in snake case.
-fn variant_name(error: &impl std::fmt::Debug) -> String {
+/// The name of the variant of an enum whose `Debug` is derived, at this depth, in snake case.
+fn variant_name(error: &impl std::fmt::Debug, depth: usize) -> String {
     let text = format!("{error:?}");
-    let name = text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+    let name = text.split(|c: char| !c.is_alphanumeric()).nth(depth).unwrap_or_default();
     let mut words = String::new();
     for (k, c) in name.char_indices() {
         if c.is_uppercase() && k > 0 {

@@ -6,7 +6,7 @@ use dermatome::{
     cut::Cut,
     flatten::{FlattenOptions, Method, Overlap},
     report::PatchReport,
-    skin::{Remark, RemarkKind, Skin, TaxelId, Taxels},
+    skin::{Remark, Skin, TaxelId, Taxels},
 };
 
 use crate::{
@@ -70,38 +70,13 @@ pub(crate) fn note_remarks(remarks: &[Remark], common: &Common) {
     for remark in remarks {
         match counts.get_mut(&kind(remark)) {
             Some(count) if *count > MOST_ALIKE && !common.verbose => {
-                let done = in_common(&remark.kind);
-                note!(common, "{count} meshes {done}, as {remark}; -v lists them");
+                note!(common, "{remark}; {} more such notes, -v lists them", *count - 1);
                 // The others of this kind are said.
                 *count = 0;
             }
             Some(0) => {}
             _ => note!(common, "{remark}"),
         }
-    }
-}
-
-/// What remarks of one kind say of all their meshes.
-const fn in_common(kind: &RemarkKind) -> &'static str {
-    match kind {
-        RemarkKind::Welded { .. } => "were welded",
-        RemarkKind::CutKept { .. } => "stay cut open as the file has them",
-        RemarkKind::DuplicatesDropped { .. } | RemarkKind::ExtraFacesDropped { .. } => "lost faces",
-        RemarkKind::EdgesParted { .. } | RemarkKind::FansSplit { .. } => "were taken apart where they touch",
-        RemarkKind::PatchLeftOut { .. } | RemarkKind::SheetLeftOut { .. } => "were left out",
-        RemarkKind::LeftOut { .. } | RemarkKind::EmptySlots { .. } => "lost vertices or slots",
-        RemarkKind::RepeatedCorner { .. } | RemarkKind::ZeroAreaDropped { .. } => "lost faces without area",
-        RemarkKind::Turned { .. } => "had faces turned over",
-        RemarkKind::Components { .. } => "fall into pieces",
-        RemarkKind::Renamed { .. } => "got other names",
-        RemarkKind::NormalsReplaced { .. } | RemarkKind::NormalsIgnored { .. } => {
-            "got normals of their faces"
-        }
-        RemarkKind::Triangulated { .. } => "were made of bare taxels",
-        RemarkKind::Merged { .. } => "had taxels at one place",
-        RemarkKind::HolesFilled { .. } => "had holes filled",
-        RemarkKind::DoubtfulUnit { .. } => "are very large",
-        _ => "have a remark",
     }
 }
 
