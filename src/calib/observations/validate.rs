@@ -139,9 +139,7 @@ impl Observations {
             None => Ok(()),
         }
     }
-}
 
-impl Observations {
     /// How many edges have finite information that is not positive semi-definite.
     fn indefinite_edges(&self) -> usize {
         self.edges.iter().filter(|edge| edge.is_indefinite()).count()

@@ -111,9 +111,7 @@ impl Document {
         self.budget.set(left);
         Ok(())
     }
-}
 
-impl Document {
     /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
     pub(super) fn buffer(&self, index: usize) -> Result<&[u8]> {
         let buffer = &self.root().buffers[index];

@@ -106,9 +106,7 @@ impl<R: BufRead> Table<R> {
             }
         }
     }
-}
 
-impl<R: BufRead> Table<R> {
     /// What `read` makes of each row, one after the other. After an error about a row the next one follows;
     /// after another error nothing does.
     pub(crate) fn into_rows<T>(
