@@ -394,7 +394,7 @@ fn body() -> SkinMap {
 }
 
 fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
-    Atlas::new(map, &AtlasOptions { resolution, packed, ..AtlasOptions::default() }).unwrap()
+    Atlas::new(map, &AtlasOptions { resolution, packed }).unwrap()
 }
 
 /// Column and row of every covered pixel of an image, with the chart that it shows.

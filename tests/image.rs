@@ -70,7 +70,7 @@ fn kill(frame: &mut LevelFrame, n: u32) {
 }
 
 fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
-    Atlas::new(map, &AtlasOptions { resolution, packed, ..AtlasOptions::default() }).unwrap()
+    Atlas::new(map, &AtlasOptions { resolution, packed }).unwrap()
 }
 
 fn renderer(map: &SkinMap, atlas: &Atlas, quantity: Quantity, how: Interpolation) -> Renderer {

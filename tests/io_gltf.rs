@@ -503,7 +503,7 @@ fn maps_hold_small_ids_as_floats() {
     for (last, id) in [((1 << 24) - 1, (5126, "SCALAR".to_owned())), (1 << 24, (5123, "VEC2".to_owned()))] {
         let mut map = map();
         let ids = &mut map.patches[PatchId::new(0)].taxels.ids;
-        *ids = (0..ids.len()).map(|k| if k == 3 { TaxelId(last) } else { TaxelId(k as u32) }).collect();
+        *ids = (0..).take(ids.len()).map(|k| TaxelId(if k == 3 { last } else { k })).collect();
         let ids = ids.clone();
         let bytes = map_to_bytes(&map).unwrap();
         let glb = Glb::parse(&bytes);

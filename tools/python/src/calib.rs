@@ -249,7 +249,6 @@ pub(crate) fn calibrate(
         initialization: word("initial", initial, &starts)?,
         max_iterations: count("iterations", iterations)?,
         covariances,
-        ..CalibOptions::default()
     };
     let observations = match observations.cast::<PyObservations>() {
         Ok(observations) => Arc::clone(&observations.get().observations),

@@ -142,7 +142,7 @@ impl PyRenderer {
             (None, Some(side)) => Resolution::Pixel(positive("pixel", side)?),
             (Some(_), Some(_)) => return Err(bad("pixel", "size and pixel", "one of the two")),
         };
-        let options = AtlasOptions { resolution, packed: args.pack, ..AtlasOptions::default() };
+        let options = AtlasOptions { resolution, packed: args.pack };
         let (map, fill) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN));
         let extensive = args.extensive;
         let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {
