@@ -241,17 +241,6 @@ fn positions_normals_and_weights_are_those_of_the_point() {
 }
 
 #[test]
-fn any_number_of_threads_draws_the_same() {
-    let map = flat_patch("cap", shapes::cap(3000, 0.1, 1.0), 0.0005);
-    let draw = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| maps::image(&map, 0))
-    };
-    let one = draw(1);
-    assert!([2, 7].into_iter().all(|n| draw(n) == one));
-}
-
-#[test]
 fn an_image_that_is_too_large_is_refused_with_a_pixel_size_that_fits() {
     for (side, pixel) in [(2.0, 1e-4), (1e9, 1e-3), (1.0, 5e-5)] {
         let mut mesh = shapes::square();

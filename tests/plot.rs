@@ -140,32 +140,11 @@ fn unknown_patches_levels_and_widths_are_refused() {
 
 #[test]
 fn broken_maps_are_refused() {
-    let broken = |change: &dyn Fn(&mut PatchMap)| {
-        let mut patch = palm();
-        change(&mut patch);
-        PAINTS.map(|paint| {
-            plot_map(&skin(vec![patch.clone()]), &PlotOptions { paint, ..PlotOptions::default() })
-        })
-    };
-    let one = level_id(1);
-    let cases = [
-        broken(&|p| p.levels[one].uv[PlaceId::new(3)] = DVec2::NAN),
-        broken(&|p| p.levels[one].uv = vec![DVec2::ZERO; 3].into()),
-        broken(&|p| {
-            p.levels[one].level.to_finest.as_mut().unwrap().indices[VertexId::new(0)][2] = VertexId::new(99)
-        }),
-        broken(&|p| p.levels[one].level.to_finest.as_mut().unwrap().weights = Vec::new().into()),
-        broken(&|p| p.taxels.ids = Vec::new().into()),
-        broken(&|p| p.levels[one].level.mesh.triangles = vec![[VertexId::new(400); 3]].into()),
-    ];
-    for result in cases.iter().flatten() {
-        assert!(
-            matches!(
-                result,
-                Err(PlotError::Map(MapError::Skin(_) | MapError::Level { .. } | MapError::NotFinite { .. }))
-            ),
-            "{result:?}"
-        );
+    let mut patch = palm();
+    patch.levels[level_id(1)].uv[PlaceId::new(3)] = DVec2::NAN;
+    for paint in PAINTS {
+        let result = plot_map(&skin(vec![patch.clone()]), &PlotOptions { paint, ..PlotOptions::default() });
+        assert!(matches!(result, Err(PlotError::Map(MapError::NotFinite { .. }))), "{result:?}");
     }
 }
 
