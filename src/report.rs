@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::{
     flatten::{Convergence, Distortion},
     map::{MapLevel, PatchMap, SkinMap},
-    mesh::Adjacency,
+    mesh::boundary_loops,
     pyramid::LevelId,
 };
 
@@ -60,7 +60,7 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
         vertices: map.level.mesh.positions.len(),
         faces: map.level.mesh.triangles.len(),
         seam: map.seam_length(),
-        boundary_loops: Adjacency::new(&map.opened()).map_or(0, |a| a.boundary_loops().len()),
+        boundary_loops: boundary_loops(&map.opened()).len(),
         distortion: map.distortion,
         convergence: map.convergence,
     };

@@ -275,26 +275,31 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
     let rounded =
         |face: FaceId, texture: &[[f32; 2]]| mesh.triangles[face].map(|v| on_map(map, texture[v.index()]));
     let area = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a) / 2.0;
-    // As readers will compute it; a triangle without area on the skin has none.
-    let keeps_shape = |face: FaceId, texture: &[[f32; 2]]| -> Option<bool> {
-        let flat = FlatTriangle::new(mesh.triangles[face].map(|v| mesh.positions[v].as_vec3().as_dvec3()));
-        (flat.area() > 0.0).then(|| flat.jacobian(rounded(face, texture)).determinant() > 0.0)
+    let on_skin = |face: FaceId| {
+        FlatTriangle::new(mesh.triangles[face].map(|v| mesh.positions[v].as_vec3().as_dvec3()))
+    };
+    // As readers will compute it; a triangle without area on the skin keeps its shape.
+    let keeps_shape = |flat: FlatTriangle, on_map: [DVec2; 3]| {
+        flat.area() <= 0.0 || flat.jacobian(on_map).determinant() > 0.0
     };
     let stays = |face: FaceId, texture: &[[f32; 2]]| {
-        !is_upright(face) || area(rounded(face, texture)) > 0.0 && keeps_shape(face, texture).unwrap_or(true)
+        !is_upright(face) || {
+            let on_map = rounded(face, texture);
+            area(on_map) > 0.0 && keeps_shape(on_skin(face), on_map)
+        }
     };
-    keep_upright(&mut texture, mesh, &stays);
+    let fallen = keep_upright(&mut texture, mesh, &stays);
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
         return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
     }
     for face in mesh.triangles.ids() {
-        if keeps_shape(face, &texture).is_none() && mesh.face_area(face) > 0.0 {
+        if on_skin(face).area() <= 0.0 && mesh.face_area(face) > 0.0 {
             let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
             let found = format!("face {face} without area after rounding its positions to f32");
             return Err((found, needed.into()));
         }
-        if !stays(face, &texture) {
+        if fallen.binary_search(&face).is_ok() {
             let area = area(rounded(face, &texture));
             let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
             let needed = "a positive area: no sliver, and an image not much larger than the map";
@@ -313,15 +318,19 @@ const REACH: i16 = 6;
 /// Times that each triangle is tried: the neighbour of one may be in its way.
 const PASSES: usize = 4;
 
-/// Moves corners of triangles that are not `upright` as little as it takes, where that helps.
+/// Moves corners of triangles that are not `upright` as little as it takes, where that helps; returns the
+/// triangles that are not so after it, in their order.
 pub(super) fn keep_upright(
     texture: &mut [[f32; 2]],
     mesh: &TriMesh,
     upright: &dyn Fn(FaceId, &[[f32; 2]]) -> bool,
-) {
-    let mut fallen: Vec<FaceId> = mesh.triangles.ids().filter(|&face| !upright(face, texture)).collect();
+) -> Vec<FaceId> {
+    let all_fallen = |texture: &[[f32; 2]]| -> Vec<FaceId> {
+        mesh.triangles.ids().filter(|&face| !upright(face, texture)).collect()
+    };
+    let mut fallen = all_fallen(texture);
     if fallen.is_empty() {
-        return;
+        return fallen;
     }
     let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
     let all = || (-REACH..=REACH).flat_map(|i| (-REACH..=REACH).map(move |j| [i, j]));
@@ -338,6 +347,7 @@ pub(super) fn keep_upright(
         }
         fallen.retain(|&face| !upright(face, texture));
     }
+    all_fallen(texture)
 }
 
 /// Moves a corner by the first of the `offsets` that leaves the fewest triangles `fallen`.
