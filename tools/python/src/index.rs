@@ -546,7 +546,8 @@ impl PyIndex {
     fn posed(&self, py: Python<'_>, poses: &Bound<'_, PyDict>) -> PyResult<Self> {
         let mut motion = Motion::default();
         for (name, value) in poses {
-            let name: String = name.extract()?;
+            let name: String =
+                name.extract().map_err(|_| bad("poses", "a key that is no str", "the name of a link"))?;
             let link = self.link_named("poses", &name)?;
             let argument = format!("poses[{name:?}]");
             let array = floats(&argument, &value)?;

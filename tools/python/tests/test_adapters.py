@@ -35,6 +35,21 @@ def test_trimesh(dome_map, tube_map, tmp_path):
     assert np.allclose(abs(ours.distance), theirs[1], atol=1e-7)
 
 
+def test_trimesh_keeps_what_a_map_holds(dome_map, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    dome_map.write(tmp_path / "map.glb")
+    scene = trimesh.load(tmp_path / "map.glb", process=False)
+    level = dome_map.patches["dome"].levels[0]
+    mesh = scene.geometry["dome/L0"]
+    assert np.allclose(np.asarray(mesh.visual.uv) * level.size + level.origin, level.uv, atol=1e-6)
+    for name, kept in (("_TAXEL_ID", dome_map.ids), ("_PRESENT", dome_map.present), ("_AREA", level.areas)):
+        assert np.allclose(np.ravel(mesh.vertex_attributes[name]), kept, rtol=1e-6)
+    scene.export(tmp_path / "again.glb")
+    with pytest.raises(dermatome.DataError, match="trimesh.*rewrote this map") as refused:
+        dermatome.Map.read(tmp_path / "again.glb")
+    assert refused.value.kind == "rewritten"
+
+
 def test_torch(dome_map):
     torch = pytest.importorskip("torch")
     import dermatome.torch as adapter

@@ -1,5 +1,7 @@
 """Whatever comes in, what comes out is an answer or an exception that says what is wrong; never a panic."""
 
+import sys
+
 import numpy as np
 import pytest
 from conftest import dome, lattice
@@ -158,6 +160,23 @@ def test_damaged_files(dome_map, garbage, place, patch):
         accepts(lambda: dermatome.Skin.from_bytes(data))
     for kind in ("obj", "stl", "ply", "json", "nothing", ""):
         accepts(lambda: dermatome.Skin.from_bytes(garbage, kind))
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="exceptions have notes since Python 3.11")
+def test_numbers_that_are_too_large_are_named(dome_map):
+    for name, call in [
+        ("level", lambda huge: dome_map.pool(np.zeros(256), huge)),
+        ("threads", lambda huge: dome_map.pool(np.zeros(256), 1, threads=huge)),
+        ("size", lambda huge: dome_map.renderer(size=(huge, 3))),
+        ("coarsest", lambda huge: dermatome.build(dermatome.Skin.from_arrays(*lattice(5, 5)), coarsest=huge)),
+        ("longest", lambda huge: dome_map.index().ray(np.zeros((1, 3)), np.ones((1, 3)), longest=huge)),
+        ("pixel", lambda huge: dome_map.renderer(pixel=huge)),
+    ]:
+        with pytest.raises(OverflowError) as found:
+            call(10**400)
+        assert f"'{name}'" in found.value.__notes__[0]
+    with pytest.raises(dermatome.DataError, match="poses: found a key"):
+        dome_map.index().posed({3: np.eye(4)})
 
 
 def test_huge_results_are_refused(dome_map):

@@ -2,6 +2,7 @@
 
 import gc
 import multiprocessing
+import os
 import pickle
 import signal
 import subprocess
@@ -281,18 +282,76 @@ def test_interrupts_are_heard():
         assert process.returncode == 7
 
 
+IDLE = """
+import os, sys, time
+import numpy as np
+import dermatome
+sys.path.insert(0, sys.argv[1])
+from conftest import dome, lattice
+map = dermatome.build(dermatome.Skin.from_arrays(*dome()))
+values = np.random.default_rng(0).random((3000, 256))
+values[values < 0.1] = np.nan
+renderer, index, points = map.renderer(interpolate="natural"), map.index(), np.zeros((4_000_000, 3))
+print("begins", flush=True)
+try:
+    while True:
+        CALL
+except KeyboardInterrupt:
+    time.sleep(1)
+    before = time.process_time()
+    time.sleep(0.5)
+    print("idle" if time.process_time() - before < 0.2 else "busy", flush=True)
+    os._exit(7)
+"""
+
+
+@pytest.mark.parametrize(
+    "call", ["renderer(values)", "map.pool(np.tile(values, (200, 1)), 1)", "index.locate(points)", "dermatome.touch(map, presses=10_000)"]
+)
+def test_what_was_interrupted_ends(call):
+    from pathlib import Path
+
+    command = [sys.executable, "-c", IDLE.replace("CALL", call), str(Path(__file__).parent)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "begins\n"
+        time.sleep(0.7)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=60)[0] == "idle\n"
+        assert process.returncode == 7
+
+
+def resident():
+    """Bytes of memory that the process holds now."""
+    try:
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        pytest.skip("no /proc/self/statm")
+
+
 def test_memory_does_not_grow(dome_map):
-    resource = pytest.importorskip("resource")
-    index, point = dome_map.index(), dome()[0][:1]
-    for round in range(3):
-        for _ in range(3000):
-            index.locate(point, level=1)
-            dome_map.pool(np.zeros(256), 1)
+    index, renderer, point, frame = dome_map.index(), dome_map.renderer(1, size=(8, 8)), dome()[0][:1], np.zeros((1, 256))
+    turned = {"hand": np.eye(4)}
+
+    def calls(count):
+        for _ in range(count):
+            index.locate(point, level=1, threads=1)
+            index.posed(turned)
+            renderer(frame, threads=1)
+            dome_map.pool(frame, 1, threads=1)
         gc.collect()
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        if round == 1:
-            before = peak
-    assert peak - before < 2048, "KiB more after 3000 calls of each"
+        return resident()
+
+    before = calls(2000)
+    after = calls(25_000)
+    assert after - before < 4 << 20, f"{after - before} bytes more after 100,000 calls: {(after - before) / 100_000} a call"
+
+
+def test_posed_indices_share_their_trees():
+    index = dermatome.build(dermatome.Skin.from_arrays(*lattice(70, 70))).index(levels=True)
+    before = resident()
+    posed = [index.posed({"link": np.eye(4)}) for _ in range(200)]
+    assert (resident() - before) / len(posed) < 50_000, "a tree of 4900 taxels takes some 500 kB"
 
 
 def test_progress_is_told():

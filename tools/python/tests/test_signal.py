@@ -17,6 +17,9 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
     images = renderer(values)
     assert images.shape == (9, 2, 48, 40) and images.dtype == np.float32 and renderer.shape == (48, 40)
     assert np.array_equal(renderer(values, threads=1), images, equal_nan=True)
+    for same in (values.astype(float), values.astype(">f4"), np.asfortranarray(values)):
+        assert np.array_equal(renderer(same), images, equal_nan=True)
+    assert renderer(values[:0]).shape == (0, 2, 48, 40)
     for k in range(9):
         assert np.array_equal(renderer(values[k : k + 1])[0], images[k], equal_nan=True)
     assert np.isnan(images[:, :, ~renderer.mask]).all() and np.isfinite(images[0][:, renderer.mask]).all()
@@ -30,10 +33,11 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
 
 
 @pytest.mark.parametrize("interpolate", ["linear", "nearest", "natural"])
+@pytest.mark.parametrize("size", [None, (12, 12), (200, 200)])
 @pytest.mark.parametrize("level", [0, 1])
-def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level):
+def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level, size):
     for map in (dome_map, tube_map):
-        renderer = map.renderer(level, interpolate=interpolate)
+        renderer = map.renderer(level, interpolate=interpolate, size=size)
         values = np.random.default_rng(4).random((3, map.n_taxels))
         drawn = renderer(values)[:, 0].reshape(3, -1)
         product = (renderer.matrix().scipy() @ map.pool(values, level).astype(float).T).T
