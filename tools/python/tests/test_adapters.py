@@ -201,7 +201,8 @@ def test_ray_gives_the_same_total(dome_map, tmp_path):
         pyarrow.parquet.write_table(table.slice(1000 * k, 1000), tmp_path / f"{k}.parquet")
     lookup = adapter.Lookup(dome_map.to_bytes(), 1)
     alone = adapter.touch_counts(lookup(table)).sort_by([("patch", "ascending"), ("field", "ascending")])
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    # Two for the actors, two for the tasks before and after them.
+    ray.init(num_cpus=4, include_dashboard=False, log_to_driver=False)
     try:
         cells = ray.data.read_parquet(str(tmp_path)).map_batches(
             adapter.Lookup,
