@@ -35,20 +35,17 @@ impl<'a> Storage<'a> {
     }
 
     /// The bytes of a regular file, and their number.
-    fn open(self) -> io::Result<(Box<dyn ReadSeek>, u64)> {
+    fn open(self) -> Result<(Box<dyn ReadSeek>, u64), IoError> {
         if let Some(bytes) = self.bytes {
             return Ok((Box::new(Cursor::new(Arc::clone(bytes))), bytes.len() as u64));
         }
-        let file = File::open(self.path)?;
-        let about = file.metadata()?;
+        let fail = cannot_read(self.path);
+        let file = File::open(self.path).map_err(fail)?;
+        let about = file.metadata().map_err(fail)?;
         if !about.is_file() {
-            return Err(io::Error::other("it is not a regular file"));
+            return Err(fail(io::Error::other("it is not a regular file")));
         }
         Ok((Box::new(file), about.len()))
-    }
-
-    fn unreadable(self) -> impl Fn(io::Error) -> IoError {
-        cannot_read(self.path)
     }
 }
 
@@ -103,12 +100,8 @@ fn element(name: &str) -> String {
 
 impl Place {
     fn open(&self, storage: Storage<'_>) -> Result<Box<dyn Read + Send>, IoError> {
-        self.bytes(storage).map_err(storage.unreadable())
-    }
-
-    fn bytes(&self, storage: Storage<'_>) -> io::Result<Box<dyn Read + Send>> {
         let (mut file, _) = storage.open()?;
-        file.seek(SeekFrom::Start(self.start))?;
+        file.seek(SeekFrom::Start(self.start)).map_err(cannot_read(storage.path))?;
         let file = BufReader::with_capacity(1 << 18, file.take(self.stored));
         let (left, sum) = (self.size, Crc::new());
         Ok(match self.packing {
@@ -124,7 +117,7 @@ impl Place {
 
 /// The array of a `.npy`, which has no more and no fewer elements than its shape says.
 pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoError> {
-    let (_, length) = storage.open().map_err(storage.unreadable())?;
+    let (_, length) = storage.open()?;
     let place = Place { start: 0, stored: length, size: length, packing: Packing::Alone };
     array_at(storage, String::new(), place)
 }
@@ -132,7 +125,7 @@ pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoE
 /// The arrays of an `.npz`, of which none has more or fewer elements than its shape says.
 pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray>, IoError> {
     let path = storage.path;
-    let (file, length) = storage.open().map_err(storage.unreadable())?;
+    let (file, length) = storage.open()?;
     let broken = |error: zip::result::ZipError| match error {
         zip::result::ZipError::Io(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             IoError::Read { path: path.into(), source }

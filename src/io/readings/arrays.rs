@@ -13,7 +13,10 @@ use crate::{
             read::{Storage, StoredArray, find_array, list_arrays},
         },
         file::{excerpt, invalid},
-        readings::header::{LATEST, MAX_NUMBERS},
+        readings::{
+            ReadingsReader, Source,
+            header::{LATEST, MAX_NUMBERS},
+        },
     },
     signal::Channel,
     skin::TaxelId,
@@ -44,22 +47,13 @@ pub(super) struct ArrayReadings {
     row: Vec<f64>,
 }
 
-/// What the arrays of a file say about its readings.
-pub(super) struct About {
-    pub(super) ids: Option<Vec<TaxelId>>,
-    pub(super) channels: Vec<Channel>,
-    pub(super) width: usize,
-    pub(super) frames: u64,
-    pub(super) has_times: bool,
-}
-
 impl ArrayReadings {
     /// Opens a `.npy`, or an `.npz`.
     pub(super) fn open(
         path: &Path,
         is_archive: bool,
         layout: ReadingsLayout,
-    ) -> Result<(Self, About), IoError> {
+    ) -> Result<ReadingsReader, IoError> {
         let storage = Storage::disk(path);
         let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
         let values = find_values(path, &arrays)?;
@@ -81,7 +75,8 @@ impl ArrayReadings {
             channels: channels.len(),
             row: Vec::new(),
         };
-        Ok((readings, About { ids, channels, width, frames, has_times }))
+        let (frames, source) = (Some(frames), Source::Arrays(readings));
+        Ok(ReadingsReader { ids, channels, width, frames, has_times, source })
     }
 
     /// Reads the next row; false after the last one.
@@ -253,25 +248,7 @@ struct Rows {
     done: u64,
     bytes: Vec<u8>,
     /// The whole array if it is in Fortran order, column by column.
-    columns: Option<Columns>,
-}
-
-/// An array of rows, column by column.
-struct Columns {
-    bytes: Vec<u8>,
-    /// Number of rows, and bytes of an element.
-    rows: usize,
-    size: usize,
-}
-
-impl Columns {
-    /// Puts row `k` into `row`.
-    fn take(&self, k: usize, row: &mut Vec<u8>) {
-        row.clear();
-        for column in self.bytes.chunks_exact(self.rows * self.size) {
-            row.extend_from_slice(&column[k * self.size..(k + 1) * self.size]);
-        }
-    }
+    columns: Option<Vec<u8>>,
 }
 
 impl Rows {
@@ -291,10 +268,9 @@ impl Rows {
             columns: None,
         };
         if array.header.is_fortran && array.header.shape.len() > 1 {
-            let (size, count) = (elements.size(), usize::try_from(left).unwrap_or(usize::MAX));
-            rows.fetch(path, size.saturating_mul(row).saturating_mul(count))?;
-            let bytes = std::mem::take(&mut rows.bytes);
-            rows.columns = Some(Columns { bytes, rows: count, size });
+            let count = usize::try_from(left).unwrap_or(usize::MAX);
+            rows.fetch(path, elements.size().saturating_mul(row).saturating_mul(count))?;
+            rows.columns = Some(std::mem::take(&mut rows.bytes));
         }
         Ok(rows)
     }
@@ -318,9 +294,16 @@ impl Rows {
 
     /// Takes the bytes of the next row.
     fn take(&mut self, path: &Path) -> Result<(), IoError> {
+        let size = self.elements.size();
         match &self.columns {
-            Some(columns) => columns.take(usize::try_from(self.done).unwrap_or(usize::MAX), &mut self.bytes),
-            None => self.fetch(path, self.elements.size() * self.row)?,
+            Some(columns) => {
+                let start = usize::try_from(self.done).unwrap_or(usize::MAX) * size;
+                self.bytes.clear();
+                for column in columns.chunks_exact(columns.len() / self.row) {
+                    self.bytes.extend_from_slice(&column[start..start + size]);
+                }
+            }
+            None => self.fetch(path, size * self.row)?,
         }
         self.left = self.left.saturating_sub(1);
         self.done += 1;

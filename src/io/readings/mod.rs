@@ -18,7 +18,6 @@ use crate::{
         file::{cannot_read, file_kind},
         readings::{
             arrays::{ArrayReadings, ReadingsLayout},
-            header::Header,
             text::{LongReadings, TextReadings},
         },
     },
@@ -85,31 +84,15 @@ impl ReadingsReader {
         match file_kind(path).as_str() {
             kind @ ("txt" | "csv") => {
                 let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
-                let long = if is_file { LongReadings::open(path, kind == "csv")? } else { None };
-                if let Some((readings, about)) = long {
-                    return Ok(Self {
-                        width: about.ids.len(),
-                        ids: Some(about.ids),
-                        channels: vec![about.channel],
-                        frames: None,
-                        has_times: true,
-                        source: Source::Long(readings),
-                    });
+                if let Some(long) =
+                    is_file.then(|| LongReadings::open(path, kind == "csv")).transpose()?.flatten()
+                {
+                    return Ok(long);
                 }
                 let file = File::open(path).map_err(cannot_read(path))?;
-                Self::text(path, Box::new(file), kind == "csv")
+                TextReadings::open(path, Box::new(file), kind == "csv")
             }
-            kind @ ("npy" | "npz") => {
-                let (readings, about) = ArrayReadings::open(path, kind == "npz", layout)?;
-                Ok(Self {
-                    ids: about.ids,
-                    channels: about.channels,
-                    width: about.width,
-                    frames: Some(about.frames),
-                    has_times: about.has_times,
-                    source: Source::Arrays(readings),
-                })
-            }
+            kind @ ("npy" | "npz") => ArrayReadings::open(path, kind == "npz", layout),
             _ => Err(IoError::UnknownKind { path: path.into(), known: ".txt, .csv, .npy, .npz" }),
         }
     }
@@ -120,19 +103,7 @@ impl ReadingsReader {
     /// # Errors
     /// As [`Self::open`].
     pub fn stream(path: &Path, input: impl Read + Send + 'static) -> Result<Self, IoError> {
-        Self::text(path, Box::new(input), false)
-    }
-
-    fn text(path: &Path, input: Box<dyn Read + Send>, is_csv: bool) -> Result<Self, IoError> {
-        let (text, Header { width, ids, channels, cells: _ }) = TextReadings::open(path, input, is_csv)?;
-        Ok(Self {
-            width,
-            ids,
-            channels,
-            frames: None,
-            has_times: text.has_times(),
-            source: Source::Text(text),
-        })
+        TextReadings::open(path, Box::new(input), false)
     }
 
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,

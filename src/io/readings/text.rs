@@ -19,7 +19,10 @@ use crate::{
             cannot_read, excerpt,
             lines::{LineLocation, Lines},
         },
-        readings::header::{Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds},
+        readings::{
+            ReadingsReader, Source,
+            header::{Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds},
+        },
         table::cells::{Cells, Separator},
     },
     signal::Channel,
@@ -83,12 +86,14 @@ impl TextReadings {
         path: &Path,
         input: Box<dyn Read + Send>,
         is_csv: bool,
-    ) -> Result<(Self, Header), IoError> {
+    ) -> Result<ReadingsReader, IoError> {
         let lines = TextLines::open(path, input, is_csv)?;
-        let header = parse_header(lines.words.iter(), lines.separator == Separator::Blanks, lines.at())?;
-        let numbers = header.width * header.channels.len();
-        let cells = header.cells.clone();
-        Ok((Self { lines, cells, numbers, has_rows: false }, header))
+        let leading = lines.separator == Separator::Blanks;
+        let Header { width, ids, channels, cells } = parse_header(lines.words.iter(), leading, lines.at())?;
+        let has_times = cells.iter().any(|cell| matches!(cell, Cell::Time { .. }));
+        let numbers = width * channels.len();
+        let source = Source::Text(Self { lines, cells, numbers, has_rows: false });
+        Ok(ReadingsReader { ids, channels, width, frames: None, has_times, source })
     }
 
     /// Reads the next row; false after the last one.
@@ -107,10 +112,6 @@ impl TextReadings {
         *time = f64::NAN;
         take_row(&self.cells, self.lines.words.iter(), self.lines.at(), values, time)?;
         Ok(true)
-    }
-
-    pub(super) fn has_times(&self) -> bool {
-        self.cells.iter().any(|cell| matches!(cell, Cell::Time { .. }))
     }
 }
 
@@ -151,13 +152,6 @@ pub(super) struct LongReadings {
     ahead: Option<Reading>,
 }
 
-/// What the table says about its readings.
-pub(super) struct About {
-    /// The taxels, in the order in which they first come.
-    pub(super) ids: Vec<TaxelId>,
-    pub(super) channel: Channel,
-}
-
 #[derive(Clone, Copy)]
 struct Reading {
     time: f64,
@@ -177,8 +171,9 @@ struct Rows {
 
 impl LongReadings {
     /// Opens a file if the names in its first line are those of a long table.
-    pub(super) fn open(path: &Path, is_csv: bool) -> Result<Option<(Self, About)>, IoError> {
+    pub(super) fn open(path: &Path, is_csv: bool) -> Result<Option<ReadingsReader>, IoError> {
         let Some((mut rows, channel)) = Rows::open(path, is_csv)? else { return Ok(None) };
+        // In the order in which they first come.
         let (mut ids, mut columns) = (Vec::new(), HashMap::new());
         while let Some(Reading { id, .. }) = rows.next()? {
             columns.entry(id).or_insert_with(|| {
@@ -195,7 +190,14 @@ impl LongReadings {
         }
         let Some((mut rows, _)) = Rows::open(path, is_csv)? else { return Ok(None) };
         let ahead = rows.next()?;
-        Ok(Some((Self { rows, columns, ahead }, About { ids, channel })))
+        Ok(Some(ReadingsReader {
+            width: ids.len(),
+            ids: Some(ids),
+            channels: vec![channel],
+            frames: None,
+            has_times: true,
+            source: Source::Long(Self { rows, columns, ahead }),
+        }))
     }
 
     /// Reads the next frame; false after the last one.
