@@ -23,7 +23,6 @@ use exr::{
 };
 use flate2::{Compression as Effort, write::ZlibEncoder};
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::{
@@ -32,7 +31,7 @@ use crate::{
     io::{
         IoError,
         error::Result,
-        file::{replace_file, unfit},
+        file::{percent_coded, replace_file, unfit},
     },
     map::ImageFrame,
     numeric::order_by,
@@ -70,15 +69,12 @@ const MAX_SIDE: u32 = 1 << 24;
 /// If there is no image, an image has no pixels, two have the same name, or the file cannot be written.
 pub fn write_images(path: &Path, images: &[LevelImage]) -> Result<(), IoError> {
     let note = |image: &LevelImage| {
-        let frame = image.frame();
-        let map = Rectangle { origin: frame.origin.to_array(), size: frame.size.to_array() };
-        serde_json::to_string(&Note { version: env!("CARGO_PKG_VERSION"), name: image.name(), map })
+        let ImageFrame { origin, size, .. } = image.frame();
+        let map = json!({ "origin": origin.to_array(), "size": size.to_array() });
+        let (version, name) = (env!("CARGO_PKG_VERSION"), json!(image.name()));
+        format!(r#"{{"version":"{version}","name":{name},"map":{map}}}"#)
     };
-    let notes: Vec<_> = images
-        .iter()
-        .map(note)
-        .collect::<Result<_, _>>()
-        .map_err(|e| IoError::Write { path: path.to_owned(), source: e.into() })?;
+    let notes: Vec<_> = images.iter().map(note).collect();
     let images: Vec<_> = images.iter().map(|image| image as &dyn ImageRows).collect();
     write_parts(path, &images, &notes)
 }
@@ -194,31 +190,11 @@ impl<'a> Part<'a> {
     }
 }
 
-#[derive(Serialize)]
-struct Note<'a> {
-    version: &'static str,
-    name: &'a str,
-    map: Rectangle,
-}
-
-#[derive(Serialize)]
-struct Rectangle {
-    origin: [f64; 2],
-    size: [f64; 2],
-}
-
 /// A name as it is written in an EXR file, whose names are bytes that every program reads as it
 /// likes: printable ASCII as it is, any other byte of the UTF-8 text, and `%` itself, as `%` and
 /// two hexadecimal digits.
 fn ascii(name: &str) -> Text {
-    let mut bytes = Vec::with_capacity(name.len());
-    for byte in name.bytes() {
-        match byte {
-            b' '..=b'~' if byte != b'%' => bytes.push(byte),
-            _ => bytes.extend(format!("%{byte:02X}").into_bytes()),
-        }
-    }
-    Text::from_slice_unchecked(&bytes)
+    Text::from_slice_unchecked(percent_coded(name, |c| !(' '..='~').contains(&c) || c == '%').as_bytes())
 }
 
 fn invalid(message: String) -> io::Error {

@@ -7,7 +7,6 @@
 //! the recording ends.
 
 use std::{
-    fmt::Write as _,
     fs::File,
     io::{self, BufWriter, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
@@ -19,7 +18,7 @@ use crate::io::{
     IoError,
     arrays::npy::{ElementType, Elements, count, header},
     file::{
-        cannot_write, file_kind,
+        cannot_write, file_kind, percent_coded,
         replace::{Replacement, replace_file, spool_for},
         unfit,
     },
@@ -294,18 +293,7 @@ impl Archive<'_, '_> {
 fn entry_name(name: &str) -> String {
     let leaves = name.starts_with('/') || name.split('/').any(|part| part == "..");
     let is_odd = |c: char| c.is_control() || c == '\\' || leaves && c == '/';
-    let mut encoded = String::with_capacity(name.len());
-    for c in name.chars() {
-        match c {
-            c if is_odd(c) => {
-                for byte in c.encode_utf8(&mut [0; 4]).bytes() {
-                    let _ = write!(encoded, "%{byte:02X}");
-                }
-            }
-            c => encoded.push(c),
-        }
-    }
-    encoded
+    percent_coded(name, is_odd)
 }
 
 /// Writes an archive; the file is replaced whole or not at all.

@@ -151,6 +151,15 @@ pub(crate) fn unfit(
     IoError::Unfit { path: path.into(), element: element.into(), found: found.into(), needed: needed.into() }
 }
 
+/// A name whose odd characters are `%` and two hexadecimal digits for each byte.
+pub(crate) fn percent_coded(name: &str, is_odd: impl Fn(char) -> bool) -> String {
+    let coded = |c: char| match is_odd(c) {
+        true => c.encode_utf8(&mut [0; 4]).bytes().map(|byte| format!("%{byte:02X}")).collect(),
+        false => String::from(c),
+    };
+    name.chars().map(coded).collect()
+}
+
 /// A piece of a file as an error repeats it: on one line, and not too long.
 pub(crate) fn excerpt(text: &str) -> String {
     let mut short: String = text.chars().take(MAX_EXCERPT).flat_map(char::escape_debug).collect();

@@ -231,8 +231,7 @@ impl<'a> Row<'a> {
 
     /// The same, or nothing where all four cells are empty.
     pub(crate) fn rotation_if_any(&self, columns: [usize; 4]) -> Result<Option<DQuat>> {
-        let is_empty = columns.iter().all(|&c| self.text(c).is_empty());
-        if is_empty { Ok(None) } else { self.rotation(columns).map(Some) }
+        self.numbers_if_any(columns)?.map(|_| self.rotation(columns)).transpose()
     }
 }
 
