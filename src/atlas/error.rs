@@ -7,12 +7,10 @@ use crate::{cut::PlaceId, map::MapError};
 /// Why a level has no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum AtlasError {
-    /// The map breaks a rule.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// More pixels than an image may have.
     #[error(
         "the image of {image} would have {} x {} pixels for a map of {:.3} x {:.3} m; at most {max_side} a side and \
          {max_pixels} in all are drawn, which {fits_mm} mm a pixel would keep to",
@@ -27,7 +25,6 @@ pub enum AtlasError {
         max_pixels: u64,
         fits_mm: f64,
     },
-    /// More pixels in all than a skin's images may have.
     #[error(
         "the {images} {} of the skin would have {pixels} pixels together, {bytes} bytes of samples; at most \
          {max_pixels} pixels are drawn for its number of taxels, which {fits_mm} mm a pixel would keep to",
@@ -42,7 +39,6 @@ pub enum AtlasError {
         max_pixels: u64,
         fits_mm: f64,
     },
-    /// A place off the picture.
     #[error("place {place} of {image} lies at ({}, {}) m on the map, outside of the level's frame", at.x, at.y)]
     OutsideFrame {
         /// Patch and level, as `palm/L0`.
@@ -50,10 +46,8 @@ pub enum AtlasError {
         place: PlaceId,
         at: DVec2,
     },
-    /// A pixel size that is not a length.
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
     PixelSize { found: f64 },
-    /// A canvas that is too small for the charts, even at one pixel each, or too large to draw.
     #[error(
         "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \
          are needed, and at most {max_side} a side are drawn",

@@ -217,18 +217,14 @@ fn blank(part: &AtlasPart, tiles: &[Tile], channels: usize) -> TactileImage {
 /// Why values and pixels do not fit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum ImageError {
-    /// The map breaks a rule.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// An atlas that was made of another map.
     #[error("image {part} of the atlas shows a patch, a level or a face that the map does not have")]
     Atlas { part: String },
-    /// A level that no patch has.
     #[error("no image shows level {level}; the levels are 0 to {last}")]
     Level { level: LevelId, last: LevelId },
-    /// A chart without a pixel, where an amount has to be drawn.
     #[error(
         "no pixel of image {part} shows patch {patch}, so its amounts cannot be kept; use smaller pixels"
     )]

@@ -10,9 +10,8 @@ pub(super) type Result<T, E = IoError> = std::result::Result<T, E>;
 /// What is wrong with a file: which, where in it, what was found, what is needed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum IoError {
-    /// The file cannot be opened or read.
     #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
     /// The file cannot be written; an older one is left as it was.
@@ -27,7 +26,6 @@ pub enum IoError {
         found: String,
         needed: String,
     },
-    /// A mesh that a robot description names is not where it was looked for.
     #[error("{}: {element}: found no file for {url:?}, looked for in: {}", path.display(), listed(searched))]
     MeshFile {
         /// The file.
@@ -56,23 +54,19 @@ pub enum IoError {
     /// The file uses something that is valid but not read here.
     #[error("{}: {element} uses {feature}, which is not supported", path.display())]
     Unsupported { path: PathBuf, element: String, feature: Feature },
-    /// The file has no animation of the name that was asked for, or without a name not exactly one.
     #[error("{}: animations: found {known:?}; needed: {}", path.display(), wanted.as_ref().map_or_else(
         || "exactly one, or the name of one of them".to_owned(),
         |name| format!("one called {name:?}"),
     ))]
     Animation { path: PathBuf, wanted: Option<String>, known: Vec<String> },
-    /// The file is not a map; it may be a skin.
     #[error("{}: found no mesh with extras.dermatome; needed: a map, as dermatome writes it", path.display())]
     NoMap { path: PathBuf },
-    /// A map that another program wrote anew, without all that a map needs.
     #[error(
         "{}: another program, {generator}, rewrote this map and broke it: {fault}; \
          needed: the file as dermatome wrote it",
         path.display()
     )]
     Rewritten { path: PathBuf, generator: String, fault: String },
-    /// The extension is not one of a file that can be used here.
     #[error("{}: unknown kind of file; known here: {known}", path.display())]
     UnknownKind { path: PathBuf, known: &'static str },
 }

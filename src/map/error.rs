@@ -14,58 +14,47 @@ use crate::{
 /// Why data is not a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum MapError {
-    /// Links or patches that do not fit each other, or arrays that are not the taxels of a patch.
     #[error(transparent)]
     Skin(#[from] SkinError),
     /// A level that breaks a rule, or is not there.
     #[error("{patch}/{level:?}: {source}")]
     Level { patch: String, level: LevelId, source: PyramidError },
-    /// A vertex of level 0 whose area is not that of its taxel.
     #[error("{patch}/L0: vertex {vertex} has an area of {found} m^2, but its taxel one of {taxel} m^2")]
     Area { patch: String, vertex: VertexId, found: f64, taxel: f64 },
-    /// More faces that fill holes than there are.
     #[error("{patch}: {found} faces are said to fill holes, but level 0 has {faces}")]
     Filled { patch: String, found: usize, faces: usize },
-    /// A cut that is not one of its level.
     #[error(
         "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \
          are their own first places, and the faces of both are the same"
     )]
     Cut { patch: String, level: LevelId, place: PlaceId },
-    /// A map position that is not finite.
     #[error("{patch}/{level:?}: vertex {vertex} lies at {at} m on the map, which is not finite")]
     NotFinite { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
-    /// A map position that is too far away for the precision of 64-bit numbers.
     #[error(
         "{patch}/{level:?}: vertex {vertex} lies at {at} m on the map; coordinates within 1e12 m are needed"
     )]
     TooFar { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
-    /// A map without extent.
     #[error(
         "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; each needs a place of its own"
     )]
     OnePoint { patch: String, level: LevelId, at: DVec2 },
-    /// A map as seen in a mirror.
     #[error(
         "{patch}/{level:?}: the map is mirrored: all its triangles run clockwise, but from outside of the skin they run \
          counter-clockwise"
     )]
     Mirrored { patch: String, level: LevelId },
-    /// Two levels that are joined in two ways.
     #[error(
         "{patch}/{level:?}: vertex {vertex} has other weights in `up` (`from_coarser`) than the row of its taxel in \
          `direct` (`to_finest`) of the next coarser level; both say where it lies there"
     )]
     Contradiction { patch: String, level: LevelId, vertex: VertexId },
-    /// An image frame without a size.
     #[error(
         "{patch}/{level:?}: the image frame is {} m at {} in {:?} pixels; it must be finite, with a positive size",
         frame.size, frame.origin, frame.size_px
     )]
     Frame { patch: String, level: LevelId, frame: ImageFrame },
-    /// Measures of a map that no map has.
     #[error(
         "{patch}/{level:?}: the distortion is {distortion:?}; means must be at most maxima, and flips at most the \
          number of faces"

@@ -13,18 +13,14 @@ pub(crate) fn too_many(vertices: usize, faces: usize) -> Option<MeshError> {
 /// Why a list of triangles is not an oriented manifold mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum MeshError {
-    /// More vertices or faces than 32-bit numbers count.
     #[error("{vertices} vertices and {faces} faces are too many: at most {} and {} can be counted", u32::MAX - 1, MAX_FACES)]
     TooMany { vertices: usize, faces: usize },
-    /// A corner names a vertex that does not exist.
     #[error("face {face} names vertex {vertex}, but there are {vertices} vertices")]
     CornerOutOfRange { face: FaceId, vertex: VertexId, vertices: usize },
-    /// A face uses one vertex twice.
     #[error("face {face} uses vertex {vertex} twice")]
     RepeatedCorner { face: FaceId, vertex: VertexId },
-    /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} has a coordinate that is not finite: {position:?}")]
     NotFinite { vertex: VertexId, position: [f64; 3] },
     /// More than two faces meet at an edge, or two of them run along it in the same direction.
@@ -32,10 +28,8 @@ pub enum MeshError {
         "edge {from}-{to} is not manifold: faces {first} and {second} both run along it in this direction"
     )]
     NonManifoldEdge { from: VertexId, to: VertexId, first: FaceId, second: FaceId },
-    /// The faces at a vertex form more than one fan.
     #[error("vertex {vertex} is not manifold: its faces form {fans} fans, one is needed")]
     NonManifoldVertex { vertex: VertexId, fans: usize },
-    /// A vertex that no face uses.
     #[error("vertex {vertex} belongs to no face")]
     IsolatedVertex { vertex: VertexId },
 }

@@ -13,18 +13,14 @@ use crate::{
 /// the patch of the skin, numbers them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SkinError {
-    /// A motion with a pose that is not rigid, or at a time that is not a number.
     #[error("{link} moves to a pose that is not rigid, or at a time that is not finite")]
     Pose { link: LinkId },
-    /// A patch whose triangles are not an oriented manifold, or not triangles at all.
     #[error("patch {patch:?}: {source}")]
     Mesh { patch: String, source: MeshError },
-    /// Arrays that are not the taxels of the patch.
     #[error("patch {patch:?}: {source}")]
     Taxels { patch: String, source: TaxelError },
-    /// Edges where more than two faces meet.
     #[error(
         "patch {patch:?}: {} more than two faces, the first joins vertices {} and {}; \
          a skin is a sheet, with one or two faces at each edge",
@@ -32,13 +28,11 @@ pub enum SkinError {
         edges[0][0], edges[0][1]
     )]
     NonManifoldEdges { patch: String, edges: Vec<[VertexId; 2]> },
-    /// Edges where more than two faces meet even after repair.
     #[error(
         "patch {patch:?}: repair stopped after {rounds} rounds of dropping faces, and {} more than two faces still, \
          the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), edges[0][0], edges[0][1]
     )]
     RepairGaveUp { patch: String, rounds: usize, edges: Vec<[VertexId; 2]> },
-    /// A sheet with one side only, like a Möbius strip.
     #[error(
         "patch {patch:?} cannot be wound consistently: the closed strip of the faces {} contradicts itself at the edge \
          between vertices {} and {}", first_few(faces), edge[0], edge[1]
@@ -49,29 +43,22 @@ pub enum SkinError {
         /// The faces of the shortest strip through it that is turned over once around, in order.
         faces: Vec<FaceId>,
     },
-    /// Two patches of one name.
     #[error("two patches are named {patch:?}; names must differ")]
     DuplicateName { patch: String },
-    /// A patch with several components.
     #[error("patch {patch:?} has {found} components; a patch must have one")]
     Components {
         patch: String,
         /// Number of pieces; zero for a patch without faces.
         found: usize,
     },
-    /// A patch is attached to a link that does not exist.
     #[error("patch {patch:?} is attached to link {link}, which does not exist")]
     UnknownLink { patch: String, link: LinkId },
-    /// A link comes before its parent.
     #[error("link {link} does not come after its parent")]
     LinkOrder { link: LinkId },
-    /// A link whose pose is not finite, or does more than rotate and translate.
     #[error("the pose of link {link} is not rigid; a finite rotation and translation are needed")]
     LinkPose { link: LinkId },
-    /// Bare taxels at too few places.
     #[error("patch {patch:?} has no triangles, and taxels at {found} places; 3 are needed to join them")]
     TooFewPlaces { patch: String, found: usize },
-    /// Bare taxels that fill a volume.
     #[error(
         "patch {patch:?} has no triangles, and its taxels lie on no surface: a typical neighbourhood is {thickness:.2} \
          times as thick as wide (variances); at most 0.25 is needed to join them"
@@ -81,25 +68,20 @@ pub enum SkinError {
         /// Median of smallest over middle variance of a neighbourhood.
         thickness: f64,
     },
-    /// Bare taxels that no triangle joins.
     #[error(
         "patch {patch:?} has no triangles, and no three of its {places} taxels form one within the gap: they lie on \
          lines, or in pairs"
     )]
     NoFace { patch: String, places: usize },
-    /// A gap that is out of range.
     #[error("the gap is {found}; a number from 1 to 20, in units of the spacing, is needed")]
     Gap { found: f64 },
-    /// Several patches that are not valid, each for its own reason.
     #[error("{} patches are not valid: {}", errors.len(), joined(errors))]
     Several { errors: Vec<SkinError>, valid: usize },
-    /// Triangles that are none: every one has two corners at one place, or all on a line.
     #[error(
         "{} no area: corners lie at one place or on a line; a skin needs positions that differ",
         if *faces == 1 { "its only triangle has".to_owned() } else { format!("its {faces} triangles have") }
     )]
     NoArea { faces: usize },
-    /// No triangles at all.
     #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
     NoTriangles,
 }

@@ -289,46 +289,35 @@ fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
 /// Why arrays are not the taxels of a patch.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum TaxelError {
-    /// An array has not one entry per vertex.
     #[error("{what}: an array of {found} entries; {needed} are needed, one per vertex")]
     Length { what: &'static str, found: usize, needed: usize },
-    /// A receptive area that is not positive and finite.
     #[error("vertex {vertex} has an area of {found} m^2; a positive number is needed")]
     Area { vertex: VertexId, found: f64 },
-    /// A normal that is not a unit vector.
     #[error("the normal of vertex {vertex} has length {found}; 1 is needed")]
     Normal {
         vertex: VertexId,
         /// Length of the normal found; zero where the faces have no direction.
         found: f64,
     },
-    /// A tangent that is not a unit vector perpendicular to the normal.
     #[error(
         "the tangent of vertex {vertex} has length {length} and the part {along} along the normal; \
          1 and 0 are needed"
     )]
     Tangent { vertex: VertexId, length: f64, along: f64 },
-    /// A density that is not positive and finite.
     #[error("vertex {vertex} has a density of {found} taxels per m^2; a positive number is needed")]
     Density { vertex: VertexId, found: f64 },
-    /// A weight that is negative or not finite.
     #[error("vertex {vertex} has a weight of {found}; a number of at least 0 is needed")]
     Weight { vertex: VertexId, found: f64 },
-    /// Weights that are all zero.
     #[error("all {found} weights are 0; at least one above 0 is needed")]
     NoWeight { found: usize },
-    /// An acuity out of range.
     #[error("vertex {vertex} has an acuity of {found}; a number from 0.001 to 1000 is needed")]
     Acuity { vertex: VertexId, found: f64 },
-    /// Weights of joints that are negative, not finite or do not have the sum 1.
     #[error("vertex {vertex} follows {found:?}; weights of at least 0 with sum 1 are needed")]
     Joints { vertex: VertexId, found: Joints },
-    /// A joint that does not exist.
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
     UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
-    /// A matrix that is not the covariance of a position.
     #[error(
         "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
          semidefinite",

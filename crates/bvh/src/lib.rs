@@ -44,12 +44,10 @@ pub use triangle_tree::{Nearest, RayHit, Refitting, Start, TriangleTree};
 /// Why there is no tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum BvhError {
-    /// A box with a coordinate that is not finite, or with a negative side.
     #[error("box {index} is not finite or has a negative side")]
     NotABox { index: usize },
-    /// A vertex that is too far away to be searched for, or not finite.
     #[error("vertex {vertex} is too far from the origin, or not finite")]
     TooFar { vertex: usize },
     /// More elements than a tree can number, or none where there must be one.

@@ -31,18 +31,14 @@ pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
 /// Why points have no Delaunay triangulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum DelaunayError {
-    /// A coordinate is NaN or out of range.
     #[error("point {point} lies at {position:?}; coordinates must be finite and below 1e60 m")]
     OutOfRange { point: usize, position: [f64; 2] },
-    /// Two points at one place.
     #[error("points {first} and {second} both lie at {position:?}; points must differ")]
     Coincident { first: usize, second: usize, position: [f64; 2] },
-    /// Edges of polygons cross or touch.
     #[error("the edge between points {} and {} meets another one; polygons must not touch", edge[0], edge[1])]
     Crossed { edge: [usize; 2] },
-    /// The triangulation library refused the points for a reason of its own.
     #[error("the points cannot be triangulated: {reason}")]
     Refused { reason: String },
 }

@@ -31,12 +31,10 @@ pub use selected_inverse::SelectedInverse;
 /// Why a system cannot be solved.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SparseError {
-    /// An entry is NaN or infinite.
     #[error("row {row} of the system holds an entry that is not finite")]
     NotFinite { row: usize },
-    /// A pivot is zero or negative.
     #[error("the system is not positive definite: its pivot in row {row} is not positive")]
     NotPositiveDefinite { row: usize },
     /// No pivot was found, or the solution is not finite.
