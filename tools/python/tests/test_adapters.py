@@ -1,5 +1,7 @@
 """The adapters, each against the real package; those that are not installed are skipped by name."""
 
+import json
+
 import numpy as np
 import pytest
 from conftest import dome
@@ -219,12 +221,47 @@ def test_ray_gives_the_same_total(dome_map, tmp_path):
 def test_genesis_probes(dome_map):
     import dermatome.genesis as adapter
 
-    at_fields = adapter.probes(dome_map, level=1)
+    assert adapter.probes(dome_map).keys() == {"probe_local_pos", "probe_radius"}
+    at_fields = adapter.probes(dome_map, level=1, normals=True)
     assert at_fields["probe_local_pos"].shape == at_fields["probe_local_normal"].shape
-    grid = adapter.probes(dome_map, grid=(12, 9))
+    grid = adapter.probes(dome_map, grid=(12, 9), normals=True)
     assert grid["probe_local_pos"].shape == (12, 9, 3) and grid["probe_radius"].shape == (12, 9)
     inside = grid["probe_radius"] > 0
     assert inside.any()
     index = dome_map.index()
     assert abs(index.locate(grid["probe_local_pos"][inside]).distance).max() < 1e-9
     assert np.allclose(np.linalg.norm(grid["probe_local_normal"][inside], axis=1), 1)
+
+
+def test_genesis_takes_the_probes(dome_map):
+    gs = pytest.importorskip("genesis")
+    import dermatome.genesis as adapter
+
+    gs.init(backend=gs.cpu, logging_level="warning")
+    for sensor in (gs.sensors.ContactProbe, gs.sensors.KinematicTaxel):
+        for options in (adapter.probes(dome_map, level=1), adapter.probes(dome_map, grid=(12, 9))):
+            made = sensor(entity_idx=0, **options)
+            assert np.allclose(np.asarray(made.probe_local_pos), options["probe_local_pos"])
+    for sensor in (gs.sensors.ElastomerTaxel, gs.sensors.ProximityTaxel):
+        sensor(entity_idx=0, track_link_idx=(1,), **adapter.probes(dome_map, level=1, normals=True))
+
+
+def test_lerobot_makes_a_dataset(dome_map, tmp_path):
+    lerobot = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    import dermatome.lerobot as adapter
+
+    images = {"dome": dome_map.renderer(0, size=(32, 32))}
+    readings, _ = dermatome.touch(dome_map, presses=1, rate=20.0)
+    features = adapter.features(dome_map, 1, images=images)
+    dataset = lerobot.LeRobotDataset.create("test/skin", fps=20, root=tmp_path / "set", features=features, use_videos=False)
+    frames = [adapter.frame(dome_map, values, 1, extensive=True, images=images, limit=5.0) for values in readings.values[:, 0]]
+    for frame in frames:
+        dataset.add_frame({**frame, "task": "touch"})
+    dataset.save_episode()
+    dataset.finalize()
+    statistics = json.loads((tmp_path / "set" / "meta" / "stats.json").read_text())
+    key = "observation.tactile.dome.L1"
+    assert len(statistics[key]["mean"]) == features[key]["shape"][0]
+    assert all(np.isfinite(numbers).all() for numbers in statistics[key].values())
+    again = lerobot.LeRobotDataset("test/skin", root=tmp_path / "set")
+    assert np.array_equal(again[7][key].numpy(), frames[7][key])

@@ -95,6 +95,11 @@ def test_recordings_are_read_by_id(dome_map, tmp_path):
     dermatome.Readings.from_arrays(values[:, order], ids=dome_map.ids[order], timestamps=np.arange(4) / 100).write(tmp_path / "a.npz")
     read = dermatome.Readings.read(tmp_path / "a.npz", dome_map, layout="tcn")
     assert np.array_equal(read.values[:, 0], values) and read.timestamps.tolist() == [0, 0.01, 0.02, 0.03]
+    np.save(tmp_path / "a.npy", np.stack([values, values], axis=1))
+    known = dermatome.Readings.read(tmp_path / "a.npy", dome_map, layout="tcn", channels=("force.N", "heat"), units=("N", "K"))
+    assert (known.channels, known.units) == (("force.N", "heat"), ("N", "K")) and np.array_equal(known.values[:, 1], values)
+    with pytest.raises(dermatome.DataError, match="channels: found 1; needed: 2"):
+        dermatome.Readings.read(tmp_path / "a.npy", layout="tcn", channels=("heat",))
     (tmp_path / "b.csv").write_text("time,1.pressure[Pa],2.pressure[Pa]\n0,5,\n1,6,7\n")
     some = dermatome.Readings.read(tmp_path / "b.csv", dome_map)
     assert some.units == ("Pa",) and some.values[1, 0, :2].tolist() == [6, 7] and np.isnan(some.values[0, 0, 1:]).all()

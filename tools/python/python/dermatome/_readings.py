@@ -38,7 +38,14 @@ class Readings:
     units: tuple[str, ...]
 
     @staticmethod
-    def read(path: str | os.PathLike[str], map: Map | None = None, *, layout: Any = "tnc") -> Readings:
+    def read(
+        path: str | os.PathLike[str],
+        map: Map | None = None,
+        *,
+        layout: Any = "tnc",
+        channels: tuple[str, ...] | None = None,
+        units: tuple[str, ...] | None = None,
+    ) -> Readings:
         """Read a recording.
 
         Parameters
@@ -49,12 +56,19 @@ class Readings:
             The map whose taxels the readings are put to, by their ids.
         layout : {"tnc", "tcn"}
             The axes of an array of three: frames, then taxels or channels.
+        channels, units : tuple of str, optional
+            Names and units of the channels, of a .npy, which has none, or instead of those of the file.
 
         Returns
         -------
         Readings
         """
         readings = _of(read_readings(path, layout))
+        if channels is not None or units is not None:
+            names, of_unit = channels or readings.channels, units or readings.units
+            readings = Readings.from_arrays(
+                readings.values, ids=readings.ids, timestamps=readings.timestamps, channels=names, units=of_unit
+            )
         return readings if map is None else readings.on(map)
 
     @staticmethod

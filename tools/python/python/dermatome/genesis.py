@@ -9,31 +9,39 @@ from dermatome._dermatome import Map
 
 
 def probes(
-    map: Map, *, patch: str | None = None, level: int = 0, grid: tuple[int, int] | None = None, radius: float | None = None
+    map: Map,
+    *,
+    patch: str | None = None,
+    level: int = 0,
+    grid: tuple[int, int] | None = None,
+    radius: float | None = None,
+    normals: bool = False,
 ) -> dict[str, Any]:
-    """The options `probe_local_pos`, `probe_local_normal` and `probe_radius` of a sensor, in the frame of the link.
+    """The options `probe_local_pos` and `probe_radius` of a sensor, in the frame of the link, as in
+    `gs.sensors.ContactProbe(entity_idx=0, **probes(map))`.
 
     Parameters
     ----------
     grid : tuple of int, optional
-        Rows and columns of a regular grid over the map, the first row on top; probes outside of the map have radius 0,
-        which Genesis takes for no probe. By default the vertices of the level.
+        Rows and columns of a regular grid over the map, the first row on top, for `ContactProbe` and `KinematicTaxel`:
+        probes outside of the map have radius 0, which those take for no probe. By default the vertices of the level.
     radius : float, optional
         Radius of a probe, in m; by default that of a disc of the mean area of a vertex.
+    normals : bool
+        Whether `probe_local_normal` is there too, which `ElastomerTaxel` and `ProximityTaxel` take, and others refuse.
     """
     np = need("numpy", "genesis")
     of, whole = level_of(map, patch, level), patch_of(map, patch)
     size = float(np.sqrt(of.areas.mean() / np.pi)) if radius is None else radius
     if grid is None:
-        return {"probe_local_pos": of.positions, "probe_local_normal": of.normals, "probe_radius": np.full(len(of.positions), size)}
-    rows, columns = grid
-    u = of.origin[0] + (np.arange(columns) + 0.5) / columns * of.size[0]
-    v = of.origin[1] + (1 - (np.arange(rows) + 0.5) / rows) * of.size[1]
-    places = np.stack(np.meshgrid(u, v), axis=-1)
-    points, normals, off = map.to_skin(whole.name, places.reshape(-1, 2), level=level)
-    shape = (rows, columns, 3)
-    return {
-        "probe_local_pos": points.reshape(shape),
-        "probe_local_normal": normals.reshape(shape),
-        "probe_radius": np.where(off == 0, size, 0.0).reshape(rows, columns),
-    }
+        points, outward, radii = of.positions, of.normals, np.full(len(of.positions), size)
+    else:
+        rows, columns = grid
+        u = of.origin[0] + (np.arange(columns) + 0.5) / columns * of.size[0]
+        v = of.origin[1] + (1 - (np.arange(rows) + 0.5) / rows) * of.size[1]
+        places = np.stack(np.meshgrid(u, v), axis=-1)
+        points, outward, off = map.to_skin(whole.name, places.reshape(-1, 2), level=level)
+        points, outward = points.reshape(rows, columns, 3), outward.reshape(rows, columns, 3)
+        radii = np.where(off > 0, 0.0, size).reshape(rows, columns)
+    options = {"probe_local_pos": points, "probe_radius": radii}
+    return {**options, "probe_local_normal": outward} if normals else options
