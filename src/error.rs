@@ -10,6 +10,8 @@ pub enum Error {
     #[error(transparent)]
     Skin(#[from] crate::skin::SkinError),
     #[error(transparent)]
+    Remesh(#[from] crate::remesh::RemeshError),
+    #[error(transparent)]
     Calib(#[from] crate::calib::CalibError),
     #[error(transparent)]
     Cut(#[from] crate::cut::CutError),
@@ -81,6 +83,7 @@ macro_rules! kinds {
 kinds!(
     crate::mesh::MeshError,
     crate::skin::SkinError,
+    crate::remesh::RemeshError,
     crate::calib::CalibError,
     crate::cut::CutError,
     crate::pyramid::PyramidError,

@@ -33,6 +33,7 @@ mod numeric;
 pub mod mesh;
 pub mod skin;
 pub mod robot;
+pub mod remesh;
 pub mod calib;
 pub mod cut;
 pub mod pyramid;

@@ -11,9 +11,9 @@ use std::{
 
 /// The modules of the library; each may name only those before it.
 const MODULES: &[&str] = &[
-    "id", "parallel", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "robot", "calib", "cut",
-    "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot", "report",
-    "error", "page", "pipeline",
+    "id", "parallel", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "robot", "remesh", "calib",
+    "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot",
+    "report", "error", "page", "pipeline",
 ];
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.

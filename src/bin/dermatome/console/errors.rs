@@ -253,6 +253,7 @@ fn option_help(error: &Error) -> &'static str {
             "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or leave such patches out \
              with `dermatome build --keep-going`"
         }
+        Error::Remesh(_) => "change --spacing, or take other patches with --patch or --links",
         Error::Mesh(_) | Error::Pyramid(_) => CORRECT,
         _ => BUILD_AGAIN,
     }

@@ -11,6 +11,7 @@ use dermatome::{
     Error,
     io::{IoError, read_map},
     map::SkinMap,
+    remesh::{Remeshed, keep_outer, remesh_skin},
     skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble},
 };
 use glob::Pattern;
@@ -18,7 +19,7 @@ use glob::Pattern;
 use crate::{
     console::{
         errors::advise,
-        notes::{note, note_remarks},
+        notes::{first_names, note, note_remarks},
     },
     files::outputs,
     options::{Common, PatchArgs, ReadArgs, RobotArgs, Unit},
@@ -77,6 +78,13 @@ pub(crate) fn read_good_patches(
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     chosen.keep_faces(&mut draft, path)?;
+    if read.outer {
+        let dropped = keep_outer(&mut draft);
+        note!(common, "{dropped} faces are within others, out of touch, and left out");
+        if draft.sheets.is_empty() {
+            return Err(advise(format!("{}: no face is outside", path.display()), "leave out --outer"));
+        }
+    }
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
     // assembled.
     let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);
@@ -112,9 +120,34 @@ pub(crate) fn read_good_patches(
         let patches = assembled.skin.patches.into_iter().collect();
         assembled.skin.patches = select_patches(path, patches, &chosen.patches, |patch| &patch.name)?.into();
     }
+    if let Some(spacing) = read.spacing {
+        assembled.skin = mesh_anew(&assembled.skin, spacing, common)?;
+    }
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
     let left_out = assembled.remarks.iter().filter(is_left_out).count();
     Ok((assembled.skin, left_out))
+}
+
+/// Meshes a skin anew with taxels this far apart.
+fn mesh_anew(skin: &Skin, spacing: f64, common: &Common) -> anyhow::Result<Skin> {
+    let Remeshed { skin, left_out } = remesh_skin(skin, spacing).map_err(Error::from)?;
+    if skin.patches.is_empty() {
+        return Err(advise(
+            "every patch is smaller than the hexagon around one taxel",
+            "give a smaller --spacing",
+        ));
+    }
+    if !left_out.is_empty() {
+        let count = left_out.len();
+        note!(
+            common,
+            "{count} patches are smaller than the hexagon around one taxel, and left out: {}",
+            first_names(&left_out)
+        );
+    }
+    let taxels: usize = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
+    note!(common, "meshed anew with {taxels} taxels, {} mm apart; their ids count from 1", 1e3 * spacing);
+    Ok(skin)
 }
 
 pub(crate) fn names(paths: &[PathBuf]) -> PathBuf {

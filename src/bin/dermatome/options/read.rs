@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use crate::{
     console::errors::advise,
-    options::{Choice, RobotArgs, one_of, values::number},
+    options::{Choice, RobotArgs, length, one_of, values::number},
 };
 
 /// How to read a skin.
@@ -41,6 +41,12 @@ pub(crate) struct ReadArgs {
     /// y, -y, z, -z, or three numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     outside: Option<DVec3>,
+    /// Keep what of each link can be touched: the outside of the shells of CAD
+    #[arg(long)]
+    pub(crate) outer: bool,
+    /// Mesh the surface anew with taxels this far apart, as 5mm: for CAD, whose triangles are no taxels
+    #[arg(long, value_name = "LENGTH", value_parser = spacing)]
+    pub(crate) spacing: Option<f64>,
     #[command(flatten)]
     pub(crate) robot: RobotArgs,
 }
@@ -133,6 +139,15 @@ fn direction(text: &str) -> Result<DVec3, String> {
     let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
     let direction = axis.or(given).and_then(DVec3::try_normalize);
     direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
+}
+
+fn spacing(text: &str) -> Result<f64, String> {
+    let spacing = length(text)?;
+    if spacing > 0.0 && spacing.is_finite() {
+        Ok(spacing)
+    } else {
+        Err("needed: a length above 0, as in 5mm".into())
+    }
 }
 
 fn gap(text: &str) -> Result<f64, String> {

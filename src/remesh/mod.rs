@@ -1,0 +1,203 @@
+//! Remeshing: a surface as triangles of one size, whose vertices can be taxels.
+//!
+//! Triangles of CAD say how a surface bends, and nothing about taxels. [`remesh`] covers the same surface with
+//! nearly equilateral triangles, a given spacing apart, as taxels are arranged (cannata): edges that are too long
+//! are split, those that are too short collapsed, the others turned until vertices have six neighbours, and
+//! vertices moved amid their neighbours and back to the surface, round after round (botsch2004).
+//!
+//! Sharp edges (of more than 40 degrees) and rims stay: their vertices move along them alone, and their corners
+//! not at all. Those nearer to each other than half the spacing are details, and may merge. Holes and handles
+//! stay, however small they are.
+//!
+//! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that the
+//! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
+//!
+//! In reading order: `surface` (the nearest point), `editable` (the mesh that changes), `rounds`; `outer` finds
+//! what of a link can be touched.
+
+mod editable;
+mod outer;
+mod rounds;
+mod surface;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{
+    bvh::BvhError,
+    id::{IdVec, VertexId},
+    mesh::{MeshError, TriMesh},
+    remesh::{
+        editable::{Editable, NONE, next},
+        rounds::{Kind, Rounds},
+        surface::Surface,
+    },
+    skin::{Patch, Skin, TaxelId},
+};
+
+pub use outer::keep_outer;
+
+/// Edges between faces that turn by more are sharp: the cosine of 40 degrees.
+const SHARP: f64 = 0.766_044_443_118_978;
+
+/// Where a line turns by more it has a corner: the cosine of 45 degrees.
+const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Most taxels of a patch.
+const MOST: f64 = 4e6;
+
+/// Why a surface cannot be meshed anew.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the fields are")]
+pub enum RemeshError {
+    /// The triangles are not an oriented manifold.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A spacing that is not a length.
+    #[error("a spacing of {spacing} m; a finite length above 0 is needed")]
+    Spacing { spacing: f64 },
+    /// A spacing that is far too small for the surface.
+    #[error("a spacing of {spacing} m makes some {taxels:.0} taxels; at most {MOST} are made")]
+    TooFine { spacing: f64, taxels: f64 },
+    /// Taxels that follow several links, whose weights a new mesh would not have.
+    #[error("its taxels follow several links; those of a patch that is meshed anew follow one")]
+    Joints,
+    /// One of these, in a patch of a skin.
+    #[error("patch {patch:?}: {source}")]
+    Patch { patch: String, source: Box<RemeshError> },
+    /// A surface that is too far away to be searched.
+    #[error("its surface cannot be searched: {0}")]
+    Surface(#[from] BvhError),
+}
+
+/// Covers the surface of a mesh with triangles whose edges are `spacing` metres long on the whole.
+///
+/// ```
+/// use dermatome::{
+///     mesh::{Adjacency, mean_edge_length, shapes},
+///     remesh::remesh,
+/// };
+///
+/// let coarse = shapes::ball(4, 0.1);
+/// let fine = remesh(&coarse, 0.005)?;
+/// let length = mean_edge_length(&fine, &Adjacency::new(&fine)?);
+/// assert!((length / 0.005 - 1.0).abs() < 0.05);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// If the mesh is not an oriented manifold, or the spacing no length or too small for it.
+pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
+    if !(spacing.is_finite() && spacing > 0.0) {
+        return Err(RemeshError::Spacing { spacing });
+    }
+    let mut editable = Editable::new(mesh)?;
+    check_count(mesh, &editable, spacing)?;
+    let segments = mark_sharp(&mut editable);
+    let kinds = kinds(&editable);
+    let surface = Surface::new(mesh.clone())?;
+    let lines = Surface::of_segments(&mesh.positions, &segments);
+    let near = vec![None; kinds.len()];
+    let mut rounds = Rounds {
+        mesh: editable,
+        kinds,
+        surface: &surface,
+        lines: lines.as_ref(),
+        spacing,
+        target: spacing,
+        near,
+        around: Vec::new(),
+    };
+    rounds.run();
+    Ok(rounds.mesh.finish())
+}
+
+/// Refuses a spacing that would make too many vertices, on the surface or along its edges.
+fn check_count(mesh: &TriMesh, editable: &Editable, spacing: f64) -> Result<(), RemeshError> {
+    // A taxel has two of the triangles around it.
+    let on_surface = mesh.area() / (0.75_f64.sqrt() * spacing * spacing);
+    let edges = (0..editable.halfedges()).filter(|&h| editable.edge(h));
+    let along_edges = edges.map(|h| editable.length(h)).sum::<f64>() / spacing;
+    let taxels = on_surface.max(0.1 * along_edges);
+    if taxels <= MOST { Ok(()) } else { Err(RemeshError::TooFine { spacing, taxels }) }
+}
+
+/// Marks sharp edges and rims, and returns them.
+fn mark_sharp(mesh: &mut Editable) -> Vec<[VertexId; 2]> {
+    let mut segments = Vec::new();
+    for h in 0..mesh.halfedges() {
+        if !mesh.edge(h) {
+            continue;
+        }
+        let twin = mesh.twin(h);
+        let is_sharp = twin == NONE || {
+            let [a, b] = [h, twin].map(|h| mesh.cross(h / 3).normalize_or_zero());
+            a.dot(b) < SHARP && a != DVec3::ZERO && b != DVec3::ZERO
+        };
+        if is_sharp {
+            mesh.set_sharp(h, true);
+            segments.push([mesh.origin(h), mesh.origin(next(h))].map(VertexId::from));
+        }
+    }
+    segments
+}
+
+/// Where each vertex may go: one amid two sharp edges of about one direction along them, others with sharp
+/// edges nowhere.
+fn kinds(mesh: &Editable) -> Vec<Kind> {
+    let kind = |v: u32| {
+        let mut ways = Vec::new();
+        mesh.each_neighbour(v, |w, is_sharp| {
+            if is_sharp {
+                ways.push((mesh.at(w) - mesh.at(v)).normalize_or_zero());
+            }
+        });
+        match ways[..] {
+            [] => Kind::Free,
+            [a, b] if -a.dot(b) > CORNER => Kind::Line,
+            _ => Kind::Corner,
+        }
+    };
+    (0..mesh.positions.len()).map(|v| kind(VertexId::new(v).raw())).collect()
+}
+
+/// A skin that was meshed anew.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Remeshed {
+    /// The skin. Ids count from 1 through all its taxels.
+    pub skin: Skin,
+    /// The names of the patches that are left out, since the hexagon around one taxel is larger.
+    pub left_out: Vec<String>,
+}
+
+/// Meshes every patch of a skin anew; see [`remesh`]. Of its taxels nothing stays: these are others, elsewhere.
+///
+/// # Errors
+/// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links.
+pub fn remesh_skin(skin: &Skin, spacing: f64) -> Result<Remeshed, RemeshError> {
+    // Six triangles.
+    let least = 6.0 * 0.75_f64.sqrt() / 2.0 * spacing * spacing;
+    let (large, small): (Vec<&Patch>, Vec<&Patch>) =
+        skin.patches.iter().partition(|p| p.mesh.area() >= least);
+    let fresh = |patch: &&Patch| {
+        if patch.taxels.joints.is_some() {
+            return Err(RemeshError::Joints);
+        }
+        remesh(&patch.mesh, spacing).map(|mesh| Patch::from_mesh(patch.name.clone(), patch.link, mesh))
+    };
+    let made: Vec<Result<Patch, RemeshError>> = large.par_iter().map(fresh).collect();
+    let mut patches = IdVec::default();
+    let mut id = 0_u32;
+    for (made, old) in made.into_iter().zip(&large) {
+        let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
+        let mut patch = made.map_err(in_patch)?;
+        for own in patch.taxels.ids.iter_mut() {
+            id = id.saturating_add(1);
+            *own = TaxelId(id);
+        }
+        patches.push(patch);
+    }
+    let left_out = small.iter().map(|patch| patch.name.clone()).collect();
+    Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out })
+}

@@ -1,0 +1,167 @@
+//! The outside of shells of CAD, without what is within: the inner sides of walls, ribs, screws.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{
+    bvh::{Ray, TriangleTree},
+    id::FaceId,
+    numeric::DisjointSets,
+    remesh::SHARP,
+    skin::{Draft, LinkId, Sheet},
+};
+
+/// Directions in which a point of a surface is looked for from far away.
+const DIRECTIONS: u32 = 64;
+
+/// Directions less steep than this against the surface say nothing: the cosine of 84 degrees.
+const STEEP: f64 = 0.1;
+
+/// A point is outside if this part of the directions on one of its sides is free. *Heuristic*: in the middle of
+/// a tube twice as long as wide a tenth is, at the bottom of a pocket as deep as wide a third.
+const FREE: f64 = 0.25;
+
+/// Points of a region that are tried; it is outside if half of them are.
+const POINTS: usize = 16;
+
+/// How far from the surface rays start, as a part of the size of the link.
+const OFF: f64 = 1e-5;
+
+/// Keeps the faces that can be seen from outside of their link, whatever the other links hide; returns how
+/// many were dropped. Faces that no sharp edge parts stay together.
+pub fn keep_outer(draft: &mut Draft) -> usize {
+    let mut links: BTreeMap<Option<LinkId>, Vec<usize>> = BTreeMap::new();
+    for (k, sheet) in draft.sheets.iter().enumerate() {
+        links.entry(sheet.link).or_default().push(k);
+    }
+    let mut kept: Vec<Vec<bool>> = draft.sheets.iter().map(|s| vec![true; s.triangles.len()]).collect();
+    for sheets in links.into_values() {
+        let Some(body) = Body::new(sheets.iter().map(|&k| &draft.sheets[k])) else { continue };
+        let is_outer: Vec<Vec<bool>> = sheets.par_iter().map(|&k| body.outer(&draft.sheets[k])).collect();
+        for (&k, is_outer) in sheets.iter().zip(is_outer) {
+            kept[k] = is_outer;
+        }
+    }
+    let dropped = kept.iter().flatten().filter(|kept| !**kept).count();
+    // Sheets without triangles stay whole.
+    let mut kept = kept.into_iter().flatten();
+    draft.retain(|sheet, _| sheet.triangles.is_empty() || kept.next().unwrap_or(true));
+    dropped
+}
+
+/// All triangles of a link.
+struct Body {
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    tree: TriangleTree,
+    size: f64,
+    directions: Vec<DVec3>,
+}
+
+impl Body {
+    /// `None` if there is nothing to search; what is wrong with it is said when it is assembled.
+    fn new<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Option<Self> {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for sheet in sheets {
+            let first = u32::try_from(positions.len()).ok()?;
+            positions.extend_from_slice(&sheet.positions);
+            for t in &sheet.triangles {
+                let is_known = t.iter().all(|&v| (v as usize) < sheet.positions.len());
+                triangles.push(is_known.then(|| t.map(|v| first + v))?);
+            }
+        }
+        let tree = TriangleTree::new(&positions, triangles.iter().copied()).ok()?;
+        let low = positions.iter().copied().reduce(DVec3::min)?;
+        let size = low.distance(positions.iter().copied().reduce(DVec3::max)?);
+        Some(Self { positions, triangles, tree, size, directions: directions() })
+    }
+
+    /// Which faces of one of its sheets are outside.
+    fn outer(&self, sheet: &Sheet) -> Vec<bool> {
+        let crosses: Vec<DVec3> = sheet
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|v| sheet.positions[v as usize]);
+                (b - a).cross(c - a)
+            })
+            .collect();
+        let mut is_outer = vec![false; sheet.triangles.len()];
+        for region in regions(sheet, &crosses) {
+            let step = region.len().div_ceil(POINTS);
+            // The largest faces say most.
+            let mut largest = region.clone();
+            largest.sort_by(|&f, &g| {
+                crosses[g].length_squared().total_cmp(&crosses[f].length_squared()).then(f.cmp(&g))
+            });
+            let tried: Vec<usize> = largest.into_iter().step_by(step).collect();
+            let seen = tried.iter().filter(|&&face| {
+                let centre =
+                    sheet.triangles[face].iter().map(|&v| sheet.positions[v as usize]).sum::<DVec3>() / 3.0;
+                self.is_seen(centre, crosses[face].normalize_or_zero())
+            });
+            let is_seen = 2 * seen.count() >= tried.len();
+            region.into_iter().for_each(|face| is_outer[face] = is_seen);
+        }
+        is_outer
+    }
+
+    /// Whether a point can be seen from far away on one side of its face.
+    fn is_seen(&self, point: DVec3, normal: DVec3) -> bool {
+        [normal, -normal].into_iter().any(|normal| {
+            let start = point + normal * (OFF * self.size);
+            let (mut free, mut all) = (0.0, 0.0);
+            for &direction in self.directions.iter().filter(|d| d.dot(normal) > STEEP) {
+                all += 1.0;
+                let ray = Ray::new(start, direction, 2.0 * self.size);
+                let hit = ray.and_then(|ray| self.tree.first_hit(&ray, |face| self.corners(face)));
+                free += if hit.is_none() { 1.0 } else { 0.0 };
+            }
+            all > 0.0 && free >= FREE * all
+        })
+    }
+
+    fn corners(&self, face: u32) -> [DVec3; 3] {
+        self.triangles[face as usize].map(|v| self.positions[v as usize])
+    }
+}
+
+/// Directions all around, as even as the seeds of a sunflower.
+fn directions() -> Vec<DVec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let direction = |k: u32| {
+        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(DIRECTIONS);
+        let (sin, cos) = (golden * f64::from(k)).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        DVec3::new(r * cos, r * sin, z)
+    };
+    (0..DIRECTIONS).map(direction).collect()
+}
+
+/// The faces that are connected across edges that are not sharp, in the order of their first faces.
+fn regions(sheet: &Sheet, crosses: &[DVec3]) -> Vec<Vec<usize>> {
+    let sides = sheet
+        .triangles
+        .iter()
+        .enumerate()
+        .flat_map(|(face, &[a, b, c])| [[a, b], [b, c], [c, a]].map(|[p, q]| (p.min(q), p.max(q), face)));
+    let mut sides: Vec<(u32, u32, usize)> = sides.collect();
+    sides.sort_unstable();
+    let mut sets = DisjointSets::<FaceId>::new(crosses.len());
+    for pair in sides.windows(2) {
+        let [(a, b, f), (c, d, g)] = [pair[0], pair[1]];
+        let [n, m] = [f, g].map(|face| crosses[face].normalize_or_zero());
+        let is_even = n == DVec3::ZERO || m == DVec3::ZERO || n.dot(m).abs() >= SHARP;
+        if (a, b) == (c, d) && is_even {
+            sets.join(FaceId::new(f), FaceId::new(g));
+        }
+    }
+    let labels = sets.labels();
+    let mut regions = vec![Vec::new(); labels.count];
+    for (face, &region) in labels.of.enumerate() {
+        regions[region].push(face.index());
+    }
+    regions
+}

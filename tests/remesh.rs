@@ -1,0 +1,164 @@
+//! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use dermatome::{
+    mesh::{Adjacency, TriMesh, mean_edge_length, shapes},
+    remesh::{RemeshError, keep_outer, remesh, remesh_skin},
+    skin::{Draft, Sheet, Skin},
+};
+use glam::DVec3;
+
+/// The smallest angle of each triangle, in degrees, sorted.
+fn angles(mesh: &TriMesh) -> Vec<f64> {
+    let least = |[a, b, c]: [DVec3; 3]| {
+        let at = |at: DVec3, p: DVec3, q: DVec3| (p - at).angle_between(q - at).to_degrees();
+        at(a, b, c).min(at(b, c, a)).min(at(c, a, b))
+    };
+    let mut angles: Vec<f64> = mesh.triangles.ids().map(|face| least(mesh.corners(face))).collect();
+    angles.sort_by(f64::total_cmp);
+    angles
+}
+
+/// A block of 0.2 x 0.1 x 0.05 m, as CAD has it: two triangles a side.
+fn block() -> TriMesh {
+    let p =
+        |k: u32| DVec3::new(f64::from(k & 1) * 0.2, f64::from(k >> 1 & 1) * 0.1, f64::from(k >> 2) * 0.05);
+    let triangles = [
+        [0, 2, 3],
+        [0, 3, 1],
+        [4, 5, 7],
+        [4, 7, 6],
+        [0, 1, 5],
+        [0, 5, 4],
+        [2, 6, 7],
+        [2, 7, 3],
+        [0, 4, 6],
+        [0, 6, 2],
+        [1, 3, 7],
+        [1, 7, 5],
+    ];
+    TriMesh::from_arrays((0..8).map(p).collect(), &triangles)
+}
+
+/// A cylinder of long thin triangles, as CAD has it: open at both ends.
+fn tube() -> TriMesh {
+    shapes::tube(96, 2, 0.05, 0.3)
+}
+
+fn surfaces() -> [(&'static str, TriMesh, f64); 6] {
+    [
+        ("ball", shapes::ball(30, 0.1), 0.005),
+        ("ball of small triangles", shapes::ball(120, 0.1), 0.01),
+        ("tube", tube(), 0.004),
+        ("block", block(), 0.005),
+        ("torus", shapes::torus(120, 60, 0.1, 0.04), 0.005),
+        ("saddle", shapes::saddle(60), 0.004),
+    ]
+}
+
+#[test]
+fn triangles_are_well_shaped_and_of_one_size() {
+    for (name, mesh, spacing) in surfaces() {
+        let made = remesh(&mesh, spacing).unwrap();
+        let adjacency = Adjacency::new(&made).unwrap();
+        let length = mean_edge_length(&made, &adjacency);
+        assert!((length / spacing - 1.0).abs() < 0.03, "{name}: edges of {length} m, not {spacing}");
+        let angles = angles(&made);
+        let hundredth = angles[angles.len() / 100];
+        assert!(hundredth > 30.0, "{name}: 1 % of the triangles have angles below {hundredth} degrees");
+        assert!(angles[0] > 10.0, "{name}: an angle of {} degrees", angles[0]);
+        let old = Adjacency::new(&mesh).unwrap();
+        assert_eq!(adjacency.euler_characteristic(), old.euler_characteristic(), "{name}");
+        assert_eq!(adjacency.boundary_loops().len(), old.boundary_loops().len(), "{name}");
+        assert!(
+            (made.area() / mesh.area() - 1.0).abs() < 0.01,
+            "{name}: {} m^2, not {}",
+            made.area(),
+            mesh.area()
+        );
+    }
+}
+
+/// Vertices lie on the triangles of the surface: on a block, in one of its six planes; its edges and corners
+/// stay what they were.
+#[test]
+fn vertices_lie_on_the_surface_and_sharp_edges_stay() {
+    let made = remesh(&block(), 0.005).unwrap();
+    let size = DVec3::new(0.2, 0.1, 0.05);
+    for p in &made.positions {
+        let gap = p.abs().min((*p - size).abs()).min_element();
+        assert!(gap < 1e-12, "{p} is {gap} m from the block");
+    }
+    for k in 0..8 {
+        let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) * size;
+        assert!(made.positions.iter().any(|p| p.distance(corner) < 1e-12), "the corner {corner} is lost");
+    }
+    assert!((made.area() - 0.07).abs() < 1e-12, "the sides are flat up to their edges: {} m^2", made.area());
+    let made = remesh(&shapes::saddle(200), 0.004).unwrap();
+    let old = shapes::saddle(200);
+    for p in &made.positions {
+        let near = old.positions.iter().map(|q| q.distance(*p)).fold(f64::INFINITY, f64::min);
+        assert!(near < 1e-3, "{p} is {near} m from all vertices of the saddle");
+    }
+}
+
+#[test]
+fn the_same_surface_gives_the_same_mesh_with_any_threads() {
+    let mesh = shapes::torus(60, 30, 0.1, 0.04);
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| remesh(&mesh, 0.006).unwrap())
+    };
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn skins_get_ids_of_their_own_and_lose_crumbs() {
+    let mut skin = Skin::from_mesh("ball", shapes::ball(10, 0.1));
+    let ball = skin.patches.iter().next().unwrap().clone();
+    for (name, radius) in [("crumb", 0.001), ("second", 0.05)] {
+        let mesh = shapes::ball(10, radius);
+        skin.patches.push(dermatome::skin::Patch::from_mesh(name, ball.link, mesh));
+    }
+    let made = remesh_skin(&skin, 0.01).unwrap();
+    made.skin.validate().unwrap();
+    assert_eq!(made.left_out, ["crumb"]);
+    let ids: Vec<u32> = made.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
+    assert!((1..).zip(&ids).all(|(k, id)| k == *id));
+    for (spacing, is_expected) in [(0.0, true), (f64::NAN, true), (1e-7, false), (-1.0, true)] {
+        let error = remesh(&ball.mesh, spacing).unwrap_err();
+        assert_eq!(matches!(error, RemeshError::Spacing { .. }), is_expected, "{error}");
+        assert!(is_expected || matches!(error, RemeshError::TooFine { .. }), "{error}");
+    }
+}
+
+fn sheet(mesh: &TriMesh) -> Sheet {
+    let triangles = mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect();
+    Sheet { positions: mesh.positions.to_vec(), triangles, ..Sheet::default() }
+}
+
+/// Of a hollow body only the outer wall is kept, of a tube both ends of which are open too, and of a body in a
+/// body nothing; which way the faces are wound does not matter.
+#[test]
+fn what_is_within_is_left_out() {
+    let [outer, inner, within] = [(0.1, 0.7), (0.09, 0.69), (0.03, 0.1)]
+        .map(|(r, l)| shapes::tube(32, 8, r, l))
+        .map(|mesh| sheet(&mesh));
+    let count = |sheet: &Sheet| sheet.triangles.len();
+    let ball = sheet(&shapes::ball(8, 1.0));
+    let inverted = Sheet {
+        triangles: ball.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(),
+        ..sheet(&shapes::ball(8, 2.0))
+    };
+    for (sheets, kept) in [
+        (vec![outer.clone()], vec![count(&outer)]),
+        (vec![ball.clone(), inverted.clone()], vec![count(&inverted)]),
+        (vec![outer.clone(), inner.clone(), within.clone()], vec![count(&outer)]),
+    ] {
+        let all: usize = sheets.iter().map(count).sum();
+        let mut draft = Draft { sheets, ..Draft::default() };
+        let dropped = keep_outer(&mut draft);
+        assert_eq!(draft.sheets.iter().map(count).collect::<Vec<_>>(), kept);
+        assert_eq!(dropped + kept.iter().sum::<usize>(), all);
+    }
+}
