@@ -12,7 +12,7 @@ use dermatome::{
     mesh::shapes,
     skin::{AssembleOptions, Draft, LinkId, Skin, TaxelId, assemble, world_pose},
 };
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use tempfile::TempDir;
 
 /// A folder with a robot of these elements.
@@ -402,4 +402,122 @@ fn huge_robots_are_read() {
         assert_eq!(read_robot(&folder.path().join("r.urdf")).unwrap().links.len(), 100_000);
         assert_eq!(draft_of(folder.path()).sheets.len(), 1);
     }
+}
+
+/// The arm of `meshes/` in a folder, with the map of the skin of some links.
+fn arm(links: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/arm.urdf");
+    fs::copy(arm, folder.path().join("arm.urdf")).unwrap();
+    dermatome(folder.path(), &format!("build arm.urdf -o out --links {links}")).assert().success();
+    folder
+}
+
+/// Joints turn and slide along their axes in the frame of their links; followers follow, whatever is given.
+#[test]
+fn joint_values_pose_the_links() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/arm.urdf");
+    let robot = read_robot(&path).unwrap();
+    let place = |name: &str| robot.joints.iter().position(|joint| joint.name == name).unwrap();
+    let given = [("shoulder", 0.5), ("elbow", 1.0), ("wrist", -2.0), ("grip", 0.02), ("grip_thumb", 9.0)];
+    let values = robot.joint_values(&given.map(|(name, value)| (place(name), value)));
+    assert_eq!(values[place("grip_thumb")], -0.02);
+    let turn = |about: DVec3, angle: f64| DAffine3::from_quat(DQuat::from_axis_angle(about, angle));
+    let up = |z: f64| DAffine3::from_translation(DVec3::Z * z);
+    let hand = up(0.06)
+        * turn(DVec3::Y, 0.5)
+        * up(0.26)
+        * turn(DVec3::Y, 1.0)
+        * up(0.21)
+        * turn(DVec3::Z, 0.3 - 2.0);
+    let finger = hand * DAffine3::from_translation(DVec3::new(0.03, 0.0, 0.06));
+    let thumb = hand * DAffine3::from_translation(DVec3::new(-0.03, 0.0, 0.06));
+    let poses = robot.poses(&values);
+    for (name, expected) in [("hand", hand), ("finger", finger), ("thumb", thumb), ("tool", hand * up(0.1))] {
+        let (_, pose) = robot.links.iter().zip(&poses).find(|(link, _)| link.name == name).unwrap();
+        assert!(pose.abs_diff_eq(expected, 1e-14), "{name}: {pose}, not {expected}");
+    }
+    let beyond: Vec<&str> = robot.beyond_limits(&values).map(|(joint, _)| &*joint.name).collect();
+    assert!(beyond.is_empty(), "{beyond:?}");
+    let values = robot.joint_values(&[(place("elbow"), -1.0), (place("wrist"), 100.0)]);
+    let beyond: Vec<&str> = robot.beyond_limits(&values).map(|(joint, _)| &*joint.name).collect();
+    assert_eq!(beyond, ["elbow"], "the wrist has no limits");
+}
+
+/// A contact at a place of a link that moved is found there, and frames of links without skin are frames too.
+#[test]
+fn contacts_are_found_on_a_robot_that_moves() {
+    let folder = arm("forearm --links hand");
+    let run =
+        dermatome(folder.path(), "info arm.urdf --joints shoulder=0.5,elbow=1 --json").assert().success();
+    let info = json(&run.get_output().stdout);
+    let forearm = info["links"].as_array().unwrap().iter().find(|link| link["name"] == "forearm").unwrap();
+    let numbers =
+        |key: &str| forearm[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
+    let pose = DAffine3::from_rotation_translation(
+        DQuat::from_slice(&numbers("rotation")),
+        DVec3::from_slice(&numbers("position")),
+    );
+    let p = pose.transform_point3(DVec3::new(0.0, 0.03, 0.1));
+    fs::write(folder.path().join("world.csv"), format!("x,y,z,time\n{},{},{},3\n", p.x, p.y, p.z)).unwrap();
+    fs::write(folder.path().join("tool.csv"), "x,y,z,link\n0,0,-0.04,tool\n").unwrap();
+    fs::write(folder.path().join("q.csv"), "time,elbow,shoulder,battery\n2,0,0,1\n4,2,1,1\n").unwrap();
+    let nearest = |words: &str| {
+        let run = dermatome(folder.path(), words).assert().success();
+        let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let names = lines.next().unwrap();
+        let row = lines.next().unwrap();
+        let of = |name: &str| row[names.iter().position(|n| n == name).unwrap()].clone();
+        (of("patch"), of("distance").parse::<f64>().unwrap())
+    };
+    for words in ["--joints shoulder=0.5,elbow=1", "--joints q.csv"] {
+        let (patch, distance) =
+            nearest(&format!("lookup out/map.glb world.csv -o - --pose arm.urdf {words}"));
+        assert!(patch == "forearm" && distance.abs() < 1e-4, "{words}: {patch} at {distance} m");
+    }
+    for words in ["", "--pose arm.urdf --joints elbow=2,wrist=1"] {
+        let (patch, distance) = nearest(&format!("lookup out/map.glb tool.csv -o - {words}"));
+        assert!(patch == "hand" && distance.abs() < 1e-6, "{words}: {patch} at {distance} m");
+    }
+    let lookup = "lookup out/map.glb world.csv -o -";
+    notes(folder.path(), &format!("{lookup} --pose arm.urdf --joints q.csv"), &["`battery` is not used"]);
+    notes(
+        folder.path(),
+        &format!("{lookup} --pose arm.urdf --joints elbow=9"),
+        &["beyond the limits", "`elbow`"],
+    );
+    refuses(folder.path(), &format!("{lookup} --pose arm.urdf --joints knee=1"), &["knee", "dermatome info"]);
+    refuses(folder.path(), &format!("{lookup} --pose arm.urdf --joints grip_thumb=1"), &["grip_thumb"]);
+    refuses(folder.path(), &format!("{lookup} --pose arm.urdf --joints elbow=x"), &["NAME=VALUE"]);
+    refuses(folder.path(), &format!("{lookup} --joints elbow=1"), &["--pose"]);
+    for (table, said) in [
+        ("a,b\n1,2\n", "as shoulder"),
+        ("elbow\n1\n2\n", "a column `time`"),
+        ("elbow\n", "no row"),
+        ("elbow\nnan\n", "finite"),
+    ] {
+        fs::write(folder.path().join("bad.csv"), table).unwrap();
+        refuses(folder.path(), &format!("{lookup} --pose arm.urdf --joints bad.csv"), &[said]);
+    }
+}
+
+/// What lies within a link is left out, and the rest meshed anew.
+#[test]
+fn the_outside_is_meshed_anew() {
+    let folder = robot(
+        "<link name='a'><visual><geometry><cylinder radius='0.1' length='0.3'/></geometry></visual>\
+         <visual><geometry><sphere radius='0.05'/></geometry></visual>\
+         <visual><origin xyz='0 0 0.5'/><geometry><sphere radius='0.001'/></geometry></visual></link>",
+    );
+    let words = "info r.urdf --outer --spacing 1cm --json";
+    let run = notes(folder.path(), words, &["out of touch", "`a.3`", "10 mm apart"]);
+    let info = json(&run.get_output().stdout);
+    let patches = info["patches"].as_array().unwrap();
+    assert_eq!(patches.len(), 1, "{patches:?}");
+    let spacing = patches[0]["spacing_mm"].as_f64().unwrap();
+    assert!((spacing / 10.0 - 1.0).abs() < 0.03, "{spacing} mm");
+    refuses(folder.path(), "info r.urdf --spacing 10m", &["smaller --spacing"]);
+    refuses(folder.path(), "info r.urdf --spacing 1e-9", &["change --spacing"]);
+    refuses(folder.path(), "info r.urdf --spacing 0", &["above 0"]);
 }

@@ -82,6 +82,7 @@ pub use table::{
         read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
     },
     contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places},
+    joints::{JointTable, read_joint_values},
     lookups::{LookupPlace, LookupRow, LookupWriter},
     motion::{MotionFile, read_motion},
     region_writer::{RegionWriter, write_touches},

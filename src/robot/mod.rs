@@ -2,8 +2,10 @@
 //!
 //! A [`Robot`] says what a robot description (URDF) says, before any of its mesh files is opened: see
 //! [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
-//! [`Draft`](crate::skin::Draft) of a skin of it. `primitive` makes the meshes of boxes, cylinders and spheres.
+//! [`Draft`](crate::skin::Draft) of a skin of it. [`Robot::poses`] and
+//! [`Robot::motion`] say where its links are; `primitive` makes the meshes of boxes, cylinders and spheres.
 
+mod poses;
 mod primitive;
 
 use glam::{DAffine3, DVec3};

@@ -28,7 +28,7 @@ const ENDS: [(&str, &str, &[&str]); 16] = [
         &[
             "dermatome build meshes/forearm.glb",
             "dermatome build meshes/robot.glb -o robot --patch 'fore*' --pixel-mm 0.5",
-            "dermatome build meshes/arm.urdf -o arm --links '*arm'",
+            "dermatome build meshes/arm.urdf -o arm --links '*arm' --outer --spacing 8mm",
         ],
     ),
     (
@@ -52,6 +52,8 @@ const ENDS: [(&str, &str, &[&str]); 16] = [
             "dermatome build meshes/forearm.glb -o forearm",
             "dermatome convert meshes/forearm.glb contacts.csv",
             "dermatome lookup forearm/map.glb contacts.csv --max-distance 5mm -o answers.csv",
+            "dermatome build meshes/arm.urdf -o arm",
+            "dermatome lookup arm/map.glb contacts.csv --pose meshes/arm.urdf --joints elbow=1 -o moved.csv",
         ],
     ),
     ("man", "", &["dermatome man build"]),

@@ -8,12 +8,13 @@ use dermatome::{
     robot::{Joint, Robot, Role},
     skin::{Link, LinkId, Motion, Patch, Presence, link_names},
 };
+use glam::{DAffine3, DQuat};
 use serde_json::{Value, json};
 
 use crate::{
     console::print::{plain, print, print_json, print_table},
     files::input::read_skin,
-    options::{Common, PatchArgs, ReadArgs, RobotArgs},
+    options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints},
 };
 
 /// Arguments of `info`.
@@ -22,6 +23,10 @@ pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
     /// .txt
     file: PathBuf,
+    /// Values of the joints of a .urdf, in rad and m [default: 0], for the poses of its links in --json:
+    /// NAME=VALUE,..., or a table of one row with a column for each joint
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints)]
+    joints: Option<JointsArg>,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
@@ -50,7 +55,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let patches: Vec<Value> = rows.into_iter().map(object).collect();
         let mut all = json!({ "patches": patches, "animations": animations });
         if let Some(robot) = &robot {
-            all["links"] = robot.links.enumerate().map(|(id, link)| link_json(robot, id, link)).collect();
+            let rows = args.joints.as_ref().map(|joints| joints.rows(robot, common)).transpose()?;
+            let first = rows.and_then(|rows| rows.into_iter().next()).map(|(_, values)| values);
+            let poses = robot.poses(&first.unwrap_or_else(|| robot.joint_values(&[])));
+            all["links"] =
+                robot.links.enumerate().map(|(id, link)| link_json(robot, id, link, &poses[id])).collect();
             all["joints"] = robot.joints.iter().map(|joint| joint_json(robot, joint)).collect();
         }
         print_json("dermatome.info/1", &all)?;
@@ -98,11 +107,12 @@ fn link_row(robot: &Robot, id: LinkId, link: &Link) -> [(&'static str, String); 
     ]
 }
 
-fn link_json(robot: &Robot, id: LinkId, link: &Link) -> Value {
+fn link_json(robot: &Robot, id: LinkId, link: &Link, pose: &DAffine3) -> Value {
     let [visual, collision, taxels] = counts(robot, id);
     let parent = link.parent.map(|parent| &robot.links[parent].name);
     json!({
         "name": link.name, "parent": parent, "visual": visual, "collision": collision, "taxels": taxels,
+        "position": pose.translation.to_array(), "rotation": DQuat::from_mat3(&pose.matrix3).to_array(),
     })
 }
 

@@ -23,6 +23,7 @@ use dermatome::{
 use glob::Pattern;
 
 use crate::{
+    console::errors::advise,
     console::print::Terminal,
     files::outputs::{self, Outputs, is_stream},
     lookup::{
@@ -33,7 +34,7 @@ use crate::{
         readings::Readings,
         robot::Robot,
     },
-    options::{Common, Unit, length, length_mm, pattern},
+    options::{Common, JointsArg, RobotArgs, Unit, joints, length, length_mm, pattern},
 };
 
 /// Find the map cells under contacts, on every level.
@@ -78,10 +79,14 @@ pub(crate) struct Args {
     #[command(flatten)]
     question: QuestionArgs,
     /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw (in the world and in m; other links
-    /// keep their pose relative to their parent) and, if they move, time in s; or a .glb with an
-    /// animation. Contacts are matched by their `time`
+    /// keep their pose relative to their parent) and, if they move, time in s; a .glb with an animation; or
+    /// a .urdf, with --joints. Contacts are matched by their `time`
     #[arg(long, value_name = "P.csv")]
     pose: Option<PathBuf>,
+    /// Values of the joints of the .urdf of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
+    /// a column for each joint and, if they move, time in s
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
+    joints: Option<JointsArg>,
     /// Pose the links by this animation of the map, or of the .glb of --pose
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
@@ -183,7 +188,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::check_table(&args.output)?;
     }
     let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
-    let motion = robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?;
+    let motion = match args.pose.as_deref().filter(|path| RobotArgs::describes(path)) {
+        Some(path) => Some(robot.joint_motion(path, args.joints.as_ref(), common)?),
+        None if args.joints.is_some() => {
+            return Err(advise("--joints are those of a robot", "give --pose its .urdf"));
+        }
+        None => robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?,
+    };
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
     let options = IndexOptions {

@@ -6,7 +6,7 @@ use dermatome::{
     Error,
     contact::LiveTaxels,
     id::IdVec,
-    io::{MotionFile, read_map, read_motion},
+    io::{MotionFile, read_map, read_motion, read_robot},
     map::SkinMap,
     pyramid::LevelId,
     skin::{LinkId, Motion, PatchId, link_names, world_pose},
@@ -21,7 +21,7 @@ use crate::{
         print::plain,
     },
     files::{input::select_patches, outputs},
-    options::Common,
+    options::{Common, JointsArg},
 };
 
 pub(super) struct Robot {
@@ -103,6 +103,23 @@ impl Robot {
         };
         note_unused(path, &read, common);
         Ok(Some(read.motion))
+    }
+
+    /// How the links move where the joints of a robot have some values; none: 0.
+    pub(super) fn joint_motion(
+        &self,
+        path: &Path,
+        joints: Option<&JointsArg>,
+        common: &Common,
+    ) -> anyhow::Result<Motion> {
+        let robot = read_robot(path).map_err(Error::from)?;
+        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
+        let rows = joints.map_or_else(rest, |joints| joints.rows(&robot, common))?;
+        let motion = robot.motion(&rows, &self.map.links).map_err(Error::from)?;
+        if motion.times().is_none() {
+            note!(common, "{}: no link of the map has the name of one of its links", path.display());
+        }
+        Ok(motion)
     }
 
     /// Whether a link is a frame of its own: it has skin, or another pose than the world.

@@ -4,15 +4,18 @@ use std::path::{Path, PathBuf};
 
 use dermatome::{
     Error,
-    io::{Packages, RobotSurface, file_kind, read_robot, robot_draft},
+    io::{Packages, RobotSurface, file_kind, read_joint_values, read_robot, robot_draft},
     robot::Robot,
     skin::Draft,
 };
 use glob::Pattern;
 
 use crate::{
-    console::errors::advise,
-    options::{Choice, one_of, pattern},
+    console::{
+        errors::advise,
+        notes::{first_names, note, note_columns},
+    },
+    options::{Choice, Common, one_of, pattern},
 };
 
 /// Which parts of a robot are its skin.
@@ -83,6 +86,67 @@ impl RobotArgs {
         let packages = Packages { folders: self.packages.clone(), ..Packages::from_env() };
         let surface = self.surface.unwrap_or_default();
         Ok(robot_draft(path, &robot, surface, &packages).map_err(Error::from)?)
+    }
+}
+
+/// The values of the joints of a robot.
+#[derive(Debug, Clone)]
+pub(crate) enum JointsArg {
+    /// A table.
+    File(PathBuf),
+    /// Some of them, by name.
+    Values(Vec<(String, f64)>),
+}
+
+/// A parser of [`JointsArg`].
+pub(crate) fn joints(text: &str) -> Result<JointsArg, String> {
+    if !text.contains('=') {
+        return Ok(JointsArg::File(text.into()));
+    }
+    let pair = |pair: &str| {
+        let (name, value) = pair.split_once('=')?;
+        Some((name.trim().to_owned(), value.trim().parse().ok().filter(|x: &f64| x.is_finite())?))
+    };
+    let pairs: Option<Vec<_>> = text.split(',').map(pair).collect();
+    pairs.map(JointsArg::Values).ok_or_else(|| "needed: FILE.csv, or NAME=VALUE,... in rad and m".into())
+}
+
+impl JointsArg {
+    /// The values of all joints, at the times there are; prints what is beyond the limits or not used.
+    ///
+    /// # Errors
+    /// As [`read_joint_values`]; also if no joint has a name that is given, or it has no value of its own.
+    pub(crate) fn rows(&self, robot: &Robot, common: &Common) -> anyhow::Result<Vec<(f64, Vec<f64>)>> {
+        let rows = match self {
+            Self::File(path) => {
+                let table = read_joint_values(path, robot).map_err(Error::from)?;
+                note_columns(path, &table.unused, common);
+                table.rows
+            }
+            Self::Values(pairs) => {
+                let place = |(name, value): &(String, f64)| {
+                    let place = robot.joints.iter().position(|joint| joint.name == *name);
+                    let place = place
+                        .filter(|&k| robot.joints[k].kind.has_value() && robot.joints[k].mimic.is_none());
+                    let help = "`dermatome info` lists the joints; one that is fixed, or follows another, has no value";
+                    let what = || format!("the robot has no joint {name:?} with a value of its own");
+                    place.map(|place| (place, *value)).ok_or_else(|| advise(what(), help))
+                };
+                vec![(0.0, robot.joint_values(&pairs.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?))]
+            }
+        };
+        let beyond = rows.iter().flat_map(|(_, values)| robot.beyond_limits(values));
+        let mut names: Vec<String> = beyond.map(|(joint, _)| joint.name.clone()).collect();
+        names.sort();
+        names.dedup();
+        if !names.is_empty() {
+            note!(
+                common,
+                "beyond the limits of the joints {}: the values are taken as they are",
+                first_names(&names)
+            );
+        }
+        Ok(rows)
     }
 }
 

@@ -1,0 +1,60 @@
+//! Tables of the values of joints.
+
+use std::path::Path;
+
+use crate::{
+    io::{error::Result, file::Source, table::Table},
+    robot::Robot,
+};
+
+/// The values of all joints of a robot, at some times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointTable {
+    /// Times in s, and the values of [`Robot::joints`] in their order, in rad or m.
+    pub rows: Vec<(f64, Vec<f64>)>,
+    /// Names of columns that are not used.
+    pub unused: Vec<String>,
+}
+
+/// Reads a table of the values of joints: a column for each joint that is not at 0, by its name, in rad or m,
+/// and, where there are several rows, `time` in s.
+///
+/// # Errors
+/// If the file cannot be read, has no column of a joint or no row, a cell is not a finite number, or there are
+/// several rows without times.
+pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    let time = table.columns.find("time");
+    // What follows another joint or does not move has no value of its own.
+    let is_own = |k: &usize| robot.joints[*k].kind.has_value() && robot.joints[*k].mimic.is_none();
+    let joints: Vec<usize> = (0..robot.joints.len()).filter(is_own).collect();
+    let columns = joints.iter().filter_map(|&k| Some((k, table.columns.find(&robot.joints[k].name)?)));
+    let columns: Vec<(usize, usize)> = columns.collect();
+    if columns.is_empty() {
+        let first = joints.first().map_or("none", |&k| &*robot.joints[k].name);
+        let needed = format!("a column with the name of a joint that moves, as {first}");
+        return Err(table.columns.at().invalid(table.columns.describe(), needed));
+    }
+    let mut known: Vec<&str> = columns.iter().map(|&(k, _)| &*robot.joints[k].name).collect();
+    known.push("time");
+    let unused = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
+    let mut rows = Vec::new();
+    table.each_row(&mut |row| {
+        let at = time.map_or(Ok(0.0), |time| row.number(time))?;
+        let given = columns.iter().map(|&(k, column)| Ok((k, row.number(column)?)));
+        rows.push((at, robot.joint_values(&given.collect::<Result<Vec<_>>>()?)));
+        if time.is_none() && rows.len() > 1 {
+            return Err(row.at.invalid("a second row", "a column `time`, or one row"));
+        }
+        Ok(())
+    })?;
+    if rows.is_empty() {
+        return Err(source.invalid(
+            "the table",
+            "no row below the names of its columns",
+            "the values of joints",
+        ));
+    }
+    Ok(JointTable { rows, unused })
+}

@@ -1,0 +1,105 @@
+//! Where the links are: forward kinematics.
+
+use glam::{DAffine3, DMat3};
+
+use crate::{
+    id::IdVec,
+    robot::{Joint, JointKind, Robot},
+    skin::{Link, LinkId, Motion, MotionFrame, SkinError, link_names},
+};
+
+impl Joint {
+    /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
+    #[must_use]
+    pub fn moved(&self, value: f64) -> DAffine3 {
+        match self.kind {
+            JointKind::Revolute | JointKind::Continuous => {
+                DAffine3::from_mat3(DMat3::from_axis_angle(self.axis, value))
+            }
+            JointKind::Prismatic => DAffine3::from_translation(self.axis * value),
+            JointKind::Fixed | JointKind::Floating | JointKind::Planar => DAffine3::IDENTITY,
+        }
+    }
+}
+
+impl Robot {
+    /// The values of all joints, in rad or m, where some of them, by their places in [`Robot::joints`], are given:
+    /// the others are at 0, and those that follow another where that puts them, whatever is given.
+    ///
+    /// # Panics
+    /// If a place is not that of a joint.
+    #[must_use]
+    pub fn joint_values(&self, given: &[(usize, f64)]) -> Vec<f64> {
+        let mut own = vec![0.0; self.joints.len()];
+        given.iter().for_each(|&(joint, value)| own[joint] = value);
+        let value = |joint: usize| {
+            let (mut at, mut multiplier, mut offset) = (joint, 1.0, 0.0);
+            // A chain of followers is no longer than there are joints, if it has an end.
+            for _ in 0..self.joints.len() {
+                let Some(mimic) = &self.joints[at].mimic else { break };
+                offset += multiplier * mimic.offset;
+                multiplier *= mimic.multiplier;
+                at = mimic.joint;
+            }
+            multiplier * own[at] + offset
+        };
+        (0..self.joints.len()).map(value).collect()
+    }
+
+    /// The joints whose values are beyond their limits.
+    pub fn beyond_limits<'a>(&'a self, values: &'a [f64]) -> impl Iterator<Item = (&'a Joint, f64)> {
+        let joints = self.joints.iter().zip(values.iter().copied());
+        joints.filter(|(joint, value)| joint.limits.is_some_and(|[low, high]| !(low..=high).contains(value)))
+    }
+
+    /// The poses of all links in the frame of the first, where each joint has its value (rad or m).
+    ///
+    /// # Panics
+    /// If there are fewer values than joints.
+    #[must_use]
+    pub fn poses(&self, values: &[f64]) -> IdVec<LinkId, DAffine3> {
+        let mut poses = IdVec::default();
+        for (id, link) in self.links.enumerate() {
+            let moved =
+                self.joint_of(id).map_or(DAffine3::IDENTITY, |joint| self.joints[joint].moved(values[joint]));
+            let above = link.parent.map_or(DAffine3::IDENTITY, |parent| poses[parent]);
+            poses.push(above * link.pose * moved);
+        }
+        poses
+    }
+
+    /// The place of the joint that a link hangs by.
+    fn joint_of(&self, link: LinkId) -> Option<usize> {
+        let place = self.joints.partition_point(|joint| joint.link < link);
+        self.joints.get(place).is_some_and(|joint| joint.link == link).then_some(place)
+    }
+
+    /// How the links of a skin or a map move, which are found by their names, where the joints have these values
+    /// at these times (s). A link that hangs there from the same link moves as its joint does between two times.
+    ///
+    /// # Errors
+    /// If a time or a value is not finite.
+    pub fn motion(&self, rows: &[(f64, Vec<f64>)], links: &IdVec<LinkId, Link>) -> Result<Motion, SkinError> {
+        let known: std::collections::HashMap<&str, LinkId> =
+            self.links.enumerate().map(|(id, link)| (&*link.name, id)).collect();
+        let worlds: Vec<_> = rows.iter().map(|(time, values)| (*time, self.poses(values))).collect();
+        let names = link_names(links);
+        let mut motion = Motion::default();
+        for (id, link) in links.enumerate() {
+            let Some(&own) = known.get(&*names[id]) else { continue };
+            let parent = self.links[own].parent;
+            let is_same =
+                parent.map(|parent| &self.links[parent].name) == link.parent.map(|parent| &names[parent]);
+            let (frame, keys): (_, Vec<_>) = if is_same {
+                let relative = |world: &IdVec<LinkId, DAffine3>| {
+                    parent.map_or(world[own], |parent| world[parent].inverse() * world[own])
+                };
+                (MotionFrame::Parent, worlds.iter().map(|(time, world)| (*time, relative(world))).collect())
+            } else {
+                (MotionFrame::World, worlds.iter().map(|(time, world)| (*time, world[own])).collect())
+            };
+            motion.set(id, frame, &keys)?;
+        }
+        Ok(motion)
+    }
+}
