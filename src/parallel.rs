@@ -4,10 +4,8 @@
 //! machine code a site. The maps here share one parallel loop, which calls a closure once for each
 //! chunk of the items. Results are in the order of the items whatever the number of threads.
 
-use std::{
-    ops::Range,
-    sync::{Mutex, PoisonError},
-};
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 

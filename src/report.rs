@@ -13,12 +13,10 @@
 
 use serde::Serialize;
 
-use crate::{
-    flatten::{Convergence, Distortion},
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::boundary_loops,
-    pyramid::LevelId,
-};
+use crate::flatten::{Convergence, Distortion};
+use crate::map::{MapLevel, PatchMap, SkinMap};
+use crate::mesh::boundary_loops;
+use crate::pyramid::LevelId;
 
 /// One patch of a map.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -2,19 +2,17 @@
 //! in part or not at all.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use dermatome::{
-    atlas::{Atlas, AtlasOptions},
-    id::VertexId,
-    image::{Interpolation, RenderOptions, Renderer},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    signal::{
-        Channel, ConditionOptions, Conditioner, ContactTracker, Contrast, Edges, Frame, Quantity, Restrictor,
-        TouchOptions, TouchSimulation, TrackerOptions,
-    },
-    skin::{LinkId, Patch, PatchId, Skin},
+use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::id::VertexId;
+use dermatome::image::{Interpolation, RenderOptions, Renderer};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::signal::{
+    Channel, ConditionOptions, Conditioner, ContactTracker, Contrast, Edges, Frame, Quantity, Restrictor,
+    TouchOptions, TouchSimulation, TrackerOptions,
 };
+use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 
 fn skin() -> Skin {
     let mut skin = Skin::from_mesh("palm", shapes::cap(600, 0.05, 0.9));

@@ -5,14 +5,12 @@ mod maps;
 
 use std::sync::Arc;
 
-use dermatome::{
-    atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, Resolution, skin_images},
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
-    mesh::{SurfacePoint, TriMesh, shapes},
-    skin::{Link, LinkId, TaxelId},
-};
+use dermatome::atlas::{Atlas, AtlasError, AtlasOptions, AtlasPart, Chart, Resolution, skin_images};
+use dermatome::cut::PlaceId;
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use dermatome::mesh::{SurfacePoint, TriMesh, shapes};
+use dermatome::skin::{Link, LinkId, TaxelId};
 use glam::{DAffine3, DVec2, DVec3};
 use maps::{flat_patch, images::WholeImage, level_id, mapped_level, patch};
 use proptest::prelude::*;

@@ -8,19 +8,16 @@
 mod common;
 
 use common::data;
-use dermatome::{
-    calib::{
-        CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
-        ContactObservationId, Displacement, DisplacementId, DisplacementMeasurement, Information,
-        Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention, SheetDefect,
-        SimulateOptions, Simulation, TaxelVariable, Termination, Verdict, calibrate, calibrated_skin,
-        compare, simulate,
-    },
-    id::{IdVec, VertexId},
-    io::read_observations,
-    mesh::Adjacency,
-    skin::{TaxelId, Taxels},
+use dermatome::calib::{
+    CalibError, CalibOptions, CalibratedSkin, Calibration, ContactMeasurement, ContactObservation,
+    ContactObservationId, Displacement, DisplacementId, DisplacementMeasurement, Information, Initialization,
+    Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention, SheetDefect, SimulateOptions,
+    Simulation, TaxelVariable, Termination, Verdict, calibrate, calibrated_skin, compare, simulate,
 };
+use dermatome::id::{IdVec, VertexId};
+use dermatome::io::read_observations;
+use dermatome::mesh::Adjacency;
+use dermatome::skin::{TaxelId, Taxels};
 use glam::{DMat3, DQuat, DVec3};
 
 fn solve(observations: &Observations, options: &CalibOptions) -> Calibration {

@@ -7,18 +7,14 @@
 
 mod common;
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use common::{command, data, dermatome, listing};
-use dermatome::{
-    id::VertexId,
-    io::write_skin,
-    mesh::shapes,
-    skin::{Patch, PatchId, Presence, Skin},
-};
+use dermatome::id::VertexId;
+use dermatome::io::write_skin;
+use dermatome::mesh::shapes;
+use dermatome::skin::{Patch, PatchId, Presence, Skin};
 use predicates::{prelude::*, str::contains};
 use serde_json::Value;
 use tempfile::TempDir;

@@ -6,10 +6,8 @@ mod common;
 use std::{fmt::Write, fs, path::PathBuf};
 
 use common::command;
-use dermatome::{
-    io::read_draft,
-    skin::{Presence, RemarkKind},
-};
+use dermatome::io::read_draft;
+use dermatome::skin::{Presence, RemarkKind};
 use predicates::prelude::*;
 use tempfile::TempDir;
 

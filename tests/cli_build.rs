@@ -8,12 +8,10 @@ mod common;
 use std::{f64::consts::PI, fs, path::Path};
 
 use common::{dermatome, refuses};
-use dermatome::{
-    id::FaceId,
-    io::{read_map, write_skin},
-    mesh::{TriMesh, shapes},
-    skin::{PatchId, Skin},
-};
+use dermatome::id::FaceId;
+use dermatome::io::{read_map, write_skin};
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::skin::{PatchId, Skin};
 use glam::DVec3;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
 use serde_json::Value;

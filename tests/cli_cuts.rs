@@ -7,11 +7,9 @@ mod common;
 use std::{collections::BTreeMap, fs, path::Path};
 
 use common::{dermatome, notes, refuses};
-use dermatome::{
-    io::{read_draft, read_map, write_skin},
-    mesh::{TriMesh, shapes},
-    skin::Skin,
-};
+use dermatome::io::{read_draft, read_map, write_skin};
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::skin::Skin;
 use glam::DVec3;
 use predicates::str::contains;
 

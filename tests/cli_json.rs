@@ -3,11 +3,9 @@
 
 mod common;
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs,
-    path::Path,
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
 
 use common::dermatome;
 use dermatome::{io::write_skin, mesh::shapes, skin::Skin};

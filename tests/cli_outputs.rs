@@ -12,13 +12,11 @@ mod common;
 use std::{fs, path::Path};
 
 use common::{dermatome, listing, notes, refuses};
-use dermatome::{
-    io::{write_map, write_skin},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    skin::Skin,
-};
+use dermatome::io::{write_map, write_skin};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::skin::Skin;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
 use tempfile::TempDir;
 
@@ -248,11 +246,9 @@ fn bad_usage_is_an_error_in_two_lines() {
 
 #[cfg(target_os = "linux")]
 mod system {
-    use std::{
-        fs::File,
-        os::unix::fs::{PermissionsExt, symlink},
-        process::Stdio,
-    };
+    use std::fs::File;
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::process::Stdio;
 
     use super::*;
 
@@ -341,12 +337,10 @@ mod system {
 
 #[cfg(target_os = "linux")]
 mod stopped {
-    use std::{
-        io::Write,
-        process::{Child, Stdio},
-        thread,
-        time::{Duration, Instant},
-    };
+    use std::io::Write;
+    use std::process::{Child, Stdio};
+    use std::thread;
+    use std::time::{Duration, Instant};
 
     use super::*;
 

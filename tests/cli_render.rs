@@ -3,13 +3,11 @@
 
 mod common;
 
-use std::{
-    fmt::Write,
-    fs,
-    io::Read,
-    path::Path,
-    process::{self, Stdio},
-};
+use std::fmt::Write;
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::process::{self, Stdio};
 
 use common::{dermatome, json, notes, npy, refuses};
 use predicates::{prelude::*, str::contains};

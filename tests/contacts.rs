@@ -4,27 +4,23 @@
 
 mod common;
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    f64::consts::{PI, TAU},
-    path::Path,
-    sync::Arc,
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+use std::sync::Arc;
 
 use common::data;
-use dermatome::{
-    id::VertexId,
-    io::{ReadingsLayout, ReadingsReader, RegionWriter, read_draft},
-    map::SkinMap,
-    mesh::{Adjacency, TriMesh, mean_edge_length, shapes},
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    signal::{
-        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
-        Frame, Join, Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
-    },
-    skin::{AssembleOptions, PatchId, Skin, assemble},
+use dermatome::id::VertexId;
+use dermatome::io::{ReadingsLayout, ReadingsReader, RegionWriter, read_draft};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{
+    Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame,
+    Join, Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
 };
+use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::{DVec2, DVec3};
 
 const SKIN: usize = 0;

@@ -1,21 +1,19 @@
 //! Laws of cutting: what becomes a disk, what stays whole, and what changes nothing.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use dermatome::{
-    Error,
-    atlas::{Atlas, AtlasOptions},
-    contact::ContactIndex,
-    cut::{Cut, CutError, CutMesh, PlaceId},
-    flatten::{Energy, FlattenOptions},
-    id::{FaceId, IdVec, VertexId},
-    io::{read_map, write_map},
-    map::{MapLevel, SkinMap},
-    mesh::{Adjacency, TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    report::{LevelReport, measure},
-    skin::{Patch, PatchId, Skin, TaxelId},
-};
+use dermatome::Error;
+use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::contact::ContactIndex;
+use dermatome::cut::{Cut, CutError, CutMesh, PlaceId};
+use dermatome::flatten::{Energy, FlattenOptions};
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::io::{read_map, write_map};
+use dermatome::map::{MapLevel, SkinMap};
+use dermatome::mesh::{Adjacency, TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::report::{LevelReport, measure};
+use dermatome::skin::{Patch, PatchId, Skin, TaxelId};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 fn patch(mesh: TriMesh) -> Patch {

@@ -3,11 +3,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use dermatome::{
-    flatten::{Distortion, Energy, FlattenError, FlattenOptions, distortion},
-    id::{IdVec, VertexId},
-    mesh::{TriMesh, shapes},
-};
+use dermatome::flatten::{Distortion, Energy, FlattenError, FlattenOptions, distortion};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::mesh::{TriMesh, shapes};
 use glam::{DVec2, DVec3};
 
 fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {

@@ -5,16 +5,14 @@
 
 mod maps;
 
-use dermatome::{
-    atlas::{Atlas, AtlasOptions, Resolution},
-    id::{IdVec, VertexId},
-    image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
-    skin::{PatchId, Skin},
-};
+use dermatome::atlas::{Atlas, AtlasOptions, Resolution};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
+use dermatome::skin::{PatchId, Skin};
 use glam::DVec2;
 use maps::level_id;
 use proptest::prelude::*;

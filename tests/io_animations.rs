@@ -4,14 +4,12 @@
 use std::fs;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use dermatome::{
-    contact::ContactIndex,
-    id::IdVec,
-    io::{IoError, MotionFile, read_draft, read_motion, write_skin},
-    map::SkinMap,
-    mesh::shapes,
-    skin::{AssembleOptions, Link, LinkId, Motion, assemble},
-};
+use dermatome::contact::ContactIndex;
+use dermatome::id::IdVec;
+use dermatome::io::{IoError, MotionFile, read_draft, read_motion, write_skin};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::skin::{AssembleOptions, Link, LinkId, Motion, assemble};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
 

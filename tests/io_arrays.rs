@@ -5,20 +5,18 @@ mod maps;
 
 use std::{collections::BTreeMap, fs, io::Read, path::Path, sync::Arc};
 
-use dermatome::{
-    atlas::{Atlas, AtlasOptions},
-    image::{RenderOptions, Renderer, TactileImage},
-    io::{
-        FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame,
-        write_raw_frame, write_touches,
-    },
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    plot::{ImageOptions, image_png},
-    signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation},
-    skin::{PatchId, Presence, Skin},
+use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::image::{RenderOptions, Renderer, TactileImage};
+use dermatome::io::{
+    FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
+    write_touches,
 };
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::plot::{ImageOptions, image_png};
+use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
+use dermatome::skin::{PatchId, Presence, Skin};
 use maps::images::WholeImage;
 use npyz::NpyFile;
 

@@ -6,19 +6,13 @@ mod maps;
 
 use std::{fs, sync::Arc};
 
-use dermatome::{
-    atlas::skin_images,
-    io::{IoError, write_images},
-    map::SkinMap,
-    mesh::shapes,
-};
-use exr::{
-    meta::{
-        MetaData,
-        attribute::{AttributeValue, LineOrder, Text},
-    },
-    prelude::{Compression, Vec2},
-};
+use dermatome::atlas::skin_images;
+use dermatome::io::{IoError, write_images};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, LineOrder, Text};
+use exr::prelude::{Compression, Vec2};
 use maps::{flat_patch, images::WholeImage, level_id, skin, square_pyramid};
 
 fn map() -> Arc<SkinMap> {

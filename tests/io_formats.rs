@@ -4,23 +4,19 @@
 
 mod common;
 
-use std::{
-    fs,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use common::{data, listing};
-use dermatome::{
-    id::{IdVec, VertexId},
-    io::{
-        IoError, ReadParts, draft_from_bytes, read_draft, replace_file, skin_to_bytes, write_flat, write_skin,
-    },
-    mesh::shapes,
-    skin::{
-        AssembleOptions, Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId,
-        assemble, world_pose,
-    },
+use dermatome::id::{IdVec, VertexId};
+use dermatome::io::{
+    IoError, ReadParts, draft_from_bytes, read_draft, replace_file, skin_to_bytes, write_flat, write_skin,
+};
+use dermatome::mesh::shapes;
+use dermatome::skin::{
+    AssembleOptions, Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId,
+    assemble, world_pose,
 };
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use proptest::prelude::*;

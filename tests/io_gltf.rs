@@ -9,21 +9,19 @@ mod gltf_files;
 use std::{fs, path::Path};
 
 use common::data;
-use dermatome::{
-    cut::PlaceId,
-    id::VertexId,
-    io::{
-        IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map,
-        skin_to_bytes, write_map, write_pyramids, write_skin,
-    },
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    pyramid::{CoarsenOptions, coarsen},
-    skin::{
-        AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin,
-        TaxelId, Taxels, assemble,
-    },
+use dermatome::cut::PlaceId;
+use dermatome::id::VertexId;
+use dermatome::io::{
+    IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map, skin_to_bytes,
+    write_map, write_pyramids, write_skin,
+};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::{CoarsenOptions, coarsen};
+use dermatome::skin::{
+    AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin, TaxelId,
+    Taxels, assemble,
 };
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use gltf_files::{Glb, f32s, u16s};

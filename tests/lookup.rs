@@ -4,13 +4,11 @@
 
 mod common;
 
-use std::{
-    borrow::BorrowMut,
-    collections::HashMap,
-    fmt::Write as _,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::borrow::BorrowMut;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use dermatome::{

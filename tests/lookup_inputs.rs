@@ -7,15 +7,13 @@ mod common;
 
 use std::{collections::HashMap, fs, path::PathBuf};
 
-use dermatome::{
-    contact::{ContactError, ContactIndex},
-    id::FaceId,
-    io::{read_map, write_map},
-    map::SkinMap,
-    mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    skin::{Link, LinkId, Patch, PatchId, Skin},
-};
+use dermatome::contact::{ContactError, ContactIndex};
+use dermatome::id::FaceId;
+use dermatome::io::{read_map, write_map};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::skin::{Link, LinkId, Patch, PatchId, Skin};
 use glam::{DAffine3, DVec3};
 use tempfile::TempDir;
 

@@ -3,15 +3,13 @@
 
 mod maps;
 
-use dermatome::{
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    pyramid::Level,
-    skin::{Covariance, LinkId, PatchId, Skin},
-};
+use dermatome::cut::PlaceId;
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::map::{MapLevel, PatchMap, SkinMap};
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::Level;
+use dermatome::skin::{Covariance, LinkId, PatchId, Skin};
 use glam::{DAffine3, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
 

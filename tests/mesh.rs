@@ -5,10 +5,8 @@ mod renumbered;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dermatome::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, MeshError, TriMesh, shapes},
-};
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::mesh::{Adjacency, MeshError, TriMesh, shapes};
 use glam::DVec3;
 use proptest::prelude::*;
 use renumbered::renumbered;

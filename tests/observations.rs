@@ -3,19 +3,16 @@
 
 use std::{fs, path::PathBuf};
 
-use dermatome::{
-    calib::{
-        ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId,
-        DisplacementMeasurement, Information, Model, Pose, PoseMeasurement, SimulateOptions, calibrate,
-        calibrated_skin, simulate,
-    },
-    id::VertexId,
-    io::{
-        ObservationRemark, read_draft, read_observations, read_triangles, read_truth, write_calibration,
-        write_observations, write_skin, write_triangles, write_truth,
-    },
-    skin::TaxelId,
+use dermatome::calib::{
+    ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId, DisplacementMeasurement,
+    Information, Model, Pose, PoseMeasurement, SimulateOptions, calibrate, calibrated_skin, simulate,
 };
+use dermatome::id::VertexId;
+use dermatome::io::{
+    ObservationRemark, read_draft, read_observations, read_triangles, read_truth, write_calibration,
+    write_observations, write_skin, write_triangles, write_truth,
+};
+use dermatome::skin::TaxelId;
 use glam::{DQuat, DVec3};
 use tempfile::TempDir;
 

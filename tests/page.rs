@@ -6,15 +6,13 @@ mod common;
 mod maps;
 
 use assert_cmd::Command;
-use dermatome::{
-    id::VertexId,
-    io::write_map,
-    map::SkinMap,
-    mesh::shapes,
-    page::Page,
-    signal::{Channel, Frame, SignalError},
-    skin::PatchId,
-};
+use dermatome::id::VertexId;
+use dermatome::io::write_map;
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::page::Page;
+use dermatome::signal::{Channel, Frame, SignalError};
+use dermatome::skin::PatchId;
 use maps::{skin, square_pyramid};
 use predicates::str::contains;
 

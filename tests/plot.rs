@@ -7,15 +7,13 @@ mod maps;
 use std::{fs, path::Path};
 
 use assert_cmd::Command;
-use dermatome::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    io::write_map,
-    map::{MapError, PatchMap, SkinMap},
-    mesh::shapes,
-    plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::Presence,
-};
+use dermatome::cut::PlaceId;
+use dermatome::id::{IdVec, VertexId};
+use dermatome::io::write_map;
+use dermatome::map::{MapError, PatchMap, SkinMap};
+use dermatome::mesh::shapes;
+use dermatome::plot::{self, Paint, PlotError, PlotOptions, Viewpoint};
+use dermatome::skin::Presence;
 use glam::DVec2;
 use maps::{flat_level, flat_patch, level_id, mapped_level, patch, skin, square_pyramid};
 use predicates::str::contains;

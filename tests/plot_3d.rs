@@ -7,14 +7,12 @@ mod maps;
 use std::path::Path;
 
 use assert_cmd::Command;
-use dermatome::{
-    id::IdVec,
-    io::{write_map, write_skin},
-    map::SkinMap,
-    mesh::{TriMesh, shapes},
-    plot::{self, Paint, PlotError, PlotOptions, Viewpoint},
-    skin::{Covariance, Link, LinkId, Patch, Skin},
-};
+use dermatome::id::IdVec;
+use dermatome::io::{write_map, write_skin};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::plot::{self, Paint, PlotError, PlotOptions, Viewpoint};
+use dermatome::skin::{Covariance, Link, LinkId, Patch, Skin};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use maps::{level_id, skin, square_pyramid};
 use predicates::{prelude::*, str::contains};

@@ -3,13 +3,11 @@
 
 mod maps;
 
-use dermatome::{
-    id::VertexId,
-    map::SkinMap,
-    plot::{Picture, PlotError, PlotOptions, Viewpoint, plot_frame},
-    signal::{Channel, Frame, LevelFrame, Restrictor},
-    skin::PatchId,
-};
+use dermatome::id::VertexId;
+use dermatome::map::SkinMap;
+use dermatome::plot::{Picture, PlotError, PlotOptions, Viewpoint, plot_frame};
+use dermatome::signal::{Channel, Frame, LevelFrame, Restrictor};
+use dermatome::skin::PatchId;
 use maps::{level_id, skin, square_pyramid};
 
 fn palm() -> SkinMap {

@@ -6,14 +6,12 @@ mod renumbered;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dermatome::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, MeshError, TriMesh, mean_edge_length, shapes},
-    pyramid::{
-        CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
-    },
-    skin::{LinkId, Patch, Presence, TaxelError, TaxelId},
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::mesh::{Adjacency, MeshError, TriMesh, mean_edge_length, shapes};
+use dermatome::pyramid::{
+    CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
 };
+use dermatome::skin::{LinkId, Patch, Presence, TaxelError, TaxelId};
 use glam::DVec3;
 use proptest::prelude::*;
 use renumbered::renumbered;

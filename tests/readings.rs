@@ -4,27 +4,23 @@
 
 mod common;
 
-use std::{
-    collections::VecDeque,
-    fs,
-    io::{self, Read, Write},
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex},
-};
+use std::collections::VecDeque;
+use std::fs;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 use common::{data, npy, npy_ordered};
-use dermatome::{
-    id::VertexId,
-    io::{IoError, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    signal::{
-        Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, TouchOptions,
-        TouchSimulation,
-    },
-    skin::{AssembleOptions, PatchId, Presence, Skin, TaxelId, assemble},
+use dermatome::id::VertexId;
+use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::signal::{
+    Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, TouchOptions,
+    TouchSimulation,
 };
+use dermatome::skin::{AssembleOptions, PatchId, Presence, Skin, TaxelId, assemble};
 use proptest::prelude::*;
 use tempfile::TempDir;
 

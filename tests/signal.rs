@@ -1,15 +1,13 @@
 //! Laws of the values on taxels: what levels keep, what frames that change little cost nothing of.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use dermatome::{
-    id::{IdVec, VertexId},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor, reconstruct},
-    skin::{PatchId, Skin},
-};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor, reconstruct};
+use dermatome::skin::{PatchId, Skin};
 use glam::DVec2;
 use proptest::prelude::*;
 

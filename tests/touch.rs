@@ -3,11 +3,9 @@
 
 use std::f64::consts::PI;
 
-use dermatome::{
-    mesh::shapes,
-    signal::{Frame, Quantity, SignalError, Touch, TouchOptions, TouchSimulation},
-    skin::{PatchId, Presence, Skin},
-};
+use dermatome::mesh::shapes;
+use dermatome::signal::{Frame, Quantity, SignalError, Touch, TouchOptions, TouchSimulation};
+use dermatome::skin::{PatchId, Presence, Skin};
 use glam::DVec3;
 
 fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {

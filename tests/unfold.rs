@@ -3,17 +3,15 @@
 
 use std::path::Path;
 
-use dermatome::{
-    cut::PlaceId,
-    id::{FaceId, IdVec},
-    io::read_draft,
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    skin::{AssembleOptions, Skin, assemble},
-    unfold::{MOST_VERTICES, Unfolding},
-};
+use dermatome::cut::PlaceId;
+use dermatome::id::{FaceId, IdVec};
+use dermatome::io::read_draft;
+use dermatome::map::{MapLevel, PatchMap, SkinMap};
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{AssembleOptions, Skin, assemble};
+use dermatome::unfold::{MOST_VERTICES, Unfolding};
 use glam::DVec3;
 
 fn map_of(mesh: TriMesh) -> SkinMap {

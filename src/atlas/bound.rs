@@ -2,10 +2,9 @@
 //! *heuristic*: 16 pixels along and across a taxel are those of 1 mm at a spacing of 16 mm, which few
 //! skins exceed; one distant taxel without the bound made 3.5 GB of images from a table of 9 kB.
 
-use crate::{
-    atlas::{AtlasError, rasterize::MAX_SIDE},
-    map::{ImageFrame, SkinMap},
-};
+use crate::atlas::AtlasError;
+use crate::atlas::rasterize::MAX_SIDE;
+use crate::map::{ImageFrame, SkinMap};
 
 /// Largest number of pixels of all images together.
 const MAX_PIXELS: u64 = 1 << 26;

@@ -6,20 +6,16 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::{
-    atlas::{
-        AtlasError,
-        bound::check_size,
-        layout::{Place, turned},
-        rasterize::{PIXEL, Snapped, Span, Spans, rasterize},
-    },
-    cut::PlaceId,
-    id::{FaceId, IdVec},
-    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
-    mesh::SurfacePoint,
-    pyramid::LevelId,
-    skin::PatchId,
-};
+use crate::atlas::AtlasError;
+use crate::atlas::bound::check_size;
+use crate::atlas::layout::{Place, turned};
+use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec};
+use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use crate::mesh::SurfacePoint;
+use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 /// One level of a patch as it lies in an image: which face each pixel shows, and where in it.
 ///

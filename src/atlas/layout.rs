@@ -12,14 +12,13 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use crate::{
-    atlas::{AtlasError, rasterize::MAX_SIDE},
-    id::IdVec,
-    map::{ImageFrame, PatchMap, SkinMap},
-    numeric::order_by,
-    pyramid::LevelId,
-    skin::{Link, LinkId, PatchId},
-};
+use crate::atlas::AtlasError;
+use crate::atlas::rasterize::MAX_SIDE;
+use crate::id::IdVec;
+use crate::map::{ImageFrame, PatchMap, SkinMap};
+use crate::numeric::order_by;
+use crate::pyramid::LevelId;
+use crate::skin::{Link, LinkId, PatchId};
 
 /// Where one chart lies in its image.
 #[derive(Debug, Clone, Copy, PartialEq)]

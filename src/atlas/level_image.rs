@@ -5,21 +5,16 @@ use std::{ops::Range, sync::Arc};
 
 use glam::DVec3;
 
-use crate::{
-    atlas::{
-        AtlasError, AtlasPart, Chart, Stretch,
-        bound::check_map,
-        chart::shown_id,
-        face_stretch,
-        layout::{Place, image_name},
-    },
-    id::{FaceId, IdVec, VertexId},
-    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
-    mesh::TriMesh,
-    numeric::narrow,
-    pyramid::LevelId,
-    skin::PatchId,
-};
+use crate::atlas::bound::check_map;
+use crate::atlas::chart::shown_id;
+use crate::atlas::layout::{Place, image_name};
+use crate::atlas::{AtlasError, AtlasPart, Chart, Stretch, face_stretch};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use crate::mesh::TriMesh;
+use crate::numeric::narrow;
+use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 /// The values of one channel, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]

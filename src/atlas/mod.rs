@@ -18,15 +18,11 @@ mod stretch;
 
 use std::sync::Arc;
 
-use crate::{
-    atlas::{
-        bound::{check_size, check_total},
-        chart::shown_id,
-        layout::{PartLayout, Place, image_name, layout},
-    },
-    map::{ImageFrame, SkinMap},
-    pyramid::LevelId,
-};
+use crate::atlas::bound::{check_size, check_total};
+use crate::atlas::chart::shown_id;
+use crate::atlas::layout::{PartLayout, Place, image_name, layout};
+use crate::map::{ImageFrame, SkinMap};
+use crate::pyramid::LevelId;
 
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;

@@ -6,11 +6,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, IdVec},
-    numeric::Csr,
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec};
+use crate::numeric::Csr;
 
 /// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
 /// the exact arithmetic allows.

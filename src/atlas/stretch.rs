@@ -1,10 +1,8 @@
 //! How much a map stretches each face: the angle and area channels of images and pictures.
 
-use crate::{
-    id::FaceId,
-    map::MapLevel,
-    mesh::{FlatTriangle, SingularValues},
-};
+use crate::id::FaceId;
+use crate::map::MapLevel;
+use crate::mesh::{FlatTriangle, SingularValues};
 
 /// How one face is stretched on its way from the skin to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,11 +3,10 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::{
-    calib::{CalibError, Pose, pose::outer},
-    id::{IdVec, VertexId},
-    numeric::symmetric_eigen,
-};
+use crate::calib::pose::outer;
+use crate::calib::{CalibError, Pose};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::symmetric_eigen;
 
 /// Two sets of points about their centroids.
 pub(crate) struct Correlation {

@@ -2,14 +2,12 @@
 
 use std::fmt;
 
-use crate::{
-    calib::{
-        ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model,
-        PerObservation, Pose, ResidualConvention, Termination, Verdict,
-    },
-    id::{Id, IdVec, VertexId},
-    skin::TaxelId,
+use crate::calib::{
+    ContactObservationId, DisplacementId, FreeComponent, Iteration, Loss, Marginals, Model, PerObservation,
+    Pose, ResidualConvention, Termination, Verdict,
 };
+use crate::id::{Id, IdVec, VertexId};
+use crate::skin::TaxelId;
 
 /// Where the taxels are, and how well the observations agree.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,11 +1,9 @@
 //! Why observations cannot be used, or give no skin.
 
-use crate::{
-    calib::{ContactObservationId, DisplacementId, Model, ObservationId},
-    id::VertexId,
-    skin::{SkinError, TaxelId},
-    sparse::SparseError,
-};
+use crate::calib::{ContactObservationId, DisplacementId, Model, ObservationId};
+use crate::id::VertexId;
+use crate::skin::{SkinError, TaxelId};
+use crate::sparse::SparseError;
 
 /// Why observations cannot be used, or give no skin.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

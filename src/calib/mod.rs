@@ -70,12 +70,10 @@ pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
 
 pub(in crate::calib) use observations::{Component, Poses, components};
-pub(in crate::calib) use solve::{
-    gauge::{FreeBody, GaugeFreedom, RigidMotion},
-    levenberg_marquardt::{Iterate, LinearSystem, Solver},
-    loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting},
-    normal_equations::{BlockLayout, Problem},
-};
+pub(in crate::calib) use solve::gauge::{FreeBody, GaugeFreedom, RigidMotion};
+pub(in crate::calib) use solve::levenberg_marquardt::{Iterate, LinearSystem, Solver};
+pub(in crate::calib) use solve::loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting};
+pub(in crate::calib) use solve::normal_equations::{BlockLayout, Problem};
 
 use robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit};
 use solve::{initial::initial_poses, marginals::marginals};

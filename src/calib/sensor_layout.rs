@@ -5,12 +5,10 @@ use std::{collections::HashMap, ops::RangeInclusive};
 
 use glam::{DMat3, DQuat, DVec2, DVec3, IVec3};
 
-use crate::{
-    calib::{CalibError, Pose},
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-    numeric::Random,
-};
+use crate::calib::{CalibError, Pose};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::numeric::Random;
 
 /// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points
 /// are equally far.

@@ -3,19 +3,17 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::{
-    calib::{
-        CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
-        DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement, TaxelVariable,
-        pose::exp,
-        sensor_layout::{Neighbourhoods, SensorLayout},
-        solve::initial::spanning_tree,
-    },
-    id::{IdVec, VertexId},
-    mesh::TriMesh,
-    numeric::Random,
-    skin::TaxelId,
+use crate::calib::pose::exp;
+use crate::calib::sensor_layout::{Neighbourhoods, SensorLayout};
+use crate::calib::solve::initial::spanning_tree;
+use crate::calib::{
+    CalibError, ContactMeasurement, ContactObservation, Displacement, DisplacementId,
+    DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement, TaxelVariable,
 };
+use crate::id::{IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::numeric::Random;
+use crate::skin::TaxelId;
 
 /// The experiment of the source paper's section IV, with what can be varied.
 #[derive(Debug, Clone, Copy, PartialEq)]

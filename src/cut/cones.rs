@@ -9,11 +9,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{FlatTriangle, TriMesh, angle},
-    sparse::{Cholesky, Matrix, Pattern},
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{FlatTriangle, TriMesh, angle};
+use crate::sparse::{Cholesky, Matrix, Pattern};
 
 /// Two vertices stretch equally if they differ by less than this share: the one of the smaller number is
 /// taken, however the surface is turned.

@@ -2,12 +2,10 @@
 
 use glam::DVec3;
 
-use crate::{
-    cut::CutError,
-    id::{FaceId, IdVec, VertexId, define_id},
-    mesh::{Adjacency, Halfedge, Topology, TriMesh},
-    numeric::DisjointSets,
-};
+use crate::cut::CutError;
+use crate::id::{FaceId, IdVec, VertexId, define_id};
+use crate::mesh::{Adjacency, Halfedge, Topology, TriMesh};
+use crate::numeric::DisjointSets;
 
 define_id!(
     /// A place of a map: a vertex of the mesh as it lies on the map, perhaps cut open. A vertex of the seam has

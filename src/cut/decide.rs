@@ -4,20 +4,16 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    cut::{
-        Cut, CutError,
-        cones::ConformalFactor,
-        recipe::{Recipe, Seam, must_cut},
-        seam_graph::SeamGraph,
-        shorten::shorten,
-        trial::{Trial, TrialMap},
-    },
-    id::{IdVec, VertexId},
-    mesh::{TriMesh, loop_length},
-    numeric::argsort,
-    parallel::par_map,
-};
+use crate::cut::cones::ConformalFactor;
+use crate::cut::recipe::{Recipe, Seam, must_cut};
+use crate::cut::seam_graph::SeamGraph;
+use crate::cut::shorten::shorten;
+use crate::cut::trial::{Trial, TrialMap};
+use crate::cut::{Cut, CutError};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, loop_length};
+use crate::numeric::argsort;
+use crate::parallel::par_map;
 
 /// Excess of the symmetric Dirichlet energy over that of an isometry at which a map is good: less is not
 /// worth any seam.

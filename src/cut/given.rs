@@ -2,15 +2,11 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    cut::{
-        CutError, CutMesh,
-        seam_graph::{EdgeId, SeamEdges, SeamGraph},
-    },
-    id::{Id, IdVec, VertexId},
-    mesh::TriMesh,
-    skin::{PatchId, TaxelId, Taxels},
-};
+use crate::cut::seam_graph::{EdgeId, SeamEdges, SeamGraph};
+use crate::cut::{CutError, CutMesh};
+use crate::id::{Id, IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::skin::{PatchId, TaxelId, Taxels};
 
 /// The vertices that pairs of taxels are, patch by patch.
 /// Fails if a taxel is not there or not the only one of its id, or a pair lies in two patches.

@@ -2,12 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    cut::seam_graph::{EdgeId, SeamEdges, SeamGraph},
-    id::{FaceId, IdVec, VertexId},
-    mesh::Halfedge,
-    numeric::{DisjointSets, order_by},
-};
+use crate::cut::seam_graph::{EdgeId, SeamEdges, SeamGraph};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::Halfedge;
+use crate::numeric::{DisjointSets, order_by};
 
 /// Roots from which a system of loops is tried, evenly spread over the vertices' numbers.
 const ROOTS: usize = 4;

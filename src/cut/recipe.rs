@@ -2,17 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    cut::{
-        CutError, CutMesh,
-        cones::ConformalFactor,
-        handles::{join, open_handles},
-        seam_graph::{EdgeId, SeamEdges, SeamGraph},
-        shorten::shorten,
-    },
-    id::{IdVec, VertexId},
-    mesh::TriMesh,
-};
+use crate::cut::cones::ConformalFactor;
+use crate::cut::handles::{join, open_handles};
+use crate::cut::seam_graph::{EdgeId, SeamEdges, SeamGraph};
+use crate::cut::shorten::shorten;
+use crate::cut::{CutError, CutMesh};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::TriMesh;
 
 /// A seam, and what it joins: cones and apexes of loops.
 #[derive(Debug, Clone, Default)]

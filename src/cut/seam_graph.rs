@@ -1,18 +1,15 @@
 //! The surface on which seams are found: every boundary loop closed by a point, and the lengths of
 //! its edges.
 
-use std::{
-    cmp::Reverse,
-    collections::{BTreeSet, BinaryHeap},
-};
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
 
-use crate::{
-    cut::{CutError, CutMesh, cut_mesh::check_disk},
-    id::{FaceId, Id, IdVec, VertexId},
-    mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh},
-    numeric::Csr,
-    skin::Taxels,
-};
+use crate::cut::cut_mesh::check_disk;
+use crate::cut::{CutError, CutMesh};
+use crate::id::{FaceId, Id, IdVec, VertexId};
+use crate::mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh};
+use crate::numeric::Csr;
+use crate::skin::Taxels;
 
 /// An edge of a [`SeamGraph`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]

@@ -2,12 +2,10 @@
 
 use std::collections::{BTreeSet, HashSet};
 
-use crate::{
-    cut::seam_graph::{EdgeId, Paths, SeamEdges, SeamGraph},
-    id::VertexId,
-    mesh::boundary_loops,
-    numeric::{DisjointSets, order_by},
-};
+use crate::cut::seam_graph::{EdgeId, Paths, SeamEdges, SeamGraph};
+use crate::id::VertexId;
+use crate::mesh::boundary_loops;
+use crate::numeric::{DisjointSets, order_by};
 
 /// A seam of more chains stays as it is: each takes a search of the surface, and a plate of 400 handles has
 /// 1200.

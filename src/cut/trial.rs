@@ -2,11 +2,9 @@
 
 use glam::DVec2;
 
-use crate::{
-    cut::seam_graph::{SeamEdges, SeamGraph},
-    id::{FaceId, IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh},
-};
+use crate::cut::seam_graph::{SeamEdges, SeamGraph};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh};
 
 /// Map positions, in m.
 type Uv = IdVec<VertexId, DVec2>;

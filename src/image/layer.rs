@@ -1,14 +1,10 @@
 //! One channel of one chart: what was drawn last, and what has to be drawn anew.
 
-use crate::{
-    id::{IdVec, VertexId},
-    image::{
-        runs::Plane,
-        surface::{Pattern, PixelSurface},
-    },
-    numeric::{Csr, narrow},
-    signal::Quantity,
-};
+use crate::id::{IdVec, VertexId};
+use crate::image::runs::Plane;
+use crate::image::surface::{Pattern, PixelSurface};
+use crate::numeric::{Csr, narrow};
+use crate::signal::Quantity;
 
 /// The whole chart is drawn if more than one in this many of its sources (faces, vertices or
 /// pixels) changed. *Heuristic*: a pixel of few changed faces costs more than one of many. At 2, a frame

@@ -20,14 +20,13 @@ mod natural;
 mod runs;
 mod surface;
 
-use crate::{
-    atlas::{Atlas, AtlasPart, Chart},
-    image::{layer::Layer, surface::PixelSurface},
-    map::{ImageFrame, MapError, SkinMap},
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity},
-    skin::PatchId,
-};
+use crate::atlas::{Atlas, AtlasPart, Chart};
+use crate::image::layer::Layer;
+use crate::image::surface::PixelSurface;
+use crate::map::{ImageFrame, MapError, SkinMap};
+use crate::pyramid::LevelId;
+use crate::signal::{Channel, LevelFrame, Quantity};
+use crate::skin::PatchId;
 
 pub use surface::Interpolation;
 

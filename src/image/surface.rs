@@ -5,18 +5,14 @@ use std::collections::HashSet;
 
 use glam::DVec2;
 
-use crate::{
-    atlas::Chart,
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    image::{
-        face_weights::FaceWeights,
-        natural::{Neighbours, Scratch},
-        runs::{Run, Runs},
-    },
-    map::MapLevel,
-    numeric::Csr,
-};
+use crate::atlas::Chart;
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::image::face_weights::FaceWeights;
+use crate::image::natural::{Neighbours, Scratch};
+use crate::image::runs::{Run, Runs};
+use crate::map::MapLevel;
+use crate::numeric::Csr;
 
 /// How a pixel follows from the values around it. Only live vertices, those with a value, take
 /// part.

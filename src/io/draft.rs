@@ -2,15 +2,11 @@
 
 use std::path::Path;
 
-use crate::{
-    io::{
-        IoError, ReadParts,
-        file::{Source, file_kind},
-        mesh::{Reader, reader_of},
-        robot::{Packages, RobotSurface, robot_draft, robot_of},
-    },
-    skin::Draft,
-};
+use crate::io::file::{Source, file_kind};
+use crate::io::mesh::{Reader, reader_of};
+use crate::io::robot::{Packages, RobotSurface, robot_draft, robot_of};
+use crate::io::{IoError, ReadParts};
+use crate::skin::Draft;
 
 /// Reads a skin or a mesh as it was written, by the extension of its file:
 ///

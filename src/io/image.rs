@@ -1,42 +1,29 @@
 //! Images of maps and of frames of readings: multi-part OpenEXR files, and raw numbers for a pipe.
 
-use std::{
-    fs::File,
-    io::{self, Write},
-    ops::Range,
-    path::Path,
-};
+use std::fs::File;
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::Path;
 
-use exr::{
-    block::{
-        BlockIndex,
-        chunk::{Chunk, CompressedBlock, CompressedScanLineBlock},
-        enumerate_ordered_header_block_indices,
-        writer::ChunksWriter,
-    },
-    meta::{
-        BlockDescription, Headers,
-        attribute::{self, AttributeValue, ChannelDescription, IntegerBounds, LineOrder, Text},
-        header::Header,
-    },
-    prelude::{Compression, Vec2},
-};
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, enumerate_ordered_header_block_indices};
+use exr::meta::attribute::{self, AttributeValue, ChannelDescription, IntegerBounds, LineOrder, Text};
+use exr::meta::header::Header;
+use exr::meta::{BlockDescription, Headers};
+use exr::prelude::{Compression, Vec2};
 use flate2::{Compression as Effort, write::ZlibEncoder};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::{
-    atlas::{ImageRows, LevelImage, SampleType, Samples},
-    image::TactileImage,
-    io::{
-        IoError,
-        error::Result,
-        file::{percent_coded, replace_file, unfit},
-    },
-    map::ImageFrame,
-    numeric::order_by,
-    signal::{Channel, Quantity},
-};
+use crate::atlas::{ImageRows, LevelImage, SampleType, Samples};
+use crate::image::TactileImage;
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{percent_coded, replace_file, unfit};
+use crate::map::ImageFrame;
+use crate::numeric::order_by;
+use crate::signal::{Channel, Quantity};
 
 /// The one custom attribute of each part. There must not be a second: the crate keeps attributes in
 /// a hash map, and their order in the file would change from run to run.

@@ -7,13 +7,11 @@
 
 use glam::DVec2;
 
-use crate::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    map::MapLevel,
-    mesh::VertexCorners,
-    pyramid::Prolongation,
-};
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::MapLevel;
+use crate::mesh::VertexCorners;
+use crate::pyramid::Prolongation;
 
 /// Smaller weights are rounding: a taxel of the seam lies on its edge.
 const ROUNDED: f64 = 1e-6;

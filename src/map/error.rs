@@ -2,14 +2,12 @@
 
 use glam::DVec2;
 
-use crate::{
-    cut::PlaceId,
-    flatten::Distortion,
-    id::VertexId,
-    map::ImageFrame,
-    pyramid::{LevelId, PyramidError},
-    skin::SkinError,
-};
+use crate::cut::PlaceId;
+use crate::flatten::Distortion;
+use crate::id::VertexId;
+use crate::map::ImageFrame;
+use crate::pyramid::{LevelId, PyramidError};
+use crate::skin::SkinError;
 
 /// Why data is not a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -11,14 +11,12 @@ use std::borrow::Cow;
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use crate::{
-    cut::{CutMesh, PlaceId, seam_length},
-    flatten::{Convergence, Distortion, distortion},
-    id::{FaceId, IdVec, VertexId},
-    mesh::{TriMesh, VertexCorners, signed_area},
-    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels},
-    skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along},
-};
+use crate::cut::{CutMesh, PlaceId, seam_length};
+use crate::flatten::{Convergence, Distortion, distortion};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{TriMesh, VertexCorners, signed_area};
+use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels};
+use crate::skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along};
 
 pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;

@@ -2,10 +2,8 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{VertexCorners, angle, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{VertexCorners, angle, triangle_cross};
 
 /// A triangle whose doubled area is less than this part of its longest side squared is measured by
 /// its sides alone.

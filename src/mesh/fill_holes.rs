@@ -4,10 +4,8 @@ use std::{collections::HashMap, f64::consts::PI};
 
 use glam::DVec3;
 
-use crate::{
-    id::VertexId,
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length, triangle_cross},
-};
+use crate::id::VertexId;
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length, triangle_cross};
 
 /// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
 /// least 12.6 times its area, the open end of a finger ten times as long as it is thick 0.3 times.

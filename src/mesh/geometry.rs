@@ -2,10 +2,8 @@
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use crate::{
-    id::VertexId,
-    mesh::{Adjacency, TriMesh},
-};
+use crate::id::VertexId;
+use crate::mesh::{Adjacency, TriMesh};
 
 /// How far the columns of a matrix may be from an orthonormal frame and still count as one,
 /// rounding apart.

@@ -15,13 +15,11 @@ mod triangle_map;
 
 pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
-pub(crate) use connectivity::{
-    adjacency::Rings,
-    edges::{Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of},
-    halfedge::Halfedge,
-    halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals},
-    topology::{Part, Topology, face_components, separate},
-};
+pub(crate) use connectivity::adjacency::Rings;
+pub(crate) use connectivity::edges::{Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of};
+pub(crate) use connectivity::halfedge::Halfedge;
+pub(crate) use connectivity::halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals};
+pub(crate) use connectivity::topology::{Part, Topology, face_components, separate};
 pub use error::MeshError;
 pub(crate) use error::too_many;
 pub use fill_holes::FillHoles;

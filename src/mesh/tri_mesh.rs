@@ -2,10 +2,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{MeshError, error::too_many, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::error::too_many;
+use crate::mesh::{MeshError, triangle_cross};
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]

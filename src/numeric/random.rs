@@ -1,10 +1,8 @@
 //! Random numbers with the same bytes on every system.
 
 use glam::DVec3;
-use rand_pcg::{
-    Pcg64,
-    rand_core::{Rng, SeedableRng},
-};
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// The generator and the logarithm are our own choice, not the system's.
 #[derive(Debug, Clone)]

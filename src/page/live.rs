@@ -5,19 +5,15 @@
 //! skin nor guess where it is. A browser gets the newest frame at most 60 times a second; frames
 //! that it misses are counted.
 
-use std::{
-    collections::hash_map::RandomState,
-    fmt::Write as _,
-    hash::{BuildHasher, Hasher},
-    io::{self, BufRead, BufReader, ErrorKind, Read, Write},
-    net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream},
-    sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicUsize, Ordering},
-    },
-    thread,
-    time::{Duration, Instant},
-};
+use std::collections::hash_map::RandomState;
+use std::fmt::Write as _;
+use std::hash::{BuildHasher, Hasher};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// Shortest time between two frames that a browser gets.
 const FRAME: Duration = Duration::from_micros(16_667);

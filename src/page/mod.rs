@@ -26,21 +26,17 @@ use std::{fmt::Write, io::Read};
 use flate2::read::GzDecoder;
 use serde::Serialize;
 
-use crate::{
-    Error,
-    map::{PatchMap, SkinMap},
-    page::{
-        pack::Packer,
-        recording::{Recorder, RecordingHeader},
-        skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets},
-    },
-    plot::{Paint, PlotOptions, plot_map},
-    pyramid::LevelId,
-    report::{PatchReport, measure},
-    signal::{Channel, Frame},
-    skin::link_names,
-    unfold::Unfolding,
-};
+use crate::Error;
+use crate::map::{PatchMap, SkinMap};
+use crate::page::pack::Packer;
+use crate::page::recording::{Recorder, RecordingHeader};
+use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
+use crate::plot::{Paint, PlotOptions, plot_map};
+use crate::pyramid::LevelId;
+use crate::report::{PatchReport, measure};
+use crate::signal::{Channel, Frame};
+use crate::skin::link_names;
+use crate::unfold::Unfolding;
 
 /// The page without its data; `tools/page` makes it.
 const PAGE: &[u8] = include_bytes!("page.html.gz");

@@ -3,16 +3,14 @@
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
 
-use crate::{
-    id::IdVec,
-    map::SkinMap,
-    numeric::narrow,
-    page::pack::Packer,
-    signal::{
-        Channel, ContactEvent, ContactRegion, ContactTracker, Frame, Quantity, SignalError, TrackerOptions,
-    },
-    skin::PatchId,
+use crate::id::IdVec;
+use crate::map::SkinMap;
+use crate::numeric::narrow;
+use crate::page::pack::Packer;
+use crate::signal::{
+    Channel, ContactEvent, ContactRegion, ContactTracker, Frame, Quantity, SignalError, TrackerOptions,
 };
+use crate::skin::PatchId;
 
 /// Readings that a page holds at most: a quarter of a gigabyte while it is made.
 const MAX_READINGS: usize = 1 << 26;

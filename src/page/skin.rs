@@ -3,16 +3,14 @@
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use crate::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    map::{PatchMap, SkinMap},
-    mesh::rectangle_around,
-    page::pack::{Packer, Region, Rows, Values, share},
-    pyramid::LevelId,
-    skin::{Covariance, PatchId, Presence, world_pose},
-    unfold::{Unfolding, origins},
-};
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::mesh::rectangle_around;
+use crate::page::pack::{Packer, Region, Rows, Values, share};
+use crate::pyramid::LevelId;
+use crate::skin::{Covariance, PatchId, Presence, world_pose};
+use crate::unfold::{Unfolding, origins};
 
 /// Space between the maps of patches on the sheet, as a share of the side of all of them.
 const GAP: f64 = 0.03;

@@ -1,13 +1,11 @@
 //! Where to cut a patch, decided by trial maps of a level of a few thousand vertices.
 
-use crate::{
-    Error,
-    cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs},
-    flatten::{FlattenOptions, Overlap, distortion, flatten, flatten_roughly},
-    mesh::TriMesh,
-    pyramid::{CoarsenOptions, Level, coarsen},
-    skin::Taxels,
-};
+use crate::Error;
+use crate::cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs};
+use crate::flatten::{FlattenOptions, Overlap, distortion, flatten, flatten_roughly};
+use crate::mesh::TriMesh;
+use crate::pyramid::{CoarsenOptions, Level, coarsen};
+use crate::skin::Taxels;
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
 /// second, and its seam differs little from that of the skin.

@@ -26,30 +26,25 @@
 mod cut_open;
 mod written;
 
-use std::{
-    fs,
-    path::Path,
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::{
-    Error,
-    atlas::{fitting_pixel, pixels_of, skin_images},
-    cut::{Cut, cut_along, pairs_by_patch},
-    flatten::{FlattenOptions, flatten_pyramid, patch_scales},
-    id::{IdVec, VertexId},
-    io::{IoError, StagedFiles, read_draft, write_images, write_map},
-    map::{PatchMap, SkinMap},
-    pipeline::{cut_open::cut_open, written::measure_as_written},
-    pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut},
-    skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links},
-};
+use crate::Error;
+use crate::atlas::{fitting_pixel, pixels_of, skin_images};
+use crate::cut::{Cut, cut_along, pairs_by_patch};
+use crate::flatten::{FlattenOptions, flatten_pyramid, patch_scales};
+use crate::id::{IdVec, VertexId};
+use crate::io::{IoError, StagedFiles, read_draft, write_images, write_map};
+use crate::map::{PatchMap, SkinMap};
+use crate::pipeline::cut_open::cut_open;
+use crate::pipeline::written::measure_as_written;
+use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
+use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links};
 
 /// Options of [`build`].
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -330,13 +325,11 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        cut::{CutMesh, PlaceId},
-        flatten::distortion,
-        mesh::{Adjacency, TriMesh, shapes},
-        pyramid::LevelId,
-        skin::PatchId,
-    };
+    use crate::cut::{CutMesh, PlaceId};
+    use crate::flatten::distortion;
+    use crate::mesh::{Adjacency, TriMesh, shapes};
+    use crate::pyramid::LevelId;
+    use crate::skin::PatchId;
 
     /// Euler characteristic and boundary loops of the mesh after the cut.
     fn shape(mesh: &TriMesh, cut: &CutMesh) -> (i64, usize) {

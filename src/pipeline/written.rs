@@ -3,14 +3,12 @@
 
 use glam::DVec2;
 
-use crate::{
-    cut::PlaceId,
-    flatten::{crossing_vertices, distortion},
-    id::{IdVec, VertexId},
-    io::as_in_map_file,
-    map::{MapError, MapLevel},
-    mesh::{TriMesh, VertexCorners, boundary_edges},
-};
+use crate::cut::PlaceId;
+use crate::flatten::{crossing_vertices, distortion};
+use crate::id::{IdVec, VertexId};
+use crate::io::as_in_map_file;
+use crate::map::{MapError, MapLevel};
+use crate::mesh::{TriMesh, VertexCorners, boundary_edges};
 
 /// Spacing of 32-bit numbers just below 1, the longer side of an image.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;

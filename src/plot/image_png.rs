@@ -4,14 +4,10 @@
 //! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is
 //! known it is hatched in greys, which no scale has.
 
-use crate::{
-    image::TactileImage,
-    plot::{
-        PlotError,
-        colour::{Scale, hatch},
-        picture::{MAX_SIDE, encode_with_alpha},
-    },
-};
+use crate::image::TactileImage;
+use crate::plot::PlotError;
+use crate::plot::colour::{Scale, hatch};
+use crate::plot::picture::{MAX_SIDE, encode_with_alpha};
 
 /// How values become colours.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,14 +2,12 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::TriMesh,
-    plot::PlotError,
-    pyramid::LevelId,
-    skin::{Covariance, Patch, Presence, Skin, Taxels, world_pose},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{MapLevel, PatchMap, SkinMap};
+use crate::mesh::TriMesh;
+use crate::plot::PlotError;
+use crate::pyramid::LevelId;
+use crate::skin::{Covariance, Patch, Presence, Skin, Taxels, world_pose};
 
 pub(crate) struct PatchView<'a> {
     pub(crate) name: &'a str,

@@ -3,22 +3,18 @@
 //! Values are linear between the vertices of each level, as in tactile images; where nothing is known
 //! the skin is hatched in greys, which no scale has.
 
-use crate::{
-    id::{IdVec, VertexId},
-    map::{MapLevel, PatchMap, SkinMap},
-    numeric::second_digit,
-    plot::{
-        PlotError, PlotOptions,
-        colour::Scale,
-        draw::Panel,
-        layout::{Caption, lay_out, printable, signed, slots, ticks},
-        patch_view::PatchView,
-        picture::Picture,
-        plot_map::{check_viewpoint, choose, choose_levels, title},
-    },
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame, Quantity},
-};
+use crate::id::{IdVec, VertexId};
+use crate::map::{MapLevel, PatchMap, SkinMap};
+use crate::numeric::second_digit;
+use crate::plot::colour::Scale;
+use crate::plot::draw::Panel;
+use crate::plot::layout::{Caption, lay_out, printable, signed, slots, ticks};
+use crate::plot::patch_view::PatchView;
+use crate::plot::picture::Picture;
+use crate::plot::plot_map::{check_viewpoint, choose, choose_levels, title};
+use crate::plot::{PlotError, PlotOptions};
+use crate::pyramid::LevelId;
+use crate::signal::{Channel, LevelFrame, Quantity};
 
 struct ChannelView<'a> {
     frame: &'a LevelFrame,

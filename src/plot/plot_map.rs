@@ -1,20 +1,16 @@
 //! Pictures of maps and of skins: the panels that are asked for, laid out and drawn.
 
-use crate::{
-    id::IdVec,
-    map::{PatchMap, SkinMap},
-    plot::{
-        Paint, PlotError, PlotOptions, Viewpoint,
-        colour::ScaleLimits,
-        draw::Panel,
-        layout::{lay_out, printable, slots},
-        patch_view::{PatchView, Robot},
-        picture::{Picture, Shape},
-    },
-    pyramid::LevelId,
-    skin::{PatchId, Skin},
-    unfold::Unfolding,
-};
+use crate::id::IdVec;
+use crate::map::{PatchMap, SkinMap};
+use crate::plot::colour::ScaleLimits;
+use crate::plot::draw::Panel;
+use crate::plot::layout::{lay_out, printable, slots};
+use crate::plot::patch_view::{PatchView, Robot};
+use crate::plot::picture::{Picture, Shape};
+use crate::plot::{Paint, PlotError, PlotOptions, Viewpoint};
+use crate::pyramid::LevelId;
+use crate::skin::{PatchId, Skin};
+use crate::unfold::Unfolding;
 
 /// The panels of a patch; a level that it lacks leaves its slot empty.
 type Row<'a> = Vec<Option<Panel<'a>>>;

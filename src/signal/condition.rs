@@ -6,17 +6,13 @@
 //! the exact answer to a reading that jumps at each frame and stays: `slow += (1 - exp(-2 pi f dt))
 //! (x - slow)` with `dt` the time since that taxel's last reading.
 
-use std::{
-    collections::{HashMap, HashSet},
-    f64::consts::TAU,
-};
+use std::collections::{HashMap, HashSet};
+use std::f64::consts::TAU;
 
-use crate::{
-    id::IdVec,
-    map::SkinMap,
-    signal::{Channel, Frame, SignalError},
-    skin::{PatchId, TaxelId},
-};
+use crate::id::IdVec;
+use crate::map::SkinMap;
+use crate::signal::{Channel, Frame, SignalError};
+use crate::skin::{PatchId, TaxelId};
 
 /// Memory that the frames of a baseline may take, in bytes.
 const MAX_BASELINE_BYTES: usize = 1 << 30;

@@ -6,13 +6,11 @@
 //! contrast, in either kind of channel and whatever taxels are dead. The coarsest level keeps its
 //! values.
 
-use crate::{
-    id::{IdVec, VertexId},
-    map::{PatchMap, SkinMap},
-    pyramid::{LevelId, Prolongation},
-    signal::{Channel, LevelFrame, Quantity},
-    skin::PatchId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::pyramid::{LevelId, Prolongation};
+use crate::signal::{Channel, LevelFrame, Quantity};
+use crate::skin::PatchId;
 
 /// The contrast of frames: what each level has beyond the next coarser one.
 ///

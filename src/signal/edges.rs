@@ -10,15 +10,13 @@
 
 use glam::DVec2;
 
-use crate::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    map::{MapLevel, SkinMap},
-    mesh::signed_area,
-    pyramid::{LevelId, Prolongation},
-    signal::{Channel, LevelFrame, Quantity},
-    skin::PatchId,
-};
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::{MapLevel, SkinMap};
+use crate::mesh::signed_area;
+use crate::pyramid::{LevelId, Prolongation};
+use crate::signal::{Channel, LevelFrame, Quantity};
+use crate::skin::PatchId;
 
 /// The edges of frames: the gradient of their values on the map of every level.
 ///

@@ -1,9 +1,7 @@
 //! Why readings cannot be used with a map, or not be simulated.
 
-use crate::{
-    contact::ContactError,
-    skin::{SkinError, TaxelId},
-};
+use crate::contact::ContactError;
+use crate::skin::{SkinError, TaxelId};
 
 /// Why readings cannot be used with a map, or not be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

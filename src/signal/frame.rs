@@ -1,11 +1,9 @@
 //! One moment of readings: on the taxels, and on every level.
 
-use crate::{
-    id::{IdVec, VertexId},
-    map::SkinMap,
-    pyramid::LevelId,
-    skin::PatchId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::map::SkinMap;
+use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 /// One frame of readings: `values[patch][channel][taxel]`, NaN where there is no reading.
 #[derive(Debug, Clone, Default, PartialEq)]

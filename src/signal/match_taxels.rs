@@ -2,12 +2,10 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    id::IdVec,
-    map::SkinMap,
-    signal::{Frame, SignalError},
-    skin::{PatchId, Presence, TaxelId},
-};
+use crate::id::IdVec;
+use crate::map::SkinMap;
+use crate::signal::{Frame, SignalError};
+use crate::skin::{PatchId, Presence, TaxelId};
 
 /// What to do with an id that several columns have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

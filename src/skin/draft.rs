@@ -2,10 +2,10 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{MeshError, too_many},
-    skin::{Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId},
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{MeshError, too_many};
+use crate::skin::{
+    Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId,
 };
 
 /// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times

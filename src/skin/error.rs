@@ -1,13 +1,9 @@
 //! Why a draft or skin is refused.
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::MeshError,
-    skin::{
-        LinkId, TaxelError,
-        sentence::{count, first_few},
-    },
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::MeshError;
+use crate::skin::sentence::{count, first_few};
+use crate::skin::{LinkId, TaxelError};
 
 /// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or
 /// the patch of the skin, numbers them.

@@ -4,12 +4,10 @@ use std::ops::{Add, Mul};
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 
-use crate::{
-    id::IdVec,
-    mesh::is_rigid,
-    numeric::argsort,
-    skin::{LinkId, SkinError},
-};
+use crate::id::IdVec;
+use crate::mesh::is_rigid;
+use crate::numeric::argsort;
+use crate::skin::{LinkId, SkinError};
 
 /// The frame that the poses of a track are in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

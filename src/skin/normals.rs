@@ -6,11 +6,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-    skin::UnreliableNormals,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::skin::UnreliableNormals;
 
 /// A normal is a unit vector if its length is this close to 1: tables print three digits.
 const UNIT_TOLERANCE: f64 = 0.01;

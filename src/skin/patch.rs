@@ -4,11 +4,10 @@ use std::{borrow::Cow, collections::HashSet};
 
 use glam::DAffine3;
 
-use crate::{
-    id::{IdVec, define_id},
-    mesh::{Adjacency, TriMesh, is_rigid},
-    skin::{Link, LinkId, Motion, SkinError, TaxelError, Taxels, link::before_parents, world_pose},
-};
+use crate::id::{IdVec, define_id};
+use crate::mesh::{Adjacency, TriMesh, is_rigid};
+use crate::skin::link::before_parents;
+use crate::skin::{Link, LinkId, Motion, SkinError, TaxelError, Taxels, world_pose};
 
 define_id!(
     /// A patch of one skin.

@@ -2,13 +2,9 @@
 
 use std::fmt;
 
-use crate::{
-    id::{FaceId, VertexId},
-    skin::{
-        SkinError,
-        sentence::{across, coincident, count, edge_list, first_few, length},
-    },
-};
+use crate::id::{FaceId, VertexId};
+use crate::skin::SkinError;
+use crate::skin::sentence::{across, coincident, count, edge_list, first_few, length};
 
 /// One change or doubt about a sheet or patch; `Display` makes a sentence of it.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,12 +8,10 @@ use std::fmt;
 
 use glam::{DAffine3, DVec3};
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::TriMesh,
-    numeric::Covariance,
-    skin::LinkId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::numeric::Covariance;
+use crate::skin::LinkId;
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///

@@ -2,13 +2,11 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, IdVec},
-    mesh::cotangent,
-    sparse::{Cholesky, Factor, Matrix, Pattern, SparseError},
-    unfold::turns::{Turns, rotation},
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec};
+use crate::mesh::cotangent;
+use crate::sparse::{Cholesky, Factor, Matrix, Pattern, SparseError};
+use crate::unfold::turns::{Turns, rotation};
 
 /// Cotangents are clamped: a sliver would outweigh its ring, and an obtuse angle would count negative.
 const COTANGENTS: [f64; 2] = [0.05, 19.1];

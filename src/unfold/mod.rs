@@ -26,14 +26,13 @@ mod turns;
 
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
-use crate::{
-    cut::PlaceId,
-    id::IdVec,
-    map::{CarriedRow, MapLevel, PatchMap, carried_places, carried_rows},
-    pyramid::LevelId,
-    sparse::SparseError,
-    unfold::{join_triangles::Joiner, turns::Turns},
-};
+use crate::cut::PlaceId;
+use crate::id::IdVec;
+use crate::map::{CarriedRow, MapLevel, PatchMap, carried_places, carried_rows};
+use crate::pyramid::LevelId;
+use crate::sparse::SparseError;
+use crate::unfold::join_triangles::Joiner;
+use crate::unfold::turns::Turns;
 
 /// Times at which the surfaces between skin (0) and map (1) are solved for.
 pub const KEY_TIMES: [f64; 3] = [0.25, 0.5, 0.75];

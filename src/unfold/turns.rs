@@ -4,11 +4,9 @@ use std::collections::VecDeque;
 
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    mesh::{FlatTriangle, VertexCorners, triangle_cross},
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{FlatTriangle, VertexCorners, triangle_cross};
 
 pub(super) struct Turns {
     pub(super) faces: IdVec<FaceId, FaceMap>,

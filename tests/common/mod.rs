@@ -7,10 +7,8 @@
     reason = "each test program uses a part of it, says what it skips, and may stop"
 )]
 
-use std::{
-    env, fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
+use std::{env, fs};
 
 #[cfg(feature = "cli")]
 use assert_cmd::assert::Assert;

@@ -1,15 +1,13 @@
 //! Patches that follow several links: a linear blend of their motions.
 
-use dermatome::{
-    contact::{ContactError, ContactIndex, MapIndex, MapPlace, Query},
-    id::{IdVec, VertexId},
-    map::SkinMap,
-    mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    signal::{Press, Spreader},
-    skin::{Link, LinkId, Motion, Patch, PatchId, Skin},
-};
+use dermatome::contact::{ContactError, ContactIndex, MapIndex, MapPlace, Query};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{Press, Spreader};
+use dermatome::skin::{Link, LinkId, Motion, Patch, PatchId, Skin};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 

@@ -3,14 +3,12 @@
 
 use std::f64::consts::TAU;
 
-use dermatome::{
-    contact::{ContactError, ContactIndex, Hit, Query},
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::{TriMesh, shapes},
-    pyramid::{LevelId, Prolongation},
-    skin::{Link, LinkId, PatchId, TaxelId, world_pose},
-};
+use dermatome::contact::{ContactError, ContactIndex, Hit, Query};
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::map::{MapLevel, PatchMap, SkinMap};
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pyramid::{LevelId, Prolongation};
+use dermatome::skin::{Link, LinkId, PatchId, TaxelId, world_pose};
 use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 

@@ -4,24 +4,19 @@
 use std::{fmt::Write as _, fs};
 
 use assert_cmd::Command;
-use dermatome::{
-    contact::{ContactIndex, Query},
-    id::{IdVec, VertexId},
-    io::{read_draft, read_map, write_map, write_skin},
-    map::SkinMap,
-    mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    skin::{AssembleOptions, Joints, LinkId, PatchId, Skin, assemble, world_pose},
-};
+use dermatome::contact::{ContactIndex, Query};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::io::{read_draft, read_map, write_map, write_skin};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::skin::{AssembleOptions, Joints, LinkId, PatchId, Skin, assemble, world_pose};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::{
-    common, distance_to, finest,
-    gltf_files::{Glb, f32s, u16s},
-    posed,
-};
+use crate::gltf_files::{Glb, f32s, u16s};
+use crate::{common, distance_to, finest, posed};
 
 /// How the file stores weights.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,13 +1,11 @@
 //! Laws of answers on coarse levels: every error bound holds.
 
-use dermatome::{
-    contact::{ContactError, ContactIndex, Query},
-    map::SkinMap,
-    mesh::{TriMesh, shapes},
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    skin::{LinkId, PatchId, Skin},
-};
+use dermatome::contact::{ContactError, ContactIndex, Query};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{LinkId, PatchId, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 

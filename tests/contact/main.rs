@@ -20,13 +20,11 @@ mod queries;
 mod soup;
 mod steady;
 
-use dermatome::{
-    contact::IndexOptions,
-    map::SkinMap,
-    mesh::TriMesh,
-    pyramid::LevelId,
-    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin},
-};
+use dermatome::contact::IndexOptions;
+use dermatome::map::SkinMap;
+use dermatome::mesh::TriMesh;
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 

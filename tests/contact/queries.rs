@@ -3,17 +3,15 @@
 
 use std::sync::LazyLock;
 
-use dermatome::{
-    contact::{ContactError, ContactIndex, MapIndex, MapPlace, Query},
-    cut::Cut,
-    id::{FaceId, VertexId},
-    map::SkinMap,
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    signal::{Frame, Press, SignalError, Spreader},
-    skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, Skin},
-};
+use dermatome::contact::{ContactError, ContactIndex, MapIndex, MapPlace, Query};
+use dermatome::cut::Cut;
+use dermatome::id::{FaceId, VertexId};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{Frame, Press, SignalError, Spreader};
+use dermatome::skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, Skin};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 

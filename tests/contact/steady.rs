@@ -1,13 +1,11 @@
 //! A robot of 47 patches with about 8000 taxels, posed anew in every frame: contacts are answered on
 //! all levels without an allocation.
 
-use dermatome::{
-    contact::{ContactIndex, Query},
-    mesh::shapes,
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    skin::{LinkId, Motion, MotionFrame, Skin},
-};
+use dermatome::contact::{ContactIndex, Query};
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{LinkId, Motion, MotionFrame, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::{LEVELS, skin_of};

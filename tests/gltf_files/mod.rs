@@ -1,9 +1,7 @@
 //! Small glTF files, made in memory to be broken.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 

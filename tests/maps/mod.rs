@@ -5,14 +5,12 @@ pub(crate) mod images;
 
 use std::sync::Arc;
 
-use dermatome::{
-    atlas::{Atlas, AtlasOptions, Chart, skin_images},
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap, SkinMap},
-    mesh::{TriMesh, shapes},
-    pyramid::{Level, LevelId, Prolongation, Pyramid},
-    skin::{Link, LinkId, Patch, PatchId, TaxelId, Taxels},
-};
+use dermatome::atlas::{Atlas, AtlasOptions, Chart, skin_images};
+use dermatome::id::{FaceId, IdVec, VertexId};
+use dermatome::map::{MapLevel, PatchMap, SkinMap};
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pyramid::{Level, LevelId, Prolongation, Pyramid};
+use dermatome::skin::{Link, LinkId, Patch, PatchId, TaxelId, Taxels};
 use glam::{DAffine3, DVec2, DVec3};
 
 /// A level whose map is its shape seen from above; one that faces down is turned over, since its map

@@ -2,10 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use dermatome::{
-    mesh::{Adjacency, TriMesh},
-    skin::{AssembleOptions, Assembled, Draft, Patch, Sheet, SkinError, TaxelId},
-};
+use dermatome::mesh::{Adjacency, TriMesh};
+use dermatome::skin::{AssembleOptions, Assembled, Draft, Patch, Sheet, SkinError, TaxelId};
 use glam::DVec3;
 
 use crate::common::data;

@@ -8,13 +8,11 @@ mod triangulate;
 
 use std::collections::BTreeSet;
 
-use dermatome::{
-    id::{FaceId, VertexId},
-    mesh::{FillHoles, TriMesh, shapes},
-    skin::{
-        self, AssembleOptions, Draft, Finding, PatchId, Presence, RemarkKind, Severity, Sheet, SkinError,
-        TaxelId, Taxels, Weld,
-    },
+use dermatome::id::{FaceId, VertexId};
+use dermatome::mesh::{FillHoles, TriMesh, shapes};
+use dermatome::skin::{
+    self, AssembleOptions, Draft, Finding, PatchId, Presence, RemarkKind, Severity, Sheet, SkinError,
+    TaxelId, Taxels, Weld,
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
 use glam::{DVec3, swizzles::Vec3Swizzles};

@@ -1,29 +1,22 @@
 //! Laws of triangulating bare taxels: shapes without their triangles, and taxels that lie on no
 //! surface.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    f64::consts::{PI, TAU},
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::{PI, TAU};
 
-use dermatome::{
-    id::VertexId,
-    io,
-    mesh::{TriMesh, shapes},
-    pipeline, report,
-    skin::{
-        self, AssembleOptions, Assembled, Draft, Patch, Presence, Remark, RemarkKind, Sheet, SkinError,
-        TaxelId, Taxels,
-    },
+use dermatome::id::VertexId;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::skin::{
+    self, AssembleOptions, Assembled, Draft, Patch, Presence, Remark, RemarkKind, Sheet, SkinError, TaxelId,
+    Taxels,
 };
+use dermatome::{io, pipeline, report};
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 
-use crate::{
-    common::data,
-    drafts::{assemble, draft_of, kinds, only, topology},
-    elements, found_in,
-};
+use crate::common::data;
+use crate::drafts::{assemble, draft_of, kinds, only, topology};
+use crate::{elements, found_in};
 
 /// The taxels of a shape alone, numbered from 0.
 fn bare(positions: &[DVec3]) -> Sheet {

@@ -3,11 +3,9 @@
 
 use arrayvec::ArrayVec;
 
-use crate::{
-    lanes::Lanes,
-    node8::{Child, Node8, Target},
-    tree::{DEPTH, STACK, Tree},
-};
+use crate::lanes::Lanes;
+use crate::node8::{Child, Node8, Target};
+use crate::tree::{DEPTH, STACK, Tree};
 
 /// What is done with the packets of a walk.
 pub(crate) trait Visitor<L: Lanes> {

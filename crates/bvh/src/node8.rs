@@ -7,11 +7,9 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::{
-    Ray,
-    lanes::{Kernel, LANES, Lanes, most_of_rows},
-    scaling::{FAR, slack},
-};
+use crate::Ray;
+use crate::lanes::{Kernel, LANES, Lanes, most_of_rows};
+use crate::scaling::{FAR, slack};
 
 /// Steps of a node's boxes along each axis: one more fits into a byte.
 const STEPS: f64 = 254.99;

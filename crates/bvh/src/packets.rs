@@ -2,10 +2,8 @@
 
 use glam::DVec3;
 
-use crate::{
-    lanes::{Kernel, LANES, Lanes},
-    tree::Points,
-};
+use crate::lanes::{Kernel, LANES, Lanes};
+use crate::tree::Points;
 
 /// Sides shorter than this (in the tree's units, squared) count as points: nothing is divided by
 /// zero.
@@ -217,12 +215,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{
-        lanes::{Plain, Simd},
-        scaling::slack,
-        soup::{self, distance},
-        tree,
-    };
+    use crate::lanes::{Plain, Simd};
+    use crate::scaling::slack;
+    use crate::soup::{self, distance};
+    use crate::tree;
 
     struct Distances<'a>(&'a Triangle8, DVec3);
 

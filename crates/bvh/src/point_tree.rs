@@ -4,14 +4,12 @@ use std::cmp::Ordering;
 
 use glam::DVec3;
 
-use crate::{
-    Aabb,
-    descent::{Descent, Visitor, bound_of},
-    lanes::{Kernel, Lanes, Simd},
-    packets::Point8,
-    scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32},
-    tree::{Points, Primitive, Tree, distinct, put},
-};
+use crate::Aabb;
+use crate::descent::{Descent, Visitor, bound_of};
+use crate::lanes::{Kernel, Lanes, Simd};
+use crate::packets::Point8;
+use crate::scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32};
+use crate::tree::{Points, Primitive, Tree, distinct, put};
 
 /// A tree over points.
 ///

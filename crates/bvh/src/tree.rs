@@ -10,11 +10,9 @@ use std::ops::Range;
 use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::{
-    Aabb,
-    lanes::{Kernel, LANES, Lanes, Simd, most_of_rows},
-    node8::{Around, Boxes, Child, EMPTY, Node8, Target},
-};
+use crate::Aabb;
+use crate::lanes::{Kernel, LANES, Lanes, Simd, most_of_rows};
+use crate::node8::{Around, Boxes, Child, EMPTY, Node8, Target};
 
 /// Primitives of one tree, at most: numbers of nodes and packets must stay clear of a child's top
 /// bit, and the tree of [`DEPTH`].

@@ -6,15 +6,12 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use crate::{
-    Aabb, BvhError, Meeting, Ray,
-    descent::{Descent, Visitor, bound_of, entry, parts},
-    lanes::{Kernel, LANES, Lanes, Simd},
-    meet,
-    packets::{Framing, Triangle8},
-    scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32},
-    tree::{MAX_PRIMITIVES, Points, Primitive, Tree, distinct},
-};
+use crate::descent::{Descent, Visitor, bound_of, entry, parts};
+use crate::lanes::{Kernel, LANES, Lanes, Simd};
+use crate::packets::{Framing, Triangle8};
+use crate::scaling::{FAR, FAR_ROUND_UP, Scaling, slack, squared_bound_f32};
+use crate::tree::{MAX_PRIMITIVES, Points, Primitive, Tree, distinct};
+use crate::{Aabb, BvhError, Meeting, Ray, meet};
 
 /// Triangles that are collected before they are measured in `f64`.
 const PENDING: usize = 16;

@@ -3,10 +3,8 @@
 use glam::DVec2;
 use spade::{ConstrainedDelaunayTriangulation, Triangulation};
 
-use crate::{
-    DelaunayError,
-    triangulate::{Site, sites, smallest_first},
-};
+use crate::DelaunayError;
+use crate::triangulate::{Site, sites, smallest_first};
 
 /// Counter-clockwise triangles of indices of `points` that cover what lies on the left of `edges`:
 /// directed edges of one or more closed polygons.

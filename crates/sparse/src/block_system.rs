@@ -2,10 +2,8 @@
 
 use faer::sparse::linalg::cholesky::{SymbolicCholeskyRaw, supernodal::SupernodalLltRef};
 
-use crate::{
-    Cholesky, Pattern, SparseError,
-    selected_inverse::{SelectedInverse, invert},
-};
+use crate::selected_inverse::{SelectedInverse, invert};
+use crate::{Cholesky, Pattern, SparseError};
 
 /// A pivot this far below its diagonal entry is rounding, not information: the matrix is singular
 /// there.

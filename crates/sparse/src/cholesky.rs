@@ -1,29 +1,20 @@
 //! Cholesky factorization, supernodal, of real symmetric and complex Hermitian matrices.
 
-use faer::{
-    MatMut, Par, Side,
-    dyn_stack::{MemBuffer, MemStack},
-    linalg::cholesky::llt::factor::LltError,
-    perm::PermRef,
-    sparse::{
-        SparseColMatRef,
-        linalg::{
-            SupernodalThreshold,
-            cholesky::{
-                CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
-                factorize_symbolic_cholesky,
-            },
-        },
-    },
-    traits::ComplexField,
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltError;
+use faer::perm::PermRef;
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
+use faer::traits::ComplexField;
+use faer::{MatMut, Par, Side};
 use glam::DVec3;
 
-use crate::{
-    Matrix, Pattern, SparseError,
-    lower::{Lower, Numbers},
-    ordering::order_rows,
-};
+use crate::lower::{Lower, Numbers};
+use crate::ordering::order_rows;
+use crate::{Matrix, Pattern, SparseError};
 
 /// The order and the symbolic factor of a [`Pattern`], good for every positive definite [`Matrix`]
 /// on it.

@@ -1,9 +1,7 @@
 //! Conjugate gradients for matrices of 2 x 2 blocks, in single or double precision.
 
-use std::{
-    iter::Sum,
-    ops::{Add, AddAssign, Mul},
-};
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Mul};
 
 use glam::{DMat2, DVec2, Mat2, Vec2};
 use rayon::prelude::*;

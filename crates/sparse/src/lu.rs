@@ -1,22 +1,14 @@
 //! LU factorization of complex matrices that are not Hermitian.
 
-use faer::{
-    MatMut, Par,
-    dyn_stack::{MemBuffer, MemStack},
-    sparse::{
-        FaerError, SparseColMatRef, SymbolicSparseColMatRef,
-        linalg::{
-            LuError,
-            lu::{NumericLu, factorize_symbolic_lu},
-        },
-    },
-};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::linalg::LuError;
+use faer::sparse::linalg::lu::{NumericLu, factorize_symbolic_lu};
+use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{MatMut, Par};
 use glam::DVec2;
 
-use crate::{
-    Matrix, SparseError,
-    lower::{Complex, Numbers},
-};
+use crate::lower::{Complex, Numbers};
+use crate::{Matrix, SparseError};
 
 /// Solves one system with any complex matrix on a symmetric pattern by LU with partial pivoting, in
 /// place.

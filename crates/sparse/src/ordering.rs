@@ -1,9 +1,8 @@
 //! The order in which rows are eliminated, which decides how much of the factor fills up.
 
-use faer::{
-    dyn_stack::{MemBuffer, MemStack},
-    sparse::{FaerError, linalg::amd},
-};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::FaerError;
+use faer::sparse::linalg::amd;
 use glam::DVec3;
 
 use crate::{Pattern, lower::Lower};

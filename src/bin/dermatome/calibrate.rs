@@ -7,31 +7,23 @@ mod results;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use dermatome::{
-    Error,
-    calib::{
-        Calibration, Comparison, FreeComponent, GoodnessOfFit, Iteration, Loss, Model,
-        ObservationDiagnostics, Observations, Pose, calibrate, compare,
-    },
-    id::{IdVec, VertexId},
+use dermatome::Error;
+use dermatome::calib::{
+    Calibration, Comparison, FreeComponent, GoodnessOfFit, Iteration, Loss, Model, ObservationDiagnostics,
+    Observations, Pose, calibrate, compare,
 };
+use dermatome::id::{IdVec, VertexId};
 use serde::Serialize;
 
 pub(crate) use args::Args;
 
-use crate::{
-    calibrate::{
-        args::ROBUST,
-        inputs::{Inputs, Truth},
-    },
-    console::{
-        errors::{BAD_INPUT, advise},
-        notes::note,
-        print::{print, print_json, print_table, say},
-        progress,
-    },
-    options::{Common, word_of},
-};
+use crate::calibrate::args::ROBUST;
+use crate::calibrate::inputs::{Inputs, Truth};
+use crate::console::errors::{BAD_INPUT, advise};
+use crate::console::notes::note;
+use crate::console::print::{print, print_json, print_table, say};
+use crate::console::progress;
+use crate::options::{Common, word_of};
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs = results::check(args)?;

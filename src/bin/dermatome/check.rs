@@ -2,22 +2,16 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::{
-    id::VertexId,
-    skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check},
-};
+use dermatome::id::VertexId;
+use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check};
 
 use serde_json::{Value, json};
 
-use crate::{
-    console::{
-        errors::INCOMPLETE,
-        notes::note,
-        print::{line, print, print_json},
-    },
-    files::input::read_map_if_any,
-    options::{Common, ReadArgs},
-};
+use crate::console::errors::INCOMPLETE;
+use crate::console::notes::note;
+use crate::console::print::{line, print, print_json};
+use crate::files::input::read_map_if_any;
+use crate::options::{Common, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
 ///

@@ -2,24 +2,18 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::{
-    Error,
-    io::{IoError, write_pyramids},
-    mesh::Adjacency,
-    pyramid::{Level, Pyramid, coarsen},
-    skin::{AssembleOptions, Patch, Skin},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, write_pyramids};
+use dermatome::mesh::Adjacency;
+use dermatome::pyramid::{Level, Pyramid, coarsen};
+use dermatome::skin::{AssembleOptions, Patch, Skin};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::{
-    console::print::{plain, print_json, print_table},
-    files::{
-        input::read_skin,
-        outputs::{self, Outputs},
-    },
-    options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs},
-};
+use crate::console::print::{plain, print_json, print_table};
+use crate::files::input::read_skin;
+use crate::files::outputs::{self, Outputs};
+use crate::options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs};
 
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]

@@ -2,10 +2,8 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::{
-    Error,
-    io::{IoError, write_skin},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, write_skin};
 
 use crate::{
     console::{errors::advise, notes::remark_lost},

@@ -3,25 +3,20 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::Context;
-use dermatome::{
-    io::write_flat,
-    mesh::FillHoles,
-    pipeline::{BuildOptions, build},
-    pyramid::LevelId,
-    report::measure,
-    skin::{AssembleOptions, PatchId},
-};
+use dermatome::io::write_flat;
+use dermatome::mesh::FillHoles;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
+use dermatome::report::measure;
+use dermatome::skin::{AssembleOptions, PatchId};
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{note_area_ratio, note_distortion, note_overlaps, note_seams},
-        print::{print_json, print_levels},
-        progress,
-    },
-    files::{input::read_skin, outputs::Outputs},
-    options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs},
-};
+use crate::console::errors::advise;
+use crate::console::notes::{note_area_ratio, note_distortion, note_overlaps, note_seams};
+use crate::console::print::{print_json, print_levels};
+use crate::console::progress;
+use crate::files::input::read_skin;
+use crate::files::outputs::Outputs;
+use crate::options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs};
 
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]

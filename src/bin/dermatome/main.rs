@@ -25,11 +25,9 @@ use std::{ffi::OsString, process::ExitCode};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::{
-    console::errors,
-    files::{outputs, signals},
-    options::Common,
-};
+use crate::console::errors;
+use crate::files::{outputs, signals};
+use crate::options::Common;
 
 /// Somatosensory maps of robot skin.
 ///

@@ -1,30 +1,23 @@
 //! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive
 //! fields, or with a frame of readings, and the skin in space.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
-use dermatome::{
-    Error,
-    io::IoError,
-    map::SkinMap,
-    plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin},
-    pyramid::LevelId,
-    signal::Restrictor,
-};
+use dermatome::Error;
+use dermatome::io::IoError;
+use dermatome::map::SkinMap;
+use dermatome::plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::Restrictor;
 use glob::Pattern;
 
-use crate::{
-    console::{errors::advise, print::print},
-    files::{
-        input::{read_map_if_any, read_skin, select_patches},
-        outputs::{self, Outputs, is_stream},
-    },
-    options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern},
-    readings::{FramesArgs, Pass, ReadingsArgs, find_channel, range},
-};
+use crate::console::errors::advise;
+use crate::console::print::print;
+use crate::files::input::{read_map_if_any, read_skin, select_patches};
+use crate::files::outputs::{self, Outputs, is_stream};
+use crate::options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern};
+use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel, range};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
 /// distortion, or with one frame of readings, and the skin in space.

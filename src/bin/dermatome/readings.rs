@@ -10,14 +10,11 @@ use dermatome::{
     signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport},
 };
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{note, note_count},
-    },
-    files::{outputs::is_stream, signals::live_input},
-    options::{Choice, Common, number, one_of},
-};
+use crate::console::errors::advise;
+use crate::console::notes::{note, note_count};
+use crate::files::outputs::is_stream;
+use crate::files::signals::live_input;
+use crate::options::{Choice, Common, number, one_of};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]

@@ -6,35 +6,25 @@ mod output;
 
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
-use dermatome::{
-    Error,
-    atlas::{Atlas, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer, TactileImage},
-    io::read_map,
-    map::SkinMap,
-    pyramid::LevelId,
-    signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor},
-};
+use dermatome::Error;
+use dermatome::atlas::{Atlas, AtlasOptions, Resolution};
+use dermatome::image::{Interpolation, RenderOptions, Renderer, TactileImage};
+use dermatome::io::read_map;
+use dermatome::map::SkinMap;
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor};
 use serde_json::{Map, Value, json};
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{note, note_count},
-        print::print_json,
-        progress,
-    },
-    files::{
-        outputs::{self, Outputs, is_stream},
-        signals,
-    },
-    options::{Choice, Common, one_of, side_mm},
-    readings::{FramesArgs, Pass, ReadingsArgs, Tally},
-    render::{
-        contacts::ContactsArgs,
-        output::{Array, ColourArgs, Content, Kind, Output, Pictures},
-    },
-};
+use crate::console::errors::advise;
+use crate::console::notes::{note, note_count};
+use crate::console::print::print_json;
+use crate::console::progress;
+use crate::files::outputs::{self, Outputs, is_stream};
+use crate::files::signals;
+use crate::options::{Choice, Common, one_of, side_mm};
+use crate::readings::{FramesArgs, Pass, ReadingsArgs, Tally};
+use crate::render::contacts::ContactsArgs;
+use crate::render::output::{Array, ColourArgs, Content, Kind, Output, Pictures};
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///

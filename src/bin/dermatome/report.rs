@@ -1,28 +1,20 @@
 //! `dermatome report MAP.glb [READINGS] -o report.html`: the skin, its map and a recording as one page.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use anyhow::Context;
-use dermatome::{
-    Error,
-    io::{IoError, read_map},
-    map::SkinMap,
-    page::{LiveServer, Page},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, read_map};
+use dermatome::map::SkinMap;
+use dermatome::page::{LiveServer, Page};
 
-use crate::{
-    console::{
-        notes::note,
-        print::{plain, print},
-        progress,
-    },
-    files::outputs::{self, Outputs, is_stream},
-    options::Common,
-    readings::{FramesArgs, Pass, ReadingsArgs, find_channel},
-};
+use crate::console::notes::note;
+use crate::console::print::{plain, print};
+use crate::console::progress;
+use crate::files::outputs::{self, Outputs, is_stream};
+use crate::options::Common;
+use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///

@@ -1,22 +1,16 @@
 //! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
-use dermatome::{
-    Error,
-    calib::{Model, SimulateOptions, Simulation, simulate},
-    id::IdVec,
-    io::{write_observations, write_triangles, write_truth},
-};
+use dermatome::Error;
+use dermatome::calib::{Model, SimulateOptions, Simulation, simulate};
+use dermatome::id::IdVec;
+use dermatome::io::{write_observations, write_triangles, write_truth};
 
-use crate::{
-    console::notes::{note, note_dropped},
-    files::outputs::{self, Outputs},
-    options::{Choice, Common, length_mm, one_of},
-};
+use crate::console::notes::{note, note_dropped};
+use crate::files::outputs::{self, Outputs};
+use crate::options::{Choice, Common, length_mm, one_of};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]

@@ -2,22 +2,16 @@
 
 use std::{collections::HashSet, path::PathBuf, process::ExitCode};
 
-use dermatome::{
-    Error,
-    io::{ReadingsWriter, write_touches},
-    map::SkinMap,
-    signal::{Quantity, Touch, TouchOptions, TouchSimulation},
-    skin::{Patch, Skin},
-};
+use dermatome::Error;
+use dermatome::io::{ReadingsWriter, write_touches};
+use dermatome::map::SkinMap;
+use dermatome::signal::{Quantity, Touch, TouchOptions, TouchSimulation};
+use dermatome::skin::{Patch, Skin};
 
-use crate::{
-    console::notes::note,
-    files::{
-        input::{read_map_if_any, read_skin},
-        outputs::{self, Outputs},
-    },
-    options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of},
-};
+use crate::console::notes::note;
+use crate::files::input::{read_map_if_any, read_skin};
+use crate::files::outputs::{self, Outputs};
+use crate::options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of};
 
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]

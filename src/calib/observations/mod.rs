@@ -8,12 +8,10 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::{
-    calib::{Information, Pose},
-    id::{IdVec, VertexId, define_id},
-    numeric::DisjointSets,
-    skin::TaxelId,
-};
+use crate::calib::{Information, Pose};
+use crate::id::{IdVec, VertexId, define_id};
+use crate::numeric::DisjointSets;
+use crate::skin::TaxelId;
 
 define_id!(
     /// A displacement observed between two taxels.

@@ -3,14 +3,12 @@
 
 use std::collections::HashSet;
 
-use crate::{
-    calib::{
-        CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement,
-        DisplacementId, DisplacementMeasurement, Information, Model, ObservationId, Observations,
-    },
-    id::VertexId,
-    skin::TaxelId,
+use crate::calib::{
+    CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
+    DisplacementMeasurement, Information, Model, ObservationId, Observations,
 };
+use crate::id::VertexId;
+use crate::skin::TaxelId;
 
 impl Observations {
     /// Checks everything that [`crate::calib::calibrate`] relies on.

@@ -6,10 +6,9 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    calib::{GoodnessOfFit, Loss, Solver, Verdict, robust::solution::Solution},
-    numeric::chi_square_tail,
-};
+use crate::calib::robust::solution::Solution;
+use crate::calib::{GoodnessOfFit, Loss, Solver, Verdict};
+use crate::numeric::chi_square_tail;
 
 pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> GoodnessOfFit {
     let (problem, verdicts) = (solver.problem, &solution.verdicts);

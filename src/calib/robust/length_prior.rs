@@ -7,14 +7,12 @@
 //! among the edges next to it in length, minus those among all: no shape of either distribution is
 //! assumed, and where outliers are as long as inliers, the odds are near zero.
 
-use crate::{
-    calib::{
-        DisplacementId, DisplacementMeasurement, INLIER_SHARE, LossFunctions, Observations, PerObservation,
-        Verdict,
-    },
-    id::IdVec,
-    numeric::argsort,
+use crate::calib::{
+    DisplacementId, DisplacementMeasurement, INLIER_SHARE, LossFunctions, Observations, PerObservation,
+    Verdict,
 };
+use crate::id::IdVec;
+use crate::numeric::argsort;
 
 /// How much likelier than others each edge is to be an inlier, as the logarithm of the ratio of
 /// odds.

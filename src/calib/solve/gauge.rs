@@ -8,16 +8,14 @@ use std::borrow::Cow;
 
 use glam::{DMat3, DVec3};
 
-use crate::{
-    calib::{
-        Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem,
-        SMALLEST_WEIGHT, components,
-    },
-    id::VertexId,
-    numeric::{Matrix6, Twist, argsort, symmetric_eigen},
-    skin::TaxelId,
-    sparse::{BlockMatrix, BlockSlot},
+use crate::calib::{
+    Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem,
+    SMALLEST_WEIGHT, components,
 };
+use crate::id::VertexId;
+use crate::numeric::{Matrix6, Twist, argsort, symmetric_eigen};
+use crate::skin::TaxelId;
+use crate::sparse::{BlockMatrix, BlockSlot};
 
 /// Rigid motions that contacts correlate more than this are one motion to them: their difference is
 /// not determined.

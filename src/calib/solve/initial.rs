@@ -5,18 +5,15 @@ use std::collections::VecDeque;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::{
-    calib::{
-        CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement,
-        Initialization, Model, Observations, Pose, PoseMeasurement, Poses,
-        align::{Correlation, nearest_rotation},
-        components,
-        pose::outer,
-        solve::normal_equations::{number_rows, pair_of, row_pairs},
-    },
-    id::{IdVec, VertexId},
-    sparse::{BlockSlot, BlockSystem, Pattern, SparseError},
+use crate::calib::align::{Correlation, nearest_rotation};
+use crate::calib::pose::outer;
+use crate::calib::solve::normal_equations::{number_rows, pair_of, row_pairs};
+use crate::calib::{
+    CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Initialization,
+    Model, Observations, Pose, PoseMeasurement, Poses, components,
 };
+use crate::id::{IdVec, VertexId};
+use crate::sparse::{BlockSlot, BlockSystem, Pattern, SparseError};
 
 /// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of
 /// every component without.

@@ -6,13 +6,10 @@
 
 use std::fmt;
 
-use crate::{
-    calib::{
-        BlockLayout, CalibError, CalibOptions, FreeBody, GaugeFreedom, PerObservation, Poses, Problem,
-        Weighting,
-    },
-    sparse::{BlockMatrix, SparseError},
+use crate::calib::{
+    BlockLayout, CalibError, CalibOptions, FreeBody, GaugeFreedom, PerObservation, Poses, Problem, Weighting,
 };
+use crate::sparse::{BlockMatrix, SparseError};
 
 /// One step of the optimisation.
 #[derive(Debug, Clone, Copy, PartialEq)]

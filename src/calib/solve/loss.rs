@@ -7,10 +7,8 @@
 
 use std::borrow::Cow;
 
-use crate::{
-    calib::{DisplacementId, PerObservation},
-    numeric::quantile,
-};
+use crate::calib::{DisplacementId, PerObservation};
+use crate::numeric::quantile;
 
 /// A loss function of squared whitened residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

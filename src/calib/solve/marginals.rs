@@ -7,15 +7,14 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::{
-    calib::{
-        BlockLayout, CalibError, FreeBody, LinearSystem, Model, PerObservation, Pose, Poses, Problem,
-        RigidMotion, pose::outer, solve::gauge::induced_motion,
-    },
-    id::{IdVec, VertexId},
-    numeric::{Covariance, Twist, dot, symmetric_eigen},
-    sparse::BlockFactor,
+use crate::calib::pose::outer;
+use crate::calib::solve::gauge::induced_motion;
+use crate::calib::{
+    BlockLayout, CalibError, FreeBody, LinearSystem, Model, PerObservation, Pose, Poses, Problem, RigidMotion,
 };
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{Covariance, Twist, dot, symmetric_eigen};
+use crate::sparse::BlockFactor;
 
 /// How uncertain every taxel is: marginal covariances, all at once.
 ///

@@ -7,18 +7,16 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::{
-    calib::{
-        CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Model,
-        Observations, PerObservation, Pose, PoseMeasurement, Poses, ResidualConvention,
-        pose::hat,
-        solve::residual::{EdgeTerm, error, linearised},
-    },
-    id::{IdVec, VertexId},
-    numeric::{Matrix6, Twist, dot},
-    parallel::par_map,
-    sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError},
+use crate::calib::pose::hat;
+use crate::calib::solve::residual::{EdgeTerm, error, linearised};
+use crate::calib::{
+    CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Model,
+    Observations, PerObservation, Pose, PoseMeasurement, Poses, ResidualConvention,
 };
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{Matrix6, Twist, dot};
+use crate::parallel::par_map;
+use crate::sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError};
 
 /// Edges linearised at a time: bounds the memory, and the order of sums does not depend on threads.
 const EDGES_PER_CHUNK: usize = 4096;

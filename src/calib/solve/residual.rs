@@ -2,16 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::{
-    calib::{
-        Pose, PoseMeasurement, ResidualConvention,
-        pose::{
-            hat, left_jacobian_inverse_times, left_jacobian_inverse_times_derivatives, log,
-            right_jacobian_inverse,
-        },
-    },
-    numeric::{Matrix6, Twist},
+use crate::calib::pose::{
+    hat, left_jacobian_inverse_times, left_jacobian_inverse_times_derivatives, log, right_jacobian_inverse,
 };
+use crate::calib::{Pose, PoseMeasurement, ResidualConvention};
+use crate::numeric::{Matrix6, Twist};
 
 /// The six numbers of `E = Z^-1 T_i^-1 T_j`.
 pub(crate) fn error(convention: ResidualConvention, observed: &Pose, from: &Pose, to: &Pose) -> Twist {

@@ -4,13 +4,9 @@ use std::{io::Read, path::Path};
 
 use half::f16;
 
-use crate::{
-    io::{
-        IoError,
-        file::{excerpt, invalid, unfit},
-    },
-    numeric::narrow,
-};
+use crate::io::IoError;
+use crate::io::file::{excerpt, invalid, unfit};
+use crate::numeric::narrow;
 
 /// Longest header of an array, in bytes; numpy's own limit is 10 000.
 const MAX_HEADER: usize = 1 << 16;

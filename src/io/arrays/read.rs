@@ -1,21 +1,17 @@
 //! The arrays of a file: the one of a `.npy`, or those of an `.npz`, a zip archive whose entries are
 //! stored or deflated. Those of meshes are read whole.
 
-use std::{
-    fs::File,
-    io::{self, BufReader, Cursor, Read, Seek, SeekFrom},
-    path::Path,
-    sync::Arc,
-};
+use std::fs::File;
+use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
+use std::sync::Arc;
 
 use flate2::{Crc, bufread::DeflateDecoder};
 use zip::{CompressionMethod, ZipArchive};
 
-use crate::io::{
-    IoError,
-    arrays::npy::NpyHeader,
-    file::{Source, cannot_read, invalid},
-};
+use crate::io::IoError;
+use crate::io::arrays::npy::NpyHeader;
+use crate::io::file::{Source, cannot_read, invalid};
 
 /// Where the bytes of a file are; errors call it `path`.
 #[derive(Clone, Copy)]

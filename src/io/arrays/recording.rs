@@ -5,26 +5,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use crate::{
-    atlas::{Atlas, AtlasPart},
-    image::TactileImage,
-    io::{
-        IoError,
-        arrays::{
-            npy::{ElementType, Elements},
-            write::{ArrayId, ArrayWriter},
-        },
-        file::{
-            file_kind,
-            replace::{StagedFiles, write_file},
-            unfit,
-        },
-    },
-    map::SkinMap,
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame},
-    skin::PatchId,
-};
+use crate::atlas::{Atlas, AtlasPart};
+use crate::image::TactileImage;
+use crate::io::IoError;
+use crate::io::arrays::npy::{ElementType, Elements};
+use crate::io::arrays::write::{ArrayId, ArrayWriter};
+use crate::io::file::replace::{StagedFiles, write_file};
+use crate::io::file::{file_kind, unfit};
+use crate::map::SkinMap;
+use crate::pyramid::LevelId;
+use crate::signal::{Channel, LevelFrame};
+use crate::skin::PatchId;
 
 /// What a recording holds.
 #[derive(Debug, Clone, Copy)]

@@ -6,23 +6,16 @@
 //! compression, go to one file without a name on the same disk, from which the arrays are gathered when
 //! the recording ends.
 
-use std::{
-    fs::File,
-    io::{self, BufWriter, Read, Seek, SeekFrom, Write},
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-use crate::io::{
-    IoError,
-    arrays::npy::{ElementType, Elements, count, header},
-    file::{
-        cannot_write, file_kind, percent_coded,
-        replace::{Replacement, replace_file, spool_for},
-        unfit,
-    },
-};
+use crate::io::IoError;
+use crate::io::arrays::npy::{ElementType, Elements, count, header};
+use crate::io::file::replace::{Replacement, replace_file, spool_for};
+use crate::io::file::{cannot_write, file_kind, percent_coded, unfit};
 
 /// Bytes of a block: enough that a disk writes and reads in long runs.
 const BLOCK_BYTES: usize = 8 << 20;

@@ -1,18 +1,12 @@
 //! Text line by line, and what errors call a line.
 
-use std::{
-    fmt::Display,
-    io::{self, BufRead, Read},
-    path::{Path, PathBuf},
-};
+use std::fmt::Display;
+use std::io::{self, BufRead, Read};
+use std::path::{Path, PathBuf};
 
-use crate::{
-    io::{
-        IoError,
-        file::{Source, excerpt, invalid},
-    },
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::file::{Source, excerpt, invalid};
+use crate::skin::TaxelId;
 
 /// Longest row of a table, which may have several lines. Without a bound, a stream that never ends
 /// its line, or never closes a quote, would fill the memory.

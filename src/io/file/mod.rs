@@ -6,11 +6,9 @@ pub(super) mod lines;
 pub(super) mod replace;
 pub(super) mod xml;
 
-use std::{
-    fs::{self, File},
-    io::{self, Read},
-    path::{Path, PathBuf},
-};
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 use crate::io::{Feature, IoError};
 

@@ -1,14 +1,12 @@
 //! Writing a file whole or not at all, and several files together.
 
-use std::{
-    cell::RefCell,
-    collections::BTreeSet,
-    fs::{self, File, OpenOptions},
-    io::{self, BufWriter, Write},
-    mem,
-    path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
-};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::mem;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::NamedTempFile;
 

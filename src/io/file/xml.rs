@@ -4,11 +4,9 @@ use std::collections::HashMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::io::{
-    IoError,
-    error::Result,
-    file::{Source, excerpt, finite},
-};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt, finite};
 
 /// More elements and texts are refused; a robot of 100,000 links has some millions.
 const MOST_NODES: u32 = 1 << 23;

@@ -5,19 +5,13 @@ use std::{collections::BTreeSet, path::Path};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use serde::Deserialize;
 
-use crate::{
-    id::IdVec,
-    io::{
-        IoError,
-        file::Source,
-        gltf::{
-            Notes,
-            document::Document,
-            nodes::{RIGID, Tree, read_node_tree},
-        },
-    },
-    skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names},
-};
+use crate::id::IdVec;
+use crate::io::IoError;
+use crate::io::file::Source;
+use crate::io::gltf::Notes;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::nodes::{RIGID, Tree, read_node_tree};
+use crate::skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names};
 
 #[derive(Deserialize)]
 struct AnimationJson {

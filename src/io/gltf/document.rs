@@ -5,26 +5,20 @@
 //! small, passes over bytes after the end, and does not say which chunk is broken. Neither is its
 //! import, which follows URIs out of the folder, and decodes images.
 
-use std::{
-    cell::{Cell, OnceCell, RefCell},
-    collections::BTreeMap,
-    ops::{Deref, Range},
-    path::{Component, Path, PathBuf},
-    rc::Rc,
-};
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
+use std::ops::{Deref, Range};
+use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use gltf::json::Root;
 
-use crate::io::{
-    Feature,
-    error::Result,
-    file::{Source, cannot_read},
-    gltf::{
-        Notes,
-        json::{self, Parsed, Transform},
-    },
-};
+use crate::io::Feature;
+use crate::io::error::Result;
+use crate::io::file::{Source, cannot_read};
+use crate::io::gltf::Notes;
+use crate::io::gltf::json::{self, Parsed, Transform};
 
 /// Bytes that decoding may take whatever the size of the file: many nodes may use one mesh.
 const FREE_BYTES: u64 = 256 << 20;

@@ -9,19 +9,13 @@
 
 use glam::{DAffine3, DMat3, DMat4, DVec4};
 
-use crate::{
-    id::IdVec,
-    io::{
-        error::Result,
-        gltf::{
-            document::Document,
-            nodes::{Placement, Tree},
-            primitive::Attributes,
-        },
-    },
-    mesh::rotation_defect,
-    skin::{Joints, LinkId, scaled_joints, world_pose},
-};
+use crate::id::IdVec;
+use crate::io::error::Result;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::nodes::{Placement, Tree};
+use crate::io::gltf::primitive::Attributes;
+use crate::mesh::rotation_defect;
+use crate::skin::{Joints, LinkId, scaled_joints, world_pose};
 
 /// How far the places may be apart that two joints give the mesh, as rotations and in m: matrices of
 /// files are `f32`.

@@ -9,17 +9,13 @@
 //! - A fault in a material, a texture or an animation would refuse the file: what is not read is
 //!   left out. Its validation runs on each element when that is used ([`check`]), for the same reason.
 
-use gltf::json::{
-    Path, Root,
-    validation::{self, Validate},
-};
+use gltf::json::validation::{self, Validate};
+use gltf::json::{Path, Root};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::io::{
-    error::Result,
-    file::{Source, excerpt},
-};
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt};
 
 /// The transform of a node as the file states it.
 #[derive(Debug, Clone, Default, Deserialize)]

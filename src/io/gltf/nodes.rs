@@ -1,21 +1,17 @@
 //! The node tree: links with their rigid poses, and the meshes on them.
 
-use std::{
-    cmp::Reverse,
-    collections::{BinaryHeap, HashSet},
-};
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashSet};
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use gltf::json::Node;
 
-use crate::{
-    id::IdVec,
-    io::{
-        error::Result,
-        gltf::{NodeExtras, document::Document, json::Transform},
-    },
-    skin::{Link, LinkId},
-};
+use crate::id::IdVec;
+use crate::io::error::Result;
+use crate::io::gltf::NodeExtras;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::json::Transform;
+use crate::skin::{Link, LinkId};
 
 /// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves
 /// about 1e-7, and a quaternion holds no more.

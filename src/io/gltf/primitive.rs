@@ -6,20 +6,14 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use gltf::json::{
-    Mesh,
-    mesh::{Mode, Primitive, Semantic},
-    validation::Checked,
-};
+use gltf::json::Mesh;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
 
-use crate::io::{
-    Feature,
-    error::Result,
-    gltf::{
-        accessor::Accessor,
-        document::{DRACO, Document},
-    },
-};
+use crate::io::Feature;
+use crate::io::error::Result;
+use crate::io::gltf::accessor::Accessor;
+use crate::io::gltf::document::{DRACO, Document};
 
 /// Largest deviation of normals and tangents from unit length: the Khronos validator's, for 8 bits.
 const UNIT_NORMAL: f64 = 0.00674;

@@ -8,29 +8,23 @@ use std::{collections::BTreeMap, path::Path};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::{
-    cut::{CutMesh, PlaceId},
-    flatten::Distortion,
-    id::{IdVec, VertexId},
-    io::{
-        IoError,
-        error::Result,
-        file::{Source, excerpt},
-        gltf::{
-            FrameExtras, GENERATOR, LevelExtras, Notes, RowsExtras,
-            animation::read_animations,
-            document::Document,
-            joints::Binding,
-            nodes::read_node_tree,
-            primitive::{Attributes, Shape},
-            read_skin::{read_covariances, read_ids, read_presence},
-        },
-    },
-    map::{ImageFrame, MapLevel, PatchMap, SkinMap},
-    mesh::TriMesh,
-    pyramid::{Level, LevelId, Prolongation},
-    skin::{LinkId, Presence, Taxels, in_tangent_plane},
-};
+use crate::cut::{CutMesh, PlaceId};
+use crate::flatten::Distortion;
+use crate::id::{IdVec, VertexId};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt};
+use crate::io::gltf::animation::read_animations;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::joints::Binding;
+use crate::io::gltf::nodes::read_node_tree;
+use crate::io::gltf::primitive::{Attributes, Shape};
+use crate::io::gltf::read_skin::{read_covariances, read_ids, read_presence};
+use crate::io::gltf::{FrameExtras, GENERATOR, LevelExtras, Notes, RowsExtras};
+use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use crate::mesh::TriMesh;
+use crate::pyramid::{Level, LevelId, Prolongation};
+use crate::skin::{LinkId, Presence, Taxels, in_tangent_plane};
 
 /// Normals and tangents of `f32` are this near to unit length; those of 8-bit integers are not.
 const ROUNDED: f64 = 1e-6;

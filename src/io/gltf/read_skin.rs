@@ -5,23 +5,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DAffine3, DMat3, DVec2};
 use gltf::accessor::Dimensions;
 
-use crate::{
-    io::{
-        IoError, ReadParts,
-        error::Result,
-        file::Source,
-        gltf::{
-            LevelExtras, Notes,
-            accessor::Accessor,
-            animation::read_animations,
-            document::Document,
-            joints::Binding,
-            nodes::{Placement, read_node_tree},
-            primitive::{Attributes, Shape, check_morphs},
-        },
-    },
-    skin::{Covariance, Draft, Joints, Presence, Remark, RemarkKind, Sheet, TaxelId},
-};
+use crate::io::error::Result;
+use crate::io::file::Source;
+use crate::io::gltf::accessor::Accessor;
+use crate::io::gltf::animation::read_animations;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::joints::Binding;
+use crate::io::gltf::nodes::{Placement, read_node_tree};
+use crate::io::gltf::primitive::{Attributes, Shape, check_morphs};
+use crate::io::gltf::{LevelExtras, Notes};
+use crate::io::{IoError, ReadParts};
+use crate::skin::{Covariance, Draft, Joints, Presence, Remark, RemarkKind, Sheet, TaxelId};
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
 /// triangles; in a scene without any triangle, one sheet of bare taxels per node that carries points.

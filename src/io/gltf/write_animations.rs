@@ -1,10 +1,8 @@
 //! Writes animations as glTF: times, translations and rotations of the nodes of links.
 
-use gltf::json::{
-    Accessor, Animation, Index, Value,
-    animation::{Channel, Interpolation, Property, Sampler, Target},
-    validation::Checked,
-};
+use gltf::json::animation::{Channel, Interpolation, Property, Sampler, Target};
+use gltf::json::validation::Checked;
+use gltf::json::{Accessor, Animation, Index, Value};
 
 use crate::{
     io::{error::Result, file::unfit, gltf::writer::SceneWriter},

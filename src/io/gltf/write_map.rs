@@ -8,30 +8,22 @@
 use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::{DVec2, DVec3};
-use gltf::json::{
-    Index, Material, Mesh,
-    material::{PbrMetallicRoughness, StrengthFactor},
-};
+use gltf::json::material::{PbrMetallicRoughness, StrengthFactor};
+use gltf::json::{Index, Material, Mesh};
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    io::{
-        IoError,
-        error::Result,
-        file::{replace_file, unfit},
-        gltf::{
-            FrameExtras, LevelExtras, RowsExtras,
-            write_skin::{Codes, SheetWriter, joints_of, mesh, node},
-            writer::{Form, Hung, SceneWriter},
-        },
-    },
-    map::{MapError, MapLevel, SkinMap},
-    mesh::{FlatTriangle, TriMesh, VertexCorners},
-    numeric::narrow,
-    pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError},
-    skin::{Link, LinkId, Motion, Skin, Taxels},
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{replace_file, unfit};
+use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
+use crate::io::gltf::writer::{Form, Hung, SceneWriter};
+use crate::io::gltf::{FrameExtras, LevelExtras, RowsExtras};
+use crate::map::{MapError, MapLevel, SkinMap};
+use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
+use crate::numeric::narrow;
+use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError};
+use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
 /// scene per level.

@@ -4,26 +4,20 @@
 use std::{collections::BTreeMap, io::Write, path::Path};
 
 use glam::DVec3;
-use gltf::json::{
-    Index, Mesh, Node,
-    accessor::Accessor,
-    buffer::Target,
-    mesh::{Mode, Primitive, Semantic},
-    validation::Checked,
-};
+use gltf::json::accessor::Accessor;
+use gltf::json::buffer::Target;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Mesh, Node};
 
-use crate::{
-    id::{IdVec, VertexId},
-    io::{
-        IoError,
-        error::Result,
-        file::{file_kind, unfit},
-        gltf::writer::{Form, Hung, SceneWriter, Stored},
-    },
-    mesh::TriMesh,
-    numeric::narrow,
-    skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints},
-};
+use crate::id::{IdVec, VertexId};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{file_kind, unfit};
+use crate::io::gltf::writer::{Form, Hung, SceneWriter, Stored};
+use crate::mesh::TriMesh;
+use crate::numeric::narrow;
+use crate::skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints};
 
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
 /// node for each link, and under it one for each of its patches.

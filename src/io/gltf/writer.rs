@@ -4,29 +4,22 @@ use std::{io, mem, path::Path};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use glam::{DAffine3, DMat4, DQuat};
-use gltf::{
-    binary::{Glb, Header},
-    json::{
-        Index, Node, Root, Scene, Skin, Value,
-        accessor::{Accessor, ComponentType, GenericComponentType, Type},
-        buffer::{Buffer, Stride, Target, View},
-        extras::{Extras, RawValue},
-        scene::UnitQuaternion,
-        validation::{Checked, USize64},
-    },
-};
+use gltf::binary::{Glb, Header};
+use gltf::json::accessor::{Accessor, ComponentType, GenericComponentType, Type};
+use gltf::json::buffer::{Buffer, Stride, Target, View};
+use gltf::json::extras::{Extras, RawValue};
+use gltf::json::scene::UnitQuaternion;
+use gltf::json::validation::{Checked, USize64};
+use gltf::json::{Index, Node, Root, Scene, Skin, Value};
 
-use crate::{
-    id::IdVec,
-    io::{
-        error::Result,
-        file::{cannot_write, unfit, write_to},
-        gltf::{GENERATOR, NodeExtras, nodes::RIGID},
-    },
-    mesh::rotation_defect,
-    numeric::narrow,
-    skin::{Link, LinkId, world_pose},
-};
+use crate::id::IdVec;
+use crate::io::error::Result;
+use crate::io::file::{cannot_write, unfit, write_to};
+use crate::io::gltf::nodes::RIGID;
+use crate::io::gltf::{GENERATOR, NodeExtras};
+use crate::mesh::rotation_defect;
+use crate::numeric::narrow;
+use crate::skin::{Link, LinkId, world_pose};
 
 /// Which of the two forms of glTF a file has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,26 +1,20 @@
 //! Observations while they are read: what they name, what is out of range, and what a user should know.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    fmt,
-    ops::RangeInclusive,
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeMap, HashMap};
+use std::fmt;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
-use crate::{
-    calib::{
-        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-        Observations, Pose, TaxelVariable,
-    },
-    id::VertexId,
-    io::{
-        error::Result,
-        file::{LineLocation, invalid},
-    },
-    skin::TaxelId,
+use crate::calib::{
+    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
+    Observations, Pose, TaxelVariable,
 };
+use crate::id::VertexId;
+use crate::io::error::Result;
+use crate::io::file::{LineLocation, invalid};
+use crate::skin::TaxelId;
 
 /// Farthest that anything may be from the origin or from another taxel, in m: the whole Earth is
 /// smaller than 1e8 m, and from about 1e150 m on squares overflow.

@@ -2,21 +2,15 @@
 
 use std::{io::BufRead, path::Path};
 
-use crate::{
-    calib::{
-        ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Observations,
-    },
-    io::{
-        error::Result,
-        file::{Lines, excerpt, invalid, unfit},
-        observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of},
-        table::{
-            Columns, Row, Table,
-            cells::{Cells, Separator},
-            writer::write_table,
-        },
-    },
+use crate::calib::{
+    ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Observations,
 };
+use crate::io::error::Result;
+use crate::io::file::{Lines, excerpt, invalid, unfit};
+use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of};
+use crate::io::table::cells::{Cells, Separator};
+use crate::io::table::writer::write_table;
+use crate::io::table::{Columns, Row, Table};
 
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
 const DEFAULT_SIGMA: f64 = 1e-3;

@@ -1,28 +1,22 @@
 //! g2o text (kummerle2011): one vertex, edge or parameter a line.
 
-use std::{
-    collections::HashMap,
-    fmt,
-    io::{BufRead, Write},
-    path::Path,
-    str::SplitAsciiWhitespace,
-};
+use std::collections::HashMap;
+use std::fmt;
+use std::io::{BufRead, Write};
+use std::path::Path;
+use std::str::SplitAsciiWhitespace;
 
 use glam::DVec3;
 
-use crate::{
-    calib::{
-        ContactMeasurement, DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement,
-    },
-    io::{
-        IoError,
-        error::Result,
-        file::{LineLocation, Lines, cannot_write, unfit},
-        observations::builder::{ObservationsBuilder, ReadObservations},
-        table::writer::push_decimal,
-    },
-    skin::TaxelId,
+use crate::calib::{
+    ContactMeasurement, DisplacementMeasurement, Information, Model, Observations, Pose, PoseMeasurement,
 };
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{LineLocation, Lines, cannot_write, unfit};
+use crate::io::observations::builder::{ObservationsBuilder, ReadObservations};
+use crate::io::table::writer::push_decimal;
+use crate::skin::TaxelId;
 
 /// The number g2o files give to the one offset that is written here.
 const IDENTITY_OFFSET: u32 = 0;

@@ -4,23 +4,17 @@ pub(super) mod builder;
 mod csv;
 mod g2o;
 
-use std::{
-    collections::HashMap,
-    fs::File,
-    io::{BufRead, BufReader, BufWriter, Write, stdin, stdout},
-    path::{Path, PathBuf},
-};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Write, stdin, stdout};
+use std::path::{Path, PathBuf};
 
-use crate::{
-    calib::{ContactMeasurement, ContactObservation, Displacement, Observations},
-    id::VertexId,
-    io::{
-        IoError,
-        file::{Lines, cannot_read, cannot_write, file_kind, invalid, replace_file},
-        observations::builder::{ObservationRemark, ReadObservations},
-    },
-    skin::TaxelId,
-};
+use crate::calib::{ContactMeasurement, ContactObservation, Displacement, Observations};
+use crate::id::VertexId;
+use crate::io::IoError;
+use crate::io::file::{Lines, cannot_read, cannot_write, file_kind, invalid, replace_file};
+use crate::io::observations::builder::{ObservationRemark, ReadObservations};
+use crate::skin::TaxelId;
 
 /// What files of observations may end in.
 const KINDS: &str = ".g2o, .csv";

@@ -1,26 +1,16 @@
 //! Readings as arrays of numpy: one array of values, and in an `.npz` more about them.
 
-use std::{
-    io::{ErrorKind, Read},
-    path::{Path, PathBuf},
-};
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
 
-use crate::{
-    io::{
-        IoError,
-        arrays::{
-            npy::ElementType,
-            read::{Storage, StoredArray, find_array, list_arrays},
-        },
-        file::{excerpt, invalid},
-        readings::{
-            ReadingsReader, Source,
-            header::{LATEST, MAX_NUMBERS},
-        },
-    },
-    signal::Channel,
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::arrays::npy::ElementType;
+use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
+use crate::io::file::{excerpt, invalid};
+use crate::io::readings::header::{LATEST, MAX_NUMBERS};
+use crate::io::readings::{ReadingsReader, Source};
+use crate::signal::Channel;
+use crate::skin::TaxelId;
 
 /// What the axes of an array of three axes are; the first is the time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

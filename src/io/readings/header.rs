@@ -2,17 +2,11 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    io::{
-        IoError,
-        file::{
-            excerpt,
-            lines::{LineLocation, finite},
-        },
-    },
-    signal::Channel,
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::file::excerpt;
+use crate::io::file::lines::{LineLocation, finite};
+use crate::signal::Channel;
+use crate::skin::TaxelId;
 
 /// What the first line of a text of readings may be, for messages.
 pub(super) const SHAPES: &str = "a first line that names a column for each taxel, as `time,7,9` or \

@@ -12,18 +12,12 @@ pub(super) mod writer;
 
 use std::{fs::File, io::Read, path::Path};
 
-use crate::{
-    io::{
-        IoError,
-        file::{cannot_read, file_kind},
-        readings::{
-            arrays::{ArrayReadings, ReadingsLayout},
-            text::{LongReadings, TextReadings},
-        },
-    },
-    signal::Channel,
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::file::{cannot_read, file_kind};
+use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
+use crate::io::readings::text::{LongReadings, TextReadings};
+use crate::signal::Channel;
+use crate::skin::TaxelId;
 
 /// Reads a recording, or a live stream, frame by frame; memory does not depend on its length.
 ///

@@ -5,29 +5,19 @@
 //! A row is read as soon as its line has ended, so that a pipe delivers frame by frame. Which taxels a
 //! long table has is known at its end only: a file is read twice, and a stream is refused.
 
-use std::{
-    collections::HashMap,
-    fs::File,
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
 
-use crate::{
-    io::{
-        IoError,
-        file::{
-            cannot_read, excerpt,
-            lines::{LineLocation, Lines},
-        },
-        readings::{
-            ReadingsReader, Source,
-            header::{Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds},
-        },
-        table::cells::{Cells, Separator},
-    },
-    signal::Channel,
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::file::lines::{LineLocation, Lines};
+use crate::io::file::{cannot_read, excerpt};
+use crate::io::readings::header::{Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds};
+use crate::io::readings::{ReadingsReader, Source};
+use crate::io::table::cells::{Cells, Separator};
+use crate::signal::Channel;
+use crate::skin::TaxelId;
 
 /// Longest line, in bytes: half a million numbers. Without a bound, a stream that never ends its
 /// line would fill the memory.

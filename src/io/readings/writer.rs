@@ -4,20 +4,15 @@
 
 use std::{collections::HashSet, path::Path};
 
-use crate::{
-    id::VertexId,
-    io::{
-        IoError,
-        arrays::{
-            npy::{ElementType, Elements},
-            write::{ArrayId, ArrayWriter},
-        },
-        file::{file_kind, replace::Replacement, unfit},
-        table::writer::TableWriter,
-    },
-    signal::{Channel, Frame},
-    skin::{PatchId, Presence, Taxels},
-};
+use crate::id::VertexId;
+use crate::io::IoError;
+use crate::io::arrays::npy::{ElementType, Elements};
+use crate::io::arrays::write::{ArrayId, ArrayWriter};
+use crate::io::file::replace::Replacement;
+use crate::io::file::{file_kind, unfit};
+use crate::io::table::writer::TableWriter;
+use crate::signal::{Channel, Frame};
+use crate::skin::{PatchId, Presence, Taxels};
 
 /// Writes readings of one channel frame by frame: a table `.csv` or arrays `.npz`.
 ///

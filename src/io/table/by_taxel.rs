@@ -1,18 +1,15 @@
 //! Tables of what a user says of single taxels: how sharp they are, how much their readings are
 //! multiplied, where they lie on the boundary of a map, and which edges between them are a seam.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use glam::DVec2;
 
-use crate::{
-    id::{IdVec, VertexId},
-    io::{IoError, table::each_row_of},
-    skin::{PatchId, Skin, TaxelId},
-};
+use crate::id::{IdVec, VertexId};
+use crate::io::IoError;
+use crate::io::table::each_row_of;
+use crate::skin::{PatchId, Skin, TaxelId};
 
 /// No skin is sharper: a fingertip distinguishes two points at a tenth of the distance that a forearm
 /// needs.

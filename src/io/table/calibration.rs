@@ -1,23 +1,18 @@
 //! Tables of calibrated taxels, of their truth, and of triangles between them.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::{
-    calib::{Calibration, Observations, Pose, Verdict},
-    id::{IdVec, VertexId},
-    io::{
-        IoError,
-        error::Result,
-        file::Source,
-        table::{Columns, Row, Table, writer::write_table},
-    },
-    skin::TaxelId,
-};
+use crate::calib::{Calibration, Observations, Pose, Verdict};
+use crate::id::{IdVec, VertexId};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::Source;
+use crate::io::table::writer::write_table;
+use crate::io::table::{Columns, Row, Table};
+use crate::skin::TaxelId;
 
 /// Writes calibrated taxels: `id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz`.
 ///

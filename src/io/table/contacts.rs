@@ -1,17 +1,14 @@
 //! Tables of contacts and of places on maps, read one by one.
 
-use std::{
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::io::{BufReader, Read};
+use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use crate::io::{
-    IoError,
-    file::lines::Lines,
-    table::{Row, Table, lookups::OFF_SKIN},
-};
+use crate::io::IoError;
+use crate::io::file::lines::Lines;
+use crate::io::table::lookups::OFF_SKIN;
+use crate::io::table::{Row, Table};
 
 const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "only_link", "time"];
 

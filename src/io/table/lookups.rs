@@ -1,26 +1,20 @@
 //! Tables of lookups, written some rows at a time: a million rows in about a second, into buffers that
 //! every thread keeps.
 
-use std::{
-    io::{BufWriter, Write},
-    ops::Range,
-    path::Path,
-    sync::atomic::{AtomicUsize, Ordering},
-};
+use std::io::{BufWriter, Write};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    contact::Cell,
-    io::{
-        IoError,
-        file::cannot_write,
-        table::writer::{end_row, push_cell, push_number, push_whole},
-    },
-    pyramid::LevelId,
-    skin::{Presence, TaxelId},
-};
+use crate::contact::Cell;
+use crate::io::IoError;
+use crate::io::file::cannot_write;
+use crate::io::table::writer::{end_row, push_cell, push_number, push_whole};
+use crate::pyramid::LevelId;
+use crate::skin::{Presence, TaxelId};
 
 /// Columns of a table of lookups, but for one that a table adds.
 const COLUMNS: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,\

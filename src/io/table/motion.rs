@@ -4,16 +4,12 @@ use std::{collections::HashSet, path::Path};
 
 use glam::DAffine3;
 
-use crate::{
-    id::IdVec,
-    io::{
-        IoError,
-        file::{Source, file_kind},
-        gltf::read_animation,
-        table::Table,
-    },
-    skin::{Link, LinkId, Motion, MotionFrame, link_names},
-};
+use crate::id::IdVec;
+use crate::io::IoError;
+use crate::io::file::{Source, file_kind};
+use crate::io::gltf::read_animation;
+use crate::io::table::Table;
+use crate::skin::{Link, LinkId, Motion, MotionFrame, link_names};
 
 const COLUMNS: [&str; 13] =
     ["link", "time", "x", "y", "z", "qx", "qy", "qz", "qw", SCALES[0], SCALES[1], SCALES[2], SCALES[3]];

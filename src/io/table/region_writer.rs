@@ -2,16 +2,13 @@
 
 use std::{path::Path, sync::Arc};
 
-use crate::{
-    io::{
-        IoError,
-        file::{file_kind, replace::Replacement},
-        table::writer::{TableWriter, write_table},
-    },
-    map::SkinMap,
-    signal::{ContactEvent, ContactRegion, Touch},
-    skin::Skin,
-};
+use crate::io::IoError;
+use crate::io::file::file_kind;
+use crate::io::file::replace::Replacement;
+use crate::io::table::writer::{TableWriter, write_table};
+use crate::map::SkinMap;
+use crate::signal::{ContactEvent, ContactRegion, Touch};
+use crate::skin::Skin;
 
 const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,\
                        major,minor,angle,peak_taxel_id,peak";

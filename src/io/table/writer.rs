@@ -3,16 +3,13 @@
 //! Every function appends a cell and the comma behind it; [`end_row`] turns the last comma into the
 //! end of a line.
 
-use std::{
-    fs::File,
-    io::{BufWriter, Write},
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
 
-use crate::io::{
-    error::Result,
-    file::{cannot_write, replace::Replacement, replace_file},
-};
+use crate::io::error::Result;
+use crate::io::file::replace::Replacement;
+use crate::io::file::{cannot_write, replace_file};
 
 /// Bytes of rows that are kept before they are written.
 const KEPT: usize = 1 << 16;

@@ -2,18 +2,12 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{
-        Halfedge, MeshError, TriMesh,
-        connectivity::{
-            edges::{loops_of, pair_halfedges},
-            topology::Topology,
-        },
-    },
-    numeric::{Csr, DisjointSets},
-    parallel::par_ids,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::connectivity::edges::{loops_of, pair_halfedges};
+use crate::mesh::connectivity::topology::Topology;
+use crate::mesh::{Halfedge, MeshError, TriMesh};
+use crate::numeric::{Csr, DisjointSets};
+use crate::parallel::par_ids;
 
 /// The neighbours of every vertex and face of an oriented manifold mesh with boundary.
 ///

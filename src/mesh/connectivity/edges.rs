@@ -2,11 +2,9 @@
 //! boundary that follow from them, and the corners around each vertex: of any triangles, manifold or not, whose
 //! corners exist.
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, MeshError, TriMesh},
-    numeric::{Csr, chains},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Halfedge, MeshError, TriMesh};
+use crate::numeric::{Csr, chains};
 
 /// Visits the halfedges along every undirected edge of `triangles`, whose corners must all be below
 /// `vertices`.

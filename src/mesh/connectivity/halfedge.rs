@@ -2,10 +2,9 @@
 
 use std::fmt;
 
-use crate::{
-    id::{FaceId, Id, VertexId},
-    mesh::{TriMesh, error::MAX_FACES},
-};
+use crate::id::{FaceId, Id, VertexId};
+use crate::mesh::TriMesh;
+use crate::mesh::error::MAX_FACES;
 
 /// One side of a face: halfedge `k` of a face runs from its corner `k` to its corner `k + 1`.
 ///

@@ -2,10 +2,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh, connectivity::adjacency::Rings, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::connectivity::adjacency::Rings;
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, triangle_cross};
 
 /// Two vertices with more neighbours than this are taken for neighbours without looking: between
 /// two hubs of a thousand spokes every spoke's removal would ask again.

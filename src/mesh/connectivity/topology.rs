@@ -1,11 +1,10 @@
 //! Components, boundary loops and the Euler characteristic: what a surface is up to deformation; and each
 //! component as a mesh of its own.
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, TriMesh, connectivity::edges::Edges},
-    numeric::{DisjointSets, Labels},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::connectivity::edges::Edges;
+use crate::mesh::{Halfedge, TriMesh};
+use crate::numeric::{DisjointSets, Labels};
 
 /// The component of each face, joined to others at its corners; numbered by the smallest vertices of the
 /// components.

@@ -2,21 +2,14 @@
 
 use glam::DVec2;
 
-use crate::{
-    atlas::{Stretch, face_stretch, largest},
-    id::{FaceId, IdVec, VertexId},
-    map::MapLevel,
-    mesh::{TriMesh, rectangle_around},
-    plot::{
-        Paint, PlotError,
-        colour::{
-            Colour, DIVERGING, INK, SEQUENTIAL, SKIN, Scale, ScaleLimits,
-            field_colours::{dominant_fields, field_colours},
-            hatch,
-        },
-        patch_view::PatchView,
-    },
-};
+use crate::atlas::{Stretch, face_stretch, largest};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::MapLevel;
+use crate::mesh::{TriMesh, rectangle_around};
+use crate::plot::colour::field_colours::{dominant_fields, field_colours};
+use crate::plot::colour::{Colour, DIVERGING, INK, SEQUENTIAL, SKIN, Scale, ScaleLimits, hatch};
+use crate::plot::patch_view::PatchView;
+use crate::plot::{Paint, PlotError};
 
 /// A grey that can be seen on both ends of every scale.
 const DOT_ON_VALUES: Colour = Colour(0xc8, 0xc8, 0xc8);

@@ -2,13 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    atlas::largest,
-    id::{IdVec, VertexId},
-    map::MapLevel,
-    mesh::TriMesh,
-    plot::colour::Colour,
-};
+use crate::atlas::largest;
+use crate::id::{IdVec, VertexId};
+use crate::map::MapLevel;
+use crate::mesh::TriMesh;
+use crate::plot::colour::Colour;
 
 /// Fills of neighbouring fields: Paul Tol's "light" scheme, made for areas under black lines and
 /// letters and distinguishable with every kind of colour vision, without its grey.

@@ -1,11 +1,10 @@
 //! Ends of the colour scale of a picture, which all of its panels share.
 
-use crate::{
-    atlas::face_stretch,
-    map::MapLevel,
-    numeric::second_digit,
-    plot::{Paint, PlotError, patch_view::PatchView},
-};
+use crate::atlas::face_stretch;
+use crate::map::MapLevel;
+use crate::numeric::second_digit;
+use crate::plot::patch_view::PatchView;
+use crate::plot::{Paint, PlotError};
 
 /// Values that a scale shows, and the values that there are.
 #[derive(Debug, Clone, PartialEq)]

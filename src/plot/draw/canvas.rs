@@ -5,16 +5,12 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{TriMesh, edges},
-    plot::{
-        colour::{Colour, Fill, INK},
-        draw::depth_buffer::DepthBuffer,
-        layout::View,
-        picture::{Path, Pixels, Shape, Stroke},
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{TriMesh, edges};
+use crate::plot::colour::{Colour, Fill, INK};
+use crate::plot::draw::depth_buffer::DepthBuffer;
+use crate::plot::layout::View;
+use crate::plot::picture::{Path, Pixels, Shape, Stroke};
 
 /// Pixels of an image for each pixel of the picture, in each direction: a PNG shows their mean,
 /// which smooths the edges between colours, and an SVG stays sharp when it is enlarged twice.

@@ -2,10 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{TriMesh, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{TriMesh, triangle_cross};
 
 /// A pixel that no face covers.
 const UNCOVERED: u32 = u32::MAX;

@@ -4,23 +4,17 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::DVec2;
 
-use crate::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    map::{MapLevel, carried_places},
-    mesh::{TriMesh, boundary_loops},
-    plot::{
-        colour::{Colour, ColouredMesh, Fill, MeshOwner},
-        draw::{
-            canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
-            outline::outlines,
-        },
-        layout::View,
-        patch_view::PatchView,
-        picture::{Path, Shape, Stroke},
-    },
-    pyramid::LevelId,
-};
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::{MapLevel, carried_places};
+use crate::mesh::{TriMesh, boundary_loops};
+use crate::plot::colour::{Colour, ColouredMesh, Fill, MeshOwner};
+use crate::plot::draw::canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines};
+use crate::plot::draw::outline::outlines;
+use crate::plot::layout::View;
+use crate::plot::patch_view::PatchView;
+use crate::plot::picture::{Path, Shape, Stroke};
+use crate::pyramid::LevelId;
 
 /// Triangles with edges shorter than this on the picture are not drawn one by one, but pixel by
 /// pixel. That bounds the size of a picture whatever the size of the mesh.

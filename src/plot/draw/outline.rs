@@ -2,10 +2,8 @@
 
 use glam::DVec2;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges},
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, boundary_edges};
 
 /// A point of the cells' borders: a vertex, the middle of an edge or the centroid of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

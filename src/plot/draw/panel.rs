@@ -2,28 +2,22 @@
 
 use glam::DQuat;
 
-use crate::{
-    cut::PlaceId,
-    id::{IdVec, VertexId},
-    map::{MapLevel, PatchMap},
-    mesh::{TriMesh, rectangle_around},
-    plot::{
-        Paint, PlotError, PlotOptions, Viewpoint,
-        colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known},
-        draw::{
-            camera::Camera,
-            canvas::FINE,
-            map_view::{draw_map, on_places},
-            view_3d::draw_in_space,
-        },
-        layout::{Caption, Slot, View, minus, number, printable},
-        patch_view::PatchView,
-        picture::{Path, Shape, Stroke},
-    },
-    pyramid::{LevelId, Prolongation},
-    skin::Taxels,
-    unfold::Unfolding,
-};
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::{MapLevel, PatchMap};
+use crate::mesh::{TriMesh, rectangle_around};
+use crate::plot::colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known};
+use crate::plot::draw::camera::Camera;
+use crate::plot::draw::canvas::FINE;
+use crate::plot::draw::map_view::{draw_map, on_places};
+use crate::plot::draw::view_3d::draw_in_space;
+use crate::plot::layout::{Caption, Slot, View, minus, number, printable};
+use crate::plot::patch_view::PatchView;
+use crate::plot::picture::{Path, Shape, Stroke};
+use crate::plot::{Paint, PlotError, PlotOptions, Viewpoint};
+use crate::pyramid::{LevelId, Prolongation};
+use crate::skin::Taxels;
+use crate::unfold::Unfolding;
 
 pub(crate) struct Panel<'a> {
     patch: &'a PatchView<'a>,

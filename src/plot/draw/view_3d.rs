@@ -3,21 +3,15 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::boundary_edges,
-    plot::{
-        colour::ColouredMesh,
-        draw::{
-            camera::Camera,
-            canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines},
-            depth_buffer::DepthBuffer,
-        },
-        layout::View,
-        patch_view::PatchView,
-        picture::{Path, Shape},
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::boundary_edges;
+use crate::plot::colour::ColouredMesh;
+use crate::plot::draw::camera::Camera;
+use crate::plot::draw::canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines};
+use crate::plot::draw::depth_buffer::DepthBuffer;
+use crate::plot::layout::View;
+use crate::plot::patch_view::PatchView;
+use crate::plot::picture::{Path, Shape};
 
 /// Brightness of a surface that no light falls on; light from the viewer's upper left adds the
 /// rest.

@@ -2,11 +2,9 @@
 
 use glam::DVec2;
 
-use crate::plot::{
-    PlotError,
-    layout::Caption,
-    picture::{Anchor, MAX_SIDE, Shape},
-};
+use crate::plot::PlotError;
+use crate::plot::layout::Caption;
+use crate::plot::picture::{Anchor, MAX_SIDE, Shape};
 
 /// Least width of a picture, in pixels: the letters still fit.
 const MIN_WIDTH: u32 = 200;

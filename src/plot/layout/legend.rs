@@ -2,12 +2,11 @@
 
 use glam::DVec2;
 
-use crate::plot::{
-    Paint,
-    colour::{Colour, DIVERGING, INK, SEQUENTIAL, Scale, ScaleLimits, hatch},
-    layout::{Layout, caption::width, round_down, short},
-    picture::{Anchor, Path, Pixels, Shape},
-};
+use crate::plot::Paint;
+use crate::plot::colour::{Colour, DIVERGING, INK, SEQUENTIAL, Scale, ScaleLimits, hatch};
+use crate::plot::layout::caption::width;
+use crate::plot::layout::{Layout, round_down, short};
+use crate::plot::picture::{Anchor, Path, Pixels, Shape};
 
 /// Width of the legend of the colours with its name, in heights of letters.
 const WIDTH_OF_COLOURS: f64 = 20.0;

@@ -6,11 +6,10 @@ use tiny_skia::{
     Pixmap, PixmapPaint, Point, PremultipliedColorU8, Rect, Shader, SpreadMode, Transform,
 };
 
-use crate::plot::{
-    PlotError,
-    colour::Colour,
-    picture::{Anchor, INK, MAX_SIDE, Path, Picture, Pixels, Shape, Stroke, font::Font},
-};
+use crate::plot::PlotError;
+use crate::plot::colour::Colour;
+use crate::plot::picture::font::Font;
+use crate::plot::picture::{Anchor, INK, MAX_SIDE, Path, Picture, Pixels, Shape, Stroke};
 
 impl Picture {
     /// The picture as the bytes of a PNG file, the same on every machine.

@@ -5,10 +5,9 @@ use std::fmt::{Display, Write};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glam::DVec2;
 
-use crate::plot::{
-    colour::Colour,
-    picture::{Anchor, INK, Picture, Shape, Stroke, png::encode},
-};
+use crate::plot::colour::Colour;
+use crate::plot::picture::png::encode;
+use crate::plot::picture::{Anchor, INK, Picture, Shape, Stroke};
 
 impl Picture {
     /// The picture as SVG text. Texts are `<text>` elements, which an editor can change; images are

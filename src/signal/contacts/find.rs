@@ -1,14 +1,10 @@
 //! The taxels of the regions of one frame: flood fill with two thresholds, then parts.
 
-use crate::{
-    id::{IdVec, VertexId},
-    map::SkinMap,
-    signal::contacts::{
-        ContactRegion,
-        split::{PatchReadings, Splitter},
-    },
-    skin::PatchId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::map::SkinMap;
+use crate::signal::contacts::ContactRegion;
+use crate::signal::contacts::split::{PatchReadings, Splitter};
+use crate::skin::PatchId;
 
 /// No region has this taxel.
 const FREE: u32 = u32::MAX;

@@ -23,11 +23,9 @@ mod tracks;
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::VertexId,
-    signal::SignalError,
-    skin::{LinkId, PatchId},
-};
+use crate::id::VertexId;
+use crate::signal::SignalError;
+use crate::skin::{LinkId, PatchId};
 
 pub use tracker::ContactTracker;
 

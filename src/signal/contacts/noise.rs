@@ -13,12 +13,10 @@
 //! reported contacts where nothing touched it were taxels that do not rest at zero, so each taxel's mean
 //! over these frames counts as its zero.
 
-use crate::{
-    id::{IdVec, VertexId},
-    numeric::quantile,
-    signal::{Frame, TrackerOptions},
-    skin::PatchId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::quantile;
+use crate::signal::{Frame, TrackerOptions};
+use crate::skin::PatchId;
 
 /// Share of the taxels that have less noise than the noise that is found.
 const NOISIEST: f64 = 0.95;

@@ -7,14 +7,13 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, VertexId},
-    map::{MapLevel, PatchMap},
-    mesh::{SurfacePoint, VertexCorners, closest_point},
-    pyramid::LevelId,
-    signal::{Quantity, contacts::ContactRegion},
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, VertexId};
+use crate::map::{MapLevel, PatchMap};
+use crate::mesh::{SurfacePoint, VertexCorners, closest_point};
+use crate::pyramid::LevelId;
+use crate::signal::Quantity;
+use crate::signal::contacts::ContactRegion;
 
 /// The readings on the taxels of one patch.
 pub(super) struct Pressed<'a> {

@@ -13,12 +13,10 @@
 //! from 0.3 to 0.65 give the same but for a frame. One finger has a second peak of up to three taxels
 //! that rises by 0.8 of its height, so the share alone does not separate fingers.
 
-use crate::{
-    id::{IdVec, VertexId, define_id},
-    mesh::{TriMesh, VertexCorners},
-    numeric::DisjointSets,
-    signal::TrackerOptions,
-};
+use crate::id::{IdVec, VertexId, define_id};
+use crate::mesh::{TriMesh, VertexCorners};
+use crate::numeric::DisjointSets;
+use crate::signal::TrackerOptions;
 
 define_id!(
     /// A part of a region, counted from the highest peak.

@@ -1,19 +1,17 @@
 //! [`ContactTracker`]: regions of each frame, found, measured and followed.
 
-use crate::{
-    id::{IdVec, VertexId},
-    map::{PatchMap, SkinMap},
-    mesh::VertexCorners,
-    pyramid::LevelId,
-    signal::{
-        Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions,
-        contacts::{
-            ContactRegion, find::Finder, noise::Threshold, place::Pressed, split::PatchReadings,
-            tracks::Tracks,
-        },
-    },
-    skin::PatchId,
-};
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::mesh::VertexCorners;
+use crate::pyramid::LevelId;
+use crate::signal::contacts::ContactRegion;
+use crate::signal::contacts::find::Finder;
+use crate::signal::contacts::noise::Threshold;
+use crate::signal::contacts::place::Pressed;
+use crate::signal::contacts::split::PatchReadings;
+use crate::signal::contacts::tracks::Tracks;
+use crate::signal::{Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions};
+use crate::skin::PatchId;
 
 /// Finds contacts in frames of readings and follows them from frame to frame.
 ///

@@ -4,11 +4,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::FaceId,
-    mesh::{Adjacency, Halfedge, TriMesh},
-    numeric::Random,
-};
+use crate::id::FaceId;
+use crate::mesh::{Adjacency, Halfedge, TriMesh};
+use crate::numeric::Random;
 
 /// A place on a mesh and the direction in which it moves.
 #[derive(Debug, Clone, Copy)]

@@ -2,16 +2,14 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::Adjacency,
-    numeric::Random,
-    signal::{
-        Channel, Frame, Quantity, SignalError,
-        touch::{TouchOptions, path::Walker, sphere::Sphere},
-    },
-    skin::{Patch, PatchId, Presence, Skin, SkinError},
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::Adjacency;
+use crate::numeric::Random;
+use crate::signal::touch::TouchOptions;
+use crate::signal::touch::path::Walker;
+use crate::signal::touch::sphere::Sphere;
+use crate::signal::{Channel, Frame, Quantity, SignalError};
+use crate::skin::{Patch, PatchId, Presence, Skin, SkinError};
 
 /// What truly happens in a frame in which something is touched; in m, in the frame of the patch's
 /// link.

@@ -5,13 +5,12 @@
 //! [`TouchSimulation`](crate::signal::TouchSimulation); a point by the weights of the face that it touches.
 //! Taxels that do not work feel nothing: their share goes to the others.
 
-use crate::{
-    contact::{ContactError, ContactIndex, FieldHit, ON_SKIN_SPACINGS, Query},
-    id::VertexId,
-    pyramid::LevelId,
-    signal::{Frame, SignalError, touch::sphere::Sphere},
-    skin::{PatchId, Presence},
-};
+use crate::contact::{ContactError, ContactIndex, FieldHit, ON_SKIN_SPACINGS, Query};
+use crate::id::VertexId;
+use crate::pyramid::LevelId;
+use crate::signal::touch::sphere::Sphere;
+use crate::signal::{Frame, SignalError};
+use crate::skin::{PatchId, Presence};
 
 /// Something that presses on the skin with a force.
 #[derive(Debug, Clone, Copy, PartialEq)]

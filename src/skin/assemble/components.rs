@@ -3,21 +3,15 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Part, TriMesh, separate},
-    skin::{
-        RemarkKind, Sheet, SkinError,
-        assemble::zero_area::{Cleared, clear_zero_area},
-        normals::mean_directions,
-        remark::note,
-        weld::{
-            WeldOptions,
-            welded_mesh::{MOST_ROUNDS, WeldedMesh},
-            winding::{Winding, one_sided_strip},
-        },
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Part, TriMesh, separate};
+use crate::skin::assemble::zero_area::{Cleared, clear_zero_area};
+use crate::skin::normals::mean_directions;
+use crate::skin::remark::note;
+use crate::skin::weld::WeldOptions;
+use crate::skin::weld::welded_mesh::{MOST_ROUNDS, WeldedMesh};
+use crate::skin::weld::winding::{Winding, one_sided_strip};
+use crate::skin::{RemarkKind, Sheet, SkinError};
 
 /// One sheet, ready to be split into patches.
 pub(super) struct Components<'a> {

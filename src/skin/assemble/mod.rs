@@ -11,16 +11,12 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
 
-use crate::{
-    mesh::FillHoles,
-    skin::{
-        Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError,
-        assemble::{components::Components, patch::patch_of},
-        check_links,
-        triangulate::triangulate_taxels,
-        weld::{Weld, WeldOptions},
-    },
-};
+use crate::mesh::FillHoles;
+use crate::skin::assemble::components::Components;
+use crate::skin::assemble::patch::patch_of;
+use crate::skin::triangulate::triangulate_taxels;
+use crate::skin::weld::{Weld, WeldOptions};
+use crate::skin::{Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, check_links};
 
 /// How a draft is assembled.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,17 +3,14 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Edges, FillHoles, TriMesh, fill_holes},
-    skin::{
-        LinkId, OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelError, TaxelId, Taxels,
-        assemble::components::{Component, Components},
-        normals::{NormalConsensus, NormalQuality, surface_normals},
-        remark::note,
-        tangents_along,
-        taxels::is_positive,
-    },
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{Edges, FillHoles, TriMesh, fill_holes};
+use crate::skin::assemble::components::{Component, Components};
+use crate::skin::normals::{NormalConsensus, NormalQuality, surface_normals};
+use crate::skin::remark::note;
+use crate::skin::taxels::is_positive;
+use crate::skin::{
+    LinkId, OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelError, TaxelId, Taxels, tangents_along,
 };
 
 /// Turns `component` outward, fills the `holes` that are wanted and gives its

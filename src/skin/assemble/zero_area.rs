@@ -5,10 +5,8 @@ use std::collections::{HashMap, HashSet, VecDeque};
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{TriMesh, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{TriMesh, triangle_cross};
 
 /// A face lower than this share of its longest side has no area. Positions in `f32` move the middle
 /// one of three collinear taxels off the line by up to 1e-5 of their distance; no real face is that

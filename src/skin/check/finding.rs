@@ -5,14 +5,11 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    skin::{
-        LinkId, Sheet, SkinError,
-        sentence::{coincident, count},
-        weld::{welded_mesh::WeldedMesh, winding::Winding},
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::skin::sentence::{coincident, count};
+use crate::skin::weld::welded_mesh::WeldedMesh;
+use crate::skin::weld::winding::Winding;
+use crate::skin::{LinkId, Sheet, SkinError};
 
 /// One thing that is wrong with a draft; `Display` makes a sentence of it.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,14 +4,10 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use crate::{
-    bvh::{Aabb, BoxTree},
-    id::{IdVec, VertexId},
-    skin::check::{
-        FindingKind,
-        finding::{Report, Subject},
-    },
-};
+use crate::bvh::{Aabb, BoxTree};
+use crate::id::{IdVec, VertexId};
+use crate::skin::check::FindingKind;
+use crate::skin::check::finding::{Report, Subject};
 
 /// Two boundaries closer than this share of the local spacing look like a seam that was not joined.
 /// Modules that are meant to stay apart keep at least one spacing.

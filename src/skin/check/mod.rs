@@ -9,18 +9,15 @@ mod shape;
 mod taxels;
 mod topology;
 
-use crate::{
-    id::FaceId,
-    mesh::too_many,
-    skin::{
-        AssembleOptions, Draft, Remark, RemarkKind, Sheet, assemble,
-        check::finding::{Report, Subject},
-        link::before_parents,
-        normals::mean_directions,
-        triangulate::UniquePoints,
-        weld::{welded_mesh::WeldedMesh, winding::Winding},
-    },
-};
+use crate::id::FaceId;
+use crate::mesh::too_many;
+use crate::skin::check::finding::{Report, Subject};
+use crate::skin::link::before_parents;
+use crate::skin::normals::mean_directions;
+use crate::skin::triangulate::UniquePoints;
+use crate::skin::weld::welded_mesh::WeldedMesh;
+use crate::skin::weld::winding::Winding;
+use crate::skin::{AssembleOptions, Draft, Remark, RemarkKind, Sheet, assemble};
 
 pub use finding::{Elements, Finding, FindingKind, Severity};
 

@@ -2,20 +2,14 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-    skin::{
-        UnreliableNormals,
-        assemble::zero_area::{has_no_area, slenderness},
-        check::{
-            FindingKind,
-            finding::{Report, Subject},
-        },
-        normals::{NormalConsensus, NormalQuality, surface_normals},
-        weld::welded_mesh::duplicate_faces,
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::skin::UnreliableNormals;
+use crate::skin::assemble::zero_area::{has_no_area, slenderness};
+use crate::skin::check::FindingKind;
+use crate::skin::check::finding::{Report, Subject};
+use crate::skin::normals::{NormalConsensus, NormalQuality, surface_normals};
+use crate::skin::weld::welded_mesh::duplicate_faces;
 
 /// A sliver is lower than this share of its longest side. Sound calibrated covers have faces down
 /// to 0.04.

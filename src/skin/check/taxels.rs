@@ -2,19 +2,12 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    skin::{
-        Presence, Sheet, TaxelId,
-        check::{
-            FindingKind,
-            finding::{Report, Subject},
-        },
-        in_tangent_plane,
-        normals::is_unit,
-        taxels::{is_positive, is_weight},
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::skin::check::FindingKind;
+use crate::skin::check::finding::{Report, Subject};
+use crate::skin::normals::is_unit;
+use crate::skin::taxels::{is_positive, is_weight};
+use crate::skin::{Presence, Sheet, TaxelId, in_tangent_plane};
 
 /// Notes positions and corners that are not valid; says which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {

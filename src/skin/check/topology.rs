@@ -1,13 +1,9 @@
 //! Manifoldness, components, boundary loops and handles.
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::{FillHoles, Halfedge, Part, Topology, TriMesh, fillings, loops_of, separate},
-    skin::check::{
-        Elements, FindingKind,
-        finding::{Report, Subject},
-    },
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::{FillHoles, Halfedge, Part, Topology, TriMesh, fillings, loops_of, separate};
+use crate::skin::check::finding::{Report, Subject};
+use crate::skin::check::{Elements, FindingKind};
 
 /// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether every edge
 /// has at most two faces.

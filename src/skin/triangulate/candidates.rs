@@ -8,12 +8,11 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::{
-    delaunay::smallest_first,
-    id::VertexId,
-    parallel::par_collect,
-    skin::triangulate::{delaunay_star::DelaunayStar, neighbours::PointCloud},
-};
+use crate::delaunay::smallest_first;
+use crate::id::VertexId;
+use crate::parallel::par_collect;
+use crate::skin::triangulate::delaunay_star::DelaunayStar;
+use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Circumradii that differ by less than this part are equal, as those of the triangles of a square
 /// are.

@@ -2,10 +2,8 @@
 
 use glam::DVec2;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    skin::triangulate::neighbours::PointCloud,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge,
 /// since noise puts taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves

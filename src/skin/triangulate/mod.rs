@@ -66,23 +66,17 @@ pub(super) use unique_points::UniquePoints;
 
 use glam::DVec3;
 
-use crate::{
-    delaunay::smallest_first,
-    id::{FaceId, IdVec, VertexId},
-    numeric::median,
-    skin::{
-        Draft, Remark, RemarkKind, Sheet, SkinError,
-        remark::note,
-        triangulate::{
-            candidates::candidates,
-            growing_mesh::GrowingMesh,
-            neighbours::{Neighbours, PointCloud},
-            normals::{PointNormals, orient_normals},
-            orient_outward::{Outside, orient_outward},
-            repair::{attach_isolated, fill_small_holes, remove_extra_fans},
-        },
-    },
-};
+use crate::delaunay::smallest_first;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::numeric::median;
+use crate::skin::remark::note;
+use crate::skin::triangulate::candidates::candidates;
+use crate::skin::triangulate::growing_mesh::GrowingMesh;
+use crate::skin::triangulate::neighbours::{Neighbours, PointCloud};
+use crate::skin::triangulate::normals::{PointNormals, orient_normals};
+use crate::skin::triangulate::orient_outward::{Outside, orient_outward};
+use crate::skin::triangulate::repair::{attach_isolated, fill_small_holes, remove_extra_fans};
+use crate::skin::{Draft, Remark, RemarkKind, Sheet, SkinError};
 
 /// Gaps that make sense: below 1 nothing is joined, and work grows with the square.
 const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;

@@ -4,12 +4,10 @@
 
 use glam::DVec3;
 
-use crate::{
-    bvh::PointTree,
-    id::{IdVec, VertexId},
-    mesh::triangle_cross,
-    parallel::{par_collect, par_ids},
-};
+use crate::bvh::PointTree;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::triangle_cross;
+use crate::parallel::{par_collect, par_ids};
 
 /// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
 /// the boundary and at most corners, and thermal pads between taxels do not halve it as they do the

@@ -8,16 +8,13 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    id::{IdVec, VertexId},
-    numeric::{DisjointSets, Relation, argsort, median, symmetric_eigen},
-    parallel::{par_collect, par_ids},
-    skin::{
-        UnreliableNormals,
-        normals::{SAME_DIRECTION, is_unit},
-        triangulate::{neighbours::Neighbours, unique_points::UniquePoints},
-    },
-};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{DisjointSets, Relation, argsort, median, symmetric_eigen};
+use crate::parallel::{par_collect, par_ids};
+use crate::skin::UnreliableNormals;
+use crate::skin::normals::{SAME_DIRECTION, is_unit};
+use crate::skin::triangulate::neighbours::Neighbours;
+use crate::skin::triangulate::unique_points::UniquePoints;
 
 /// Neighbours to which a plane is fitted: two rings of a lattice are 18, fewer follow a bend
 /// better.

@@ -5,10 +5,8 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{face_components, triangle_cross},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{face_components, triangle_cross};
 
 /// Smallest mean cosine between the faces and the directions away from a centre that decides: it is
 /// 0 on a flat component and on a saddle, and 0.06 on a cap of 20 degrees across.

@@ -2,11 +2,10 @@
 //!
 //! *Heuristic*: greedy, the smallest circumcircle first.
 
-use crate::{
-    id::{FaceId, VertexId},
-    numeric::{argsort, chains, order_by},
-    skin::triangulate::{growing_mesh::GrowingMesh, neighbours::PointCloud},
-};
+use crate::id::{FaceId, VertexId};
+use crate::numeric::{argsort, chains, order_by};
+use crate::skin::triangulate::growing_mesh::GrowingMesh;
+use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees):
 /// faces across the mouth of a sleeve stand on edge.

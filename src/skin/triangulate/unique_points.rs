@@ -8,15 +8,11 @@ use std::collections::HashMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    id::{IdVec, VertexId},
-    numeric::{DisjointSets, median, morton},
-    parallel::{par_collect, par_map},
-    skin::{
-        Presence, Sheet,
-        triangulate::neighbours::{Neighbour, distance_around, nearest_others, tree_of},
-    },
-};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{DisjointSets, median, morton};
+use crate::parallel::{par_collect, par_map};
+use crate::skin::triangulate::neighbours::{Neighbour, distance_around, nearest_others, tree_of};
+use crate::skin::{Presence, Sheet};
 
 /// The positions of the taxels of a sheet, each once.
 ///

@@ -4,11 +4,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::VertexId,
-    mesh::{Edges, Halfedge, TriMesh},
-    numeric::{argsort, order_by},
-};
+use crate::id::VertexId;
+use crate::mesh::{Edges, Halfedge, TriMesh};
+use crate::numeric::{argsort, order_by};
 
 /// More faces than this at one edge are not paired: each is a sheet of its own.
 const MOST_PAIRED: usize = 16;

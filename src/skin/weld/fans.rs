@@ -2,11 +2,9 @@
 
 use std::{cmp::Reverse, collections::HashMap};
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Halfedge, TriMesh},
-    numeric::DisjointSets,
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{Halfedge, TriMesh};
+use crate::numeric::DisjointSets;
 
 /// Joins the corners at both ends of two halfedges along one edge.
 pub(in crate::skin) fn join(

@@ -7,20 +7,14 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, Halfedge, TriMesh},
-    numeric::{DisjointSets, Relation},
-    skin::{
-        Sheet,
-        weld::{
-            Weld, WeldOptions,
-            crowded::{Content, is_turned, pairs},
-            fans::join,
-            opening::kept_open,
-        },
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Edges, Halfedge, TriMesh};
+use crate::numeric::{DisjointSets, Relation};
+use crate::skin::Sheet;
+use crate::skin::weld::crowded::{Content, is_turned, pairs};
+use crate::skin::weld::fans::join;
+use crate::skin::weld::opening::kept_open;
+use crate::skin::weld::{Weld, WeldOptions};
 
 /// Which faces are joined across each edge of a welded sheet.
 pub(in crate::skin) struct JoinedFaces<'a> {

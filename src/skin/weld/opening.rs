@@ -6,12 +6,10 @@
 //! closed, has handles or more boundary loops. Exporters that split at sharp edges leave several
 //! pieces (a cube six), or slits that change no topology, and both are welded.
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::{Edges, Halfedge, Topology, TriMesh},
-    numeric::{DisjointSets, Labels},
-    skin::weld::fans::{join, split_fans},
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::{Edges, Halfedge, Topology, TriMesh};
+use crate::numeric::{DisjointSets, Labels};
+use crate::skin::weld::fans::{join, split_fans};
 
 /// For every face whether its component stays cut as in the file; empty if none does.
 ///

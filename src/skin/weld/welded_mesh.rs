@@ -8,20 +8,14 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, TriMesh},
-    numeric::DisjointSets,
-    skin::{
-        Sheet, TaxelId,
-        weld::{
-            Weld, WeldOptions,
-            crowded::{Content, pairs},
-            fans::split_fans,
-            joined_faces::{JoinedFaces, fans},
-        },
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Edges, TriMesh};
+use crate::numeric::DisjointSets;
+use crate::skin::weld::crowded::{Content, pairs};
+use crate::skin::weld::fans::split_fans;
+use crate::skin::weld::joined_faces::{JoinedFaces, fans};
+use crate::skin::weld::{Weld, WeldOptions};
+use crate::skin::{Sheet, TaxelId};
 
 /// Dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
 pub(in crate::skin) const MOST_ROUNDS: usize = 16;

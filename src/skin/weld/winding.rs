@@ -2,11 +2,9 @@
 
 use std::collections::VecDeque;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Edges, Halfedge, TriMesh},
-    numeric::{DisjointSets, Labels, Relation},
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Edges, Halfedge, TriMesh};
+use crate::numeric::{DisjointSets, Labels, Relation};
 
 /// The components of a mesh across edges, and which faces to turn so that each is wound one way.
 #[derive(Debug)]

@@ -2,19 +2,16 @@
 
 use std::{collections::HashMap, path::PathBuf};
 
-use dermatome::{
-    Error,
-    calib::{Observations, Pose},
-    id::VertexId,
-    io::{IoError, ObservationRemark, read_observations, read_triangles, read_truth},
-    skin::TaxelId,
-};
+use dermatome::Error;
+use dermatome::calib::{Observations, Pose};
+use dermatome::id::VertexId;
+use dermatome::io::{IoError, ObservationRemark, read_observations, read_triangles, read_truth};
+use dermatome::skin::TaxelId;
 
-use crate::{
-    calibrate::args::Args,
-    console::{errors::advise, notes::note},
-    options::{Common, Unit},
-};
+use crate::calibrate::args::Args;
+use crate::console::errors::advise;
+use crate::console::notes::note;
+use crate::options::{Common, Unit};
 
 /// What is read before the solve, so that no broken file wastes one.
 pub(super) struct Inputs {

@@ -3,22 +3,17 @@
 
 use std::path::Path;
 
-use dermatome::{
-    Error,
-    calib::{Calibration, calibrated_skin},
-    io::{IoError, write_calibration, write_inliers, write_observations, write_skin},
-    skin::Skin,
-};
+use dermatome::Error;
+use dermatome::calib::{Calibration, calibrated_skin};
+use dermatome::io::{IoError, write_calibration, write_inliers, write_observations, write_skin};
+use dermatome::skin::Skin;
 
-use crate::{
-    calibrate::{args::Args, inputs::Inputs},
-    console::{
-        errors::advise,
-        notes::{note, note_count, note_dropped, note_remarks, remark_lost},
-    },
-    files::outputs::{self, Outputs},
-    options::Common,
-};
+use crate::calibrate::args::Args;
+use crate::calibrate::inputs::Inputs;
+use crate::console::errors::advise;
+use crate::console::notes::{note, note_count, note_dropped, note_remarks, remark_lost};
+use crate::files::outputs::{self, Outputs};
+use crate::options::Common;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {

@@ -2,18 +2,14 @@
 
 use std::{collections::HashMap, fmt, mem, path::Path};
 
-use dermatome::{
-    cut::Cut,
-    flatten::{FlattenOptions, Method, Overlap},
-    report::PatchReport,
-    skin::{Remark, Skin, TaxelId, Taxels},
-};
+use dermatome::cut::Cut;
+use dermatome::flatten::{FlattenOptions, Method, Overlap};
+use dermatome::report::PatchReport;
+use dermatome::skin::{Remark, Skin, TaxelId, Taxels};
 
-use crate::{
-    console::print::{line, plain, say},
-    files::outputs,
-    options::Common,
-};
+use crate::console::print::{line, plain, say};
+use crate::files::outputs;
+use crate::options::Common;
 
 /// Prints a note on standard error, unless the run is quiet.
 macro_rules! note {

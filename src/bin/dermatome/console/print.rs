@@ -1,15 +1,11 @@
 //! Results as a person or a program reads them.
 
-use std::{
-    fmt::Display,
-    io::{self, ErrorKind, Write},
-};
+use std::fmt::Display;
+use std::io::{self, ErrorKind, Write};
 
-use dermatome::{
-    Error,
-    io::IoError,
-    report::{LevelReport, PatchReport},
-};
+use dermatome::Error;
+use dermatome::io::IoError;
+use dermatome::report::{LevelReport, PatchReport};
 use serde::Serialize;
 
 /// Longest note or line of an error.

@@ -1,24 +1,16 @@
 //! Files that a command writes: never over an input, never two to one place, all of them or none.
 
-use std::{
-    fs,
-    io::{self, ErrorKind},
-    path::{Path, PathBuf},
-};
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Command, ValueHint};
-use dermatome::{
-    Error,
-    io::{IoError, StagedFiles, replace_file, triangles_path},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, StagedFiles, replace_file, triangles_path};
 
-use crate::{
-    console::{
-        errors::advise,
-        print::{line, say},
-    },
-    options::Common,
-};
+use crate::console::errors::advise;
+use crate::console::print::{line, say};
+use crate::options::Common;
 
 /// Standard input or output, where a command takes that in place of a file.
 pub(crate) fn is_stream(path: &Path) -> bool {

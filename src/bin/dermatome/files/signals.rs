@@ -1,23 +1,15 @@
 //! What ^C, `kill` and a closed terminal do: a live stream ends, and its run completes what it has;
 //! any other run, and a stream at the second signal, removes its temporary files.
 
-use std::{
-    fs,
-    io::{self, Read, stdin},
-    process,
-    sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicI32, Ordering},
-        mpsc::{Receiver, SyncSender, sync_channel},
-    },
-    thread,
-};
+use std::io::{self, Read, stdin};
+use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::{fs, process, thread};
 
 use dermatome::io::abandon_files;
-use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ},
-    iterator::Signals,
-};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::iterator::Signals;
 
 /// Exit code of a stopped run, less the number of the signal; as shells have it.
 const STOPPED: i32 = 128;

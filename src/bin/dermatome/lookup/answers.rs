@@ -1,33 +1,23 @@
 //! Contacts to rows: where each lies on every level.
 
-use std::{
-    io::Write,
-    path::Path,
-    sync::{
-        OnceLock,
-        atomic::{AtomicU64, Ordering},
-    },
-};
+use std::io::Write;
+use std::path::Path;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use dermatome::{
-    contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query},
-    io::{IoError, LookupPlace, LookupRow, LookupWriter},
-    pyramid::LevelId,
-    skin::{LinkId, PatchId, Presence},
-};
+use dermatome::contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query};
+use dermatome::io::{IoError, LookupPlace, LookupRow, LookupWriter};
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{LinkId, PatchId, Presence};
 use glam::DVec3;
 
-use crate::{
-    console::notes::{note, note_count},
-    lookup::{
-        contacts::{Batch, Contact, Contacts, WORLD},
-        player::Player,
-        readings::{Counts, Readings},
-        refusals::unanswered,
-        robot::Robot,
-    },
-    options::Common,
-};
+use crate::console::notes::{note, note_count};
+use crate::lookup::contacts::{Batch, Contact, Contacts, WORLD};
+use crate::lookup::player::Player;
+use crate::lookup::readings::{Counts, Readings};
+use crate::lookup::refusals::unanswered;
+use crate::lookup::robot::Robot;
+use crate::options::Common;
 
 /// If most contacts are farther than this many spacings from the skin, they may be in another frame or
 /// unit: a note asks.

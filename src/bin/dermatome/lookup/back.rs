@@ -12,16 +12,12 @@ use dermatome::{
 };
 use glam::{DAffine3, DVec2};
 
-use crate::{
-    console::notes::{note, note_columns, note_count},
-    lookup::{
-        contacts::{FrameArg, LARGEST, WORLD, open},
-        player::Player,
-        refusals::{Refusals, unanswered},
-        robot::Robot,
-    },
-    options::{Common, Unit},
-};
+use crate::console::notes::{note, note_columns, note_count};
+use crate::lookup::contacts::{FrameArg, LARGEST, WORLD, open};
+use crate::lookup::player::Player;
+use crate::lookup::refusals::{Refusals, unanswered};
+use crate::lookup::robot::Robot;
+use crate::options::{Common, Unit};
 
 /// Places answered and written at a time.
 const BATCH: usize = 1 << 14;

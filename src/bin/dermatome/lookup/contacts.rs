@@ -1,26 +1,21 @@
 //! The table of contacts, read some rows at a time.
 
-use std::{
-    fs::File,
-    io::{Read, stdin},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{Read, stdin};
+use std::path::Path;
 
 use clap::ValueEnum;
-use dermatome::{
-    Error,
-    contact::Query,
-    io::{ContactRow, IoError, read_contacts},
-    skin::LinkId,
-};
+use dermatome::Error;
+use dermatome::contact::Query;
+use dermatome::io::{ContactRow, IoError, read_contacts};
+use dermatome::skin::LinkId;
 use glam::DVec3;
 
-use crate::{
-    console::notes::{note, note_columns},
-    files::outputs::is_stream,
-    lookup::{refusals::Refusals, robot::Robot},
-    options::{Common, Unit},
-};
+use crate::console::notes::{note, note_columns};
+use crate::files::outputs::is_stream;
+use crate::lookup::refusals::Refusals;
+use crate::lookup::robot::Robot;
+use crate::options::{Common, Unit};
 
 /// Contacts read, answered and written at a time: enough for every thread, and a few megabytes.
 const BATCH: usize = 1 << 14;

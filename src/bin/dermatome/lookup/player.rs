@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use dermatome::{
-    contact::{ContactError, ContactIndex},
-    io::IoError,
-    skin::Motion,
-};
+use dermatome::contact::{ContactError, ContactIndex};
+use dermatome::io::IoError;
+use dermatome::skin::Motion;
 
 use crate::{console::notes::note_count, options::Common};
 

@@ -2,18 +2,15 @@
 
 use std::path::Path;
 
-use dermatome::{
-    contact::{ContactIndex, Query},
-    io::{IoError, ReadingsWriter},
-    map::SkinMap,
-    signal::{Channel, Frame, Press, Spreader},
-};
+use dermatome::contact::{ContactIndex, Query};
+use dermatome::io::{IoError, ReadingsWriter};
+use dermatome::map::SkinMap;
+use dermatome::signal::{Channel, Frame, Press, Spreader};
 
-use crate::{
-    console::notes::{note, note_count},
-    lookup::{contacts::Contact, refusals::unanswered},
-    options::Common,
-};
+use crate::console::notes::{note, note_count};
+use crate::lookup::contacts::Contact;
+use crate::lookup::refusals::unanswered;
+use crate::options::Common;
 
 /// A recording of forces, in N: contacts of one time in a row are a frame.
 pub(super) struct Readings {

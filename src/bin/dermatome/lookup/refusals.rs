@@ -4,10 +4,9 @@ use std::{fmt::Display, path::PathBuf};
 
 use dermatome::io::IoError;
 
-use crate::{
-    console::{errors::advise, notes::note_count},
-    options::Common,
-};
+use crate::console::errors::advise;
+use crate::console::notes::note_count;
+use crate::options::Common;
 
 /// Refused rows that are quoted.
 const QUOTED: usize = 5;

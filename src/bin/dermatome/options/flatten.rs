@@ -4,18 +4,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{ValueEnum, ValueHint};
-use dermatome::{
-    Error,
-    cut::Cut,
-    flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
-    io::{read_boundary, read_seams},
-    skin::Skin,
-};
+use dermatome::Error;
+use dermatome::cut::Cut;
+use dermatome::flatten::{Boundary, Energy, FlattenOptions, Method, Overlap};
+use dermatome::io::{read_boundary, read_seams};
+use dermatome::skin::Skin;
 
-use crate::{
-    console::errors::advise,
-    options::{Choice, one_of, values::number},
-};
+use crate::console::errors::advise;
+use crate::options::values::number;
+use crate::options::{Choice, one_of};
 
 /// How to flatten.
 #[derive(Debug, Clone, clap::Args)]

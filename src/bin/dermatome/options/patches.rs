@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use dermatome::{
-    Error,
-    io::read_faces,
-    skin::{Draft, world_pose},
-};
+use dermatome::Error;
+use dermatome::io::read_faces;
+use dermatome::skin::{Draft, world_pose};
 use glam::{DAffine3, DVec3};
 use glob::Pattern;
 

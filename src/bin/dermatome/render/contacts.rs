@@ -2,12 +2,10 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use dermatome::{
-    Error,
-    io::{IoError, RegionWriter},
-    map::SkinMap,
-    signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, RegionWriter};
+use dermatome::map::SkinMap;
+use dermatome::signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions};
 
 use crate::readings::{ReadingsArgs, find_channel, positive};
 

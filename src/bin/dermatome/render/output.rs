@@ -1,30 +1,25 @@
 //! Where `render` puts its frames: a folder of pictures, arrays, or a pipe.
 
-use std::{
-    io::{Stdout, Write, stdout},
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::io::{Stdout, Write, stdout};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::ValueEnum;
-use dermatome::{
-    Error,
-    atlas::{Atlas, LevelImage},
-    image::TactileImage,
-    io::{
-        FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
-    },
-    map::SkinMap,
-    plot::{ImageOptions, image_png},
-    pyramid::LevelId,
-    signal::{Channel, LevelFrame},
+use dermatome::Error;
+use dermatome::atlas::{Atlas, LevelImage};
+use dermatome::image::TactileImage;
+use dermatome::io::{
+    FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
 };
+use dermatome::map::SkinMap;
+use dermatome::plot::{ImageOptions, image_png};
+use dermatome::pyramid::LevelId;
+use dermatome::signal::{Channel, LevelFrame};
 
-use crate::{
-    console::{errors::advise, print::is_harmless},
-    files::outputs::{self, is_stream},
-    readings::range,
-};
+use crate::console::errors::advise;
+use crate::console::print::is_harmless;
+use crate::files::outputs::{self, is_stream};
+use crate::readings::range;
 
 /// What a folder holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
