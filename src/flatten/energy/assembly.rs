@@ -14,16 +14,9 @@ use crate::{
     sparse::{Block, Matrix},
 };
 
-/// Rows that one task sums. They depend on the size of the system alone, so sums do not depend on the number
-/// of threads. A face between two parts is computed for both: one in twenty along a curve that fills the
-/// plane.
-const MOST_ROWS: usize = 4096;
-
-/// Rows at least: smaller parts would compute most faces twice.
-const LEAST_ROWS: usize = 256;
-
-/// Parts of a small system.
-const PARTS: usize = 8;
+/// Rows that one task sums. A face between two parts is computed for both: one in fourteen along a curve that
+/// fills the plane.
+const ROWS: usize = 2048;
 
 /// Slot of an entry whose row another part sums, or whose row or column is fixed or held: there is no
 /// unknown.
@@ -57,18 +50,14 @@ impl Place {
 
 /// The faces around the rows of each part of a system, so that parts are summed side by side, always in the
 /// same order.
-pub(crate) struct Assembly {
-    rows: usize,
-    parts: Vec<Vec<Place>>,
-}
+pub(crate) struct Assembly(Vec<Vec<Place>>);
 
 impl Assembly {
     pub(crate) fn new(net: &ElementMesh) -> Self {
         let free = net.free();
-        let rows = free.div_ceil(PARTS).clamp(LEAST_ROWS, MOST_ROWS);
-        let mut faces = vec![Vec::new(); free.div_ceil(rows)];
+        let mut faces = vec![Vec::new(); free.div_ceil(ROWS)];
         for (face, e) in net.faces.enumerate() {
-            let [a, b, c] = e.corners.map(|v| v.index() / rows);
+            let [a, b, c] = e.corners.map(|v| v.index() / ROWS);
             for part in [Some(a), Some(b).filter(|b| *b != a), Some(c).filter(|c| *c != a && *c != b)] {
                 if let Some(faces) = part.and_then(|part| faces.get_mut(part)) {
                     faces.push(face);
@@ -76,10 +65,10 @@ impl Assembly {
             }
         }
         let places = |(part, faces): (usize, Vec<FaceId>)| {
-            let rows = part * rows..((part + 1) * rows).min(free);
+            let rows = part * ROWS..((part + 1) * ROWS).min(free);
             faces.into_iter().map(|face| Place::new(net, &rows, face)).collect()
         };
-        Self { rows, parts: faces.into_par_iter().enumerate().map(places).collect() }
+        Self(faces.into_par_iter().enumerate().map(places).collect())
     }
 
     /// Sums the Hessians of the models of all faces, and returns minus the sum of their gradients.
@@ -90,14 +79,14 @@ impl Assembly {
         hessian: &mut Matrix<'_, B>,
     ) -> Vec<DVec2> {
         let mut downhill = vec![DVec2::ZERO; hessian.pattern().rows()];
-        let sums = hessian.parts_mut(self.rows).into_par_iter().zip(downhill.par_chunks_mut(self.rows));
-        self.parts.par_iter().zip(sums).enumerate().for_each(|(part, (places, (blocks, downhill)))| {
+        let sums = hessian.parts_mut(ROWS).into_par_iter().zip(downhill.par_chunks_mut(ROWS));
+        self.0.par_iter().zip(sums).enumerate().for_each(|(part, (places, (blocks, downhill)))| {
             blocks.fill(B::ZERO);
             for &Place { face, slots } in places {
                 let e = &faces[face];
                 let m = model(e);
                 for (k, slots) in slots.into_iter().enumerate().filter(|(_, slots)| slots[0] != NONE) {
-                    downhill[e.corners[k].index() - part * self.rows] -= m.gradient[k];
+                    downhill[e.corners[k].index() - part * ROWS] -= m.gradient[k];
                     let of_corner =
                         [m.diagonal[k], m.off_diagonal[k], m.off_diagonal[(k + 2) % 3].transpose()];
                     for (slot, block) in slots.into_iter().zip(of_corner).filter(|(slot, _)| *slot != NONE) {
