@@ -7,8 +7,7 @@ use crate::io::IoError;
 use crate::io::arrays::npy::ElementType;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
 use crate::io::file::{excerpt, invalid};
-use crate::io::readings::header::{LATEST, MAX_NUMBERS};
-use crate::io::readings::{ReadingsReader, Source};
+use crate::io::readings::header::{About, LATEST, MAX_NUMBERS};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
 
@@ -43,7 +42,7 @@ impl ArrayReadings {
         path: &Path,
         is_archive: bool,
         layout: ReadingsLayout,
-    ) -> Result<ReadingsReader, IoError> {
+    ) -> Result<(Self, About), IoError> {
         let storage = Storage::disk(path);
         let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
         let values = find_values(path, &arrays)?;
@@ -65,8 +64,7 @@ impl ArrayReadings {
             channels: channels.len(),
             row: Vec::new(),
         };
-        let (frames, source) = (Some(frames), Source::Arrays(readings));
-        Ok(ReadingsReader { ids, channels, width, frames, has_times, source })
+        Ok((readings, About { ids, channels, width, frames: Some(frames), has_times }))
     }
 
     /// Reads the next row; false after the last one.

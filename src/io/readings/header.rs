@@ -27,6 +27,15 @@ pub(super) enum Cell {
     Reading(usize),
 }
 
+/// What a file says of its readings before the first of them.
+pub(super) struct About {
+    pub(super) ids: Option<Vec<TaxelId>>,
+    pub(super) channels: Vec<Channel>,
+    pub(super) width: usize,
+    pub(super) frames: Option<u64>,
+    pub(super) has_times: bool,
+}
+
 /// The columns of a text of readings.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {

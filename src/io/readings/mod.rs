@@ -15,6 +15,7 @@ use std::{fs::File, io::Read, path::Path};
 use crate::io::IoError;
 use crate::io::file::{cannot_read, file_kind};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
+use crate::io::readings::header::About;
 use crate::io::readings::text::{LongReadings, TextReadings};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -78,17 +79,24 @@ impl ReadingsReader {
         match file_kind(path).as_str() {
             kind @ ("txt" | "csv") => {
                 let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
-                if let Some(long) =
-                    is_file.then(|| LongReadings::open(path, kind == "csv")).transpose()?.flatten()
-                {
-                    return Ok(long);
+                let long = if is_file { LongReadings::open(path, kind == "csv")? } else { None };
+                if let Some((long, about)) = long {
+                    return Ok(Self::of(Source::Long(long), about));
                 }
                 let file = File::open(path).map_err(cannot_read(path))?;
-                TextReadings::open(path, Box::new(file), kind == "csv")
+                let (text, about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
+                Ok(Self::of(Source::Text(text), about))
             }
-            kind @ ("npy" | "npz") => ArrayReadings::open(path, kind == "npz", layout),
+            kind @ ("npy" | "npz") => {
+                let (arrays, about) = ArrayReadings::open(path, kind == "npz", layout)?;
+                Ok(Self::of(Source::Arrays(arrays), about))
+            }
             _ => Err(IoError::UnknownKind { path: path.into(), known: ".txt, .csv, .npy, .npz" }),
         }
+    }
+
+    fn of(source: Source, About { ids, channels, width, frames, has_times }: About) -> Self {
+        Self { ids, channels, width, frames, has_times, source }
     }
 
     /// Reads a stream of text or CSV, which errors call `path`. A line is read as soon as it has
@@ -97,7 +105,8 @@ impl ReadingsReader {
     /// # Errors
     /// As [`Self::open`].
     pub fn stream(path: &Path, input: impl Read + Send + 'static) -> Result<Self, IoError> {
-        TextReadings::open(path, Box::new(input), false)
+        let (text, about) = TextReadings::open(path, Box::new(input), false)?;
+        Ok(Self::of(Source::Text(text), about))
     }
 
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,

@@ -13,8 +13,9 @@ use std::path::Path;
 use crate::io::IoError;
 use crate::io::file::lines::{LineLocation, Lines};
 use crate::io::file::{cannot_read, excerpt};
-use crate::io::readings::header::{Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds};
-use crate::io::readings::{ReadingsReader, Source};
+use crate::io::readings::header::{
+    About, Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds,
+};
 use crate::io::table::cells::{Cells, Separator};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -76,14 +77,14 @@ impl TextReadings {
         path: &Path,
         input: Box<dyn Read + Send>,
         is_csv: bool,
-    ) -> Result<ReadingsReader, IoError> {
+    ) -> Result<(Self, About), IoError> {
         let lines = TextLines::open(path, input, is_csv)?;
         let leading = lines.separator == Separator::Blanks;
         let Header { width, ids, channels, cells } = parse_header(lines.words.iter(), leading, lines.at())?;
         let has_times = cells.iter().any(|cell| matches!(cell, Cell::Time { .. }));
         let numbers = width * channels.len();
-        let source = Source::Text(Self { lines, cells, numbers, has_rows: false });
-        Ok(ReadingsReader { ids, channels, width, frames: None, has_times, source })
+        let about = About { ids, channels, width, frames: None, has_times };
+        Ok((Self { lines, cells, numbers, has_rows: false }, about))
     }
 
     /// Reads the next row; false after the last one.
@@ -161,7 +162,7 @@ struct Rows {
 
 impl LongReadings {
     /// Opens a file if the names in its first line are those of a long table.
-    pub(super) fn open(path: &Path, is_csv: bool) -> Result<Option<ReadingsReader>, IoError> {
+    pub(super) fn open(path: &Path, is_csv: bool) -> Result<Option<(Self, About)>, IoError> {
         let Some((mut rows, channel)) = Rows::open(path, is_csv)? else { return Ok(None) };
         // In the order in which they first come.
         let (mut ids, mut columns) = (Vec::new(), HashMap::new());
@@ -180,14 +181,9 @@ impl LongReadings {
         }
         let Some((mut rows, _)) = Rows::open(path, is_csv)? else { return Ok(None) };
         let ahead = rows.next()?;
-        Ok(Some(ReadingsReader {
-            width: ids.len(),
-            ids: Some(ids),
-            channels: vec![channel],
-            frames: None,
-            has_times: true,
-            source: Source::Long(Self { rows, columns, ahead }),
-        }))
+        let (width, ids, channels) = (ids.len(), Some(ids), vec![channel]);
+        let about = About { ids, channels, width, frames: None, has_times: true };
+        Ok(Some((Self { rows, columns, ahead }, about)))
     }
 
     /// Reads the next frame; false after the last one.
