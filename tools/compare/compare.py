@@ -216,7 +216,7 @@ def coarse():
             ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
             own, other = ns["dermatome"], ns["embree"]
             cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
-            title = re.search(r"(\w+, \d+) faces", table).group(1)
+            title = re.search(r"(\w+, \d+) triangles", table).group(1)
             rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"), cell("obvhs")])
     print(f"\nns of the same contacts on level 0, one thread, all patches as one mesh, medians of {ROUNDS} rounds in turn; along a path in brackets\n")
     row("skin, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar")
