@@ -3,11 +3,9 @@
 //! options, and that every file says what it is for.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs,
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// The modules of the library; each may name only those before it.
 const MODULES: &[&str] = &[

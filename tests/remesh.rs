@@ -1,11 +1,9 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use dermatome::{
-    mesh::{Adjacency, TriMesh, mean_edge_length, shapes},
-    remesh::{RemeshError, keep_outer, remesh, remesh_skin},
-    skin::{Draft, Sheet, Skin},
-};
+use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
+use dermatome::remesh::{RemeshError, keep_outer, remesh, remesh_skin};
+use dermatome::skin::{Draft, Sheet, Skin};
 use glam::DVec3;
 
 /// The smallest angle of each triangle, in degrees, sorted.

@@ -1,11 +1,9 @@
 //! Why a map cannot be searched, or a query not be answered.
 
-use crate::{
-    id::{FaceId, VertexId},
-    map::MapError,
-    pyramid::LevelId,
-    skin::{LinkId, PatchId},
-};
+use crate::id::{FaceId, VertexId};
+use crate::map::MapError;
+use crate::pyramid::LevelId;
+use crate::skin::{LinkId, PatchId};
 
 /// Why a map cannot be searched, or a contact not be answered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

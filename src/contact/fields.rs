@@ -2,13 +2,12 @@
 
 use glam::DVec3;
 
-use crate::{
-    bvh::PointTree,
-    contact::{ContactError, ContactIndex, FieldHit, Query, index::SAME_DISTANCE},
-    id::VertexId,
-    pyramid::LevelId,
-    skin::PatchId,
-};
+use crate::bvh::PointTree;
+use crate::contact::index::SAME_DISTANCE;
+use crate::contact::{ContactError, ContactIndex, FieldHit, Query};
+use crate::id::VertexId;
+use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 impl ContactIndex {
     /// The fields of a level whose centre lies within `radius` (m) of a query, ordered by patch and field.

@@ -6,24 +6,20 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use crate::{
-    bvh::{Aabb, BoxTree, Ray, Start},
-    contact::{
-        Cell, ContactError, Found, Hit, Hits, IndexOptions, Query,
-        cell::Anchor,
-        patch::IndexedPatch,
-        patch_bvh::{Best, PatchBvh},
-        posed_links::Links,
-        query::RUN,
-    },
-    id::{FaceId, IdVec, VertexId},
-    map::SkinMap,
-    mesh::{Closest, Feature, SurfacePoint, TriMesh, pseudo_normal},
-    numeric::along_curve,
-    parallel::par_map,
-    pyramid::LevelId,
-    skin::{LinkId, Motion, PatchId, Presence},
-};
+use crate::bvh::{Aabb, BoxTree, Ray, Start};
+use crate::contact::cell::Anchor;
+use crate::contact::patch::IndexedPatch;
+use crate::contact::patch_bvh::{Best, PatchBvh};
+use crate::contact::posed_links::Links;
+use crate::contact::query::RUN;
+use crate::contact::{Cell, ContactError, Found, Hit, Hits, IndexOptions, Query};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::SkinMap;
+use crate::mesh::{Closest, Feature, SurfacePoint, TriMesh, pseudo_normal};
+use crate::numeric::along_curve;
+use crate::parallel::par_map;
+use crate::pyramid::LevelId;
+use crate::skin::{LinkId, Motion, PatchId, Presence};
 
 /// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
 /// distance is given.

@@ -2,14 +2,12 @@
 
 use glam::DVec3;
 
-use crate::{
-    bvh::PointTree,
-    contact::Cell,
-    id::{IdVec, VertexId},
-    map::{PatchMap, SkinMap},
-    pyramid::LevelId,
-    skin::{PatchId, Presence, TaxelId},
-};
+use crate::bvh::PointTree;
+use crate::contact::Cell;
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::pyramid::LevelId;
+use crate::skin::{PatchId, Presence, TaxelId};
 
 /// The taxels of a map that work.
 #[derive(Debug, Clone)]

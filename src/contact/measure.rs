@@ -11,14 +11,12 @@ use std::{array, fmt::Write, hint::black_box, time::Instant};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use crate::{
-    contact::{ContactError, ContactIndex, Hit, IndexOptions, MapIndex, Query},
-    id::FaceId,
-    map::{PatchMap, SkinMap},
-    numeric::Random,
-    pyramid::LevelId,
-    skin::PatchId,
-};
+use crate::contact::{ContactError, ContactIndex, Hit, IndexOptions, MapIndex, Query};
+use crate::id::FaceId;
+use crate::map::{PatchMap, SkinMap};
+use crate::numeric::Random;
+use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 const CONTACTS: usize = 1 << 15;
 const PASSES: usize = 13;

@@ -3,21 +3,17 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::{
-    bvh::{Aabb, PointTree, Refitting},
-    contact::{
-        ContactError, IndexOptions,
-        cell::PatchCells,
-        coarse::{CoarseLevel, coarse_levels, mean_side},
-        patch_bvh::{LARGEST, PatchBvh},
-        posed_links::Links,
-    },
-    id::{IdVec, VertexId},
-    map::PatchMap,
-    mesh::TriMesh,
-    pyramid::LevelId,
-    skin::{Joints, LinkId, PatchId, Presence, scaled_joints},
-};
+use crate::bvh::{Aabb, PointTree, Refitting};
+use crate::contact::cell::PatchCells;
+use crate::contact::coarse::{CoarseLevel, coarse_levels, mean_side};
+use crate::contact::patch_bvh::{LARGEST, PatchBvh};
+use crate::contact::posed_links::Links;
+use crate::contact::{ContactError, IndexOptions};
+use crate::id::{IdVec, VertexId};
+use crate::map::PatchMap;
+use crate::mesh::TriMesh;
+use crate::pyramid::LevelId;
+use crate::skin::{Joints, LinkId, PatchId, Presence, scaled_joints};
 
 #[derive(Debug, Clone)]
 pub(super) struct IndexedPatch {

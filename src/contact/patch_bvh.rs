@@ -4,13 +4,11 @@ use std::hint::black_box;
 
 use glam::DVec3;
 
-use crate::{
-    bvh::{Aabb, Nearest, Ray, RayHit, Refitting, Start, TriangleTree},
-    contact::ContactError,
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Closest, TriMesh, VertexCorners, closest_point},
-    skin::PatchId,
-};
+use crate::bvh::{Aabb, Nearest, Ray, RayHit, Refitting, Start, TriangleTree};
+use crate::contact::ContactError;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Closest, TriMesh, VertexCorners, closest_point};
+use crate::skin::PatchId;
 
 /// Coordinates beyond this (in m) are refused.
 pub(super) const LARGEST: f64 = TriangleTree::LARGEST;

@@ -2,13 +2,12 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::{
-    contact::{ContactError, Query, patch_bvh::LARGEST},
-    id::IdVec,
-    map::SkinMap,
-    mesh::is_rigid,
-    skin::{LinkId, Motion, MotionFrame, PatchId},
-};
+use crate::contact::patch_bvh::LARGEST;
+use crate::contact::{ContactError, Query};
+use crate::id::IdVec;
+use crate::map::SkinMap;
+use crate::mesh::is_rigid;
+use crate::skin::{LinkId, Motion, MotionFrame, PatchId};
 
 /// A pose that rotates and translates by at most 1e12 m; its axes are made exactly orthonormal, so
 /// distances in the frame are those of the world.

@@ -3,12 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::SurfacePoint,
-    pyramid::LevelId,
-    skin::{LinkId, PatchId, TaxelId},
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::SurfacePoint;
+use crate::pyramid::LevelId;
+use crate::skin::{LinkId, PatchId, TaxelId};
 
 /// What an index is made ready for, besides the nearest point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

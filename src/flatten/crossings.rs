@@ -5,12 +5,10 @@
 
 use std::{collections::BTreeSet, ops::ControlFlow};
 
-use crate::{
-    bvh::{Aabb, BoxTree},
-    delaunay::orientation,
-    flatten::energy::elements::Uv,
-    id::VertexId,
-};
+use crate::bvh::{Aabb, BoxTree};
+use crate::delaunay::orientation;
+use crate::flatten::energy::elements::Uv;
+use crate::id::VertexId;
 
 /// Crossings are counted up to this number. Edges that lie on each other have a crossing a pair:
 /// the 18 000 edges of 6000 coincident triangles have 160 million, which take a minute.

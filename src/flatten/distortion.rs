@@ -2,11 +2,10 @@
 
 use glam::DVec2;
 
-use crate::{
-    flatten::{energy::elements::keeps_orientation, overlap::overlaps},
-    id::{IdVec, VertexId},
-    mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh},
-};
+use crate::flatten::energy::elements::keeps_orientation;
+use crate::flatten::overlap::overlaps;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh};
 
 /// Symmetric Dirichlet energy beyond which a map is far from isometric.
 pub(crate) const FAR: f64 = 50.0;

@@ -2,16 +2,12 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    flatten::{
-        FlattenError,
-        energy::elements::{BoundaryEdge, Element, ElementMesh, Uv},
-        magnification::Magnification,
-    },
-    id::VertexId,
-    mesh::{Adjacency, FlatTriangle, Topology, TriMesh, loop_length, mean_edge_length},
-    numeric::argsort,
-};
+use crate::flatten::FlattenError;
+use crate::flatten::energy::elements::{BoundaryEdge, Element, ElementMesh, Uv};
+use crate::flatten::magnification::Magnification;
+use crate::id::VertexId;
+use crate::mesh::{Adjacency, FlatTriangle, Topology, TriMesh, loop_length, mean_edge_length};
+use crate::numeric::argsort;
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
 /// that high: exact slivers still flatten to themselves down to a hundred-millionth, and a face

@@ -1,12 +1,10 @@
 //! Why a mesh cannot be flattened.
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::MeshError,
-    pyramid::PyramidError,
-    skin::{TaxelError, TaxelId},
-    sparse::SparseError,
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::MeshError;
+use crate::pyramid::PyramidError;
+use crate::skin::{TaxelError, TaxelId};
+use crate::sparse::SparseError;
 
 /// Why a mesh cannot be flattened.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -8,12 +8,10 @@
 
 use glam::DVec2;
 
-use crate::{
-    delaunay::{DelaunayError, triangulate_region},
-    flatten::energy::elements::{Element, Uv, keeps_orientation},
-    id::VertexId,
-    mesh::{FlatTriangle, signed_area},
-};
+use crate::delaunay::{DelaunayError, triangulate_region};
+use crate::flatten::energy::elements::{Element, Uv, keeps_orientation};
+use crate::id::VertexId;
+use crate::mesh::{FlatTriangle, signed_area};
 
 /// Height of a filler at rest over its longest edge, at least: flatter ones get a rest shape of this
 /// height.

@@ -13,12 +13,11 @@ use std::{collections::HashMap, f64::consts::TAU};
 
 use glam::DVec2;
 
-use crate::{
-    flatten::{energy::elements::Uv, fillers::Fillers},
-    id::{IdVec, VertexId},
-    mesh::{TriMesh, angle, clip},
-    pyramid::{Level, PyramidError, Removal, RemovalLog},
-};
+use crate::flatten::energy::elements::Uv;
+use crate::flatten::fillers::Fillers;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, angle, clip};
+use crate::pyramid::{Level, PyramidError, Removal, RemovalLog};
 
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
 const WELL_INSIDE: f64 = 0.02;

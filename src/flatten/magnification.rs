@@ -1,13 +1,11 @@
 //! What regions ask of the map: the area that each face aims at, from the densities and acuities of
 //! the taxels, and how much its distortion counts.
 
-use crate::{
-    flatten::{FlattenError, Method},
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-    pyramid::Level,
-    skin::{Patch, Taxels},
-};
+use crate::flatten::{FlattenError, Method};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::TriMesh;
+use crate::pyramid::Level;
+use crate::skin::{Patch, Taxels};
 
 /// Largest area factor, and its inverse the smallest: beyond, neighbouring faces could not meet
 /// without extreme angles.

@@ -94,12 +94,10 @@ mod start;
 
 use glam::DVec2;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{SymmetricDirichlet, TriMesh},
-    pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen},
-    skin::Taxels,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{SymmetricDirichlet, TriMesh};
+use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen};
+use crate::skin::Taxels;
 
 pub(crate) use crossings::crossing_vertices;
 pub use distortion::{Convergence, Distortion, distortion};

@@ -3,10 +3,8 @@
 
 use glam::DVec2;
 
-use crate::{
-    flatten::FlattenError,
-    id::{IdVec, VertexId},
-};
+use crate::flatten::FlattenError;
+use crate::id::{IdVec, VertexId};
 
 /// How a map is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,16 +6,12 @@
 
 use glam::DVec2;
 
-use crate::{
-    delaunay::orientation,
-    flatten::{
-        crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings},
-        domain::FlattenDomain,
-        energy::elements::Uv,
-    },
-    id::{IdVec, VertexId},
-    mesh::{TriMesh, boundary_edges, face_components, loops_of},
-};
+use crate::delaunay::orientation;
+use crate::flatten::crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings};
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::Uv;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, boundary_edges, face_components, loops_of};
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
 /// than this, in rad. What is less is rounding: both sides of a slit may meet.

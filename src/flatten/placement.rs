@@ -5,11 +5,9 @@
 
 use glam::DVec2;
 
-use crate::{
-    flatten::energy::elements::Uv,
-    id::{FaceId, IdVec},
-    mesh::{TriMesh, signed_area},
-};
+use crate::flatten::energy::elements::Uv;
+use crate::id::{FaceId, IdVec};
+use crate::mesh::{TriMesh, signed_area};
 
 /// Moments closer than this, relatively, are equal: such a shape has no direction of its own.
 const NO_DIRECTION: f64 = 1e-6;

@@ -19,16 +19,15 @@
 //! third row a map has no flips, and no overlaps if it must not have any; the fourth never makes it
 //! worse. The sizes are *heuristic*, measured on the skins of `meshes/` and on tubes.
 
-use crate::flatten::{
-    FlattenError,
-    domain::FlattenDomain,
-    energy::{elements::Uv, newton::NewtonLimits},
-    insertion::Insertion,
-    magnification::Magnification,
-    relax::{
-        Goal, Relaxed, Scaffold, Start, better, make_locally_injective, minimise_from_scratch, past_needles,
-        relax,
-    },
+use crate::flatten::FlattenError;
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::Uv;
+use crate::flatten::energy::newton::NewtonLimits;
+use crate::flatten::insertion::Insertion;
+use crate::flatten::magnification::Magnification;
+use crate::flatten::relax::{
+    Goal, Relaxed, Scaffold, Start, better, make_locally_injective, minimise_from_scratch, past_needles,
+    relax,
 };
 
 /// Newton steps between two stages of an insertion: they only have to make room.

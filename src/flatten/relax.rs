@@ -1,26 +1,18 @@
 //! Least energy on one level: from a map without flips, or from scratch.
 
-use crate::{
-    flatten::{
-        Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap,
-        distortion::FAR,
-        domain::FlattenDomain,
-        energy::{
-            elements::Uv,
-            newton::{Ended, NewtonLimits, Solver},
-            objective::{Objective, dirichlet},
-        },
-        fillers::Fillers,
-        overlap::{has_no_branch_points, is_one_to_one, keeps_holes, overlaps},
-        start::{
-            conformal::spectral_conformal,
-            linear::linear,
-            tutte::{equal_springs, tutte},
-            untangle::untangle,
-        },
-    },
-    sparse::SparseError,
-};
+use crate::flatten::distortion::FAR;
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::Uv;
+use crate::flatten::energy::newton::{Ended, NewtonLimits, Solver};
+use crate::flatten::energy::objective::{Objective, dirichlet};
+use crate::flatten::fillers::Fillers;
+use crate::flatten::overlap::{has_no_branch_points, is_one_to_one, keeps_holes, overlaps};
+use crate::flatten::start::conformal::spectral_conformal;
+use crate::flatten::start::linear::linear;
+use crate::flatten::start::tutte::{equal_springs, tutte};
+use crate::flatten::start::untangle::untangle;
+use crate::flatten::{Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap};
+use crate::sparse::SparseError;
 
 /// Systems up to this size are factored. Above, conjugate gradients reach the same energy sooner if
 /// they start from the optimum of the next coarser level (at 5000 vertices in half of the time); from any

@@ -63,27 +63,21 @@ pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_py
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use draft::{draft_from_bytes, read_draft, read_draft_with};
 pub use error::{Feature, IoError};
-pub use file::{
-    file_kind,
-    replace::{StagedFiles, abandon_files, replace_file},
-};
+pub use file::file_kind;
+pub use file::replace::{StagedFiles, abandon_files, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
-pub use mesh::{
-    parts::{ReadParts, read_faces},
-    skin_csv::triangles_path,
-    skin_to_bytes, write_flat, write_skin,
-};
+pub use mesh::parts::{ReadParts, read_faces};
+pub use mesh::skin_csv::triangles_path;
+pub use mesh::{skin_to_bytes, write_flat, write_skin};
 pub use observations::{builder::ObservationRemark, read_observations, write_observations};
 pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
-pub use table::{
-    by_taxel::{read_acuities, read_boundary, read_gains, read_seams},
-    calibration::{
-        read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
-    },
-    contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places},
-    joints::{JointTable, read_joint_values},
-    lookups::{LookupPlace, LookupRow, LookupWriter},
-    motion::{MotionFile, read_motion},
-    region_writer::{RegionWriter, write_touches},
+pub use table::by_taxel::{read_acuities, read_boundary, read_gains, read_seams};
+pub use table::calibration::{
+    read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
 };
+pub use table::contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places};
+pub use table::joints::{JointTable, read_joint_values};
+pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
+pub use table::motion::{MotionFile, read_motion};
+pub use table::region_writer::{RegionWriter, write_touches};

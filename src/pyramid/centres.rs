@@ -6,12 +6,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Rings, angle},
-    pyramid::removal::SeamRole,
-    skin::Taxels,
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{Rings, angle};
+use crate::pyramid::removal::SeamRole;
+use crate::skin::Taxels;
 
 /// A boundary vertex is a corner if its interior angle differs from a straight one by more than
 /// this, 75 degrees: the rim of a triangular lattice turns by 60 degrees at each vertex and is

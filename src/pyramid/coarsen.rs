@@ -1,16 +1,14 @@
 //! Makes the pyramid of one patch, level by level; see the [module](crate::pyramid) for the steps.
 
-use crate::{
-    cut::{CutMesh, PlaceId},
-    id::{IdVec, VertexId},
-    mesh::{HalfedgeMesh, Rings, TriMesh},
-    pyramid::{
-        Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog,
-        centres::{ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing},
-        removal::{Remover, Seam, SeamRole, TaxelLocations},
-    },
-    skin::Taxels,
+use crate::cut::{CutMesh, PlaceId};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{HalfedgeMesh, Rings, TriMesh};
+use crate::pyramid::centres::{
+    ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing,
 };
+use crate::pyramid::removal::{Remover, Seam, SeamRole, TaxelLocations};
+use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog};
+use crate::skin::Taxels;
 
 /// A level must have this many times fewer vertices than the next finer one, or the pyramid ends.
 const LEAST_RATIO: f64 = 1.5;

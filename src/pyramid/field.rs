@@ -1,9 +1,7 @@
 //! [`Field`]: a receptive field as a thing of its own.
 
-use crate::{
-    id::{IdVec, VertexId},
-    pyramid::Level,
-};
+use crate::id::{IdVec, VertexId};
+use crate::pyramid::Level;
 
 /// A receptive field: a vertex of a level with the taxels that it stands for.
 ///
@@ -90,11 +88,9 @@ impl Level {
 
 #[cfg(test)]
 mod tests {
-    use crate::{
-        mesh::shapes,
-        pyramid::{CoarsenOptions, LevelId, coarsen},
-        skin::Taxels,
-    };
+    use crate::mesh::shapes;
+    use crate::pyramid::{CoarsenOptions, LevelId, coarsen};
+    use crate::skin::Taxels;
 
     #[test]
     fn fields_share_the_skin_and_nothing_is_lost() {

@@ -1,10 +1,8 @@
 //! Levels of receptive fields, and the rules that levels of one patch keep among each other.
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Adjacency, TriMesh},
-    pyramid::{LevelId, Prolongation, PyramidError, RemovalLog},
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{Adjacency, TriMesh};
+use crate::pyramid::{LevelId, Prolongation, PyramidError, RemovalLog};
 
 /// Weights that differ by less are the same but for the rounding of other programs.
 const SAME_WEIGHT: f64 = 1e-3;

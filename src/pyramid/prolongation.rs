@@ -2,10 +2,8 @@
 
 use std::ops::{Add, Mul};
 
-use crate::{
-    id::{IdVec, VertexId},
-    pyramid::PyramidError,
-};
+use crate::id::{IdVec, VertexId};
+use crate::pyramid::PyramidError;
 
 /// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as
 /// `f32`.

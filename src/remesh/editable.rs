@@ -2,10 +2,8 @@
 
 use glam::DVec3;
 
-use crate::{
-    id::{FaceId, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh},
-};
+use crate::id::{FaceId, VertexId};
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh};
 
 /// No halfedge, vertex or face.
 pub(super) const NONE: u32 = u32::MAX;

@@ -23,17 +23,13 @@ mod surface;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    bvh::BvhError,
-    id::{IdVec, VertexId},
-    mesh::{MeshError, TriMesh},
-    remesh::{
-        editable::{Editable, NONE, next},
-        rounds::{Kind, Rounds},
-        surface::Surface,
-    },
-    skin::{Patch, Skin, TaxelId},
-};
+use crate::bvh::BvhError;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{MeshError, TriMesh};
+use crate::remesh::editable::{Editable, NONE, next};
+use crate::remesh::rounds::{Kind, Rounds};
+use crate::remesh::surface::Surface;
+use crate::skin::{Patch, Skin, TaxelId};
 
 pub use outer::keep_outer;
 

@@ -5,13 +5,11 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    bvh::{Ray, TriangleTree},
-    id::FaceId,
-    numeric::DisjointSets,
-    remesh::SHARP,
-    skin::{Draft, LinkId, Sheet},
-};
+use crate::bvh::{Ray, TriangleTree};
+use crate::id::FaceId;
+use crate::numeric::DisjointSets;
+use crate::remesh::SHARP;
+use crate::skin::{Draft, LinkId, Sheet};
 
 /// Directions in which a point of a surface is looked for from far away.
 const DIRECTIONS: u32 = 64;

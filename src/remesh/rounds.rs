@@ -3,10 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::remesh::{
-    editable::{Editable, NONE},
-    surface::{Place, Surface},
-};
+use crate::remesh::editable::{Editable, NONE};
+use crate::remesh::surface::{Place, Surface};
 
 /// Edges longer than this part of the target are split, shorter than that collapsed: after either, an edge is
 /// nearer to the target than before (botsch2004).

@@ -2,11 +2,9 @@
 
 use glam::DVec3;
 
-use crate::{
-    bvh::{BvhError, Nearest, Start, TriangleTree},
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Closest, TriMesh, closest_point},
-};
+use crate::bvh::{BvhError, Nearest, Start, TriangleTree};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Closest, TriMesh, closest_point};
 
 /// Triangles, and which of them is nearest to a point.
 pub(super) struct Surface {

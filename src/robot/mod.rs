@@ -10,10 +10,8 @@ mod primitive;
 
 use glam::{DAffine3, DVec3};
 
-use crate::{
-    id::IdVec,
-    skin::{Link, LinkId, Remark, Sheet},
-};
+use crate::id::IdVec;
+use crate::skin::{Link, LinkId, Remark, Sheet};
 
 pub(crate) use primitive::triangles_of;
 

@@ -2,11 +2,9 @@
 
 use glam::{DAffine3, DMat3};
 
-use crate::{
-    id::IdVec,
-    robot::{Joint, JointKind, Robot},
-    skin::{Link, LinkId, Motion, MotionFrame, SkinError, link_names},
-};
+use crate::id::IdVec;
+use crate::robot::{Joint, JointKind, Robot};
+use crate::skin::{Link, LinkId, Motion, MotionFrame, SkinError, link_names};
 
 impl Joint {
     /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.

@@ -4,10 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::{
-    mesh::{TriMesh, shapes},
-    robot::Geometry,
-};
+use crate::mesh::{TriMesh, shapes};
+use crate::robot::Geometry;
 
 /// Edges around a cylinder, and along the longest side of a box.
 const AROUND: u32 = 48;

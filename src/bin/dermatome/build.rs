@@ -1,39 +1,33 @@
 //! `build`: the main job.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-    sync::Arc,
-    time::Instant,
-};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Context;
-use dermatome::{
-    Error,
-    atlas::skin_images,
-    io::{write_images, write_map},
-    map::SkinMap,
-    page::Page,
-    pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress},
-    pyramid::LevelId,
-    report::{PatchReport, measure},
-    skin::AssembleOptions,
-};
+use dermatome::Error;
+use dermatome::atlas::skin_images;
+use dermatome::io::{write_images, write_map};
+use dermatome::map::SkinMap;
+use dermatome::page::Page;
+use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress};
+use dermatome::pyramid::LevelId;
+use dermatome::report::{PatchReport, measure};
+use dermatome::skin::AssembleOptions;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::{
-    console::{
-        errors::{INCOMPLETE, advise},
-        notes::{note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams},
-        print::{json, plain, print_json, print_levels},
-        progress,
-    },
-    files::{
-        input::{names, read_good_patches, skin_files},
-        outputs::{self, Outputs, cannot_write},
-    },
-    options::{AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm},
+use crate::console::errors::{INCOMPLETE, advise};
+use crate::console::notes::{
+    note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams,
+};
+use crate::console::print::{json, plain, print_json, print_levels};
+use crate::console::progress;
+use crate::files::input::{names, read_good_patches, skin_files};
+use crate::files::outputs::{self, Outputs, cannot_write};
+use crate::options::{
+    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm,
 };
 
 /// Arguments of `build`.

@@ -2,20 +2,16 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use dermatome::{
-    Error,
-    mesh::{Adjacency, mean_edge_length},
-    robot::{Joint, Robot, Role},
-    skin::{Link, LinkId, Motion, Patch, Presence, link_names},
-};
+use dermatome::Error;
+use dermatome::mesh::{Adjacency, mean_edge_length};
+use dermatome::robot::{Joint, Robot, Role};
+use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, link_names};
 use glam::{DAffine3, DQuat};
 use serde_json::{Value, json};
 
-use crate::{
-    console::print::{plain, print, print_json, print_table},
-    files::input::read_skin,
-    options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints},
-};
+use crate::console::print::{plain, print, print_json, print_table};
+use crate::files::input::read_skin;
+use crate::options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]

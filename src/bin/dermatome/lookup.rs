@@ -8,34 +8,26 @@ mod readings;
 mod refusals;
 mod robot;
 
-use std::{
-    io::{IsTerminal, stdout},
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::io::{IsTerminal, stdout};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
-use dermatome::{
-    Error,
-    contact::{ContactIndex, IndexOptions},
-    io::{IoError, replace_file},
-    signal::Spreader,
-};
+use dermatome::Error;
+use dermatome::contact::{ContactIndex, IndexOptions};
+use dermatome::io::{IoError, replace_file};
+use dermatome::signal::Spreader;
 use glob::Pattern;
 
-use crate::{
-    console::errors::advise,
-    console::print::Terminal,
-    files::outputs::{self, Outputs, is_stream},
-    lookup::{
-        answers::{Answers, Question},
-        back::Back,
-        contacts::{Contacts, FrameArg, LARGEST, Meaning},
-        player::Player,
-        readings::Readings,
-        robot::Robot,
-    },
-    options::{Common, JointsArg, RobotArgs, Unit, joints, length, length_mm, pattern},
-};
+use crate::console::errors::advise;
+use crate::console::print::Terminal;
+use crate::files::outputs::{self, Outputs, is_stream};
+use crate::lookup::answers::{Answers, Question};
+use crate::lookup::back::Back;
+use crate::lookup::contacts::{Contacts, FrameArg, LARGEST, Meaning};
+use crate::lookup::player::Player;
+use crate::lookup::readings::Readings;
+use crate::lookup::robot::Robot;
+use crate::options::{Common, JointsArg, RobotArgs, Unit, joints, length, length_mm, pattern};
 
 /// Find the map cells under contacts, on every level.
 ///

@@ -8,14 +8,12 @@ use glam::DVec2;
 pub use field_weights::FieldWeights;
 use places::{Positions, Row, Rows};
 
-use crate::{
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places},
-    mesh::{SurfacePoint, TriMesh},
-    pyramid::LevelId,
-    skin::TaxelId,
-};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places};
+use crate::mesh::{SurfacePoint, TriMesh};
+use crate::pyramid::LevelId;
+use crate::skin::TaxelId;
 
 /// Where a contact lies on the map of one level.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,14 +6,12 @@
 
 use glam::DVec2;
 
-use crate::{
-    contact::cell::field_weights::{FieldWeights, MOST_FIELDS},
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PixelGrid},
-    parallel::par_collect,
-    pyramid::LevelId,
-};
+use crate::contact::cell::field_weights::{FieldWeights, MOST_FIELDS};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{MapLevel, PixelGrid};
+use crate::parallel::par_collect;
+use crate::pyramid::LevelId;
 
 /// Positions in a line of the cache.
 const LINE: usize = 4;

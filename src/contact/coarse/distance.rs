@@ -8,13 +8,11 @@
 
 use glam::DVec3;
 
-use crate::{
-    bvh::Start,
-    contact::patch_bvh::{Best, PatchBvh},
-    id::FaceId,
-    mesh::{closest_point, triangle_cross},
-    skin::PatchId,
-};
+use crate::bvh::Start;
+use crate::contact::patch_bvh::{Best, PatchBvh};
+use crate::id::FaceId;
+use crate::mesh::{closest_point, triangle_cross};
+use crate::skin::PatchId;
 
 /// A bound that exceeds the distance at a corner by at most this part is good enough.
 const RATIO: f64 = 1.1;

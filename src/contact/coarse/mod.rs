@@ -6,13 +6,12 @@ mod distance;
 use distance::{DEEPEST, ROUND_UP, Target};
 use glam::DVec3;
 
-use crate::{
-    contact::{ContactError, patch_bvh::PatchBvh},
-    id::{FaceId, IdVec},
-    map::PatchMap,
-    mesh::TriMesh,
-    parallel::par_collect,
-};
+use crate::contact::ContactError;
+use crate::contact::patch_bvh::PatchBvh;
+use crate::id::{FaceId, IdVec};
+use crate::map::PatchMap;
+use crate::mesh::TriMesh;
+use crate::parallel::par_collect;
 
 /// Part of the mean edge of the finer level below which a deviation does not matter.
 const TOLERANCE: f64 = 0.01;

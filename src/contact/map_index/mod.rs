@@ -9,24 +9,20 @@ mod plane_grid;
 use glam::{DVec2, DVec3};
 use plane_grid::PlaneGrid;
 
-use crate::{
-    bvh::{Aabb, BoxTree},
-    contact::{
-        Cell, ContactError, ContactIndex,
-        cell::OwnFace,
-        patch_bvh::{Best, LARGEST, check},
-    },
-    cut::PlaceId,
-    id::{FaceId, IdVec, VertexId},
-    map::{MapLevel, PatchMap, PixelGrid, SkinMap},
-    mesh::{
-        Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal, triangle_cross,
-    },
-    numeric::along_curve,
-    parallel::par_map,
-    pyramid::LevelId,
-    skin::{LinkId, PatchId, TaxelId},
+use crate::bvh::{Aabb, BoxTree};
+use crate::contact::cell::OwnFace;
+use crate::contact::patch_bvh::{Best, LARGEST, check};
+use crate::contact::{Cell, ContactError, ContactIndex};
+use crate::cut::PlaceId;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{MapLevel, PatchMap, PixelGrid, SkinMap};
+use crate::mesh::{
+    Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal, triangle_cross,
 };
+use crate::numeric::along_curve;
+use crate::parallel::par_map;
+use crate::pyramid::LevelId;
+use crate::skin::{LinkId, PatchId, TaxelId};
 
 /// A place this near to a triangle is on it, as a part of the size of the map: rounding.
 const ON_CHART: f64 = 1e-12;

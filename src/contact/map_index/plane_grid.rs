@@ -10,10 +10,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::TriMesh,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::TriMesh;
 
 /// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in about two cells.
 /// In smaller cells fewer triangles are left around a place, but their lists take more memory, whose
@@ -262,10 +260,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{
-        contact::soup,
-        mesh::{TriMesh, closest_point, shapes},
-    };
+    use crate::contact::soup;
+    use crate::mesh::{TriMesh, closest_point, shapes};
 
     /// The triangles as a mesh, no two of which share a vertex.
     fn mesh(triangles: &[[DVec3; 3]]) -> TriMesh {

@@ -5,14 +5,10 @@ use std::ops::Range;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::{
-    flatten::energy::{
-        elements::{Element, ElementMesh},
-        face_energy::LocalModel,
-    },
-    id::{FaceId, IdVec, VertexId},
-    sparse::{Block, Matrix},
-};
+use crate::flatten::energy::elements::{Element, ElementMesh};
+use crate::flatten::energy::face_energy::LocalModel;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::sparse::{Block, Matrix};
 
 /// Rows that one task sums. A face between two parts is computed for both: one in fourteen along a curve that
 /// fills the plane.

@@ -6,14 +6,12 @@ use std::sync::OnceLock;
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::{
-    delaunay::orientation,
-    id::{FaceId, IdVec, VertexId},
-    mesh::{SingularValues, signed_area},
-    numeric::along_curve,
-    parallel::{par_ids, par_map},
-    sparse::Pattern,
-};
+use crate::delaunay::orientation;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{SingularValues, signed_area};
+use crate::numeric::along_curve;
+use crate::parallel::{par_ids, par_map};
+use crate::sparse::Pattern;
 
 /// Map positions of the vertices.
 pub(crate) type Uv = IdVec<VertexId, DVec2>;

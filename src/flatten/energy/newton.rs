@@ -12,16 +12,12 @@
 
 use glam::{DMat2, DVec2, Mat2};
 
-use crate::{
-    flatten::{
-        energy::assembly::Assembly,
-        energy::elements::{ElementMesh, Uv},
-        energy::objective::Objective,
-    },
-    id::VertexId,
-    parallel::par_ids,
-    sparse::{Block, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot},
-};
+use crate::flatten::energy::assembly::Assembly;
+use crate::flatten::energy::elements::{ElementMesh, Uv};
+use crate::flatten::energy::objective::Objective;
+use crate::id::VertexId;
+use crate::parallel::par_ids;
+use crate::sparse::{Block, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot};
 
 /// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
 /// nothing, so the Hessian alone is singular. It fixes the gauge without pinning a vertex.

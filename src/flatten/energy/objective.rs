@@ -12,16 +12,12 @@
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
-use crate::{
-    flatten::{
-        Energy,
-        energy::assembly::Assembly,
-        energy::elements::{BoundaryEdge, Element, ElementMesh, Uv, outer},
-        energy::face_energy::{DistortionEnergy, LocalModel, face_gradient},
-    },
-    mesh::SymmetricDirichlet,
-    sparse::{Block, Matrix, dot},
-};
+use crate::flatten::Energy;
+use crate::flatten::energy::assembly::Assembly;
+use crate::flatten::energy::elements::{BoundaryEdge, Element, ElementMesh, Uv, outer};
+use crate::flatten::energy::face_energy::{DistortionEnergy, LocalModel, face_gradient};
+use crate::mesh::SymmetricDirichlet;
+use crate::sparse::{Block, Matrix, dot};
 
 /// Elements that one task handles; fixed, so that sums do not depend on the number of threads.
 const FACES_PER_TASK: usize = 2048;

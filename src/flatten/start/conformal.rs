@@ -8,15 +8,11 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use crate::{
-    flatten::{
-        FlattenError,
-        domain::FlattenDomain,
-        energy::elements::{BoundaryEdge, Uv},
-    },
-    id::{IdVec, VertexId},
-    sparse::{Cholesky, Matrix, SparseError},
-};
+use crate::flatten::FlattenError;
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::{BoundaryEdge, Uv};
+use crate::id::{IdVec, VertexId};
+use crate::sparse::{Cholesky, Matrix, SparseError};
 
 /// Share of the boundary mass that is added to the matrix, which is singular (translations) and on
 /// a flat mesh doubly so. A shift by the mass does not change the eigenvectors; it is far below the

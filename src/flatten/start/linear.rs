@@ -6,14 +6,13 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    flatten::{
-        FlattenError, domain::FlattenDomain, energy::elements::Uv, start::conformal::conformal_matrix,
-    },
-    id::VertexId,
-    mesh::cotangent,
-    sparse::{Matrix, solve_unsymmetric},
-};
+use crate::flatten::FlattenError;
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::Uv;
+use crate::flatten::start::conformal::conformal_matrix;
+use crate::id::VertexId;
+use crate::mesh::cotangent;
+use crate::sparse::{Matrix, solve_unsymmetric};
 
 /// Cotangents are clamped as if no angle were under a thousandth of a degree: one sliver would
 /// otherwise outweigh every ring.

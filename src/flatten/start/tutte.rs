@@ -11,15 +11,14 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use crate::{
-    flatten::{
-        FlattenError, domain::FlattenDomain, energy::elements::Uv, energy::objective::dirichlet,
-        start::conformal::circle,
-    },
-    id::{FaceId, IdVec, VertexId},
-    mesh::loop_length,
-    sparse::{Cholesky, Matrix, Pattern, SparseError},
-};
+use crate::flatten::FlattenError;
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::Uv;
+use crate::flatten::energy::objective::dirichlet;
+use crate::flatten::start::conformal::circle;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::loop_length;
+use crate::sparse::{Cholesky, Matrix, Pattern, SparseError};
 
 /// Solves at most. The least energy is found after 2 to 6, a tenth to a ten-thousandth of that of
 /// the first (measured on tubes and balls with holes).

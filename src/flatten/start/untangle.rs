@@ -6,18 +6,14 @@
 
 use std::collections::HashMap;
 
-use crate::{
-    flatten::{
-        domain::FlattenDomain,
-        energy::elements::{Element, ElementMesh, Uv},
-        energy::face_energy::DistortionEnergy,
-        energy::newton::{NewtonLimits, Solver},
-        energy::objective::Objective,
-    },
-    id::{FaceId, IdVec, VertexId},
-    mesh::signed_area,
-    sparse::SparseError,
-};
+use crate::flatten::domain::FlattenDomain;
+use crate::flatten::energy::elements::{Element, ElementMesh, Uv};
+use crate::flatten::energy::face_energy::DistortionEnergy;
+use crate::flatten::energy::newton::{NewtonLimits, Solver};
+use crate::flatten::energy::objective::Objective;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::signed_area;
+use crate::sparse::SparseError;
 
 /// Rings around flipped faces that may move, tried one after the other: a larger part costs more
 /// but leaves more room.

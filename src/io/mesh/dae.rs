@@ -5,16 +5,10 @@ use std::collections::HashMap;
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use roxmltree::Node;
 
-use crate::{
-    io::{
-        error::Result,
-        file::{
-            Source, excerpt, finite,
-            xml::{Xml, child, children},
-        },
-    },
-    skin::{Draft, Sheet},
-};
+use crate::io::error::Result;
+use crate::io::file::xml::{Xml, child, children};
+use crate::io::file::{Source, excerpt, finite};
+use crate::skin::{Draft, Sheet};
 
 /// Nodes in nodes, and nodes that nodes use.
 const DEEPEST: usize = 64;

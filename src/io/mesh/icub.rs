@@ -4,13 +4,9 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 
-use crate::{
-    io::{
-        error::Result,
-        file::{LineLocation, Source, excerpt, finite},
-    },
-    skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId},
-};
+use crate::io::error::Result;
+use crate::io::file::{LineLocation, Source, excerpt, finite};
+use crate::skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId};
 
 /// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board, a fingertip.
 const SLOTS_PER_MODULE: u32 = 12;

@@ -16,18 +16,14 @@ use std::{io::Write, path::Path};
 
 use glam::DVec2;
 
-use crate::{
-    id::{IdVec, VertexId},
-    io::{
-        IoError,
-        arrays::{npy::Elements, write::ArrayWriter},
-        file::{Source, file_kind, replace_file, unfit, write_file},
-        gltf,
-        mesh::parts::ReadParts,
-    },
-    mesh::TriMesh,
-    skin::{Draft, Skin},
-};
+use crate::id::{IdVec, VertexId};
+use crate::io::arrays::npy::Elements;
+use crate::io::arrays::write::ArrayWriter;
+use crate::io::file::{Source, file_kind, replace_file, unfit, write_file};
+use crate::io::mesh::parts::ReadParts;
+use crate::io::{IoError, gltf};
+use crate::mesh::TriMesh;
+use crate::skin::{Draft, Skin};
 
 pub(super) type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
 

@@ -4,14 +4,10 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use crate::{
-    io::{
-        IoError,
-        arrays::read::{NumberArray, read_number_arrays},
-        file::{Source, invalid},
-    },
-    skin::{Draft, Sheet, TaxelId},
-};
+use crate::io::IoError;
+use crate::io::arrays::read::{NumberArray, read_number_arrays};
+use crate::io::file::{Source, invalid};
+use crate::skin::{Draft, Sheet, TaxelId};
 
 /// Reads `V` (n x 3), `F` (m x 3, or m x 4 for quadrangles, counted from 0), `N` (n x 3, normals) and
 /// `ids` (n); `vertices`, `faces` and `normals` mean the same, and everything but `V` may be missing.

@@ -8,14 +8,10 @@ use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    io::{
-        error::Result,
-        file::{LineLocation, Source, excerpt, finite, write_to},
-        mesh::parts::ReadParts,
-    },
-    skin::{Draft, Sheet, Skin},
-};
+use crate::io::error::Result;
+use crate::io::file::{LineLocation, Source, excerpt, finite, write_to};
+use crate::io::mesh::parts::ReadParts;
+use crate::skin::{Draft, Sheet, Skin};
 
 /// Stands for "none" in a [`Corner`].
 const NONE: u32 = u32::MAX;

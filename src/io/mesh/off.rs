@@ -4,14 +4,12 @@ use std::{io::Write, path::Path};
 
 use glam::DVec3;
 
-use crate::{
-    io::{
-        IoError,
-        file::{Source, excerpt, invalid, lines::LineLocation, replace::write_to},
-        mesh::parts::all_triangles,
-    },
-    skin::{Draft, Sheet, Skin},
-};
+use crate::io::IoError;
+use crate::io::file::lines::LineLocation;
+use crate::io::file::replace::write_to;
+use crate::io::file::{Source, excerpt, invalid};
+use crate::io::mesh::parts::all_triangles;
+use crate::skin::{Draft, Sheet, Skin};
 
 /// Reads an OFF file as one sheet: polygons become fans, normals of `NOFF` are kept, colours and
 /// texture coordinates left out. A vertex or a face may go on in the next line.

@@ -3,13 +3,9 @@
 
 use std::path::Path;
 
-use crate::{
-    io::{
-        IoError,
-        file::{Source, excerpt},
-    },
-    skin::Skin,
-};
+use crate::io::IoError;
+use crate::io::file::{Source, excerpt};
+use crate::skin::Skin;
 
 /// The corners of the triangles of all patches, numbered through the vertices of all.
 pub(super) fn all_triangles(skin: &Skin) -> impl Iterator<Item = [usize; 3]> + '_ {

@@ -3,23 +3,16 @@
 use std::{borrow::Cow, io::Write, path::Path};
 
 use glam::DVec3;
-use ply_rs_bw::{
-    parser::{ParseError, Parser, Reader},
-    ply::{
-        ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
-        ScalarType,
-    },
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use crate::{
-    io::{
-        IoError,
-        error::Result,
-        file::{Source, excerpt, unfit, write_to},
-        mesh::parts::all_triangles,
-    },
-    skin::{Draft, Presence, Sheet, Skin, TaxelId},
-};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt, unfit, write_to};
+use crate::io::mesh::parts::all_triangles;
+use crate::skin::{Draft, Presence, Sheet, Skin, TaxelId};
 
 /// What is known of a vertex; the place in this list is that in the numbers of a [`Row`].
 const VERTEX_PROPERTIES: [&str; 10] =

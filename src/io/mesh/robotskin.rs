@@ -6,14 +6,10 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{
-    io::{
-        error::Result,
-        file::{Source, excerpt, stem, write_to},
-    },
-    mesh::{is_rotation, rotation_defect},
-    skin::{Draft, Link, Patch, Presence, Sheet, Skin, TaxelId, world_pose},
-};
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt, stem, write_to};
+use crate::mesh::{is_rotation, rotation_defect};
+use crate::skin::{Draft, Link, Patch, Presence, Sheet, Skin, TaxelId, world_pose};
 
 /// How far a frame's matrix may be from a rotation. Real files round the sine of 45 degrees to
 /// 0.7071, which leaves 1e-5; a matrix that scales or shears by more than this is not a frame.

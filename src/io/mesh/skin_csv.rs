@@ -1,27 +1,19 @@
 //! A skin as two tables: `skin.csv` with a taxel a row, `skin.triangles.csv` with their triangles.
 
-use std::{
-    collections::HashMap,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use crate::{
-    id::VertexId,
-    io::{
-        error::Result,
-        file::Source,
-        mesh::parts::all_triangles,
-        table::{
-            Columns, Row, Table,
-            calibration::{BY_ROW, Corners, Taxels},
-            writer::{TableWriter, write_table},
-        },
-    },
-    skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId},
-};
+use crate::id::VertexId;
+use crate::io::error::Result;
+use crate::io::file::Source;
+use crate::io::mesh::parts::all_triangles;
+use crate::io::table::calibration::{BY_ROW, Corners, Taxels};
+use crate::io::table::writer::{TableWriter, write_table};
+use crate::io::table::{Columns, Row, Table};
+use crate::skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId};
 
 /// Columns of the table of taxels.
 const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present,patch,on_link,\

@@ -4,15 +4,11 @@ use std::{collections::HashMap, io::Write, path::Path};
 
 use glam::DVec3;
 
-use crate::{
-    id::VertexId,
-    io::{
-        error::Result,
-        file::{Source, excerpt, unfit, write_to},
-    },
-    numeric::narrow,
-    skin::{Draft, Patch, Sheet, Skin},
-};
+use crate::id::VertexId;
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt, unfit, write_to};
+use crate::numeric::narrow;
+use crate::skin::{Draft, Patch, Sheet, Skin};
 
 /// Bytes before the triangles of a binary file: a comment and their number.
 const HEADER: usize = 84;

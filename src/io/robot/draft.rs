@@ -1,24 +1,19 @@
 //! The surfaces of a robot, as a draft of its skin.
 
-use std::{
-    collections::{BTreeMap, HashMap, btree_map::Entry},
-    path::{Path, PathBuf},
-};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use crate::{
-    io::{
-        IoError, ReadParts,
-        error::Result,
-        file::{Source, cannot_read, file_kind, invalid},
-        mesh::reader_of,
-        robot::Packages,
-    },
-    robot::{Geometry, Robot, Role, Shape, triangles_of},
-    skin::{Draft, LinkId, Remark, RemarkKind, Sheet, world_pose},
-};
+use crate::io::error::Result;
+use crate::io::file::{Source, cannot_read, file_kind, invalid};
+use crate::io::mesh::reader_of;
+use crate::io::robot::Packages;
+use crate::io::{IoError, ReadParts};
+use crate::robot::{Geometry, Robot, Role, Shape, triangles_of};
+use crate::skin::{Draft, LinkId, Remark, RemarkKind, Sheet, world_pose};
 
 /// What of a robot is its skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

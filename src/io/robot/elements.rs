@@ -3,17 +3,11 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use roxmltree::Node;
 
-use crate::{
-    io::{
-        error::Result,
-        file::{
-            excerpt,
-            xml::{Named, Xml, child, children},
-        },
-    },
-    robot::{Geometry, JointKind, Mimic, Role, Shape},
-    skin::{LinkId, Sheet, TaxelId},
-};
+use crate::io::error::Result;
+use crate::io::file::excerpt;
+use crate::io::file::xml::{Named, Xml, child, children};
+use crate::robot::{Geometry, JointKind, Mimic, Role, Shape};
+use crate::skin::{LinkId, Sheet, TaxelId};
 
 /// A joint whose links and leader are places in the file.
 pub(super) struct RawJoint {

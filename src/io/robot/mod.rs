@@ -15,18 +15,12 @@ use std::path::Path;
 use glam::DAffine3;
 use roxmltree::Node;
 
-use crate::{
-    io::{
-        error::Result,
-        file::{
-            Source,
-            xml::{Named, Xml, children},
-        },
-        robot::elements::{RawJoint, read_joint, read_sensor, read_shapes},
-    },
-    robot::{Joint, Mimic, Robot},
-    skin::{Link, LinkId, Remark, RemarkKind},
-};
+use crate::io::error::Result;
+use crate::io::file::Source;
+use crate::io::file::xml::{Named, Xml, children};
+use crate::io::robot::elements::{RawJoint, read_joint, read_sensor, read_shapes};
+use crate::robot::{Joint, Mimic, Robot};
+use crate::skin::{Link, LinkId, Remark, RemarkKind};
 
 pub use draft::{RobotSurface, robot_draft};
 pub use packages::Packages;

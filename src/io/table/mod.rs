@@ -14,24 +14,18 @@ pub(super) mod motion;
 pub(super) mod region_writer;
 pub(super) mod writer;
 
-use std::{
-    collections::HashSet,
-    io::BufRead,
-    path::{Path, PathBuf},
-};
+use std::collections::HashSet;
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
 use self::cells::{Cells, Separator};
 
-use crate::{
-    io::{
-        IoError,
-        error::Result,
-        file::{LONGEST, LineLocation, Lines, Source, excerpt, finite},
-    },
-    skin::TaxelId,
-};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{LONGEST, LineLocation, Lines, Source, excerpt, finite};
+use crate::skin::TaxelId;
 
 /// Most lines of a row, which is split again with every line of a text in quotes.
 const MOST_LINES: usize = 1000;

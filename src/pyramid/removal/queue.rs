@@ -2,10 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::HalfedgeMesh,
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::HalfedgeMesh;
 
 /// Where a vertex stands that is to be removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

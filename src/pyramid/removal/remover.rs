@@ -4,20 +4,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross},
-    pyramid::{
-        Removal, RemovalLog,
-        removal::{
-            queue::Queue,
-            retriangulation::Filler,
-            seam::{Seam, SeamRole},
-            star::{Limits, Star, folds_over, small},
-            taxel_locations::{Move, TaxelLocations},
-        },
-    },
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross};
+use crate::pyramid::removal::queue::Queue;
+use crate::pyramid::removal::retriangulation::Filler;
+use crate::pyramid::removal::seam::{Seam, SeamRole};
+use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
+use crate::pyramid::removal::taxel_locations::{Move, TaxelLocations};
+use crate::pyramid::{Removal, RemovalLog};
 
 /// Most stars planned by one task: enough to reuse buffers. The result does not depend on it.
 const MAX_STARS_PER_TASK: usize = 256;

@@ -1,11 +1,9 @@
 //! Fills the star of a removed vertex with triangles: a fan where it is nearly as good as the best
 //! filling.
 
-use crate::{
-    delaunay::smallest_first,
-    mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross},
-    pyramid::removal::star::{Limits, Star, folds_over, small},
-};
+use crate::delaunay::smallest_first;
+use crate::mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross};
+use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its
 /// longest side on the skin: below, the weights of a point in it would be rounding.
@@ -180,10 +178,8 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::{
-        id::VertexId,
-        mesh::{TriMesh, shapes},
-    };
+    use crate::id::VertexId;
+    use crate::mesh::{TriMesh, shapes};
 
     const LIMITS: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
 

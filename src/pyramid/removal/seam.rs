@@ -7,13 +7,12 @@
 //! on both sides, and the seam runs straight past it then; where the seam ends or branches, on the
 //! boundary too, vertices stay.
 
-use crate::{
-    cut::{CutMesh, PlaceId},
-    delaunay::smallest_first,
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Adjacency, Halfedge, MeshError, TriMesh},
-    pyramid::{Removal, RemovalLog, removal::star::small},
-};
+use crate::cut::{CutMesh, PlaceId};
+use crate::delaunay::smallest_first;
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh};
+use crate::pyramid::removal::star::small;
+use crate::pyramid::{Removal, RemovalLog};
 
 /// What a vertex is to the seam.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

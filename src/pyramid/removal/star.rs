@@ -5,10 +5,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use crate::{
-    id::{IdVec, VertexId},
-    mesh::{Halfedge, HalfedgeMesh, MAX_RING, triangle_cross},
-};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{Halfedge, HalfedgeMesh, MAX_RING, triangle_cross};
 
 #[expect(clippy::cast_possible_truncation, reason = "ring positions and fillings are below MAX_RING")]
 pub(super) fn small(position: usize) -> u8 {

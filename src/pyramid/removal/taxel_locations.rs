@@ -2,12 +2,10 @@
 
 use glam::DVec2;
 
-use crate::{
-    id::{FaceId, IdVec, VertexId},
-    mesh::{Halfedge, HalfedgeMesh},
-    parallel::par_map,
-    pyramid::removal::star::Star,
-};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Halfedge, HalfedgeMesh};
+use crate::parallel::par_map;
+use crate::pyramid::removal::star::Star;
 
 /// End of a list of taxels.
 const NONE: u32 = u32::MAX;

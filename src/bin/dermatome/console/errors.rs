@@ -1,32 +1,26 @@
 //! Errors as a user reads them, in three lines: what, why, what to do. Advice on errors of the library
 //! is here alone: the library does not know the options of the command.
 
-use std::{
-    fmt,
-    io::{self, IsTerminal},
-    path::Path,
-    process::ExitCode,
-};
+use std::fmt;
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use dermatome::{
-    Error,
-    atlas::AtlasError,
-    calib::CalibError,
-    cut::CutError,
-    flatten::FlattenError,
-    image::ImageError,
-    io::{Feature, IoError, file_kind},
-    map::MapError,
-    plot::PlotError,
-    signal::SignalError,
-    skin::SkinError,
-};
+use dermatome::Error;
+use dermatome::atlas::AtlasError;
+use dermatome::calib::CalibError;
+use dermatome::cut::CutError;
+use dermatome::flatten::FlattenError;
+use dermatome::image::ImageError;
+use dermatome::io::{Feature, IoError, file_kind};
+use dermatome::map::MapError;
+use dermatome::plot::PlotError;
+use dermatome::signal::SignalError;
+use dermatome::skin::SkinError;
 
-use crate::{
-    console::print::{line, print, say},
-    options::ColorChoice,
-};
+use crate::console::print::{line, print, say};
+use crate::options::ColorChoice;
 
 /// Exit code of a skin with problems, and of a map without some of its patches.
 pub(crate) const INCOMPLETE: u8 = 1;

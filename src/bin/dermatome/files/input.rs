@@ -1,29 +1,21 @@
 //! Reading a skin as every subcommand does: draft, assembly, remarks.
 
-use std::{
-    fs::DirEntry,
-    io,
-    path::{Path, PathBuf},
-};
+use std::fs::DirEntry;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use dermatome::{
-    Error,
-    io::{IoError, read_map},
-    map::SkinMap,
-    remesh::{Remeshed, keep_outer, remesh_skin},
-    skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble},
-};
+use dermatome::Error;
+use dermatome::io::{IoError, read_map};
+use dermatome::map::SkinMap;
+use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
+use dermatome::skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble};
 use glob::Pattern;
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{first_names, note, note_remarks},
-    },
-    files::outputs,
-    options::{Common, PatchArgs, ReadArgs, RobotArgs, Unit},
-};
+use crate::console::errors::advise;
+use crate::console::notes::{first_names, note, note_remarks};
+use crate::files::outputs;
+use crate::options::{Common, PatchArgs, ReadArgs, RobotArgs, Unit};
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
 pub(crate) fn read_skin(

@@ -2,27 +2,22 @@
 
 use std::path::Path;
 
-use dermatome::{
-    Error,
-    contact::LiveTaxels,
-    id::IdVec,
-    io::{MotionFile, read_map, read_motion, read_robot},
-    map::SkinMap,
-    pyramid::LevelId,
-    skin::{LinkId, Motion, PatchId, link_names, world_pose},
-};
+use dermatome::Error;
+use dermatome::contact::LiveTaxels;
+use dermatome::id::IdVec;
+use dermatome::io::{MotionFile, read_map, read_motion, read_robot};
+use dermatome::map::SkinMap;
+use dermatome::pyramid::LevelId;
+use dermatome::skin::{LinkId, Motion, PatchId, link_names, world_pose};
 use glam::DAffine3;
 use glob::Pattern;
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{first_names, note, note_columns},
-        print::plain,
-    },
-    files::{input::select_patches, outputs},
-    options::{Common, JointsArg},
-};
+use crate::console::errors::advise;
+use crate::console::notes::{first_names, note, note_columns};
+use crate::console::print::plain;
+use crate::files::input::select_patches;
+use crate::files::outputs;
+use crate::options::{Common, JointsArg};
 
 pub(super) struct Robot {
     pub(super) map: SkinMap,

@@ -3,17 +3,14 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use dermatome::{
-    Error,
-    io::{ReadParts, file_kind, read_draft_with},
-    skin::{AssembleOptions, Draft, Weld},
-};
+use dermatome::Error;
+use dermatome::io::{ReadParts, file_kind, read_draft_with};
+use dermatome::skin::{AssembleOptions, Draft, Weld};
 use glam::DVec3;
 
-use crate::{
-    console::errors::advise,
-    options::{Choice, RobotArgs, length, one_of, values::number},
-};
+use crate::console::errors::advise;
+use crate::options::values::number;
+use crate::options::{Choice, RobotArgs, length, one_of};
 
 /// How to read a skin.
 #[derive(Debug, Clone, clap::Args)]

@@ -2,21 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use dermatome::{
-    Error,
-    io::{Packages, RobotSurface, file_kind, read_joint_values, read_robot, robot_draft},
-    robot::Robot,
-    skin::Draft,
-};
+use dermatome::Error;
+use dermatome::io::{Packages, RobotSurface, file_kind, read_joint_values, read_robot, robot_draft};
+use dermatome::robot::Robot;
+use dermatome::skin::Draft;
 use glob::Pattern;
 
-use crate::{
-    console::{
-        errors::advise,
-        notes::{first_names, note, note_columns},
-    },
-    options::{Choice, Common, one_of, pattern},
-};
+use crate::console::errors::advise;
+use crate::console::notes::{first_names, note, note_columns};
+use crate::options::{Choice, Common, one_of, pattern};
 
 /// Which parts of a robot are its skin.
 #[derive(Debug, Clone, clap::Args)]
