@@ -351,6 +351,9 @@ fn packages_are_found() {
     refuses(here, "info r.urdf --package arm=elsewhere", &["looked for in: elsewhere"]);
     refuses(here, "info r.urdf --package arm", &["NAME=DIR"]);
     refuses(here, "info r.urdf --package arm=nowhere", &["is no folder"]);
+    fs::copy(here.join("hand/meshes/m.stl"), here.join("m.stl")).unwrap();
+    write_robot(here, &link("a", "<mesh filename='package://m.stl'/>"));
+    dermatome(here, "info r.urdf").assert().success();
     let file = here.join("hand/meshes/m.stl");
     write_robot(here, &link("a", &format!("<mesh filename='file://{}'/>", file.display())));
     dermatome(here, "info r.urdf").assert().success();

@@ -33,10 +33,12 @@ impl Packages {
     /// # Errors
     /// If it is not there, leaves its package, or is named in another way.
     pub(super) fn find(&self, path: &Path, element: &str, url: &str) -> Result<PathBuf> {
-        if let Some(rest) = url.strip_prefix("package://") {
-            return self.in_package(path, element, url, rest.trim_start_matches('/'));
-        }
         let file = match url.split_once("://") {
+            // Without a folder it is a file beside the description.
+            Some(("package", rest)) => match rest.trim_start_matches('/') {
+                rest if rest.contains('/') => return self.in_package(path, element, url, rest),
+                file => file,
+            },
             Some(("file", file)) => file,
             None => url,
             Some(_) => {
