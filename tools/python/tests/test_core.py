@@ -267,8 +267,7 @@ def test_interrupts_are_heard():
     code = (
         "import sys, dermatome; sys.path.insert(0, sys.argv[1]); from conftest import lattice\n"
         "p, f = lattice(700, 700); p[:, 2] = (p[:, 0] - p[:, 1]) ** 2\n"
-        "print('begins', flush=True)\n"
-        "try: dermatome.flatten(p, f)\n"
+        "try: print('begins', flush=True); dermatome.flatten(p, f)\n"
         "except KeyboardInterrupt: print('stopped', flush=True); import os; os._exit(7)\n"
     )
     from pathlib import Path
