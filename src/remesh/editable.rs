@@ -72,16 +72,32 @@ impl Editable {
     }
 
     /// What is left of it.
-    pub(super) fn finish(self) -> TriMesh {
-        let mut places = vec![NONE; self.positions.len()];
-        let mut positions = Vec::new();
-        for (v, place) in places.iter_mut().enumerate().filter(|(v, _)| self.leaving[*v] != NONE) {
-            *place = count(&positions);
-            positions.push(self.positions[v]);
-        }
-        let faces = self.faces.iter().filter(|face| face[0] != NONE);
-        let triangles: Vec<_> = faces.map(|face| face.map(|v| places[index(v)])).collect();
-        TriMesh::from_arrays(positions, &triangles)
+    pub(super) fn finish(mut self) -> TriMesh {
+        self.compact();
+        TriMesh::from_arrays(self.positions, &self.faces)
+    }
+
+    /// Closes the gaps of vertices and faces that are gone, in their order; returns the old vertices.
+    pub(super) fn compact(&mut self) -> Vec<usize> {
+        let places = |alive: &mut dyn Iterator<Item = bool>| {
+            let (mut places, mut kept) = (Vec::new(), Vec::new());
+            for (k, is_alive) in alive.enumerate() {
+                places.push(if is_alive { count(&kept) } else { NONE });
+                kept.extend(is_alive.then_some(k));
+            }
+            (places, kept)
+        };
+        let (vertices, kept) = places(&mut self.leaving.iter().map(|&h| h != NONE));
+        let (faces, kept_faces) = places(&mut self.faces.iter().map(|face| face[0] != NONE));
+        let moved = |h: u32| if h == NONE { NONE } else { 3 * faces[index(h / 3)] + h % 3 };
+        self.twins = kept_faces.iter().map(|&face| self.twins[face].map(moved)).collect();
+        self.sharp = kept_faces.iter().map(|&face| self.sharp[face]).collect();
+        self.faces = kept_faces.iter().map(|&face| self.faces[face].map(|v| vertices[index(v)])).collect();
+        self.leaving = kept.iter().map(|&v| moved(self.leaving[v])).collect();
+        self.positions = kept.iter().map(|&v| self.positions[v]).collect();
+        self.degree = kept.iter().map(|&v| self.degree[v]).collect();
+        self.on_boundary = kept.iter().map(|&v| self.on_boundary[v]).collect();
+        kept
     }
 
     pub(super) fn is_alive(&self, v: u32) -> bool {

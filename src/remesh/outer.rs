@@ -21,8 +21,10 @@ const STEEP: f64 = 0.1;
 /// a tube twice as long as wide a tenth is, at the bottom of a pocket as deep as wide a third.
 const FREE: f64 = 0.25;
 
-/// Points of a region that are tried; it is outside if half of them are.
+/// Points of a region that are tried, at most, and for all regions of a sheet together some: a region has as many
+/// as its part of the area says, at least one. It is outside if half of them are.
 const POINTS: usize = 16;
+const ALL_POINTS: f64 = 1000.0;
 
 /// How far from the surface rays start, as a part of the size of the link.
 const OFF: f64 = 1e-5;
@@ -86,9 +88,12 @@ impl Body {
                 (b - a).cross(c - a)
             })
             .collect();
+        let total: f64 = crosses.iter().map(|cross| cross.length()).sum();
         let mut is_outer = vec![false; sheet.triangles.len()];
         for region in regions(sheet, &crosses) {
-            let step = region.len().div_ceil(POINTS);
+            let area: f64 = region.iter().map(|&face| crosses[face].length()).sum();
+            let points = (1..POINTS).take_while(|&k| k as f64 * total < ALL_POINTS * area).count() + 1;
+            let step = region.len().div_ceil(points);
             // The largest faces say most.
             let mut largest = region.clone();
             largest.sort_by(|&f, &g| {
@@ -110,14 +115,15 @@ impl Body {
     fn is_seen(&self, point: DVec3, normal: DVec3) -> bool {
         [normal, -normal].into_iter().any(|normal| {
             let start = point + normal * (OFF * self.size);
-            let (mut free, mut all) = (0.0, 0.0);
-            for &direction in self.directions.iter().filter(|d| d.dot(normal) > STEEP) {
-                all += 1.0;
-                let ray = Ray::new(start, direction, 2.0 * self.size);
-                let hit = ray.and_then(|ray| self.tree.first_hit(&ray, |face| self.corners(face)));
-                free += if hit.is_none() { 1.0 } else { 0.0 };
-            }
-            all > 0.0 && free >= FREE * all
+            let directions: Vec<DVec3> =
+                self.directions.iter().copied().filter(|d| d.dot(normal) > STEEP).collect();
+            let is_free = |direction: &&DVec3| {
+                let ray = Ray::new(start, **direction, 2.0 * self.size);
+                ray.is_none_or(|ray| self.tree.first_hit(&ray, |face| self.corners(face)).is_none())
+            };
+            // No more directions are tried than say that it is.
+            let needed = (1..=directions.len()).find(|&k| k as f64 >= FREE * directions.len() as f64);
+            needed.is_some_and(|needed| directions.iter().filter(is_free).take(needed).count() == needed)
         })
     }
 

@@ -62,6 +62,9 @@ impl Rounds<'_> {
         for round in 0..ROUNDS {
             self.split_long();
             self.collapse_short();
+            let kept = self.mesh.compact();
+            self.kinds = kept.iter().map(|&v| self.kinds[v]).collect();
+            self.near = kept.iter().map(|&v| self.near[v]).collect();
             self.flip_edges(Self::evens_degrees);
             self.smooth();
             if SETTLING.contains(&round) {
