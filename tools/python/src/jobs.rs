@@ -76,6 +76,12 @@ fn wait<T>(receive: &Receiver<Answer<T>>, stop: &Stop) -> PyResult<Answer<T>> {
     }
 }
 
+/// Whether this thread is one of a pool, as where `progress` calls the package again: to wait for others would be to
+/// wait for itself.
+fn is_in_job() -> bool {
+    rayon::current_thread_index().is_some()
+}
+
 /// Runs a job on `threads` threads, 0 for one per processor. Ctrl-C and other signals are heard while it runs; a
 /// job that is given up goes on in the background until it checks whether it was, or ends.
 pub(crate) fn run<T: Send + 'static>(
@@ -84,6 +90,9 @@ pub(crate) fn run<T: Send + 'static>(
     job: impl FnOnce(&Stop) -> T + Send + 'static,
 ) -> PyResult<T> {
     let (pool, stop, (send, receive)) = (pool(threads)?, Stop::default(), channel());
+    if is_in_job() {
+        return Ok(py.detach(|| job(&stop)));
+    }
     let given = stop.clone();
     pool.spawn(move || {
         // Nobody waits for a job that was given up.
@@ -100,6 +109,9 @@ pub(crate) fn run_here<T: Send>(
     job: impl FnOnce(&Stop) -> T + Send,
 ) -> PyResult<T> {
     let (pool, stop) = (pool(threads)?, Stop::default());
+    if is_in_job() {
+        return Ok(py.detach(|| job(&stop)));
+    }
     let answer = py.detach(|| {
         let (send, receive) = channel();
         pool.in_place_scope(|scope| {

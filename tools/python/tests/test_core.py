@@ -357,3 +357,14 @@ def test_progress_is_told():
     told = []
     dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), progress=lambda *step: told.append(step))
     assert told == [("coarsen", 0, 1), ("coarsen", 1, 1), ("flatten", 0, 1), ("flatten", 1, 1)]
+
+
+def test_progress_may_call_the_package(dome_map):
+    pooled = []
+
+    def progress(*_):
+        pooled.append(dome_map.pool(np.zeros(256), 1, threads=1))
+        pooled.append(dermatome.flatten(*lattice(4, 4), threads=1).uv)
+
+    dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), threads=1, progress=progress)
+    assert len(pooled) == 8
