@@ -270,9 +270,11 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
     let on_skin = |face: FaceId| {
         FlatTriangle::new(mesh.triangles[face].map(|v| mesh.positions[v].as_vec3().as_dvec3()))
     };
+    // The area is NaN where the first edge has no length.
+    let has_area = |flat: &FlatTriangle| flat.area() > 0.0;
     // As readers will compute it; a triangle without area on the skin keeps its shape.
     let keeps_shape = |flat: FlatTriangle, on_map: [DVec2; 3]| {
-        flat.area() <= 0.0 || flat.jacobian(on_map).determinant() > 0.0
+        !has_area(&flat) || flat.jacobian(on_map).determinant() > 0.0
     };
     let stays = |face: FaceId, texture: &[[f32; 2]]| {
         !is_upright(face) || {
@@ -286,7 +288,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
         return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
     }
     for face in mesh.triangles.ids() {
-        if on_skin(face).area() <= 0.0 && mesh.face_area(face) > 0.0 {
+        if !has_area(&on_skin(face)) && mesh.face_area(face) > 0.0 {
             let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
             let found = format!("face {face} without area after rounding its positions to f32");
             return Err((found, needed.into()));
