@@ -28,6 +28,7 @@ pub(crate) fn commands_for(name: &str) -> &'static [&'static str] {
         ("readings", _) => &["render map.glb {} -o - --to 1 --level 1"],
         ("seams", _) => &["flatten cap.obj --cut {} -o out.npz"],
         ("observations", _) => &["calibrate {} -o out.csv --iterations 3 --keep"],
+        ("arm", _) => &["info {}", "build {} -o out", "build {} -o out --spacing 2cm --outer"],
         (_, "g2o") => &["calibrate {} -o out.csv --iterations 3 --keep"],
         _ => &[
             "info {}",

@@ -30,6 +30,8 @@ const SEEDS: &[&str] = &[
     "skin.stl",
     "skin.off",
     "skin.csv",
+    "arm.urdf",
+    "part.dae",
     "flat.npz",
     "flat.obj",
     "map.glb",
@@ -42,6 +44,27 @@ const SEEDS: &[&str] = &[
     "seams.csv",
 ];
 
+/// A robot of the project.
+const ARM: &str = include_str!("../../../meshes/arm.urdf");
+
+/// A bent plate of two triangles, used twice.
+const PART: &str = r##"<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+  <library_geometries><geometry id="g"><mesh>
+    <source id="p"><float_array id="a" count="12">0 0 0 1 0 0 1 1 0.2 0 1 0</float_array>
+      <technique_common><accessor source="#a" count="4" stride="3"/></technique_common></source>
+    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+    <triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 2 3</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="s">
+    <node id="n"><translate>1 0 0</translate><rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node>
+    <node><scale>2 2 2</scale><instance_node url="#n"/></node>
+  </visual_scene></library_visual_scenes>
+  <scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+"##;
+
 /// The name of a file and its content.
 pub(crate) type Seed = (String, Vec<u8>);
 
@@ -52,6 +75,8 @@ pub(crate) fn make_seeds(command: &Path, folder: &Path) -> Result<Vec<Seed>, Box
         folder.join("contacts.csv"),
         "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n",
     )?;
+    fs::write(folder.join("arm.urdf"), ARM)?;
+    fs::write(folder.join("part.dae"), PART)?;
     fs::write(folder.join("seams.csv"), "from,to\n40,41\n41,42\n")?;
     for step in STEPS {
         let words: Vec<&str> = step.split(' ').collect();
