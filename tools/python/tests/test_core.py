@@ -265,7 +265,8 @@ def test_other_threads_run_meanwhile(dome_map):
 
 def test_interrupts_are_heard():
     code = (
-        "import sys, dermatome; sys.path.insert(0, sys.argv[1]); from conftest import lattice\n"
+        "import signal, sys, dermatome; sys.path.insert(0, sys.argv[1]); from conftest import lattice\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "p, f = lattice(700, 700); p[:, 2] = (p[:, 0] - p[:, 1]) ** 2\n"
         "try: print('begins', flush=True); dermatome.flatten(p, f)\n"
         "except KeyboardInterrupt: print('stopped', flush=True); import os; os._exit(7)\n"
@@ -281,8 +282,9 @@ def test_interrupts_are_heard():
         assert process.returncode == 7
 
 
+# A process that was started in the background of a shell without job control ignores SIGINT.
 IDLE = """
-import os, sys, time
+import os, signal, sys, time
 import numpy as np
 import dermatome
 sys.path.insert(0, sys.argv[1])
@@ -291,6 +293,7 @@ map = dermatome.build(dermatome.Skin.from_arrays(*dome()))
 values = np.random.default_rng(0).random((3000, 256))
 values[values < 0.1] = np.nan
 renderer, index, points = map.renderer(interpolate="natural"), map.index(), np.zeros((4_000_000, 3))
+signal.signal(signal.SIGINT, signal.default_int_handler)
 print("begins", flush=True)
 try:
     while True:
