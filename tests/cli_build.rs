@@ -265,6 +265,19 @@ fn slivers_without_area_do_not_end_a_build() {
     refused.stderr(contains("without area after rounding").and(contains("not finite").not()));
 }
 
+/// A tube must be cut, and its map depends on the levels above it.
+#[test]
+fn flatten_measures_the_map_that_build_makes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write(path, "tube.obj", shapes::tube(24, 16, 0.03, 0.1));
+    let (levels, _) = levels(path, "tube.obj -o M");
+    let run = dermatome(path, "flatten tube.obj -o f.npz --json").assert().success();
+    let mut flat: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    flat.as_object_mut().unwrap().remove("schema");
+    assert_eq!(flat, levels[0]);
+}
+
 /// Several files and folders are one skin, a patch for each, in the order of the names; an OBJ names its
 /// patches itself.
 #[test]
