@@ -263,6 +263,22 @@ def test_other_threads_run_meanwhile(dome_map):
     assert during > 3
 
 
+def interrupted(code):
+    """What a program says after it said that it begins, and was interrupted half a second later."""
+    command = [sys.executable, "-c", code, os.path.dirname(__file__)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout.readline() == "begins\n"
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=60)[0]
+        finally:
+            # A program that does not hear must not hold the tests.
+            process.kill()
+    assert process.returncode == 7
+    return said
+
+
 def test_interrupts_are_heard():
     code = (
         "import signal, sys, dermatome; sys.path.insert(0, sys.argv[1]); from conftest import lattice\n"
@@ -271,15 +287,7 @@ def test_interrupts_are_heard():
         "try: print('begins', flush=True); dermatome.flatten(p, f)\n"
         "except KeyboardInterrupt: print('stopped', flush=True); import os; os._exit(7)\n"
     )
-    from pathlib import Path
-
-    command = [sys.executable, "-c", code, str(Path(__file__).parent)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "begins\n"
-        time.sleep(0.5)
-        process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=30)[0] == "stopped\n"
-        assert process.returncode == 7
+    assert interrupted(code) == "stopped\n"
 
 
 # A process that was started in the background of a shell without job control ignores SIGINT.
@@ -311,15 +319,7 @@ except KeyboardInterrupt:
     "call", ["renderer(values)", "map.pool(np.tile(values, (200, 1)), 1)", "index.locate(points)", "dermatome.touch(map, presses=10_000)"]
 )
 def test_what_was_interrupted_ends(call):
-    from pathlib import Path
-
-    command = [sys.executable, "-c", IDLE.replace("CALL", call), str(Path(__file__).parent)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "begins\n"
-        time.sleep(0.7)
-        process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=60)[0] == "idle\n"
-        assert process.returncode == 7
+    assert interrupted(IDLE.replace("CALL", call)) == "idle\n"
 
 
 def resident():
