@@ -255,6 +255,60 @@ fn sensors_give_taxels() {
     }
 }
 
+/// Links that hang by fixed joints can be taxels, those of others and of each other too: then on the link above.
+#[test]
+fn links_give_taxels() {
+    let mut elements =
+        link("a", BALL) + &link("b", BALL) + &joint("a", "b", "revolute", "<origin xyz='0 0 5'/>");
+    let mut taxel = |parent: &str, name: &str, kind: &str, more: &str| {
+        elements += &format!("<link name='{name}'/>{}", joint(parent, name, kind, more));
+    };
+    for (k, at) in ["0 0 0", "0.01 0 0", "0 0.01 0"].iter().enumerate() {
+        taxel(
+            "b",
+            &format!("skin_{k}"),
+            "fixed",
+            &format!("<origin xyz='{at}' rpy='0 1.5707963267948966 0'/>"),
+        );
+    }
+    taxel("skin_1", "skin_up", "fixed", "<origin xyz='0 0.02 0.03'/>");
+    taxel("a", "skin_moved", "prismatic", "");
+    let folder = robot(&elements);
+    let path = folder.path().join("r.urdf");
+    let mut robot = read_robot(&path).unwrap();
+    assert_eq!(robot.add_taxels(|name| name.starts_with("skin_")), 4);
+    let [sheet] = &robot.sensors[..] else { panic!("{} sheets", robot.sensors.len()) };
+    assert_eq!((&*sheet.name, sheet.link), ("b", Some(LinkId::new(1))));
+    assert_eq!(sheet.ids.as_deref(), Some(&[1, 2, 3, 4].map(TaxelId)[..]), "in the order of the links");
+    let expected = [DVec3::ZERO, DVec3::X * 0.01, DVec3::new(0.04, 0.02, 0.0), DVec3::Y * 0.01];
+    assert!(
+        sheet.positions.iter().zip(expected).all(|(p, q)| p.abs_diff_eq(q, 1e-12)),
+        "{:?}",
+        sheet.positions
+    );
+    let (normals, tangents) = (sheet.normals.as_ref().unwrap(), sheet.tangents.as_ref().unwrap());
+    assert!(normals.iter().all(|n| n.abs_diff_eq(DVec3::X, 1e-12)), "{normals:?}");
+    assert!(tangents.iter().all(|t| t.abs_diff_eq(-DVec3::Z, 1e-12)), "{tangents:?}");
+    let run = dermatome(folder.path(), "info r.urdf --taxels skin_? --json").assert().success();
+    let info = json(&run.get_output().stdout);
+    assert_eq!((&info["patches"][0]["name"], &info["patches"][0]["vertices"]), (&"b".into(), &3.into()));
+    refuses(folder.path(), "info r.urdf --taxels skin_moved", &["skin_moved", "fixed joint"]);
+    refuses(folder.path(), "info r.urdf --taxels skin_? --mesh visual", &["--mesh"]);
+}
+
+/// A robot without shapes lists its links, and has no skin.
+#[test]
+fn robots_without_shapes_are_listed() {
+    let folder = robot(&format!("<link name='a'/><link name='b'/>{}", joint("a", "b", "floating", "")));
+    let run = notes(folder.path(), "info r.urdf", &["nothing to make a skin of"]);
+    assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("floating"));
+    let run = dermatome(folder.path(), "info r.urdf --json").assert().success();
+    let info = json(&run.get_output().stdout);
+    assert_eq!((info["links"].as_array().unwrap().len(), info["patches"].as_array().unwrap().len()), (2, 0));
+    refuses(folder.path(), "build r.urdf -o out", &["<visual>, <collision> or <sensor>"]);
+    refuses(folder.path(), "info r.urdf --joints to_b=1 --json", &["to_b", "floating"]);
+}
+
 /// What is wrong is named with its line.
 #[test]
 fn bad_descriptions_are_refused_with_their_line() {
@@ -309,7 +363,6 @@ fn bad_descriptions_are_refused_with_their_line() {
         (link("a", "<sphere radius='0'/>"), &["above 0"]),
         (link("a", "<box size='1 1 -1'/>"), &["above 0"]),
         (link("a", "<torus/>"), &["mesh, box, cylinder or sphere"]),
-        ("<link name='a'/>".into(), &["<visual>, <collision> or <sensor>"]),
         (String::new(), &["no <link>"]),
         ("<link/>".into(), &["an attribute name"]),
         ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacro FILE"]),

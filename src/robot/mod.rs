@@ -3,7 +3,8 @@
 //! A [`Robot`] says what a robot description (URDF) says, before any of its mesh files is opened: see
 //! [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
 //! [`Draft`](crate::skin::Draft) of a skin of it. [`Robot::poses`] and
-//! [`Robot::motion`] say where its links are; `primitive` makes the meshes of boxes, cylinders and spheres.
+//! [`Robot::motion`] say where its links are, [`Robot::add_taxels`] which of them are taxels; `primitive` makes the
+//! meshes of boxes, cylinders and spheres.
 
 mod poses;
 mod primitive;
@@ -13,6 +14,7 @@ use glam::{DAffine3, DVec3};
 use crate::id::IdVec;
 use crate::skin::{Link, LinkId, Remark, Sheet};
 
+pub(crate) use poses::taxel_sheet;
 pub(crate) use primitive::triangles_of;
 
 /// A robot as its description has it.

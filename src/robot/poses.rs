@@ -1,10 +1,12 @@
-//! Where the links are: forward kinematics.
+//! Where the links are: forward kinematics; and the taxels that some links stand for.
+
+use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat3};
 
 use crate::id::IdVec;
 use crate::robot::{Joint, JointKind, Robot};
-use crate::skin::{Link, LinkId, Motion, MotionFrame, SkinError, link_names};
+use crate::skin::{Link, LinkId, Motion, MotionFrame, Sheet, SkinError, TaxelId, link_names};
 
 impl Joint {
     /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
@@ -72,6 +74,33 @@ impl Robot {
         self.joints.get(place).is_some_and(|joint| joint.link == link).then_some(place)
     }
 
+    /// Adds a taxel for each link that hangs by a fixed joint and has a name of taxels, as robots without `<sensor>`
+    /// have them: at the origin of the link, with its z axis as the normal and its x axis as the tangent, on the
+    /// nearest link above that is no taxel. The taxels on a link are a sheet with its name; their ids count from 1
+    /// through the links in their order. Returns their number.
+    pub fn add_taxels(&mut self, is_taxel: impl Fn(&str) -> bool) -> usize {
+        // The link that carries each link, and its pose there.
+        let mut carried: IdVec<LinkId, (LinkId, DAffine3)> = IdVec::default();
+        let mut taxels: BTreeMap<LinkId, Vec<(TaxelId, DAffine3)>> = BTreeMap::new();
+        let mut id = 0;
+        for (own, link) in self.links.enumerate() {
+            let is_fixed = self.joint_of(own).is_some_and(|k| self.joints[k].kind == JointKind::Fixed);
+            let Some(parent) = link.parent.filter(|_| is_fixed && is_taxel(&link.name)) else {
+                carried.push((own, DAffine3::IDENTITY));
+                continue;
+            };
+            let (carrier, pose) = carried[parent];
+            let pose = pose * link.pose;
+            carried.push((carrier, pose));
+            id += 1;
+            taxels.entry(carrier).or_default().push((TaxelId(id), pose));
+        }
+        for (link, taxels) in taxels {
+            self.sensors.push(taxel_sheet(self.links[link].name.clone(), link, &taxels));
+        }
+        id as usize
+    }
+
     /// How the links of a skin or a map move, which are found by their names, where the joints have these values
     /// at these times (s). A link that hangs there from the same link moves as its joint does between two times.
     ///
@@ -99,5 +128,18 @@ impl Robot {
             motion.set(id, frame, &keys)?;
         }
         Ok(motion)
+    }
+}
+
+/// A sheet of taxels without triangles from their poses: z axis the normal, x axis the tangent.
+pub(crate) fn taxel_sheet(name: String, link: LinkId, taxels: &[(TaxelId, DAffine3)]) -> Sheet {
+    Sheet {
+        name,
+        link: Some(link),
+        ids: Some(taxels.iter().map(|(id, _)| *id).collect()),
+        positions: taxels.iter().map(|(_, pose)| pose.translation).collect(),
+        normals: Some(taxels.iter().map(|(_, pose)| pose.matrix3.z_axis).collect()),
+        tangents: Some(taxels.iter().map(|(_, pose)| pose.matrix3.x_axis).collect()),
+        ..Sheet::default()
     }
 }

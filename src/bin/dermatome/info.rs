@@ -5,10 +5,11 @@ use std::{path::PathBuf, process::ExitCode};
 use dermatome::Error;
 use dermatome::mesh::{Adjacency, mean_edge_length};
 use dermatome::robot::{Joint, Robot, Role};
-use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, link_names};
+use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, Skin, link_names};
 use glam::{DAffine3, DQuat};
 use serde_json::{Value, json};
 
+use crate::console::notes::note;
 use crate::console::print::{plain, print, print_json, print_table};
 use crate::files::input::read_skin;
 use crate::options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
@@ -38,10 +39,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             4,
             &robot.links.enumerate().map(|(id, link)| link_row(robot, id, link)).collect::<Vec<_>>(),
         )?;
-        print("\n")?;
     }
-    let skin =
-        read_skin(&args.file, &args.read, &PatchArgs::default(), &args.read.options(&[&args.file]), common)?;
+    let is_bare = robot.as_ref().is_some_and(|robot| robot.shapes.is_empty() && robot.sensors.is_empty());
+    let skin = if is_bare {
+        note!(common, "no shapes and no tactile sensors on these links: nothing to make a skin of");
+        Skin::default()
+    } else {
+        let options = args.read.options(&[&args.file]);
+        read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common)?
+    };
     let links = link_names(&skin.links);
     let row = |patch: &Patch| row(&links[patch.link], patch);
     let rows = skin.patches.iter().map(row).collect::<Result<Vec<_>, Error>>()?;
@@ -60,6 +66,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
         print_json("dermatome.info/1", &all)?;
     } else {
+        if robot.is_some() && !is_bare {
+            print("\n")?;
+        }
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {

@@ -6,7 +6,7 @@ use roxmltree::Node;
 use crate::io::error::Result;
 use crate::io::file::excerpt;
 use crate::io::file::xml::{Named, Xml, child, children};
-use crate::robot::{Geometry, JointKind, Mimic, Role, Shape};
+use crate::robot::{Geometry, JointKind, Mimic, Role, Shape, taxel_sheet};
 use crate::skin::{LinkId, Sheet, TaxelId};
 
 /// A joint whose links and leader are places in the file.
@@ -182,31 +182,24 @@ pub(super) fn read_sensor<'i>(
     let unknown = || xml.invalid(parent, "no <link> of that name", "the name of a link");
     let link = link(xml.need(parent, "link")?).ok_or_else(unknown)?;
     let frame = origin(xml, node)?;
-    let mut taxels: Vec<(u32, DAffine3)> = Vec::new();
+    let mut taxels: Vec<(TaxelId, DAffine3)> = Vec::new();
     for (k, taxel) in (0..).zip(children(tactile, "taxel")) {
         let id = taxel.attribute("idx").map_or(Ok(k), |text| {
             let refuse = |_| xml.invalid(taxel, format!("idx={}", excerpt(text)), "a number from 0");
             text.trim().parse().map_err(refuse)
         })?;
-        taxels.push((id, frame * pose(xml, taxel)?));
+        taxels.push((TaxelId(id), frame * pose(xml, taxel)?));
     }
     if let Some(array) = child(tactile, "array") {
         let places = lattice(xml, array)?;
-        taxels
-            .extend((0..).zip(places).map(|(k, at)| (k, frame * DAffine3::from_translation(at.extend(0.0)))));
+        let pose = |at: DVec2| frame * DAffine3::from_translation(at.extend(0.0));
+        taxels.extend((0..).zip(places).map(|(k, at)| (TaxelId(k), pose(at))));
     }
     if taxels.is_empty() {
         return Err(xml.invalid(tactile, "no taxels", "elements <taxel>, or an <array>"));
     }
-    Ok(Some(Sheet {
-        name: node.attribute("name").unwrap_or_default().to_owned(),
-        link: Some(link),
-        ids: Some(taxels.iter().map(|&(id, _)| TaxelId(id)).collect()),
-        positions: taxels.iter().map(|(_, pose)| pose.translation).collect(),
-        normals: Some(taxels.iter().map(|(_, pose)| pose.matrix3.z_axis).collect()),
-        tangents: Some(taxels.iter().map(|(_, pose)| pose.matrix3.x_axis).collect()),
-        ..Sheet::default()
-    }))
+    let name = node.attribute("name").unwrap_or_default().to_owned();
+    Ok(Some(taxel_sheet(name, link, &taxels)))
 }
 
 /// The places of the taxels of an array, in the order of the message.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use dermatome::Error;
 use dermatome::io::{Packages, RobotSurface, file_kind, read_joint_values, read_robot, robot_draft};
-use dermatome::robot::Robot;
+use dermatome::robot::{JointKind, Robot};
 use dermatome::skin::Draft;
 use glob::Pattern;
 
@@ -24,6 +24,10 @@ pub(crate) struct RobotArgs {
     /// given more than once [default: all links]
     #[arg(long, value_name = "NAME", value_parser = pattern)]
     links: Vec<Pattern>,
+    /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
+    /// normals along z; * and ? stand for any characters, may be given more than once. They are the skin then
+    #[arg(long, value_name = "NAME", value_parser = pattern, conflicts_with = "surface")]
+    taxels: Vec<Pattern>,
     /// The folder of a package that the file names as package://NAME/...; may be given more than once
     /// [default: a folder NAME above the file, in ROS_PACKAGE_PATH or in a share of AMENT_PREFIX_PATH]
     #[arg(long = "package", value_name = "NAME=DIR", value_parser = package)]
@@ -44,19 +48,28 @@ impl RobotArgs {
 
     /// Refuses options that a file of another kind has no use for.
     pub(super) fn refuse_unused(&self, path: &Path) -> anyhow::Result<()> {
-        if self.surface.is_none() && self.links.is_empty() && self.packages.is_empty() {
+        let patterns = [&self.links, &self.taxels];
+        if self.surface.is_none() && patterns.iter().all(|p| p.is_empty()) && self.packages.is_empty() {
             return Ok(());
         }
         let what = format!("{} is no robot description", path.display());
-        Err(advise(what, "leave out --mesh, --links and --package, or give a .urdf"))
+        Err(advise(what, "leave out --mesh, --links, --taxels and --package, or give a .urdf"))
     }
 
     /// Reads a robot, with the shapes and sensors of the links that are chosen.
     ///
     /// # Errors
-    /// As [`read_robot`]; also if a pattern fits no link.
+    /// As [`read_robot`]; also if a pattern fits no link, or one of taxels none that hangs by a fixed joint.
     pub(crate) fn read(&self, path: &Path) -> anyhow::Result<Robot> {
         let mut robot = read_robot(path).map_err(Error::from)?;
+        let fixed = || robot.joints.iter().filter(|joint| joint.kind == JointKind::Fixed);
+        let fits = |pattern: &Pattern| fixed().any(|joint| pattern.matches(&robot.links[joint.link].name));
+        if let Some(none) = self.taxels.iter().find(|pattern| !fits(pattern)) {
+            let what =
+                format!("{} has no link of the name {none} in --taxels by a fixed joint", path.display());
+            return Err(advise(what, "`dermatome info` lists its links and how they move"));
+        }
+        robot.add_taxels(|name| self.taxels.iter().any(|pattern| pattern.matches(name)));
         let names = || robot.links.iter().map(|link| &*link.name);
         if let Some(none) = self.links.iter().find(|pattern| !names().any(|name| pattern.matches(name))) {
             let what = format!("{} has no link of the name {none} in --links", path.display());
@@ -122,7 +135,7 @@ impl JointsArg {
                     let place = robot.joints.iter().position(|joint| joint.name == *name);
                     let place = place
                         .filter(|&k| robot.joints[k].kind.has_value() && robot.joints[k].mimic.is_none());
-                    let help = "`dermatome info` lists the joints; one that is fixed, or follows another, has no value";
+                    let help = "`dermatome info` lists the joints; one that is fixed, floating or planar, or follows another, has no value";
                     let what = || format!("the robot has no joint {name:?} with a value of its own");
                     place.map(|place| (place, *value)).ok_or_else(|| advise(what(), help))
                 };
