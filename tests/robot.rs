@@ -573,6 +573,19 @@ fn the_outside_is_meshed_anew() {
     assert_eq!(patches.len(), 1, "{patches:?}");
     let spacing = patches[0]["spacing_mm"].as_f64().unwrap();
     assert!((spacing / 10.0 - 1.0).abs() < 0.03, "{spacing} mm");
+    let two = link("a", BALL) + &link("hand", BALL) + &joint("a", "hand", "fixed", "");
+    write_robot(folder.path(), &two);
+    for words in ["h*=5mm,2cm", "2cm,hand=5mm", "hand=5mm,*a*=2cm"] {
+        let words = format!("info r.urdf --spacing {words} --json");
+        let run = notes(folder.path(), &words, &["5 to 20 mm apart"]);
+        let patches = json(&run.get_output().stdout)["patches"].clone();
+        let spacing = |k: usize| patches[k]["spacing_mm"].as_f64().unwrap();
+        assert!((spacing(0) / 20.0 - 1.0).abs() < 0.1 && (spacing(1) / 5.0 - 1.0).abs() < 0.03, "{patches}");
+    }
+    refuses(folder.path(), "info r.urdf --spacing hand=5mm", &["the link a", "for all others"]);
+    refuses(folder.path(), "info r.urdf --spacing foot=5mm,1cm", &["foot", "dermatome info"]);
+    refuses(folder.path(), "info r.urdf --spacing 5mm,1cm", &["one length without a name"]);
+    refuses(folder.path(), "info r.urdf --spacing hand=,1cm", &["above 0"]);
     refuses(folder.path(), "info r.urdf --spacing 10m", &["smaller --spacing"]);
     refuses(folder.path(), "info r.urdf --spacing 1e-9", &["change --spacing"]);
     refuses(folder.path(), "info r.urdf --spacing 0", &["above 0"]);

@@ -167,16 +167,22 @@ pub struct Remeshed {
     pub left_out: Vec<String>,
 }
 
-/// Meshes every patch of a skin anew; see [`remesh`]. Of its taxels nothing stays: these are others, elsewhere.
+/// Meshes every patch of a skin anew, each with its spacing (m); see [`remesh`]. Of its taxels nothing stays: these
+/// are others, elsewhere.
 ///
 /// # Errors
 /// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links.
-pub fn remesh_skin(skin: &Skin, spacing: f64) -> Result<Remeshed, RemeshError> {
+///
+/// # Panics
+/// If there are fewer spacings than patches.
+pub fn remesh_skin(skin: &Skin, spacings: &[f64]) -> Result<Remeshed, RemeshError> {
+    let patches: Vec<(&Patch, f64)> =
+        skin.patches.enumerate().map(|(id, patch)| (patch, spacings[id.index()])).collect();
     // Six triangles.
-    let least = 6.0 * 0.75_f64.sqrt() / 2.0 * spacing * spacing;
-    let (large, small): (Vec<&Patch>, Vec<&Patch>) =
-        skin.patches.iter().partition(|p| p.mesh.area() >= least);
-    let fresh = |patch: &&Patch| {
+    let least = |spacing: f64| 6.0 * 0.75_f64.sqrt() / 2.0 * spacing * spacing;
+    let (large, small): (Vec<_>, Vec<_>) =
+        patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least(*spacing));
+    let fresh = |&(patch, spacing): &(&Patch, f64)| {
         if patch.taxels.joints.is_some() {
             return Err(RemeshError::Joints);
         }
@@ -185,7 +191,7 @@ pub fn remesh_skin(skin: &Skin, spacing: f64) -> Result<Remeshed, RemeshError> {
     let made: Vec<Result<Patch, RemeshError>> = large.par_iter().map(fresh).collect();
     let mut patches = IdVec::default();
     let mut id = 0_u32;
-    for (made, old) in made.into_iter().zip(&large) {
+    for (made, (old, _)) in made.into_iter().zip(&large) {
         let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
         let mut patch = made.map_err(in_patch)?;
         for own in patch.taxels.ids.iter_mut() {
@@ -194,6 +200,6 @@ pub fn remesh_skin(skin: &Skin, spacing: f64) -> Result<Remeshed, RemeshError> {
         }
         patches.push(patch);
     }
-    let left_out = small.iter().map(|patch| patch.name.clone()).collect();
+    let left_out = small.iter().map(|(patch, _)| patch.name.clone()).collect();
     Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out })
 }

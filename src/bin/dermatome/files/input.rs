@@ -15,7 +15,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_remarks};
 use crate::files::outputs;
-use crate::options::{Common, PatchArgs, ReadArgs, RobotArgs, Unit};
+use crate::options::{Common, PatchArgs, ReadArgs, RobotArgs, Spacing, Unit};
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
 pub(crate) fn read_skin(
@@ -112,7 +112,7 @@ pub(crate) fn read_good_patches(
         let patches = assembled.skin.patches.into_iter().collect();
         assembled.skin.patches = select_patches(path, patches, &chosen.patches, |patch| &patch.name)?.into();
     }
-    if let Some(spacing) = read.spacing {
+    if let Some(spacing) = &read.spacing {
         assembled.skin = mesh_anew(&assembled.skin, spacing, common)?;
     }
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
@@ -121,8 +121,9 @@ pub(crate) fn read_good_patches(
 }
 
 /// Meshes a skin anew with taxels this far apart.
-fn mesh_anew(skin: &Skin, spacing: f64, common: &Common) -> anyhow::Result<Skin> {
-    let Remeshed { skin, left_out } = remesh_skin(skin, spacing).map_err(Error::from)?;
+fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<Skin> {
+    let spacings = spacing.of_patches(skin)?;
+    let Remeshed { skin, left_out } = remesh_skin(skin, &spacings).map_err(Error::from)?;
     if skin.patches.is_empty() {
         return Err(advise(
             "every patch is smaller than the hexagon around one taxel",
@@ -138,7 +139,10 @@ fn mesh_anew(skin: &Skin, spacing: f64, common: &Common) -> anyhow::Result<Skin>
         );
     }
     let taxels: usize = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
-    note!(common, "meshed anew with {taxels} taxels, {} mm apart; their ids count from 1", 1e3 * spacing);
+    let [least, most] =
+        [f64::min, f64::max].map(|of| 1e3 * spacings.iter().copied().reduce(of).unwrap_or(0.0));
+    let apart = if least < most { format!("{least} to {most}") } else { format!("{least}") };
+    note!(common, "meshed anew with {taxels} taxels, {apart} mm apart; their ids count from 1");
     Ok(skin)
 }
 

@@ -14,7 +14,7 @@ use clap::ValueEnum;
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::FlattenArgs;
 pub(crate) use patches::{PatchArgs, pattern};
-pub(crate) use read::{ReadArgs, Unit};
+pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};
 pub(crate) use values::{Choice, length, length_mm, number, one_of, side_mm, word_of};
 

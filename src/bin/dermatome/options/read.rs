@@ -5,12 +5,14 @@ use std::path::Path;
 use clap::ValueEnum;
 use dermatome::Error;
 use dermatome::io::{ReadParts, file_kind, read_draft_with};
-use dermatome::skin::{AssembleOptions, Draft, Weld};
+use dermatome::skin::{AssembleOptions, Draft, Patch, Skin, Weld, link_names};
 use glam::DVec3;
+use glob::Pattern;
 
 use crate::console::errors::advise;
+use crate::console::print::plain;
 use crate::options::values::number;
-use crate::options::{Choice, RobotArgs, length, one_of};
+use crate::options::{Choice, RobotArgs, length, one_of, pattern};
 
 /// How to read a skin.
 #[derive(Debug, Clone, clap::Args)]
@@ -41,9 +43,11 @@ pub(crate) struct ReadArgs {
     /// Keep what of each link can be touched: the outside of the shells of CAD
     #[arg(long)]
     pub(crate) outer: bool,
-    /// Mesh the surface anew with taxels this far apart, as 5mm: for CAD, whose triangles are no taxels
-    #[arg(long, value_name = "LENGTH", value_parser = spacing)]
-    pub(crate) spacing: Option<f64>,
+    /// Mesh the surface anew with taxels this far apart, as 5mm: for CAD, whose triangles are no taxels. By the
+    /// names of links, in which * and ? stand for any characters, as '*hand=2mm,*arm=1cm,5mm': the first that
+    /// fits counts, and a length alone is that of all others
+    #[arg(long, value_name = "LENGTH|NAME=LENGTH,...", value_parser = spacing)]
+    pub(crate) spacing: Option<Spacing>,
     #[command(flatten)]
     pub(crate) robot: RobotArgs,
 }
@@ -138,13 +142,53 @@ fn direction(text: &str) -> Result<DVec3, String> {
     direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
 }
 
-fn spacing(text: &str) -> Result<f64, String> {
-    let spacing = length(text)?;
-    if spacing > 0.0 && spacing.is_finite() {
-        Ok(spacing)
-    } else {
-        Err("needed: a length above 0, as in 5mm".into())
+/// How far apart the taxels of links shall be, in m.
+#[derive(Debug, Clone)]
+pub(crate) struct Spacing {
+    of_links: Vec<(Pattern, f64)>,
+    others: Option<f64>,
+}
+
+impl Spacing {
+    /// The spacing on each patch of a skin.
+    ///
+    /// # Errors
+    /// If a pattern fits no link, or a patch lies on a link that fits none and there is no other length.
+    pub(crate) fn of_patches(&self, skin: &Skin) -> anyhow::Result<Vec<f64>> {
+        let links = link_names(&skin.links);
+        let fits = |pattern: &Pattern| links.iter().any(|name| pattern.matches(name));
+        if let Some((none, _)) = self.of_links.iter().find(|(pattern, _)| !fits(pattern)) {
+            let what = format!("there is no link of the name {none} in --spacing");
+            return Err(advise(what, "`dermatome info` lists the links; * stands for any characters"));
+        }
+        let of_patch = |patch: &Patch| {
+            let name = &links[patch.link];
+            let own = self.of_links.iter().find(|(pattern, _)| pattern.matches(name));
+            own.map(|(_, spacing)| *spacing).or(self.others).ok_or_else(|| {
+                let what = format!("no name in --spacing is that of the link {}", plain(name));
+                advise(what, "end it with a length for all others, as in hand=2mm,5mm")
+            })
+        };
+        skin.patches.iter().map(of_patch).collect()
     }
+}
+
+/// A parser of [`Spacing`].
+fn spacing(text: &str) -> Result<Spacing, String> {
+    let mut spacing = Spacing { of_links: Vec::new(), others: None };
+    for part in text.split(',') {
+        let (name, value) = part.rsplit_once('=').map_or((None, part), |(name, value)| (Some(name), value));
+        let value = length(value.trim()).ok().filter(|x| *x > 0.0 && x.is_finite());
+        let value = value.ok_or("needed: lengths above 0, as in 5mm, or hand=2mm,5mm")?;
+        match name {
+            Some(name) => spacing.of_links.push((pattern(name.trim())?, value)),
+            None if spacing.others.replace(value).is_some() => {
+                return Err("needed: one length without a name, as in hand=2mm,5mm".into());
+            }
+            None => {}
+        }
+    }
+    Ok(spacing)
 }
 
 fn gap(text: &str) -> Result<f64, String> {
