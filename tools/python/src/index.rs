@@ -272,6 +272,13 @@ impl PyIndex {
     }
 }
 
+/// A pose as a matrix of four rows.
+pub(crate) fn pose_array<'py>(py: Python<'py>, pose: &DAffine3) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (turn, at) = (pose.matrix3, pose.translation);
+    let row = |k: usize| [turn.col(0)[k], turn.col(1)[k], turn.col(2)[k], at[k]];
+    matrix(py, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])
+}
+
 /// Fewest queries for a task.
 const FEW: usize = 64;
 
@@ -576,9 +583,7 @@ impl PyIndex {
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let poses = PyDict::new(py);
         for (link, pose) in self.map.links.iter().zip(&self.index.poses()) {
-            let (turn, at) = (pose.matrix3, pose.translation);
-            let row = |k: usize| [turn.col(0)[k], turn.col(1)[k], turn.col(2)[k], at[k]];
-            poses.set_item(&link.name, matrix(py, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])?)?;
+            poses.set_item(&link.name, pose_array(py, pose)?)?;
         }
         Ok(poses)
     }

@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `bare_mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 
 mod arrays;
 mod calib;
@@ -13,6 +13,7 @@ mod matrix;
 mod bare_mesh;
 mod options;
 mod plot;
+mod robot;
 mod signal;
 mod skin;
 
@@ -49,6 +50,7 @@ mod _dermatome {
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
         plot::PyPicture,
+        robot::PyRobot,
         run_command,
         signal::{
             PyContactTracker, PyRenderer, as_floats, as_numbers, join_readings, read_readings, simulate_touch,

@@ -201,6 +201,24 @@ def test_a_posed_index_moves_and_leaves_the_other(dome_map):
         index.posed({"hand": 2 * np.eye(4) - np.diag([0, 0, 0, 1])})
 
 
+def test_joints_say_where_links_are(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text("""<robot name="arm"><link name="base"/><link name="tip"/><link name="thumb"/>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/><origin xyz="1 0 0"/>
+        <axis xyz="0 0 2"/></joint>
+      <joint name="slide" type="prismatic"><parent link="tip"/><child link="thumb"/><origin xyz="0 1 0"/>
+        <mimic joint="turn" multiplier="2" offset="0.5"/></joint></robot>""")
+    robot = dermatome.Robot.read(path)
+    assert robot.links == ("base", "tip", "thumb") and robot.joints == ("turn",)
+    poses = robot.poses({"turn": 0.25})
+    c, s = np.cos(0.25), np.sin(0.25)
+    assert np.allclose(poses["tip"], [[c, -s, 0, 1], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], atol=1e-15)
+    assert np.allclose(poses["thumb"], poses["tip"] @ [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]], atol=1e-15)
+    for joints in ({"slide": 1.0}, {"knee": 1.0}, {"turn": np.nan}, {"turn": "x"}, {1: 1.0}):
+        with pytest.raises(dermatome.DataError, match="joints"):
+            robot.poses(joints)
+
+
 def test_flatten_and_coarsen():
     positions, faces = tube()
     flat = dermatome.flatten(positions, faces, cut="all")

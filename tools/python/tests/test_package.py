@@ -69,6 +69,6 @@ def test_stubs_are_those_of_the_module():
 
 
 def test_types_are_final_and_frozen():
-    for name in ("Skin", "Map", "Patch", "Level", "Index"):
+    for name in ("Skin", "Robot", "Map", "Patch", "Level", "Index"):
         thing = getattr(_dermatome, name)
         assert thing.__module__ == "dermatome"

@@ -20,6 +20,7 @@ __all__ = [
     "Patch",
     "Picture",
     "Renderer",
+    "Robot",
     "Skin",
     "__version__",
     "as_floats",
@@ -115,6 +116,16 @@ def check(
     weld: _Weld = "auto",
     repair: bool | None = None,
 ) -> list[dict[str, Any]]: ...
+@final
+class Robot:
+    @staticmethod
+    def read(path: _Path) -> Robot: ...
+    def poses(self, joints: Mapping[str, float] | None = None) -> dict[str, _F64]: ...
+    @property
+    def links(self) -> tuple[str, ...]: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+
 @final
 class Matrix:
     @property
