@@ -189,17 +189,21 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64]) -> Result<Remeshed, RemeshErro
         remesh(&patch.mesh, spacing).map(|mesh| Patch::from_mesh(patch.name.clone(), patch.link, mesh))
     };
     let made: Vec<Result<Patch, RemeshError>> = large.par_iter().map(fresh).collect();
+    let mut left_out: Vec<String> = small.iter().map(|(patch, _)| patch.name.clone()).collect();
     let mut patches = IdVec::default();
     let mut id = 0_u32;
-    for (made, (old, _)) in made.into_iter().zip(&large) {
+    for (made, (old, spacing)) in made.into_iter().zip(&large) {
         let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
         let mut patch = made.map_err(in_patch)?;
+        if patch.mesh.area() < least(*spacing) {
+            left_out.push(patch.name);
+            continue;
+        }
         for own in patch.taxels.ids.iter_mut() {
             id = id.saturating_add(1);
             *own = TaxelId(id);
         }
         patches.push(patch);
     }
-    let left_out = small.iter().map(|(patch, _)| patch.name.clone()).collect();
     Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out })
 }

@@ -12,6 +12,7 @@ use crate::id::{IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::numeric::Covariance;
 use crate::skin::LinkId;
+use crate::skin::normals::surface_normals;
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -141,7 +142,7 @@ impl From<&TriMesh> for Taxels {
     fn from(mesh: &TriMesh) -> Self {
         Self {
             ids: mesh.positions.ids().map(|v| TaxelId(v.raw() + 1)).collect(),
-            normals: mesh.vertex_normals(),
+            normals: surface_normals(mesh),
             areas: mesh.vertex_areas(),
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
             ..Self::default()
