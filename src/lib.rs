@@ -28,7 +28,7 @@
 //! depend on the number of threads.
 
 pub mod id;
-mod parallel;
+pub mod parallel;
 mod numeric;
 pub mod mesh;
 pub mod skin;

@@ -9,6 +9,7 @@ use std::fmt;
 use crate::calib::{
     BlockLayout, CalibError, CalibOptions, FreeBody, GaugeFreedom, PerObservation, Poses, Problem, Weighting,
 };
+use crate::parallel::checkpoint;
 use crate::sparse::{BlockMatrix, SparseError};
 
 /// One step of the optimisation.
@@ -176,6 +177,7 @@ impl Solver<'_> {
         let mut control = StepControl { damping: 0.0, growth: FIRST_GROWTH };
         let mut convergence = Convergence::new(problem);
         for _ in 0..self.options.max_iterations {
+            checkpoint();
             let weights = weighting.weights(&iterate.chi2);
             let free = self.gauge.free_under(problem, &iterate.poses, &weights);
             let system = LinearSystem::new(problem, &free, &iterate.poses, &weights);

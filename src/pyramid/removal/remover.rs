@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross};
+use crate::parallel::checkpoint;
 use crate::pyramid::removal::queue::Queue;
 use crate::pyramid::removal::retriangulation::Filler;
 use crate::pyramid::removal::seam::{Seam, SeamRole};
@@ -53,6 +54,7 @@ impl Remover<'_> {
         for limits in [STRICT, LENIENT] {
             queue.wake_all();
             loop {
+                checkpoint();
                 let chosen = queue.independent(self.mesh);
                 if chosen.is_empty() {
                     break;

@@ -3,13 +3,14 @@
 use std::{
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
         mpsc::{Receiver, RecvTimeoutError, channel},
     },
     time::Duration,
 };
 
+use dermatome::parallel::stop_on;
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -21,32 +22,52 @@ const HEARD_AFTER: Duration = Duration::from_millis(50);
 /// As the command has it.
 const MOST_THREADS: usize = 512;
 
-/// The pools that were used, by their number of threads; those of another process have no threads here.
-struct Pools {
-    process: u32,
-    pools: Vec<(usize, Arc<ThreadPool>)>,
+/// Threads that work for one job at a time, which can be given up.
+struct Pool {
+    count: usize,
+    threads: ThreadPool,
+    stop: Stop,
 }
 
-static POOLS: Mutex<Pools> = Mutex::new(Pools { process: 0, pools: Vec::new() });
+/// The pools without a job; those of another process have no threads here.
+struct Idle {
+    process: u32,
+    pools: Vec<Pool>,
+}
 
-fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
-    if threads > MOST_THREADS {
-        return Err(bad("threads", threads, format!("0 (one per processor) to {MOST_THREADS}")));
-    }
-    let mut known = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+static IDLE: Mutex<Idle> = Mutex::new(Idle { process: 0, pools: Vec::new() });
+
+fn idle() -> MutexGuard<'static, Idle> {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
-    if known.process != process {
+    if idle.process != process {
         // After a fork: to drop a pool wakes its threads, which only the parent has.
-        std::mem::forget(std::mem::take(&mut known.pools));
-        known.process = process;
+        std::mem::forget(std::mem::take(&mut idle.pools));
+        idle.process = process;
     }
-    if let Some((_, pool)) = known.pools.iter().find(|(count, _)| *count == threads) {
-        return Ok(Arc::clone(pool));
+    idle
+}
+
+impl Pool {
+    fn take(count: usize) -> PyResult<Self> {
+        if count > MOST_THREADS {
+            return Err(bad("threads", count, format!("0 (one per processor) to {MOST_THREADS}")));
+        }
+        let pools = &mut idle().pools;
+        if let Some(k) = pools.iter().position(|pool| pool.count == count) {
+            return Ok(pools.swap_remove(k));
+        }
+        let stop = Stop::default();
+        let flag = Arc::clone(&stop.0);
+        let threads = ThreadPoolBuilder::new().num_threads(count);
+        let threads = threads.start_handler(move |_| stop_on(Arc::clone(&flag))).build();
+        Ok(Self { count, threads: threads.map_err(|e| PyRuntimeError::new_err(e.to_string()))?, stop })
     }
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = Arc::new(pool.map_err(|e| PyRuntimeError::new_err(e.to_string()))?);
-    known.pools.push((threads, Arc::clone(&pool)));
-    Ok(pool)
+
+    /// Makes the pool idle after its job. One whose job was given up ends with it instead.
+    fn give_back(self) {
+        idle().pools.push(self);
+    }
 }
 
 /// Tells a job that it was given up.
@@ -83,22 +104,24 @@ fn is_in_job() -> bool {
 }
 
 /// Runs a job on `threads` threads, 0 for one per processor. Ctrl-C and other signals are heard while it runs; a
-/// job that is given up goes on in the background until it checks whether it was, or ends.
+/// job that is given up goes on in the background until the library or the job itself checks whether it was.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     threads: usize,
     job: impl FnOnce(&Stop) -> T + Send + 'static,
 ) -> PyResult<T> {
-    let (pool, stop, (send, receive)) = (pool(threads)?, Stop::default(), channel());
     if is_in_job() {
-        return Ok(py.detach(|| job(&stop)));
+        return Ok(py.detach(|| job(&Stop::default())));
     }
-    let given = stop.clone();
-    pool.spawn(move || {
+    let (pool, (send, receive)) = (Pool::take(threads)?, channel());
+    let stop = pool.stop.clone();
+    pool.threads.spawn(move || {
         // Nobody waits for a job that was given up.
-        let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&given))));
+        let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&stop))));
     });
-    let answer = py.detach(move || wait(&receive, &stop))?;
+    let given_up = &pool.stop;
+    let answer = py.detach(move || wait(&receive, given_up))?;
+    pool.give_back();
     answer.or_else(|panic| resume_unwind(panic))
 }
 
@@ -108,18 +131,19 @@ pub(crate) fn run_here<T: Send>(
     threads: usize,
     job: impl FnOnce(&Stop) -> T + Send,
 ) -> PyResult<T> {
-    let (pool, stop) = (pool(threads)?, Stop::default());
     if is_in_job() {
-        return Ok(py.detach(|| job(&stop)));
+        return Ok(py.detach(|| job(&Stop::default())));
     }
+    let pool = Pool::take(threads)?;
     let answer = py.detach(|| {
         let (send, receive) = channel();
-        pool.in_place_scope(|scope| {
+        pool.threads.in_place_scope(|scope| {
             scope.spawn(|_| {
-                let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&stop))));
+                let _ = send.send(catch_unwind(AssertUnwindSafe(|| job(&pool.stop))));
             });
-            wait(&receive, &stop)
+            wait(&receive, &pool.stop)
         })
     })?;
+    pool.give_back();
     answer.or_else(|panic| resume_unwind(panic))
 }

@@ -334,7 +334,19 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize(
-    "call", ["renderer(values)", "map.pool(np.tile(values, (200, 1)), 1)", "index.locate(points)", "dermatome.touch(map, presses=10_000)"]
+    "call",
+    [
+        "renderer(values)",
+        "map.pool(np.tile(values, (200, 1)), 1)",
+        "index.locate(points)",
+        "dermatome.touch(map, presses=10_000)",
+        "dermatome.build(dermatome.Skin.from_arrays(*dome(600, 600, spacing=1e-4)))",
+        "dermatome.flatten(*dome(600, 600, spacing=1e-4))",
+        "dermatome.coarsen(*lattice(900, 900))",
+        "dermatome.calibrate(dermatome.simulate(taxels=60_000, radius=2.0, model='poses')[0])",
+        "dermatome.simulate(taxels=200_000, anchors=100_000, radius=2.0)",
+        "dermatome.Skin.from_arrays(np.random.default_rng(1).random((300_000, 3)) * [1, 1, 0])",
+    ],
 )
 def test_what_was_interrupted_ends(call):
     assert interrupted(IDLE.replace("CALL", call)) == "idle\n"
