@@ -7,11 +7,11 @@ mod maps;
 
 use dermatome::atlas::{Atlas, AtlasOptions, Resolution};
 use dermatome::id::{IdVec, VertexId};
-use dermatome::image::{ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
+use dermatome::image::{BatchRenderer, ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
-use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
+use dermatome::signal::{Channel, Frame, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Skin};
 use glam::DVec2;
 use maps::level_id;
@@ -307,6 +307,45 @@ fn the_steady_state_keeps_its_buffers() {
         let before = place(renderer.images());
         for k in 0..5 {
             assert_eq!(place(renderer.render(&on_levels(&map, |p, v| p.x * f64::from(k) + hash(v)))), before);
+        }
+    }
+}
+
+/// Forty frames: sixteen at a time with the same dead taxels, then some with others.
+#[test]
+fn a_batch_has_the_bits_of_the_stream() {
+    let map = cover();
+    let channels = [Quantity::Intensive, Quantity::Extensive].map(channel);
+    let read = |k: usize, frame: &mut Frame| {
+        for (values, at) in frame.values.iter_mut().flatten().zip(0_u32..) {
+            for (x, v) in values.iter_mut().zip(0_u32..) {
+                let is_dead = v % 11 == 3 || (k == 20 && v % 5 == 1);
+                let value = hash(v.wrapping_mul(31) ^ at.wrapping_mul(977) ^ k as u32);
+                *x = if is_dead { f64::INFINITY } else { value };
+            }
+        }
+    };
+    for (how, packed, level, resolution) in ALL.into_iter().flat_map(|how| {
+        [
+            (how, true, 0, Resolution::Canvas([60, 50])),
+            (how, true, 1, Resolution::Canvas([16, 16])),
+            (how, false, 0, Resolution::Map),
+        ]
+    }) {
+        let atlas = atlas(&map, resolution, packed);
+        let options = RenderOptions { interpolation: how, level: Some(level_id(level)) };
+        let mut renderer = Renderer::new(&map, &atlas, &channels, &options).unwrap();
+        let mut restrictor = Restrictor::new(&map, &channels);
+        let mut frame = Frame::new(&map, 2);
+        let mut batch = BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone());
+        let size = renderer.images()[0].values.len();
+        let mut images = vec![0.0; 40 * size];
+        batch.render(read, &mut images);
+        for (k, image) in images.chunks(size).enumerate() {
+            read(k, &mut frame);
+            let one = &renderer.render(restrictor.restrict(&frame))[0];
+            let batched = TactileImage { values: image.to_vec(), ..one.clone() };
+            assert_eq!(bits(&[batched]), bits(std::slice::from_ref(one)), "{how:?}, {level}, frame {k}");
         }
     }
 }

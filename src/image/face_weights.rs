@@ -2,7 +2,8 @@
 
 use glam::DVec2;
 
-use crate::{id::VertexId, image::runs::Plane};
+use crate::id::VertexId;
+use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};
 
 /// Faces that are thinner than this on the image, in pixels, are drawn as their longest edge: the
 /// centres that they show may lie `2^-17` pixels outside, where their steep planes would leave the
@@ -80,6 +81,21 @@ impl FaceWeights {
             *number = first[k] + (p * self.second[k] + q * self.third[k]);
         }
         Plane(plane)
+    }
+
+    /// [`Self::plane`] in sixteen frames, of values times `scale`.
+    pub(super) fn planes_at_once(&self, x: &[[f64; AT_ONCE]], scale: &[f64]) -> PlanesAtOnce {
+        let [(a, i), (b, j), (c, k)] = self.corners.map(|v| (&x[v.index()], scale[v.index()]));
+        let mut planes = [[0.0; AT_ONCE]; 3];
+        let [base, right, down] = &mut planes;
+        for frame in 0..AT_ONCE {
+            let first = a[frame] * i;
+            let (p, q) = (b[frame] * j - first, c[frame] * k - first);
+            base[frame] = first + (p * self.second[0] + q * self.third[0]);
+            right[frame] = 0.0 + (p * self.second[1] + q * self.third[1]);
+            down[frame] = 0.0 + (p * self.second[2] + q * self.third[2]);
+        }
+        planes
     }
 
     /// Number of corners that are live.

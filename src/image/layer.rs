@@ -1,7 +1,7 @@
 //! One channel of one chart: what was drawn last, and what has to be drawn anew.
 
 use crate::id::{IdVec, VertexId};
-use crate::image::runs::Plane;
+use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};
 use crate::image::surface::{Pattern, PixelSurface};
 use crate::numeric::{Csr, narrow};
 use crate::signal::Quantity;
@@ -164,7 +164,8 @@ impl Layer {
                 let planes = self.planes.iter_mut().zip(&surface.faces);
                 planes.for_each(|(plane, face)| *plane = face.plane(&self.scaled));
                 surface.runs.fill(&self.planes, pixels);
-                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, &self.scaled, pixels));
+                let x = |v: VertexId| self.scaled[v.index()];
+                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, x, pixels));
             }
             Pattern::Cells(cells) => {
                 let planes = self.planes.iter_mut().zip(&self.scaled);
@@ -177,10 +178,45 @@ impl Layer {
                 }
             }
         }
-        for &(pixel, value) in &self.unseen {
+        self.add_unseen(surface, |v| self.last[v], pixels);
+    }
+
+    fn add_unseen(&self, surface: &PixelSurface, value: impl Fn(usize) -> f64, pixels: &mut [f32]) {
+        for &(pixel, v) in &self.unseen {
             let pixel = &mut pixels[pixel as usize];
-            let amount = self.last[value] / surface.pixel_area;
+            let amount = value(v) / surface.pixel_area;
             *pixel = narrow(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount });
+        }
+    }
+
+    /// Puts the values of frame `k` of sixteen next to those of the others; false if other vertices have values than
+    /// when it drew last, or pixels do not follow planes of faces.
+    pub(super) fn put_aside(&self, values: &[f64], k: usize, aside: &mut Vec<[f64; AT_ONCE]>) -> bool {
+        aside.resize(values.len(), [0.0; AT_ONCE]);
+        let mut same = matches!(self.pattern, Pattern::Faces);
+        for ((&value, &live), aside) in values.iter().zip(&self.live).zip(aside) {
+            same &= value.is_finite() == live;
+            aside[k] = if live { value } else { f64::NAN };
+        }
+        same
+    }
+
+    /// Draws the values of sixteen frames that were put aside, into images that begin `stride` numbers apart.
+    pub(super) fn draw_at_once(
+        &self,
+        surface: &PixelSurface,
+        values: &[[f64; AT_ONCE]],
+        planes: &mut Vec<PlanesAtOnce>,
+        images: &mut [f32],
+        stride: usize,
+    ) {
+        planes.clear();
+        planes.extend(surface.faces.iter().map(|face| face.planes_at_once(values, &self.scale)));
+        surface.runs.fill_at_once(planes, images, stride);
+        for (k, image) in images.chunks_mut(stride).enumerate() {
+            let x = |v: VertexId| values[v.index()][k] * self.scale[v.index()];
+            self.mixed.iter().for_each(|&face| draw_mixed(surface, face, x, image));
+            self.add_unseen(surface, |v| values[v][k], image);
         }
     }
 
@@ -215,7 +251,7 @@ impl Layer {
             Pattern::Faces => {
                 let face = &surface.faces[k];
                 if let 1 | 2 = face.live_corners(|v| !x[v.index()].is_nan()) {
-                    return draw_mixed(surface, source, x, pixels);
+                    return draw_mixed(surface, source, |v| x[v.index()], pixels);
                 }
                 let plane = face.plane(x);
                 surface.runs.of_source(k).iter().for_each(|run| plane.fill_alone(run, pixels));
@@ -230,9 +266,9 @@ impl Layer {
 }
 
 /// Draws a face with dead corners pixel by pixel.
-fn draw_mixed(surface: &PixelSurface, face: u32, x: &[f64], pixels: &mut [f32]) {
+fn draw_mixed(surface: &PixelSurface, face: u32, x: impl Fn(VertexId) -> f64, pixels: &mut [f32]) {
     let weights = &surface.faces[face as usize];
-    let values = weights.corners.map(|v| x[v.index()]);
+    let values = weights.corners.map(x);
     let live = values.map(|x| !x.is_nan());
     for run in surface.runs.of_source(face as usize) {
         for k in 0..run.length {

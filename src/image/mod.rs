@@ -12,8 +12,10 @@
 //! to the nearest one.
 //!
 //! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `natural`,
-//! neighbours where values are missing; `surface`, all of a chart; `layer`, what changed.
+//! neighbours where values are missing; `surface`, all of a chart; `layer`, what changed;
+//! `batch`, many frames.
 
+mod batch;
 mod face_weights;
 mod layer;
 mod natural;
@@ -28,6 +30,7 @@ use crate::pyramid::LevelId;
 use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
+pub use batch::BatchRenderer;
 pub use surface::Interpolation;
 
 /// Options of a [`Renderer`].

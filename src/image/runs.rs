@@ -22,6 +22,15 @@ const REST: usize = REST_LENGTH as usize;
 const STEPS: [f32; BLOCK] =
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
+/// Frames that are drawn side by side.
+pub(super) const AT_ONCE: usize = 16;
+
+/// Pixels that are computed before they are put into the images of these frames.
+const STRIP: usize = 64;
+
+/// A plane in each of these frames: values at the first pixel, steps right, and steps down.
+pub(super) type PlanesAtOnce = [[f64; AT_ONCE]; 3];
+
 /// Pixels of one row that follow one plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Run {
@@ -119,6 +128,38 @@ impl Runs {
         for run in self.ends.iter().map(|&k| &self.all[k as usize]) {
             planes[run.source as usize].fill_alone(run, pixels);
         }
+    }
+}
+
+impl Runs {
+    /// Fills images that begin `stride` numbers apart.
+    pub(super) fn fill_at_once(&self, planes: &[PlanesAtOnce], images: &mut [f32], stride: usize) {
+        let mut strip = [[0.0; AT_ONCE]; STRIP];
+        let (mut begin, mut length) = (0, 0);
+        let mut put = |strip: &[[f32; AT_ONCE]], begin: usize| {
+            for (k, image) in images.chunks_mut(stride).enumerate() {
+                let pixels = image[begin..].iter_mut().zip(strip);
+                pixels.for_each(|(pixel, of_frames)| *pixel = of_frames[k]);
+            }
+        };
+        for run in &self.all {
+            let (at, count) = (run.at as usize, usize::from(run.length));
+            if at != begin + length || length + count > STRIP {
+                put(&strip[..length], begin);
+                (begin, length) = (at, 0);
+            }
+            let [base, right, down] = &planes[run.source as usize];
+            let (column, row) = (f64::from(run.column), f64::from(run.row));
+            let (mut start, mut step) = ([0.0; AT_ONCE], [0.0; AT_ONCE]);
+            for k in 0..AT_ONCE {
+                (start[k], step[k]) = Plane([base[k], right[k], down[k], 0.0]).along(column, row);
+            }
+            for (pixel, x) in strip[length..length + count].iter_mut().zip(STEPS) {
+                (0..AT_ONCE).for_each(|k| pixel[k] = start[k] + step[k] * x);
+            }
+            length += count;
+        }
+        put(&strip[..length], begin);
     }
 }
 

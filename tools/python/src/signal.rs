@@ -8,7 +8,7 @@ use std::{
 use dermatome::{
     Skin, SkinMap,
     atlas::{Atlas, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer},
+    image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
     io::{IoError, ReadingsLayout, ReadingsReader},
     pyramid::LevelId,
     signal::{
@@ -74,22 +74,25 @@ struct Plan {
 }
 
 impl Plan {
-    /// Draws frames of readings one after the other.
+    /// Draws frames of readings.
     fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], stop: &Stop) {
         let (size, width) = (self.renderer.images()[0].values.len(), self.channels * self.taxels);
         let share = (images.len() / size).div_ceil(4 * rayon::current_num_threads()).max(1);
         images.par_chunks_mut(share * size).zip(values.par_chunks(share * width)).for_each_init(
-            || (self.restrictor.clone(), self.renderer.clone(), self.frame.clone(), Vec::new()),
-            |(restrictor, renderer, frame, read), (images, values)| {
-                for (image, values) in images.chunks_mut(size).zip(values.chunks(width)) {
+            || {
+                let parts = (self.restrictor.clone(), self.renderer.clone(), self.frame.clone());
+                (BatchRenderer::new(parts.0, parts.1, parts.2), Vec::new())
+            },
+            |(batch, read), (images, values)| {
+                let fill = |k: usize, frame: &mut Frame| {
                     stop.check();
                     read.clear();
-                    read.extend(values.iter().map(|&x| x.into()));
+                    read.extend(values[k * width..(k + 1) * width].iter().map(|&x| x.into()));
                     self.join.fill(read, frame);
-                    image.copy_from_slice(&renderer.render(restrictor.restrict(frame))[0].values);
-                    if !self.fill.is_nan() {
-                        image.iter_mut().filter(|x| x.is_nan()).for_each(|x| *x = self.fill);
-                    }
+                };
+                batch.render(fill, images);
+                if !self.fill.is_nan() {
+                    images.iter_mut().for_each(|x| *x = if x.is_nan() { self.fill } else { *x });
                 }
             },
         );
