@@ -147,8 +147,11 @@ impl AtlasPart {
     }
 
     /// The id that each pixel shows, as in [`LevelImage`]; `u32::MAX` where there is none.
-    /// Panics if `map` is not the one that was rasterised.
-    pub(crate) fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
+    ///
+    /// # Panics
+    /// If `map` is not the one that was rasterised.
+    #[must_use]
+    pub fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
         let [width, height] = self.frame.size_px.map(|n| n as usize);
         let mut ids = vec![u32::MAX; width * height];
         for chart in &self.charts {

@@ -22,7 +22,7 @@ use crate::{
     jobs::run,
     map::json,
     matrix::{PyMatrix, Rows},
-    options::{FlattenArgs, count, cut},
+    options::{FlattenArgs, acuities, count, cut},
 };
 
 /// A mesh on the plane.
@@ -66,6 +66,8 @@ fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Tr
 ///     Triangles, counter-clockwise from outside.
 /// cut : {"none", "auto", "all"} or (k, 2) array_like of int
 ///     Where to cut first; pairs are vertices counted from 1. Meshes that are no disk with holes need a cut.
+/// acuity : (n,) array_like, optional
+///     How many times longer lengths on the map are at each vertex than elsewhere; 0.01 to 100.
 /// max_area_ratio, method, energy, angle, area, perimeter, magnify, overlap, boundary, threads
 ///     As in `build`.
 ///
@@ -82,7 +84,7 @@ fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Tr
 /// ((4, 2), 0)
 #[pyfunction]
 #[pyo3(signature = (vertices, faces, *, cut=None, max_area_ratio=None, method="intrinsic", energy="sum", angle=1.0,
-    area=1.0, perimeter=0.0, magnify=0.0, overlap="prevent", boundary="free", threads=0))]
+    area=1.0, perimeter=0.0, magnify=0.0, overlap="prevent", boundary="free", acuity=None, threads=0))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn flatten(
     py: Python<'_>,
@@ -98,9 +100,11 @@ pub(crate) fn flatten(
     magnify: f64,
     overlap: &str,
     boundary: &str,
+    acuity: Option<&Bound<'_, PyAny>>,
     threads: i64,
 ) -> PyResult<PyFlattening> {
     let mesh = mesh_of(vertices, faces)?;
+    let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;
     let args = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
     let options = args.options()?;
     let cut = match (cut, max_area_ratio) {
@@ -110,7 +114,8 @@ pub(crate) fn flatten(
     let flat = run(py, count("threads", threads)?, move |_| -> Result<Flat, dermatome::Error> {
         mesh.validate()?;
         if cut == Cut::None {
-            let map = flatten_mesh(&mesh, None, &options)?;
+            let taxels = acuity.map(|acuity| Taxels { acuities: Some(acuity.into()), ..Taxels::from(&mesh) });
+            let map = flatten_mesh(&mesh, taxels.as_ref(), &options)?;
             return Ok(Flat {
                 distortion: distortion(&mesh, &map.uv),
                 convergence: Some(map.convergence),
@@ -119,7 +124,8 @@ pub(crate) fn flatten(
                 vertices: mesh.positions.ids().map(VertexId::raw).collect(),
             });
         }
-        let skin = Skin::from_mesh("mesh", mesh);
+        let mut skin = Skin::from_mesh("mesh", mesh);
+        skin.patches[PatchId::new(0)].taxels.acuities = acuity.map(Into::into);
         skin.validate()?;
         let map = build(&skin, &BuildOptions { cut, flatten: options, ..BuildOptions::default() })?;
         let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
@@ -219,6 +225,8 @@ impl PyMeshLevel {
 ///     Triangles, counter-clockwise from outside.
 /// ratio, levels, coarsest, threads
 ///     As in `build`.
+/// acuity : (n,) array_like, optional
+///     How many times finer the levels are at each vertex than elsewhere; 0.01 to 100.
 ///
 /// Returns
 /// -------
@@ -233,7 +241,8 @@ impl PyMeshLevel {
 /// >>> len(levels[0].positions), len(levels) > 1
 /// (400, True)
 #[pyfunction]
-#[pyo3(signature = (vertices, faces, *, ratio=None, levels=None, coarsest=32, threads=0))]
+#[pyo3(signature = (vertices, faces, *, ratio=None, levels=None, coarsest=32, acuity=None, threads=0))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn coarsen<'py>(
     py: Python<'py>,
     vertices: &Bound<'py, PyAny>,
@@ -241,14 +250,17 @@ pub(crate) fn coarsen<'py>(
     ratio: Option<f64>,
     levels: Option<i64>,
     coarsest: i64,
+    acuity: Option<&Bound<'py, PyAny>>,
     threads: i64,
 ) -> PyResult<Bound<'py, PyList>> {
     let mesh = mesh_of(vertices, faces)?;
+    let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;
     let levels = levels.map(|levels| count("levels", levels)).transpose()?;
     let options = CoarsenOptions { ratio, levels, coarsest: count("coarsest", coarsest)? };
     let pyramid = run(py, count("threads", threads)?, move |_| -> Result<Pyramid, dermatome::Error> {
         mesh.validate()?;
-        Ok(coarsen_mesh(&mesh, &Taxels::from(&mesh), &options)?)
+        let taxels = Taxels { acuities: acuity.map(Into::into), ..Taxels::from(&mesh) };
+        Ok(coarsen_mesh(&mesh, &taxels, &options)?)
     })?;
     let pyramid = Arc::new(pyramid.map_err(error)?);
     let levels =

@@ -5,8 +5,9 @@ use std::{path::PathBuf, sync::Arc};
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Initialization, Loss, Model, Observations, ResidualConvention,
-        SimulateOptions, calibrate as calibrate_taxels, calibrated_skin, simulate as simulate_contacts,
+        CalibOptions, Calibration, Initialization, Loss, Model, ObservationDiagnostics, Observations,
+        ResidualConvention, SimulateOptions, calibrate as calibrate_taxels, calibrated_skin,
+        simulate as simulate_contacts,
     },
     id::VertexId,
     io::{read_observations, write_observations},
@@ -16,7 +17,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
-    arrays::{matrix, vector},
+    arrays::{matrix, triangles, vector},
     errors::error,
     jobs::run,
     options::{count, unit, word},
@@ -45,23 +46,30 @@ impl PyObservations {
     ///     Contacts in files of their own.
     /// unit : {"m", "mm", "cm", "in"} or float
     ///     Unit of all lengths.
+    /// clip_information : bool
+    ///     Replace information that is not positive semi-definite by the nearest that is.
     ///
     /// Returns
     /// -------
     /// Observations
     #[staticmethod]
-    #[pyo3(signature = (path, *, contacts=None, unit=None))]
+    #[pyo3(signature = (path, *, contacts=None, unit=None, clip_information=false))]
     fn read(
         py: Python<'_>,
         path: PathBuf,
         contacts: Option<Vec<PathBuf>>,
         unit: Option<&Bound<'_, PyAny>>,
+        clip_information: bool,
     ) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let (mut observations, remarks) =
             run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
         observations.scale(metres);
-        let remarks = remarks.iter().map(ToString::to_string).collect();
+        let mut remarks: Vec<_> = remarks.iter().map(ToString::to_string).collect();
+        let clipped = if clip_information { observations.clip_information() } else { 0 };
+        if clipped > 0 {
+            remarks.push(format!("{clipped} observations have information that was clipped"));
+        }
         Ok(Self { observations: Arc::new(observations), remarks })
     }
 
@@ -166,14 +174,33 @@ impl PyCalibration {
         (vector(py, edges.iter().map(|id| id.raw())), vector(py, contacts.iter().map(|id| id.raw())))
     }
 
-    /// The skin of the calibrated taxels, whose triangles are those that the displacements form.
+    /// list of two (k, 2) float64 arrays: Of each displacement and of each contact the length of its whitened residual, and how
+    /// much it counts.
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
+        let of = |found: &ObservationDiagnostics| [found.chi2.sqrt(), found.weight];
+        let all = &self.found.diagnostics;
+        Ok([matrix(py, all.edges.iter().map(of))?, matrix(py, all.contacts.iter().map(of))?])
+    }
+
+    /// The skin of the calibrated taxels.
+    ///
+    /// Parameters
+    /// ----------
+    /// faces : (m, 3) array_like of int, optional
+    ///     Its triangles, which count the taxels of `positions`; by default those that the displacements form.
     ///
     /// Returns
     /// -------
     /// Skin
-    fn skin(&self, py: Python<'_>) -> PyResult<PySkin> {
+    #[pyo3(signature = (faces=None))]
+    fn skin(&self, py: Python<'_>, faces: Option<&Bound<'_, PyAny>>) -> PyResult<PySkin> {
         let (found, observations) = (Arc::clone(&self.found), Arc::clone(&self.observations));
-        let made = run(py, 0, move |_| calibrated_skin(&found, &observations, None))?.map_err(error)?;
+        let faces = faces.map(|faces| triangles("faces", faces, found.ids.len())).transpose()?;
+        let faces: Option<Vec<_>> =
+            faces.map(|faces| faces.into_iter().map(|face| face.map(VertexId::from)).collect());
+        let made =
+            run(py, 0, move |_| calibrated_skin(&found, &observations, faces.as_deref()))?.map_err(error)?;
         Ok(PySkin::new(made.skin, &made.remarks))
     }
 
@@ -276,8 +303,12 @@ pub(crate) fn calibrate(
 ///     Noise of displacements, in m, and of relative rotations, in rad, per axis.
 /// anchors : int
 ///     Number of taxels with a contact at a known place.
-/// anchor_noise : float
-///     Noise of these contacts, in m per axis.
+/// anchor_noise, normal_noise : float
+///     Noise of these contacts, in m per axis, and of their normals, in rad; without the latter they have no normals.
+/// indentation : float
+///     How deep the skin is pressed in at contacts, in m.
+/// arm_noise, arm_rotation_noise : float
+///     Noise of the place and the orientation of the arm that holds the skin, in m and rad per axis.
 /// outliers : float
 ///     Chance that a displacement is attributed to a wrong taxel nearby.
 /// seed : int
@@ -290,7 +321,8 @@ pub(crate) fn calibrate(
 ///     `positions` (n, 3) in m, `rotations` (n, 4), `faces` (m, 3), and `outliers`, numbers of displacements.
 #[pyfunction]
 #[pyo3(signature = (*, taxels=500, model="positions", spacing=5e-3, radius=0.1, noise=1e-3, rotation_noise=None,
-    anchors=0, anchor_noise=1e-3, outliers=0.0, seed=0))]
+    anchors=0, anchor_noise=1e-3, normal_noise=None, indentation=0.0, arm_noise=0.0, arm_rotation_noise=0.0, outliers=0.0,
+    seed=0))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -302,22 +334,28 @@ pub(crate) fn simulate<'py>(
     rotation_noise: Option<f64>,
     anchors: i64,
     anchor_noise: f64,
+    normal_noise: Option<f64>,
+    indentation: f64,
+    arm_noise: f64,
+    arm_rotation_noise: f64,
     outliers: f64,
     seed: u64,
 ) -> PyResult<(PyObservations, Bound<'py, PyDict>)> {
-    let usual = SimulateOptions::default();
     let options = SimulateOptions {
         taxels: count("taxels", taxels)?,
         model: word("model", model, &[("positions", Model::Positions), ("poses", Model::Poses)])?,
         spacing,
         radius,
         noise,
-        rotation_noise: rotation_noise.unwrap_or(usual.rotation_noise),
+        rotation_noise: rotation_noise.unwrap_or(SimulateOptions::default().rotation_noise),
         anchors: count("anchors", anchors)?,
         anchor_noise,
+        normal_noise,
+        indentation,
+        arm_noise,
+        arm_rotation_noise,
         outliers,
         seed,
-        ..usual
     };
     let made = run(py, 0, move |_| simulate_contacts(&options))?.map_err(|e| error(Error::from(e)))?;
     let truth = PyDict::new(py);

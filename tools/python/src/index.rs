@@ -7,6 +7,7 @@ use dermatome::{
     contact::{Cell, ContactError, ContactIndex, FieldHit, Hit, Hits, IndexOptions, Query, Reactive},
     id::FaceId,
     pyramid::LevelId,
+    signal::{Press, SignalError, Spreader},
     skin::{LinkId, Motion, MotionFrame, PatchId},
 };
 use glam::{DAffine3, DMat3, DVec3};
@@ -15,7 +16,7 @@ use pyo3::{prelude::*, types::PyDict};
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, points, vector},
+    arrays::{bad_shape, floats, matrix, one_each, points, vector},
     errors::{bad, error},
     jobs::{Stop, run},
     map::starts,
@@ -279,6 +280,9 @@ pub(crate) fn pose_array<'py>(py: Python<'py>, pose: &DAffine3) -> PyResult<Boun
     matrix(py, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])
 }
 
+/// What the taxels read, and which contacts touch one.
+type Felt<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>);
+
 /// Fewest queries for a task.
 const FEW: usize = 64;
 
@@ -536,6 +540,73 @@ impl PyIndex {
         let level = self.level(level)?;
         let find = move |index: &ContactIndex, query: Query| index.fields_within(query, radius, level);
         self.fields_of(py, queries, count("threads", threads)?, find)
+    }
+
+    /// Spread the forces of contacts over the taxels that they touch, as what these read at one moment. Needs an index with
+    /// `fields`.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : (k, 3) array_like
+    ///     The points that press, or the centres of spheres, in m.
+    /// force : (k,) array_like
+    ///     Their forces, in N.
+    /// radius : (k,) array_like, optional
+    ///     The radii of the spheres, in m; 0, the default, for points.
+    /// taxel_radius : float
+    ///     Radius of the discs on which taxels feel, in m.
+    /// max_distance : float, optional
+    ///     How far from the skin a point presses, in m; by default ten spacings of the taxels.
+    /// link, only_link
+    ///     As in `locate`.
+    ///
+    /// Returns
+    /// -------
+    /// readings : (N,) float64 array
+    ///     In N, in the order of the map; NaN where no taxel works.
+    /// felt : (k,) bool array
+    ///     Which contacts touch a taxel.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+    /// >>> index = dermatome.build(dermatome.Skin.from_arrays(grid, outside=(0, 0, 1))).index(fields=True)
+    /// >>> readings, felt = index.readings([[0.02, 0.02, 0.009]], [1.5], [0.01])
+    /// >>> float(readings.sum()), felt.tolist()
+    /// (1.5, [True])
+    #[pyo3(signature = (points, force, radius=None, *, taxel_radius=0.002, max_distance=None, link=None, only_link=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn readings<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        force: &Bound<'py, PyAny>,
+        radius: Option<&Bound<'py, PyAny>>,
+        taxel_radius: f64,
+        max_distance: Option<f64>,
+        link: Option<&str>,
+        only_link: Option<&str>,
+    ) -> PyResult<Felt<'py>> {
+        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let forces = one_each("force", force, queries.len())?;
+        let radii = radius
+            .map_or(Ok(vec![0.0; queries.len()]), |radius| one_each("radius", radius, queries.len()))?;
+        let (index, spreader) = (Arc::clone(&self.index), Spreader { disc: taxel_radius, max_distance });
+        let spread = run(py, 1, move |stop| -> Result<_, SignalError> {
+            let mut frame = spreader.frame(&index, 0.0);
+            let mut felt = Vec::with_capacity(queries.len());
+            for ((at, force), radius) in queries.into_iter().zip(forces).zip(radii) {
+                stop.check();
+                felt.push(spreader.add(&index, &Press { at, radius, force }, &mut frame)?);
+            }
+            Ok((frame, felt))
+        })?;
+        let (frame, felt) = spread.map_err(error)?;
+        Ok((
+            vector(py, frame.values.iter().flatten().flat_map(|values| values.iter().copied())),
+            vector(py, felt),
+        ))
     }
 
     /// The same skin with its links elsewhere. The new index shares the trees of this one; patches with joints alone

@@ -53,7 +53,8 @@ mod _dermatome {
         robot::PyRobot,
         run_command,
         signal::{
-            PyContactTracker, PyRenderer, as_floats, as_numbers, join_readings, read_readings, simulate_touch,
+            PyContactTracker, PyRenderer, as_floats, as_numbers, condition_readings, is_extensive,
+            join_readings, read_readings, simulate_touch,
         },
         skin::{PySkin, check},
     };

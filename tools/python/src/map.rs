@@ -18,8 +18,8 @@ use dermatome::{
     pipeline::{BuildOptions, MagnifyOver, build_with_progress},
     pyramid::{CoarsenOptions, Level, LevelId},
     report::measure,
-    signal::{Duplicates, Frame, Join, Restrictor},
-    skin::{PatchId, Presence},
+    signal::{Contrast, Duplicates, Frame, Join, Restrictor},
+    skin::{PatchId, Presence, Skin},
 };
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -34,7 +34,7 @@ use crate::{
     errors::{bad, error},
     jobs::{Stop, run, run_here},
     matrix::{PyMatrix, Rows},
-    options::{FlattenArgs, channels, count, cut, level, positive, word},
+    options::{FlattenArgs, acuities, channels, count, cut, level, positive, word},
     plot::{PlotArgs, PyPicture},
     signal::{PyRenderer, RenderArgs},
     skin::PySkin,
@@ -289,6 +289,8 @@ impl PyMap {
     ///     The level.
     /// extensive : bool
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures.
+    /// contrast : bool
+    ///     Whether what the level shows beyond the next coarser one is returned instead.
     /// threads : int
     ///     0 for one per processor.
     ///
@@ -305,13 +307,14 @@ impl PyMap {
     /// >>> pooled = map.pool(np.full((5, 144), 2.5), level=1)
     /// >>> len(pooled), bool(np.all(pooled == 2.5))
     /// (5, True)
-    #[pyo3(signature = (values, level, *, extensive=false, threads=0))]
+    #[pyo3(signature = (values, level, *, extensive=false, contrast=false, threads=0))]
     fn pool<'py>(
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
         level: i64,
         extensive: bool,
+        contrast: bool,
         threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let level = self::level("level", level, self.levels())?;
@@ -324,7 +327,7 @@ impl PyMap {
         let shape: Vec<usize> = frames.iter().copied().chain([fields]).collect();
         let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
         let mut writer = pooled.readwrite();
-        let (out, pooling) = (writer.as_slice_mut()?, Pooling { map: &self.map, level, extensive });
+        let (out, pooling) = (writer.as_slice_mut()?, Pooling { map: &self.map, level, extensive, contrast });
         run_here(py, count("threads", threads)?, |stop| pooling.pool(values, out, stop))?.map_err(error)?;
         Ok(pooled)
     }
@@ -364,8 +367,8 @@ impl PyMap {
     ///     The patch; needed if the map has several and they are not packed.
     /// channels : int
     ///     Number of channels of the readings, C.
-    /// extensive : bool
-    ///     Whether readings are amounts, as forces, and not averages, as pressures.
+    /// extensive : bool, or a sequence of one for each channel
+    ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
     /// interpolate : {"linear", "nearest", "natural"}
     ///     How values are drawn between the taxels.
     /// size : tuple of int, optional
@@ -380,7 +383,7 @@ impl PyMap {
     /// Returns
     /// -------
     /// Renderer
-    #[pyo3(signature = (level=0, *, patch=None, channels=1, extensive=false, interpolate="linear", size=None,
+    #[pyo3(signature = (level=0, *, patch=None, channels=1, extensive=None, interpolate="linear", size=None,
         pixel=None, pack=false, fill=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
@@ -389,7 +392,7 @@ impl PyMap {
         level: i64,
         patch: Option<&str>,
         channels: i64,
-        extensive: bool,
+        extensive: Option<&Bound<'_, PyAny>>,
         interpolate: &str,
         size: Option<(u32, u32)>,
         pixel: Option<f64>,
@@ -410,10 +413,14 @@ impl PyMap {
     ///     The patches, one row each; by default all.
     /// levels : sequence of int, optional
     ///     The levels, side by side; by default the finest three.
-    /// paint : {"fields", "angle", "area", "sigma"}
+    /// show : {"fields", "angle", "area", "sigma"}
     ///     What the colours say.
     /// space : bool
     ///     Whether the skin in space is shown, too.
+    /// view : (2,) tuple of float, optional
+    ///     From where: the angle from x towards y and the angle above the xy plane, in degrees; by default from outside.
+    /// unfold : sequence of float, optional
+    ///     Draw the skin as it unfolds instead, at these times side by side: 0 is the skin in space, 1 its map.
     /// range : (2,) tuple of float, optional
     ///     Values at the ends of the scale of colours.
     /// width : int
@@ -424,8 +431,8 @@ impl PyMap {
     /// Returns
     /// -------
     /// Picture
-    #[pyo3(signature = (values=None, *, patches=None, levels=None, paint="fields", space=false, range=None,
-        width=1600, extensive=false))]
+    #[pyo3(signature = (values=None, *, patches=None, levels=None, show="fields", space=false, view=None, unfold=None,
+        range=None, width=1600, extensive=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn plot(
         &self,
@@ -433,8 +440,10 @@ impl PyMap {
         values: Option<&Bound<'_, PyAny>>,
         patches: Option<Vec<String>>,
         levels: Option<Vec<i64>>,
-        paint: &str,
+        show: &str,
         space: bool,
+        view: Option<[f64; 2]>,
+        unfold: Option<Vec<f64>>,
         range: Option<(f64, f64)>,
         width: u32,
         extensive: bool,
@@ -443,12 +452,20 @@ impl PyMap {
         let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
         let values = values.map(|values| one_each("values", values, self.n_taxels())).transpose()?;
         let (patches, range) = (patches.unwrap_or_default(), range.map(<[f64; 2]>::from));
-        PyPicture::new(
-            py,
-            &self.map,
-            values,
-            PlotArgs { patches, levels, paint, space, range, width, extensive },
-        )
+        let unfold = unfold.unwrap_or_default();
+        let args = PlotArgs { patches, levels, show, space, view, unfold, range, width, extensive };
+        PyPicture::new(py, &self.map, values, args)
+    }
+
+    /// Measure lookups on this map and this machine, as `dermatome bench`: times, error bounds and true errors of each
+    /// level.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    fn bench<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let map = Arc::clone(&self.map);
+        json(py, &run(py, 0, move |_| dermatome::contact::measure(&map))?.map_err(error)?)
     }
 
     /// Find the points of the skin at places on the map of a patch.
@@ -509,33 +526,53 @@ impl PyMap {
     }
 }
 
+/// A skin with other acuities.
+fn with_acuity(skin: &Skin, acuity: &Bound<'_, PyAny>) -> PyResult<Skin> {
+    let mut skin = skin.clone();
+    let count = skin.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut acuities = acuities(acuity, count)?.into_iter();
+    for patch in skin.patches.iter_mut() {
+        patch.taxels.acuities = Some(acuities.by_ref().take(patch.taxels.ids.len()).collect());
+    }
+    Ok(skin)
+}
+
 /// How frames are carried to the fields of a level.
 struct Pooling<'a> {
     map: &'a SkinMap,
     level: LevelId,
     extensive: bool,
+    contrast: bool,
 }
 
 impl Pooling<'_> {
     /// Carries frames of readings one after the other.
     fn pool(&self, values: &[f64], pooled: &mut [f32], stop: &Stop) -> Result<(), dermatome::Error> {
-        let Self { map, level, extensive } = *self;
+        let Self { map, level, extensive, contrast } = *self;
         let fields = starts(map, level).last().copied().unwrap_or(0);
         let width: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         if pooled.is_empty() {
             return Ok(());
         }
         let join = Join::new(map, None, width, Duplicates::Refuse)?;
-        let restrictor = Restrictor::to_level(map, &channels(1, extensive), level);
+        let channels = channels([extensive]);
+        let (restrictor, contrast) = if contrast {
+            (Restrictor::new(map, &channels), Some(Contrast::new(map, &channels)))
+        } else {
+            (Restrictor::to_level(map, &channels, level), None)
+        };
         let share = (pooled.len() / fields).div_ceil(4 * rayon::current_num_threads());
         let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
         shares.for_each_init(
-            || (restrictor.clone(), Frame::new(map, 1)),
-            |(restrictor, frame), (out, values)| {
+            || (restrictor.clone(), contrast.clone(), Frame::new(map, 1)),
+            |(restrictor, contrast, frame), (out, values)| {
                 for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
                     stop.check();
                     join.fill(values, frame);
-                    let on_levels = restrictor.restrict(frame);
+                    let mut on_levels = restrictor.restrict(frame);
+                    if let Some(contrast) = contrast {
+                        on_levels = contrast.of(on_levels);
+                    }
                     let of_patches = on_levels.values.iter().filter_map(|channels| channels[0].get(level));
                     for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
                         *out = narrow(value);
@@ -810,6 +847,9 @@ impl PyLevel {
 ///     Side of a pixel of the images, in m.
 /// keep_going : bool
 ///     Leave out patches that cannot be mapped.
+/// acuity : (N,) array_like, optional
+///     How many times finer the fields are at each taxel of the skin, and lengths on the map longer, than elsewhere, as at
+///     fingertips; 0.01 to 100.
 /// threads : int
 ///     0 for one per processor. The result does not depend on it.
 /// progress : callable, optional
@@ -829,7 +869,7 @@ impl PyLevel {
 #[pyfunction]
 #[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
     area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
-    max_area_ratio=None, pixel=None, keep_going=false, threads=0, progress=None))]
+    max_area_ratio=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn build(
     py: Python<'_>,
@@ -850,6 +890,7 @@ pub(crate) fn build(
     max_area_ratio: Option<f64>,
     pixel: Option<f64>,
     keep_going: bool,
+    acuity: Option<&Bound<'_, PyAny>>,
     threads: i64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyMap> {
@@ -876,6 +917,10 @@ pub(crate) fn build(
             let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;
             Arc::clone(&read.cast::<PySkin>()?.get().skin)
         }
+    };
+    let skin = match acuity {
+        Some(acuity) => Arc::new(with_acuity(&skin, acuity)?),
+        None => skin,
     };
     let tell = move |told: dermatome::pipeline::Progress, stop: &Stop| {
         stop.check();

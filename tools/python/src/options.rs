@@ -10,7 +10,10 @@ use dermatome::{
 };
 use pyo3::prelude::*;
 
-use crate::{arrays::pairs, errors::bad};
+use crate::{
+    arrays::{one_each, pairs},
+    errors::bad,
+};
 
 /// What a word stands for.
 pub(crate) fn word<T: Clone>(argument: &str, found: &str, known: &[(&str, T)]) -> PyResult<T> {
@@ -64,10 +67,34 @@ pub(crate) fn fill_holes(found: Option<i64>) -> PyResult<FillHoles> {
     }
 }
 
-/// Channels that are all alike.
-pub(crate) fn channels(count: usize, extensive: bool) -> Vec<Channel> {
-    let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
-    vec![Channel { quantity, ..Channel::default() }; count]
+/// Channels without names: amounts, or averages.
+pub(crate) fn channels(extensive: impl IntoIterator<Item = bool>) -> Vec<Channel> {
+    let quantity = |extensive| if extensive { Quantity::Extensive } else { Quantity::Intensive };
+    let channel = |extensive| Channel { quantity: quantity(extensive), ..Channel::default() };
+    extensive.into_iter().map(channel).collect()
+}
+
+/// Whether each of some channels is an amount: one word for all, or one for each.
+pub(crate) fn extensive(value: Option<&Bound<'_, PyAny>>, channels: usize) -> PyResult<Vec<bool>> {
+    let Some(value) = value else { return Ok(vec![false; channels]) };
+    let of_each: Vec<bool> = match value.extract() {
+        Ok(one) => vec![one; channels],
+        Err(_) => value.extract()?,
+    };
+    if of_each.len() == channels {
+        Ok(of_each)
+    } else {
+        Err(bad("extensive", format!("{} words", of_each.len()), format!("one, or {channels}")))
+    }
+}
+
+/// How many times finer the skin is at each of some taxels.
+pub(crate) fn acuities(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
+    let found = one_each("acuity", value, count)?;
+    match found.iter().position(|x| !(0.01..=100.0).contains(x)) {
+        Some(k) => Err(bad(&format!("acuity[{k}]"), found[k], "a number from 0.01 to 100")),
+        None => Ok(found),
+    }
 }
 
 /// Where to cut: a word, or pairs of the ids of taxels that an edge joins.

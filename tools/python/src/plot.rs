@@ -25,8 +25,10 @@ pub(crate) struct PyPicture(Arc<Picture>);
 pub(crate) struct PlotArgs<'a> {
     pub(crate) patches: Vec<String>,
     pub(crate) levels: Vec<LevelId>,
-    pub(crate) paint: &'a str,
+    pub(crate) show: &'a str,
     pub(crate) space: bool,
+    pub(crate) view: Option<[f64; 2]>,
+    pub(crate) unfold: Vec<f64>,
     pub(crate) range: Option<[f64; 2]>,
     pub(crate) width: u32,
     pub(crate) extensive: bool,
@@ -45,19 +47,30 @@ impl PyPicture {
             ("area", Paint::Area),
             ("sigma", Paint::Sigma),
         ];
+        if let Some(angle) = args.view.iter().flatten().find(|angle| !angle.is_finite()) {
+            return Err(bad("view", angle, "two angles"));
+        }
+        let view = args.view.map(|angles| angles.map(f64::to_radians));
+        let view = view.map(|[azimuth, elevation]| Viewpoint::From { azimuth, elevation });
+        if let Some(time) = args.unfold.iter().find(|time| !(0.0..=1.0).contains(*time)) {
+            return Err(bad("unfold", time, "times from 0 to 1"));
+        }
+        if !args.unfold.is_empty() && values.is_some() {
+            return Err(bad("unfold", "times and values", "one of the two"));
+        }
         let options = PlotOptions {
             patches: args.patches,
             levels: args.levels,
-            paint: word("paint", args.paint, &known)?,
-            space: args.space.then_some(Viewpoint::Outside),
+            paint: word("show", args.show, &known)?,
+            unfold: args.unfold,
+            space: view.or(args.space.then_some(Viewpoint::Outside)),
             range: args.range,
             width_px: args.width,
-            ..PlotOptions::default()
         };
         let (map, extensive) = (Arc::clone(map), args.extensive);
         let picture = run(py, 0, move |_| -> Result<Picture, dermatome::Error> {
             let Some(values) = values else { return Ok(plot_map(&map, &options)?) };
-            let channels = channels(1, extensive);
+            let channels = channels([extensive]);
             let mut frame = Frame::new(&map, 1);
             Join::new(&map, None, values.len(), Duplicates::Refuse)?.fill(&values, &mut frame);
             let mut restrictor = Restrictor::new(&map, &channels);

@@ -12,8 +12,8 @@ use dermatome::{
     io::{IoError, ReadingsLayout, ReadingsReader},
     pyramid::LevelId,
     signal::{
-        Channel, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join, Quantity, Restrictor,
-        Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
+        Frame, Join, Quantity, Restrictor, SignalError, Touch, TouchOptions, TouchSimulation, TrackerOptions,
     },
     skin::{Patch, TaxelId},
 };
@@ -25,12 +25,12 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{Reals, bad_shape, floats, matrix, one_number_each, reals, shaped, vector, zeros},
+    arrays::{Reals, bad_shape, floats, matrix, one_each, one_number_each, reals, shaped, vector, zeros},
     errors::{bad, error},
     jobs::{Stop, run, run_here},
     map::{PyMap, starts},
     matrix::{PyMatrix, Rows},
-    options::{channels, count, level, positive, word},
+    options::{channels, count, extensive, level, positive, word},
     skin::PySkin,
 };
 
@@ -71,6 +71,8 @@ struct Plan {
     fill: f32,
     /// Where the values of each patch begin among those of the level.
     starts: Vec<usize>,
+    /// The id that each pixel shows.
+    taxel_ids: Vec<u32>,
 }
 
 impl Plan {
@@ -107,7 +109,7 @@ pub(crate) struct RenderArgs<'a> {
     pub(crate) level: i64,
     pub(crate) patch: Option<&'a str>,
     pub(crate) channels: i64,
-    pub(crate) extensive: bool,
+    pub(crate) extensive: Option<&'a Bound<'a, PyAny>>,
     pub(crate) interpolate: &'a str,
     pub(crate) size: Option<(u32, u32)>,
     pub(crate) pixel: Option<f64>,
@@ -147,7 +149,7 @@ impl PyRenderer {
         };
         let options = AtlasOptions { resolution, packed: args.pack };
         let (map, fill) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN));
-        let extensive = args.extensive;
+        let extensive = extensive(args.extensive, count)?;
         let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {
             let mut atlas = Atlas::new(&map, &options)?;
             let of_patch = |chart: &dermatome::atlas::Chart| patch.is_none_or(|patch| chart.patch == patch);
@@ -158,7 +160,7 @@ impl PyRenderer {
             if size.is_none_or(|size| size * count > MOST_NUMBERS) {
                 return Ok(None);
             }
-            let channels = channels(count, extensive);
+            let channels = channels(extensive);
             let render = RenderOptions { interpolation, level: Some(level) };
             Ok(Some(Plan {
                 join: Join::new(&map, None, taxels, Duplicates::Refuse)?,
@@ -169,6 +171,7 @@ impl PyRenderer {
                 channels: channels.len(),
                 fill,
                 starts: starts(&map, level),
+                taxel_ids: atlas.parts[0].taxel_ids(&map),
             }))
         })?;
         let needed = "a level that the patch has, and images of less than 2^28 numbers";
@@ -232,6 +235,13 @@ impl PyRenderer {
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let covered = self.plan.renderer.images()[0].coverage.iter().map(|&covered| covered == 1);
         shaped(py, [self.shape.0, self.shape.1], covered.collect())
+    }
+
+    /// (H, W) uint32 array: Id of the taxel nearest to each pixel, above level 0 the number of the field in its patch;
+    /// 4294967295 where there is none.
+    #[getter]
+    fn taxel_id<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        shaped(py, [self.shape.0, self.shape.1], self.plan.taxel_ids.clone())
     }
 
     /// The matrix that draws values of the level where none is missing: (H W, values of the level of the whole map).
@@ -476,6 +486,63 @@ pub(crate) fn join_readings<'py>(
         joined.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
     }
     Ok(shaped(py, [frames, channels, taxels], joined)?.into_any())
+}
+
+/// Readings of the taxels of a map, (T, C, N), made comparable: their values and the names of their channels.
+#[pyfunction]
+#[pyo3(signature = (map, values, times, names, baseline, gains, clip=None, split_hz=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn condition_readings<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    values: &Bound<'py, PyAny>,
+    times: &Bound<'py, PyAny>,
+    names: Vec<String>,
+    baseline: i64,
+    gains: Vec<(u32, f64)>,
+    clip: Option<[f64; 2]>,
+    split_hz: Option<f64>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
+    let map = Arc::clone(&map.get().map);
+    let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let values = floats("values", values)?;
+    let shape = [times.len()?, names.len(), taxels];
+    if values.shape() != shape {
+        let [frames, channels, taxels] = shape;
+        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, {taxels})")));
+    }
+    let (times, values) = (one_each("timestamps", times, shape[0])?, values.as_slice()?.to_vec());
+    let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
+    let options = ConditionOptions { baseline: count("baseline", baseline)?, gains, clip, split_hz };
+    let channels: Vec<_> = names.iter().map(|name| Channel::new(name, "")).collect();
+    let made = run(py, 0, move |stop| -> Result<_, SignalError> {
+        let mut conditioner = Conditioner::new(&map, &channels, &options)?;
+        let names: Vec<_> = conditioner.channels().iter().map(|channel| channel.name.clone()).collect();
+        let (mut frame, mut out) = (Frame::new(&map, channels.len()), Vec::new());
+        let join = Join::new(&map, None, taxels, Duplicates::Refuse)?;
+        let mut keep = |frame: &Frame| -> Result<(), SignalError> {
+            stop.check();
+            for channel in 0..names.len() {
+                frame.values.iter().for_each(|patch| out.extend_from_slice(&patch[channel]));
+            }
+            Ok(())
+        };
+        for (read, time) in values.chunks((shape[1] * taxels).max(1)).zip(times) {
+            join.fill(read, &mut frame);
+            frame.time = time;
+            conditioner.push(&frame, &mut keep)?;
+        }
+        conditioner.finish(&mut keep)?;
+        Ok((out, names))
+    })?;
+    let (values, names) = made.map_err(error)?;
+    Ok((shaped(py, [shape[0], names.len(), taxels], values)?.into_any(), names))
+}
+
+/// Whether a channel of this name and unit is an amount, as a force, and not an average.
+#[pyfunction]
+pub(crate) fn is_extensive(name: &str, unit: &str) -> bool {
+    Channel::new(name, unit).quantity == Quantity::Extensive
 }
 
 /// An argument as an array of real numbers, or an error that names it.

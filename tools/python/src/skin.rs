@@ -4,10 +4,11 @@ use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     Skin,
-    io::{ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
+    io::{IoError, ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
+    remesh::{keep_outer, remesh_skin},
     skin::{
-        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Presence, Remark, Severity, Sheet,
-        TaxelId, assemble, check as findings_of,
+        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Patch, Presence, Remark, Severity,
+        Sheet, TaxelId, assemble, check as findings_of,
     },
 };
 use glam::{DAffine3, DVec3};
@@ -21,7 +22,7 @@ use crate::{
     arrays::{matrix, one_each, one_number_each, points, triangles, vector},
     errors::{bad, error},
     jobs::run,
-    options::{fill_holes, unit, weld},
+    options::{fill_holes, positive, unit, weld},
 };
 
 /// A skin: taxels on patches, joined by triangles, in the frames of the links of a robot.
@@ -101,6 +102,25 @@ impl PySkin {
         let assembled = run(py, 0, move |_| assemble(&draft, &options))?.map_err(error)?;
         Ok(Self::new(assembled.skin, &assembled.remarks))
     }
+
+    /// The same surface, meshed anew with taxels this far apart.
+    fn meshed_anew(self, py: Python<'_>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (spacings, skin, mut remarks) = (spacings(spacing, &self.skin)?, self.skin, self.remarks);
+        let made = run(py, 0, move |_| remesh_skin(&skin, &spacings))?.map_err(error)?;
+        if made.skin.patches.is_empty() {
+            return Err(bad(
+                "spacing",
+                spacing,
+                "less: every patch is smaller than the hexagon around one taxel",
+            ));
+        }
+        remarks.extend(
+            made.left_out
+                .iter()
+                .map(|name| format!("{name}: smaller than the hexagon around one taxel, and left out")),
+        );
+        Ok(Self { skin: Arc::new(made.skin), remarks })
+    }
 }
 
 /// Whether a file is of CAD, whose triangles need repair more often than not.
@@ -115,8 +135,8 @@ impl PySkin {
     ///
     /// Parameters
     /// ----------
-    /// path : str or os.PathLike
-    ///     .glb, .gltf, .json, .obj, .off, .ply, .stl, .npz, .csv or .txt.
+    /// path : str, os.PathLike, or a sequence of them
+    ///     .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or .txt; several files are one skin.
     /// unit : {"m", "mm", "cm", "in"} or float
     ///     Unit of the lengths in the file; a number is a length in m.
     /// gap : float
@@ -124,7 +144,7 @@ impl PySkin {
     /// weld : {"auto", "all", "none", "texture"}
     ///     Which vertices at exactly one place become one taxel.
     /// repair : bool, optional
-    ///     Whether faulty triangles are repaired; by default those of .stl files.
+    ///     Whether faulty triangles are repaired; by default those of .stl, .dae and .urdf files.
     /// outside : (3,) array_like, optional
     ///     Direction of the outside of taxels without triangles and normals.
     /// fill_holes : int, optional
@@ -133,17 +153,22 @@ impl PySkin {
     ///     Take the patches of these names alone, in which * and ? stand for any characters.
     /// keep_going : bool
     ///     Leave out patches that cannot be repaired.
+    /// outer : bool
+    ///     Keep what of each link can be touched: the outside of the shells of CAD.
+    /// spacing : float or dict of str to float, optional
+    ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
+    ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
     ///
     /// Returns
     /// -------
     /// Skin
     #[staticmethod]
     #[pyo3(signature = (path, *, unit=None, gap=2.5, weld="auto", repair=None, outside=None, fill_holes=None,
-        patches=None, keep_going=false))]
+        patches=None, keep_going=false, outer=false, spacing=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn read(
         py: Python<'_>,
-        path: PathBuf,
+        path: &Bound<'_, PyAny>,
         unit: Option<&Bound<'_, PyAny>>,
         gap: f64,
         weld: &str,
@@ -152,14 +177,32 @@ impl PySkin {
         fill_holes: Option<i64>,
         patches: Option<Vec<String>>,
         keep_going: bool,
+        outer: bool,
+        spacing: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let repair = repair.unwrap_or_else(|| is_stl(&path));
+        let paths: Vec<PathBuf> = path.extract().map(|path| vec![path]).or_else(|_| path.extract())?;
+        let repair = repair.unwrap_or_else(|| paths.iter().any(|path| is_stl(path)));
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
         let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let mut draft = run(py, 0, move |_| read_draft_with(&path, ReadParts::default()))?.map_err(error)?;
+        let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
+        let mut draft = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
+        if outer && draft.sheets.is_empty() {
+            return Err(bad("outer", "no face that is outside", "False"));
+        }
+        if parts.texture && draft.sheets.iter().all(|sheet| sheet.texture.is_none()) {
+            return Err(bad(
+                "weld",
+                "\"texture\"",
+                "a file with texture coordinates on all corners of a sheet",
+            ));
+        }
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
         draft.scale(metres);
-        Self::assembled(py, draft, options)
+        let skin = Self::assembled(py, draft, options)?;
+        match spacing {
+            Some(spacing) => skin.meshed_anew(py, spacing),
+            None => Ok(skin),
+        }
     }
 
     /// Read a skin from the content of a file, which may name no other files.
@@ -327,6 +370,35 @@ impl PySkin {
     fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         vector(py, self.skin.patches.iter().flat_map(|patch| patch.taxels.areas.iter().copied()))
     }
+}
+
+/// What some files hold, as one draft.
+fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<Draft, IoError> {
+    let mut drafts = paths.iter().map(|path| read_draft_with(path, parts));
+    let mut draft = drafts.next().transpose()?.unwrap_or_default();
+    drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
+    if outer {
+        keep_outer(&mut draft);
+    }
+    Ok(draft)
+}
+
+/// How far apart the taxels of each patch shall be, in m: a number, or one for names of links.
+fn spacings(value: &Bound<'_, PyAny>, skin: &Skin) -> PyResult<Vec<f64>> {
+    let Ok(of_links) = value.cast::<PyDict>() else {
+        return Ok(vec![positive("spacing", value.extract()?)?; skin.patches.len()]);
+    };
+    let fits = value.py().import("fnmatch")?.getattr("fnmatchcase")?;
+    let of_patch = |patch: &Patch| {
+        let name = &skin.links[patch.link].name;
+        for (pattern, spacing) in of_links {
+            if fits.call1((name, &pattern))?.extract()? {
+                return positive("spacing", spacing.extract()?);
+            }
+        }
+        Err(bad("spacing", format!("no name of the link {name:?}"), "one, or \"*\" for all others"))
+    };
+    skin.patches.iter().map(of_patch).collect()
 }
 
 /// A draft of one sheet.

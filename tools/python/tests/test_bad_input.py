@@ -151,6 +151,41 @@ def test_options(a, b, c, count):
 
 
 @SETTINGS
+@given(anything(columns=256), anything(columns=1), real, real, levels)
+def test_recordings(dome_map, index, values, times, a, b, count):
+    readings = accepts(lambda: dermatome.Readings.from_arrays(values, timestamps=times))
+    for call in (
+        lambda: readings.condition(dome_map, baseline=count),
+        lambda: readings.condition(dome_map, gain={count: a}, clip=(a, b)),
+        lambda: readings.condition(dome_map, split=a, rate=b),
+        lambda: readings.features(dome_map, count),
+    ):
+        if readings is not None:
+            accepts(call)
+    accepts(lambda: dome_map.pool(values, count, contrast=True))
+    accepts(lambda: dome_map.renderer(extensive=values))
+    accepts(lambda: dome_map.plot(view=(a, b), unfold=[a, b], range=(a, b), width=300))
+    accepts(lambda: dermatome.ContactTracker(dome_map, threshold=a, low=b, least=count, noise_frames=count, reach=a))
+    accepts(lambda: index.readings(times, [a], [b]))
+    accepts(lambda: index.readings(np.zeros((1, 3)), [a], [b], taxel_radius=a, max_distance=b))
+
+
+@SETTINGS
+@given(anything(columns=1, rows=25), real, real, levels)
+def test_acuities_and_calibrations(acuity, a, b, count):
+    positions, faces = lattice(5, 5)
+    accepts(lambda: dermatome.build(dermatome.Skin.from_arrays(positions, faces), acuity=acuity))
+    accepts(lambda: dermatome.coarsen(positions, faces, acuity=acuity, coarsest=4))
+    accepts(lambda: dermatome.flatten(positions, faces, acuity=np.full(25, a)))
+    few = count if count is None or not isinstance(count, int) else min(count, 40)
+    made = accepts(lambda: dermatome.simulate(taxels=40, anchors=few, anchor_noise=a, normal_noise=b, indentation=a, arm_noise=b))
+    if made:
+        found = accepts(lambda: dermatome.calibrate(made[0], iterations=few))
+        if found:
+            accepts(lambda: found.skin(acuity))
+
+
+@SETTINGS
 @given(st.binary(max_size=200), st.integers(0, 10**6), st.binary(min_size=1, max_size=3))
 def test_damaged_files(dome_map, garbage, place, patch):
     good = dome_map.to_bytes()

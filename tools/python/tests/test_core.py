@@ -386,6 +386,40 @@ def test_posed_indices_share_their_trees():
     assert (resident() - before) / len(posed) < 50_000, "a tree of 4900 taxels takes some 500 kB"
 
 
+def test_several_files_are_one_skin(tmp_path):
+    positions, faces = dome()
+    for k in range(2):
+        dermatome.Skin.from_arrays(positions + [k, 0, 0], faces, patch=f"part{k}").write(tmp_path / f"{k}.glb")
+    both = dermatome.Skin.read([tmp_path / "0.glb", str(tmp_path / "1.glb")])
+    assert both.patches == ("part0", "part1") and both.n_taxels == 512
+    with pytest.raises(dermatome.DataError, match="weld"):
+        dermatome.Skin.read(tmp_path / "0.glb", weld="texture")
+    coarse = dermatome.Skin.read(tmp_path / "0.glb", spacing=0.01)
+    assert 30 < coarse.n_taxels < 128
+    named = dermatome.Skin.read(tmp_path / "0.glb", spacing={"li*": 0.01, "*": 0.02})
+    assert named.n_taxels == coarse.n_taxels
+    with pytest.raises(dermatome.DataError, match="spacing: found no name of the link"):
+        dermatome.Skin.read(tmp_path / "0.glb", spacing={"hand": 0.01})
+    within = np.concatenate([positions, positions - [0, 0, 0.01]])
+    assert dermatome.Skin.from_arrays(within, np.concatenate([faces, faces + 256])).n_taxels == 512
+    assert dermatome.Skin.read(tmp_path / "0.glb", outer=True).n_taxels == 256
+
+
+def test_fields_are_finer_where_the_acuity_is_larger():
+    positions, faces = lattice(30, 30)
+    acuity = np.where(positions[:, 0] < positions[:, 0].mean(), 3.0, 1.0)
+    for level in (
+        dermatome.build(dermatome.Skin.from_arrays(positions, faces), acuity=acuity).patches["skin"].levels[1],
+        dermatome.coarsen(positions, faces, acuity=acuity)[1],
+    ):
+        fine = (level.positions[:, 0] < positions[:, 0].mean()).mean()
+        assert fine > 0.6
+    uv = dermatome.flatten(positions, faces, acuity=acuity).uv
+    (ax, ay), (bx, by) = (uv[faces[:, 1]] - uv[faces[:, 0]]).T, (uv[faces[:, 2]] - uv[faces[:, 0]]).T
+    area = ax * by - ay * bx
+    assert area[acuity[faces].min(axis=1) == 3].mean() > 4 * area[acuity[faces].max(axis=1) == 1].mean()
+
+
 def test_progress_is_told():
     told = []
     dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), progress=lambda *step: told.append(step))

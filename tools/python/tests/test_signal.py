@@ -11,16 +11,16 @@ import dermatome
 
 
 def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, tmp_path):
-    values = np.random.default_rng(3).random((9, 2, 256)).astype(np.float32)
-    values[4, 0, 100:110] = np.nan
+    values = np.random.default_rng(3).random((50, 2, 256)).astype(np.float32)
+    values[30, 0, 100:110] = np.nan
     renderer = dome_map.renderer(1, channels=2, size=(48, 40))
     images = renderer(values)
-    assert images.shape == (9, 2, 48, 40) and images.dtype == np.float32 and renderer.shape == (48, 40)
+    assert images.shape == (50, 2, 48, 40) and images.dtype == np.float32 and renderer.shape == (48, 40)
     assert np.array_equal(renderer(values, threads=1), images, equal_nan=True)
     for same in (values.astype(float), values.astype(">f4"), np.asfortranarray(values)):
         assert np.array_equal(renderer(same), images, equal_nan=True)
     assert renderer(values[:0]).shape == (0, 2, 48, 40)
-    for k in range(9):
+    for k in range(50):
         assert np.array_equal(renderer(values[k : k + 1])[0], images[k], equal_nan=True)
     assert np.isnan(images[:, :, ~renderer.mask]).all() and np.isfinite(images[0][:, renderer.mask]).all()
     dome_map.write(tmp_path / "map.glb")
@@ -28,8 +28,13 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
     command = ["render", "map.glb", "values.npz", "-o", "out.npz", "--level", "1", "--size", "48", "40", "--layout", "tcn", "--quiet"]
     subprocess.run([sys.executable, "-m", "dermatome", *command], check=True, cwd=tmp_path)
     assert np.array_equal(np.load(tmp_path / "out.npz")["dome.L1.image"], images, equal_nan=True)
+    assert np.array_equal(np.load(tmp_path / "out.npz")["dome.L1.taxel_id"], renderer.taxel_id)
     filled = dome_map.renderer(1, channels=2, size=(48, 40), fill=0.0)(values)
     assert np.array_equal(filled, np.nan_to_num(images))
+    mixed = dome_map.renderer(1, channels=2, size=(48, 40), extensive=[False, True])(values)
+    assert np.array_equal(mixed[:, 0], images[:, 0], equal_nan=True) and np.nanmax(mixed[:, 1]) > 10 * np.nanmax(images[:, 1])
+    with pytest.raises(dermatome.DataError, match="extensive: found 3 words"):
+        dome_map.renderer(channels=2, extensive=[True, True, False])
 
 
 @pytest.mark.parametrize("interpolate", ["linear", "nearest", "natural"])
@@ -105,6 +110,50 @@ def test_recordings_are_read_by_id(dome_map, tmp_path):
     assert some.units == ("Pa",) and some.values[1, 0, :2].tolist() == [6, 7] and np.isnan(some.values[0, 0, 1:]).all()
 
 
+def test_readings_are_made_comparable_as_the_command_does(dome_map, tmp_path):
+    values = np.random.default_rng(11).normal(5, 1, (30, 1, 256))
+    readings = dermatome.Readings.from_arrays(values, ids=dome_map.ids, timestamps=np.arange(30) / 50, units=("N",))
+    readings.write(tmp_path / "values.npz")
+    dome_map.write(tmp_path / "map.glb")
+    (tmp_path / "gain.csv").write_text("id,gain\n7,2.5\n")
+    options = ["--baseline", "4", "--gain", "gain.csv", "--clip=-1,1", "--split", "5", "--layout", "tcn", "--values-only", "--quiet"]
+    command = ["render", "map.glb", "values.npz", "-o", "out.npz", *options]
+    subprocess.run([sys.executable, "-m", "dermatome", *command], check=True, cwd=tmp_path)
+    written = np.load(tmp_path / "out.npz")
+    made = readings.condition(dome_map, baseline=4, gain={7: 2.5}, clip=(-1, 1), split=5.0)
+    assert made.channels == tuple(written["channels"]) and made.units == ("N", "N") and made.extensive == (True, True)
+    assert np.array_equal(made.values.astype("f4"), written["dome.L0.values"])
+    feature = made.features(dome_map)["observation.tactile.dome.L1"]
+    assert feature["shape"] == feature["values"].shape[1:] and feature["valid"].all()
+    assert np.array_equal(feature["values"], written["dome.L1.values"].reshape(30, -1))
+    for shape in [(0, 1, 256), (3, 0, 256)]:
+        empty = dermatome.Readings.from_arrays(np.empty(shape)).features(dome_map)["observation.tactile.dome.L1"]
+        assert empty["values"].shape == (shape[0], *empty["shape"])
+    with pytest.raises(dermatome.DataError, match="split: found readings without times"):
+        dermatome.Readings.from_arrays(values).condition(dome_map, split=5.0)
+    steady = dermatome.Readings.from_arrays(np.ones((3, 256))).condition(dome_map, split=5.0, rate=100.0)
+    assert (steady.values[:, 1] == 0).all() and steady.timestamps.tolist() == [0, 0.01, 0.02]
+
+
+def test_contrast_is_what_the_coarser_level_leaves(dome_map):
+    values = np.random.default_rng(12).random((5, 256))
+    up = dome_map.patches["dome"].levels[0].up().scipy()
+    left = values - dome_map.pool(values, 1).astype(float) @ up.T
+    assert np.allclose(dome_map.pool(values, 0, contrast=True), left, atol=1e-6)
+
+
+def test_contacts_become_readings(dome_map):
+    level = dome_map.patches["dome"].levels[0]
+    index = dome_map.index(fields=True)
+    readings, felt = index.readings(level.positions[[100, 37]] + 1e-4, [2.0, 3.0])
+    assert readings.sum() == pytest.approx(5) and readings[100] > 1.5 and felt.all()
+    above = level.positions[100] + 0.008 * level.normals[100]
+    spheres, felt = index.readings([above, [9, 9, 9]], [2.0, 1.0], [0.01, 0.01])
+    assert spheres.sum() == pytest.approx(2) and (spheres > 0).sum() > 3 and felt.tolist() == [True, False]
+    with pytest.raises(dermatome.DataError, match="force: found shape"):
+        index.readings(level.positions[:2], [1.0])
+
+
 def test_calibration_finds_the_truth(tmp_path):
     observations, truth = dermatome.simulate(taxels=120, noise=1e-4, anchors=6, anchor_noise=1e-4, seed=8)
     found = dermatome.calibrate(observations)
@@ -114,6 +163,11 @@ def test_calibration_finds_the_truth(tmp_path):
     observations.write(tmp_path / "o.g2o")
     again = dermatome.calibrate(tmp_path / "o.g2o", robust="none")
     assert np.abs(again.positions - found.positions).max() < 1e-4
+    assert np.allclose((again.residuals[0][:, 0] ** 2).sum() + (again.residuals[1][:, 0] ** 2).sum(), again.chi2)
+    assert again.skin(truth["faces"]).faces.shape == truth["faces"].shape
+    assert dermatome.Observations.read(tmp_path / "o.g2o", clip_information=True).n_edges == observations.n_edges
+    tilted, _ = dermatome.simulate(taxels=60, anchors=20, normal_noise=0.01, indentation=1e-3, arm_noise=1e-3)
+    assert tilted.n_contacts == 20
     worse, outliers = dermatome.simulate(taxels=120, outliers=0.05, seed=9)
     assert set(dermatome.calibrate(worse, robust="gnc").rejected[0]) & set(outliers["outliers"])
 
@@ -121,6 +175,7 @@ def test_calibration_finds_the_truth(tmp_path):
 def test_pictures(dome_map, tmp_path):
     picture = dome_map.plot(width=600)
     assert "dome, level 0" in picture._repr_svg_() and picture.svg() == picture._repr_svg_()
+    assert "<svg" in dome_map.plot(unfold=[0, 0.5, 1], view=(30, 40), width=600).svg()
     dome_map.plot(np.arange(256.0), levels=[0], space=True).save(tmp_path / "readings.png")
     assert (tmp_path / "readings.png").read_bytes().startswith(b"\x89PNG")
 
@@ -132,6 +187,8 @@ def test_findings_of_bad_arguments_name_them(dome_map):
         (lambda: dome_map.renderer()(np.zeros((2, 9))), "values: found shape (2, 9)"),
         (lambda: dome_map.pool(np.zeros(9), 1), "values: found shape (9,)"),
         (lambda: dermatome.ContactTracker(dome_map, threshold=-1.0), "threshold"),
+        (lambda: dome_map.plot(unfold=[2.0]), "unfold: found 2"),
+        (lambda: dermatome.build(dermatome.Skin.from_arrays(*dome()), acuity=np.zeros(256)), "acuity[0]: found 0"),
         (lambda: dermatome.Readings.from_arrays(np.zeros((2, 3)), ids=[1, 2]), "ids: found shape (2,)"),
         (lambda: dermatome.build(dermatome.Skin.from_arrays(*dome()), cut="maybe"), 'cut: found "maybe"'),
     ]:

@@ -29,7 +29,9 @@ __all__ = [
     "calibrate",
     "check",
     "coarsen",
+    "condition_readings",
     "flatten",
+    "is_extensive",
     "join_readings",
     "read_readings",
     "run_command",
@@ -56,7 +58,7 @@ def run_command(args: Sequence[str]) -> int: ...
 class Skin:
     @staticmethod
     def read(
-        path: _Path,
+        path: _Path | Sequence[_Path],
         *,
         unit: _Unit | None = None,
         gap: float = 2.5,
@@ -66,6 +68,8 @@ class Skin:
         fill_holes: int | None = None,
         patches: Sequence[str] | None = None,
         keep_going: bool = False,
+        outer: bool = False,
+        spacing: float | Mapping[str, float] | None = None,
     ) -> Skin: ...
     @staticmethod
     def from_bytes(data: bytes, kind: str = "glb") -> Skin: ...
@@ -168,7 +172,9 @@ class Map:
     @property
     def report(self) -> list[dict[str, Any]]: ...
     def pooling(self, level: int, *, patch: str | None = None) -> Matrix: ...
-    def pool(self, values: ArrayLike, level: int, *, extensive: bool = False, threads: int = 0) -> _F32: ...
+    def pool(
+        self, values: ArrayLike, level: int, *, extensive: bool = False, contrast: bool = False, threads: int = 0
+    ) -> _F32: ...
     def index(self, *, levels: bool = False, fields: bool = False, threads: int = 0) -> Index: ...
     def renderer(
         self,
@@ -176,7 +182,7 @@ class Map:
         *,
         patch: str | None = None,
         channels: int = 1,
-        extensive: bool = False,
+        extensive: bool | Sequence[bool] | None = None,
         interpolate: Literal["linear", "nearest", "natural"] = "linear",
         size: tuple[int, int] | None = None,
         pixel: float | None = None,
@@ -189,12 +195,15 @@ class Map:
         *,
         patches: Sequence[str] | None = None,
         levels: Sequence[int] | None = None,
-        paint: Literal["fields", "angle", "area", "sigma"] = "fields",
+        show: Literal["fields", "angle", "area", "sigma"] = "fields",
         space: bool = False,
+        view: tuple[float, float] | None = None,
+        unfold: Sequence[float] | None = None,
         range: tuple[float, float] | None = None,
         width: int = 1600,
         extensive: bool = False,
     ) -> Picture: ...
+    def bench(self) -> dict[str, Any]: ...
     def to_skin(self, patch: str, uv: ArrayLike, *, level: int = 0) -> tuple[_F64, _F64, _F64]: ...
 
 @final
@@ -265,6 +274,7 @@ def build(
     max_area_ratio: float | None = None,
     pixel: float | None = None,
     keep_going: bool = False,
+    acuity: ArrayLike | None = None,
     threads: int = 0,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> Map: ...
@@ -369,6 +379,17 @@ class Index:
         only_link: str | None = None,
         threads: int = 0,
     ) -> Fields: ...
+    def readings(
+        self,
+        points: ArrayLike,
+        force: ArrayLike,
+        radius: ArrayLike | None = None,
+        *,
+        taxel_radius: float = 0.002,
+        max_distance: float | None = None,
+        link: str | None = None,
+        only_link: str | None = None,
+    ) -> tuple[_F64, NDArray[np.bool_]]: ...
     def posed(self, poses: Mapping[str, ArrayLike]) -> Index: ...
     @property
     def poses(self) -> dict[str, _F64]: ...
@@ -400,6 +421,7 @@ def flatten(
     magnify: float = 0.0,
     overlap: _Overlap = "prevent",
     boundary: str = "free",
+    acuity: ArrayLike | None = None,
     threads: int = 0,
 ) -> Flattening: ...
 @final
@@ -421,6 +443,7 @@ def coarsen(
     ratio: float | None = None,
     levels: int | None = None,
     coarsest: int = 32,
+    acuity: ArrayLike | None = None,
     threads: int = 0,
 ) -> list[MeshLevel]: ...
 @final
@@ -429,6 +452,8 @@ class Renderer:
     def shape(self) -> tuple[int, int]: ...
     @property
     def pixel(self) -> tuple[float, float]: ...
+    @property
+    def taxel_id(self) -> _U32: ...
     def __call__(self, values: ArrayLike, *, threads: int = 0) -> _F32: ...
     @property
     def mask(self) -> NDArray[np.bool_]: ...
@@ -456,6 +481,17 @@ class ContactTracker:
 
 def read_readings(path: _Path, layout: Literal["tnc", "tcn"] = "tnc") -> dict[str, Any]: ...
 def join_readings(map: Map, values: ArrayLike, ids: ArrayLike) -> _F64: ...
+def condition_readings(
+    map: Map,
+    values: ArrayLike,
+    times: ArrayLike,
+    names: Sequence[str],
+    baseline: int,
+    gains: Sequence[tuple[int, float]],
+    clip: tuple[float, float] | None = None,
+    split_hz: float | None = None,
+) -> tuple[_F64, list[str]]: ...
+def is_extensive(name: str, unit: str) -> bool: ...
 def as_floats(name: str, value: ArrayLike) -> _F64: ...
 def as_numbers(name: str, value: ArrayLike, count: int) -> _U32: ...
 def simulate_touch(
@@ -480,7 +516,13 @@ def simulate_touch(
 @final
 class Observations:
     @staticmethod
-    def read(path: _Path, *, contacts: Sequence[_Path] | None = None, unit: _Unit | None = None) -> Observations: ...
+    def read(
+        path: _Path,
+        *,
+        contacts: Sequence[_Path] | None = None,
+        unit: _Unit | None = None,
+        clip_information: bool = False,
+    ) -> Observations: ...
     def write(self, path: _Path) -> None: ...
     @property
     def remarks(self) -> list[str]: ...
@@ -511,7 +553,9 @@ class Calibration:
     def converged(self) -> bool: ...
     @property
     def rejected(self) -> tuple[_U32, _U32]: ...
-    def skin(self) -> Skin: ...
+    @property
+    def residuals(self) -> list[_F64]: ...
+    def skin(self, faces: ArrayLike | None = None) -> Skin: ...
 
 def calibrate(
     observations: Observations | _Path,
@@ -533,6 +577,10 @@ def simulate(
     rotation_noise: float | None = None,
     anchors: int = 0,
     anchor_noise: float = 1e-3,
+    normal_noise: float | None = None,
+    indentation: float = 0.0,
+    arm_noise: float = 0.0,
+    arm_rotation_noise: float = 0.0,
     outliers: float = 0.0,
     seed: int = 0,
 ) -> tuple[Observations, dict[str, Any]]: ...

@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import Map, Skin, as_floats, as_numbers, join_readings, read_readings, simulate_touch
+from dermatome._dermatome import (
+    Map,
+    Skin,
+    as_floats,
+    as_numbers,
+    condition_readings,
+    is_extensive,
+    join_readings,
+    read_readings,
+    simulate_touch,
+)
 from dermatome._errors import DataError
 
 if TYPE_CHECKING:
@@ -118,6 +128,113 @@ class Readings:
             return self
         values = join_readings(map, self.values, self.ids)
         return Readings(values, None, self.timestamps, self.channels, self.units)
+
+    @property
+    def extensive(self) -> tuple[bool, ...]:
+        """tuple of bool: Which channels are amounts, as forces in N, and not averages, as pressures."""
+        return tuple(is_extensive(name, unit) for name, unit in zip(self.channels, self.units))
+
+    def condition(
+        self,
+        map: Map,
+        *,
+        baseline: int = 0,
+        gain: dict[int, float] | None = None,
+        clip: tuple[float, float] | None = None,
+        split: float | None = None,
+        rate: float | None = None,
+    ) -> Readings:
+        """Make readings of the taxels of a map comparable, in the order of the arguments.
+
+        Parameters
+        ----------
+        map : Map
+            The map in whose order they are.
+        baseline : int
+            The mean of this many first frames is subtracted.
+        gain : dict of int to float, optional
+            What the readings of a taxel are multiplied by, by its id; 1 for others.
+        clip : (2,) tuple of float, optional
+            Bounds to which readings are clipped.
+        split : float, optional
+            Frequency, in Hz, that splits each channel into `NAME.slow` and `NAME.fast`. Needs times.
+        rate : float, optional
+            Frames per second, for readings without times.
+
+        Returns
+        -------
+        Readings
+            NaN where a reading has no baseline or is beyond 32-bit numbers.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1)
+        >>> readings.condition(palm, baseline=10, split=5.0).channels
+        ('force.slow', 'force.fast')
+        """
+        import numpy as np
+
+        readings = self.on(map)
+        times = readings.timestamps
+        if rate is not None and not np.isfinite(times).any():
+            if not 0 < rate < float("inf"):
+                raise DataError(f"rate: found {rate}; needed: a number above 0")
+            times = np.arange(len(times)) / rate
+        if split is not None and not np.isfinite(times).all():
+            raise DataError("split: found readings without times; needed: rate")
+        gains = list((gain or {}).items())
+        values, names = condition_readings(map, readings.values, times, list(self.channels), baseline, gains, clip, split)
+        units = self.units if split is None else tuple(unit for unit in self.units for _ in range(2))
+        return Readings(values, None, times, tuple(names), units)
+
+    def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:
+        """What a LeRobot dataset keeps of these readings, as `dermatome render` describes it in `features.json`.
+
+        Parameters
+        ----------
+        map : Map
+            The map in whose order they are.
+        level : int
+            The level whose values are kept.
+
+        Returns
+        -------
+        dict
+            For each patch that reaches up to the level its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
+            the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool tells them apart.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1)
+        >>> {key: feature["shape"] for key, feature in readings.features(palm, level=0).items()}
+        {'observation.tactile.skin.L0': (81,)}
+        """
+        import numpy as np
+
+        from dermatome.lerobot import key
+
+        values = self.on(map).values
+        pooled = [map.pool(values[:, k : k + 1], level, extensive=extensive) for k, extensive in enumerate(self.extensive)]
+        pooled = np.concatenate(pooled, axis=1) if pooled else map.pool(values, level)
+        made, first = {}, 0
+        for name, patch in map.patches.items():
+            if level < len(patch.levels):
+                part = pooled[:, :, first : first + len(patch.levels[level].positions)]
+                first += part.shape[2]
+                known = np.isfinite(part)
+                shape = (part.shape[1] * part.shape[2],)
+                made[key(name, level)] = {
+                    "dtype": "float32",
+                    "shape": shape,
+                    "names": None,
+                    "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
+                    "valid": known.all(axis=1),
+                }
+        return made
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the recording to an .npz file that `read` and the command read with the layout "tcn"."""

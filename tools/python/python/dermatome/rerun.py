@@ -31,7 +31,7 @@ def log(
         )
     if readings is None:
         return
-    values = map.pool(readings.on(map).values[:, channel], level)
+    values = map.pool(readings.on(map).values[:, channel], level, extensive=readings.extensive[channel])
     top = limit or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for frame, row in enumerate(values):
         if np.isfinite(readings.timestamps[frame]):
