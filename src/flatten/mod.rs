@@ -165,8 +165,7 @@ pub fn flatten(
     options: &FlattenOptions,
 ) -> Result<Flattening, FlattenError> {
     options.validate()?;
-    let is_free = options.boundary == Boundary::Free;
-    if is_free && matches!(options.method, Method::Intrinsic { .. }) && mesh.positions.len() > AT_ONCE {
+    if options.starts_coarse() && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
         let maps = flatten_pyramid(&pyramid_of(mesh)?, taxels, options)?;

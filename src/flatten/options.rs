@@ -121,6 +121,11 @@ impl From<Energy> for FlattenOptions {
 }
 
 impl FlattenOptions {
+    /// Whether the map of a level of a pyramid starts from that of the next coarser one.
+    pub(crate) fn starts_coarse(&self) -> bool {
+        self.boundary == Boundary::Free && matches!(self.method, Method::Intrinsic { .. })
+    }
+
     /// Checks that every number is in range and that something is left to minimise.
     pub(crate) fn validate(&self) -> Result<(), FlattenError> {
         if let Boundary::Rectangle { width, height } = self.boundary {

@@ -107,6 +107,18 @@ pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with_progress(skin, options, &|_| ()).map(|built| Arc::unwrap_or_clone(built.map))
 }
 
+/// As [`build`], with level 0 of each patch alone. Coarser levels are made only for a map that starts from theirs.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_finest(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
+    let levels = if options.flatten.starts_coarse() { options.coarsen.levels } else { Some(0) };
+    let coarsen = CoarsenOptions { levels, ..options.coarsen.clone() };
+    let mut map = build(skin, &BuildOptions { coarsen, ..options.clone() })?;
+    map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
+    Ok(map)
+}
+
 /// A map, and what its making was like.
 #[derive(Debug)]
 pub struct Built {

@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use anyhow::Context;
 use dermatome::io::write_flat;
 use dermatome::mesh::FillHoles;
-use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pipeline::{BuildOptions, build_finest};
 use dermatome::pyramid::LevelId;
 use dermatome::report::measure;
 use dermatome::skin::{AssembleOptions, PatchId};
@@ -65,7 +65,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let map = build(&skin, &options).with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    let map =
+        build_finest(&skin, &options).with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let patch = &map.patches[PatchId::new(0)];
     let finest = &patch.levels[LevelId::new(0)];
@@ -78,8 +79,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs.stage(|| write_flat(path, &mesh, &finest.opened_uv()))?;
     }
     outputs.publish(common)?;
-    let mut report = measure(&map);
-    report.iter_mut().for_each(|patch| patch.levels.truncate(1));
+    let report = measure(&map);
     note_seams(&report, common);
     note_overlaps(&report, &options.flatten, common);
     note_distortion(&report, &options.flatten, &options.cut, common);

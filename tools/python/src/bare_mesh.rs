@@ -8,7 +8,7 @@ use dermatome::{
     flatten::{Convergence, Distortion, distortion, flatten as flatten_mesh},
     id::VertexId,
     mesh::TriMesh,
-    pipeline::{BuildOptions, build},
+    pipeline::{BuildOptions, build_finest},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen as coarsen_mesh},
     skin::{PatchId, Taxels},
 };
@@ -127,7 +127,7 @@ pub(crate) fn flatten(
         let mut skin = Skin::from_mesh("mesh", mesh);
         skin.patches[PatchId::new(0)].taxels.acuities = acuity.map(Into::into);
         skin.validate()?;
-        let map = build(&skin, &BuildOptions { cut, flatten: options, ..BuildOptions::default() })?;
+        let map = build_finest(&skin, &BuildOptions { cut, flatten: options, ..BuildOptions::default() })?;
         let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
         Ok(Flat {
             distortion: level.distortion,
