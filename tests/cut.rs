@@ -1,6 +1,8 @@
 //! Laws of cutting: what becomes a disk, what stays whole, and what changes nothing.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
+use std::f64::consts::PI;
+
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::contact::ContactIndex;
@@ -13,7 +15,7 @@ use dermatome::mesh::{Adjacency, TriMesh, shapes};
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
 use dermatome::report::{LevelReport, measure};
-use dermatome::skin::{Patch, PatchId, Skin, TaxelId};
+use dermatome::skin::{LinkId, Patch, PatchId, Skin, TaxelId};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 fn patch(mesh: TriMesh) -> Patch {
@@ -291,6 +293,31 @@ fn several_pieces_are_refused() {
     both.taxels = dermatome::skin::Taxels::from(&mesh);
     (both.taxels.ids, both.mesh) = (ids, mesh);
     assert!(cut_of(both, Cut::Auto).is_err(), "a patch is one piece");
+}
+
+/// On a tube, however the link that carries it is turned.
+#[test]
+fn a_seam_lies_on_the_side_where_it_is_wanted() {
+    let turned = DAffine3::from_rotation_x(0.5 * PI);
+    for (pose, side) in [
+        (DAffine3::IDENTITY, DVec3::X),
+        (DAffine3::IDENTITY, DVec3::new(-3.0, -4.0, 0.0)),
+        (turned, DVec3::Z),
+    ] {
+        let mut skin = Skin::from_mesh("sleeve", shapes::tube(40, 24, 0.05, 0.2));
+        skin.links[LinkId::new(0)].pose = pose;
+        let map = build(&skin, &BuildOptions { seam_side: Some(side), ..BuildOptions::default() }).unwrap();
+        let Patch { mesh, taxels, .. } = &skin.patches[PatchId::new(0)];
+        let mut places = mesh.positions.map(|_| 0);
+        let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
+        level.uv.ids().for_each(|place| places[level.vertex_of(place)] += 1);
+        let seam: Vec<VertexId> = mesh.positions.ids().filter(|&v| places[v] > 1).collect();
+        assert!(seam.len() >= 24, "{} vertices", seam.len());
+        for v in seam {
+            let facing = pose.transform_vector3(taxels.normals[v]).dot(side.normalize());
+            assert!(facing > 0.9, "{side}: {facing}");
+        }
+    }
 }
 
 fn map_of(mesh: TriMesh, cut: Cut) -> SkinMap {

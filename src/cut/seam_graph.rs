@@ -4,6 +4,8 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
+use glam::DVec3;
+
 use crate::cut::cut_mesh::check_disk;
 use crate::cut::{CutError, CutMesh};
 use crate::id::{FaceId, Id, IdVec, VertexId};
@@ -40,6 +42,9 @@ const FREE: u64 = 1;
 /// median one. *Heuristic*: triangulations of even taxels vary by less, and a seam through them
 /// shall be straight.
 const DENSE: f64 = 2.0;
+
+/// Factor on the length of paths through skin that faces away from the side where seams are wanted. *Heuristic*.
+const AWAY: f64 = 4.0;
 
 /// Factors by weight, over the mean one, are at least and at most these.
 const WEIGHTED: [f64; 2] = [0.25, 4.0];
@@ -78,7 +83,7 @@ impl<'m> SeamGraph<'m> {
         let mut is_on_loop = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
         for walk in &loops {
             walk.iter().for_each(|&v| is_on_loop[v] = true);
-            let sum: glam::DVec3 = walk.iter().map(|&v| mesh.positions[v]).sum();
+            let sum: DVec3 = walk.iter().map(|&v| mesh.positions[v]).sum();
             let apex = closed.positions.push(sum / walk.len() as f64);
             for (&a, &b) in walk.iter().zip(walk.iter().cycle().skip(1)) {
                 closed.triangles.push([b, a, apex]);
@@ -207,9 +212,9 @@ impl<'m> SeamGraph<'m> {
     }
 }
 
-/// Factors on the length of paths at each taxel: seams avoid taxels that are dense or whose weights are high.
-/// None where all are equal.
-pub(crate) fn seam_costs(taxels: &Taxels) -> Option<IdVec<VertexId, f64>> {
+/// Factors on the length of paths at each taxel: seams avoid taxels that are dense, whose weights are high or
+/// that face away from `side`, a unit vector. None where all are equal.
+pub(crate) fn seam_costs(taxels: &Taxels, side: Option<DVec3>) -> Option<IdVec<VertexId, f64>> {
     let densities = taxels.wanted_densities();
     let of_density = densities.as_ref().map(|densities| {
         let mut sorted = densities.to_vec();
@@ -222,10 +227,9 @@ pub(crate) fn seam_costs(taxels: &Taxels) -> Option<IdVec<VertexId, f64>> {
         let [least, most] = WEIGHTED;
         weights.map(|w| if mean > 0.0 { (w / mean).clamp(least, most) } else { 1.0 })
     });
-    match (of_density, of_weight) {
-        (Some(a), Some(b)) => Some(a.iter().zip(&b).map(|(a, b)| a * b).collect()),
-        (a, b) => a.or(b),
-    }
+    let of_side = side.map(|side| taxels.normals.map(|n| AWAY.powf(0.5 - 0.5 * n.dot(side))));
+    let given = [of_density, of_weight, of_side].into_iter().flatten();
+    given.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a * b).collect())
 }
 
 /// The vertices of faces that are needles.

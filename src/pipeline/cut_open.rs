@@ -1,5 +1,7 @@
 //! Where to cut a patch, decided by trial maps of a level of a few thousand vertices.
 
+use glam::DVec3;
+
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs};
 use crate::flatten::{FlattenOptions, Overlap, distortion, flatten, flatten_roughly};
@@ -37,12 +39,13 @@ fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error
 }
 
 /// Cuts a mesh open where that is needed or worth it, from trial maps; `None` where it is mapped as it is.
-/// `options` are those of its map.
+/// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
     mesh: &TriMesh,
     taxels: &Taxels,
     cut: &Cut,
+    side: Option<DVec3>,
     options: &FlattenOptions,
 ) -> Result<Option<CutMesh>, Error> {
     let limit = if let Cut::AreaRatio(wanted) = *cut { Some(wanted.powf(KEPT)) } else { None };
@@ -50,7 +53,7 @@ pub(super) fn cut_open(
     if *cut == Cut::None || (limit.is_none() && is_plain_disk(mesh)) {
         return Ok(None);
     }
-    let costs = seam_costs(taxels);
+    let costs = seam_costs(taxels, side);
     let level = decided_level(mesh, taxels)?;
     let of_level = level.as_ref().zip(costs.as_ref());
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
@@ -93,8 +96,6 @@ fn area_ratio(mesh: &TriMesh, taxels: &Taxels, cut: Option<&CutMesh>, options: &
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::mesh::Adjacency;
 
@@ -105,7 +106,8 @@ mod tests {
         let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         let corners = vec![at(0.0, 0.0), at(4.53e-4, 0.0), at(4.53e-4, 3e-6), at(0.0, 3e-6)];
         let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
-        let cut = cut_open(&mesh, &Taxels::from(&mesh), &Cut::Auto, &FlattenOptions::default()).unwrap();
+        let cut =
+            cut_open(&mesh, &Taxels::from(&mesh), &Cut::Auto, None, &FlattenOptions::default()).unwrap();
         let opened = Adjacency::new(&cut.unwrap().mesh(&mesh.positions)).unwrap();
         assert_eq!((opened.euler_characteristic(), opened.boundary_loops().len()), (1, 1));
     }

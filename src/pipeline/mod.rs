@@ -32,6 +32,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::Error;
@@ -44,13 +45,16 @@ use crate::map::{PatchMap, SkinMap};
 use crate::pipeline::cut_open::cut_open;
 use crate::pipeline::written::measure_as_written;
 use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
-use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links};
+use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, world_pose};
 
 /// Options of [`build`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BuildOptions {
     /// Where to cut.
     pub cut: Cut,
+    /// The way that skin faces where seams are preferred, as the inside of limbs, in the frame of the skin at its
+    /// bind pose; [`Cut::Along`] says itself where they are.
+    pub seam_side: Option<DVec3>,
     /// How to coarsen.
     pub coarsen: CoarsenOptions,
     /// How to flatten.
@@ -160,7 +164,9 @@ pub fn build_with_progress(
     let seams = given_seams(skin, &options.cut)?;
     let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
     let coarsened = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
-        let coarsened = coarsen_patch(patch, &seam, options).map_err(|e| e.in_patch(&patch.name))?;
+        let side = options.seam_side.and_then(DVec3::try_normalize);
+        let side = side.map(|side| world_pose(&skin.links, patch.link).inverse().transform_vector3(side));
+        let coarsened = coarsen_patch(patch, &seam, side, options).map_err(|e| e.in_patch(&patch.name))?;
         Ok((patch, coarsened))
     });
     let mut failed = Vec::new();
@@ -214,10 +220,15 @@ enum Coarsened {
     Cut(Box<CutPyramid>),
 }
 
-fn coarsen_patch(patch: &Patch, seam: &[[VertexId; 2]], options: &BuildOptions) -> Result<Coarsened, Error> {
+fn coarsen_patch(
+    patch: &Patch,
+    seam: &[[VertexId; 2]],
+    side: Option<DVec3>,
+    options: &BuildOptions,
+) -> Result<Coarsened, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let cut = match seam {
-        [] => cut_open(mesh, taxels, &options.cut, &options.flatten)?,
+        [] => cut_open(mesh, taxels, &options.cut, side, &options.flatten)?,
         edges => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match cut {
@@ -360,7 +371,7 @@ mod tests {
         ] {
             let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
             let options = BuildOptions::default().flatten;
-            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, &options).unwrap().unwrap();
+            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, None, &options).unwrap().unwrap();
             let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
             let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few).unwrap();
             made.pyramid.validate().unwrap();

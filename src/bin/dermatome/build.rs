@@ -86,6 +86,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::guard(files.iter().map(PathBuf::as_path), &inputs)?;
     let mut options = BuildOptions {
         cut: args.flatten.cut()?,
+        seam_side: args.flatten.seam_side,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
         pixel: args.pixel_mm,

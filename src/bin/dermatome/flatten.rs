@@ -60,6 +60,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let options = BuildOptions {
         cut: args.flatten.cut()?,
+        seam_side: args.flatten.seam_side,
         flatten: args.flatten.options_for(&skin)?,
         ..BuildOptions::default()
     };

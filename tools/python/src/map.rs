@@ -34,7 +34,7 @@ use crate::{
     errors::{bad, error},
     jobs::{Stop, run, run_here},
     matrix::{PyMatrix, Rows},
-    options::{FlattenArgs, acuities, channels, count, cut, level, positive, word},
+    options::{FlattenArgs, acuities, channels, count, cut, direction, level, positive, word},
     plot::{PlotArgs, PyPicture},
     signal::{PyRenderer, RenderArgs},
     skin::PySkin,
@@ -843,6 +843,8 @@ impl PyLevel {
 ///     Where to cut first; pairs are ids of taxels that an edge joins.
 /// max_area_ratio : float, optional
 ///     Cut until no triangle of the map is larger or smaller than on the skin by more than this factor.
+/// seam_side : (3,) array_like, optional
+///     The way that skin faces where seams are preferred, as the inside of limbs.
 /// pixel : float, optional
 ///     Side of a pixel of the images, in m.
 /// keep_going : bool
@@ -869,7 +871,7 @@ impl PyLevel {
 #[pyfunction]
 #[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
     area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
-    max_area_ratio=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
+    max_area_ratio=None, seam_side=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn build(
     py: Python<'_>,
@@ -888,6 +890,7 @@ pub(crate) fn build(
     boundary: &str,
     cut: Option<&Bound<'_, PyAny>>,
     max_area_ratio: Option<f64>,
+    seam_side: Option<&Bound<'_, PyAny>>,
     pixel: Option<f64>,
     keep_going: bool,
     acuity: Option<&Bound<'_, PyAny>>,
@@ -897,6 +900,7 @@ pub(crate) fn build(
     let flatten = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
     let options = BuildOptions {
         cut: self::cut(cut, max_area_ratio)?,
+        seam_side: seam_side.map(|side| direction("seam_side", side)).transpose()?,
         coarsen: CoarsenOptions {
             ratio,
             levels: levels.map(|levels| count("levels", levels)).transpose()?,

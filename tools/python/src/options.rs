@@ -8,6 +8,7 @@ use dermatome::{
     signal::{Channel, Quantity},
     skin::{TaxelId, Weld},
 };
+use glam::DVec3;
 use pyo3::prelude::*;
 
 use crate::{
@@ -49,6 +50,12 @@ pub(crate) fn unit(value: &Bound<'_, PyAny>) -> PyResult<f64> {
             word("unit", &name, &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254)])
         }
     }
+}
+
+/// A unit vector.
+pub(crate) fn direction(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<DVec3> {
+    let given = DVec3::from_slice(&one_each(argument, value, 3)?).try_normalize();
+    given.ok_or_else(|| bad(argument, "no direction", "three numbers, not all 0"))
 }
 
 pub(crate) fn weld(found: &str) -> PyResult<Weld> {

@@ -19,10 +19,10 @@ use pyo3::{
 };
 
 use crate::{
-    arrays::{matrix, one_each, one_number_each, points, triangles, vector},
+    arrays::{matrix, one_number_each, points, triangles, vector},
     errors::{bad, error},
     jobs::run,
-    options::{fill_holes, positive, unit, weld},
+    options::{direction, fill_holes, positive, unit, weld},
 };
 
 /// A skin: taxels on patches, joined by triangles, in the frames of the links of a robot.
@@ -56,10 +56,7 @@ struct Reading<'a> {
 
 impl Reading<'_> {
     fn options(&self) -> PyResult<AssembleOptions> {
-        let outside = self.outside.as_ref().map(|value| -> PyResult<DVec3> {
-            let given = DVec3::from_slice(&one_each("outside", value, 3)?).try_normalize();
-            given.ok_or_else(|| bad("outside", "no direction", "three numbers, not all 0"))
-        });
+        let outside = self.outside.as_ref().map(|value| direction("outside", value));
         Ok(AssembleOptions {
             gap: self.gap,
             fill_holes: fill_holes(self.fill_holes)?,

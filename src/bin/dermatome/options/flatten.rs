@@ -9,9 +9,10 @@ use dermatome::cut::Cut;
 use dermatome::flatten::{Boundary, Energy, FlattenOptions, Method, Overlap};
 use dermatome::io::{read_boundary, read_seams};
 use dermatome::skin::Skin;
+use glam::DVec3;
 
 use crate::console::errors::advise;
-use crate::options::values::number;
+use crate::options::values::{direction, number};
 use crate::options::{Choice, one_of};
 
 /// How to flatten.
@@ -52,6 +53,10 @@ pub(crate) struct FlattenArgs {
     /// reach it
     #[arg(long, value_name = "X", value_parser = area_ratio)]
     max_area_ratio: Option<f64>,
+    /// Way that skin faces where seams are preferred, as the inside of limbs: x, -x, y, -y, z, -z, or three
+    /// numbers X,Y,Z
+    #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
+    pub(crate) seam_side: Option<DVec3>,
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin; or
     /// a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
     #[arg(long, value_name = "SHAPE|FILE.csv", value_hint = ValueHint::FilePath, value_parser = boundary)]

@@ -11,7 +11,7 @@ use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::print::plain;
-use crate::options::values::number;
+use crate::options::values::{direction, number};
 use crate::options::{Choice, RobotArgs, length, one_of, pattern};
 
 /// How to read a skin.
@@ -125,23 +125,6 @@ impl Unit {
         }
     }
 }
-/// A direction: an axis, or three numbers.
-fn direction(text: &str) -> Result<DVec3, String> {
-    let axis = match text.trim_start_matches('+') {
-        "x" => Some(DVec3::X),
-        "-x" => Some(DVec3::NEG_X),
-        "y" => Some(DVec3::Y),
-        "-y" => Some(DVec3::NEG_Y),
-        "z" => Some(DVec3::Z),
-        "-z" => Some(DVec3::NEG_Z),
-        _ => None,
-    };
-    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
-    let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
-    let direction = axis.or(given).and_then(DVec3::try_normalize);
-    direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
-}
-
 /// How far apart the taxels of links shall be, in m.
 #[derive(Debug, Clone)]
 pub(crate) struct Spacing {

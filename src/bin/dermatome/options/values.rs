@@ -1,6 +1,7 @@
 //! Values of options: words to choose from, numbers within a range, and lengths with a unit.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use glam::DVec3;
 
 /// A number within a range that `wanted` describes.
 pub(crate) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -52,6 +53,23 @@ pub(crate) fn one_of<T: Clone + Send + Sync + 'static>(
 /// The word that chooses a value; empty if none does.
 pub(crate) fn word_of<T: PartialEq>(choices: &[Choice<T>], value: &T) -> &'static str {
     choices.iter().find(|(_, other, _)| other == value).map_or("", |(word, ..)| word)
+}
+
+/// A direction: an axis, or three numbers.
+pub(crate) fn direction(text: &str) -> Result<DVec3, String> {
+    let axis = match text.trim_start_matches('+') {
+        "x" => Some(DVec3::X),
+        "-x" => Some(DVec3::NEG_X),
+        "y" => Some(DVec3::Y),
+        "-y" => Some(DVec3::NEG_Y),
+        "z" => Some(DVec3::Z),
+        "-z" => Some(DVec3::NEG_Z),
+        _ => None,
+    };
+    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
+    let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
+    let direction = axis.or(given).and_then(DVec3::try_normalize);
+    direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
 }
 
 #[cfg(test)]

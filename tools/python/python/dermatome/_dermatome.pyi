@@ -272,6 +272,7 @@ def build(
     boundary: str = "free",
     cut: Literal["auto", "none", "all"] | ArrayLike | None = None,
     max_area_ratio: float | None = None,
+    seam_side: ArrayLike | None = None,
     pixel: float | None = None,
     keep_going: bool = False,
     acuity: ArrayLike | None = None,
