@@ -52,7 +52,6 @@ impl Error {
     /// the kind of its source; of several errors, that of the first.
     ///
     /// [`FlattenError::NotADisk`]: crate::flatten::FlattenError::NotADisk
-    #[must_use]
     pub fn kind(&self) -> String {
         match self {
             Self::Patch { source, .. } => source.kind(),
@@ -72,7 +71,6 @@ macro_rules! kinds {
         $(impl $error {
             /// What went wrong as one word in snake case, the name of the variant; see
             /// [`Error::kind`](crate::Error::kind).
-            #[must_use]
             pub fn kind(&self) -> String {
                 variant_name(self, 0)
             }

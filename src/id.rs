@@ -29,21 +29,18 @@ macro_rules! define_id {
             /// # Panics
             /// If `index` does not fit into 32 bits; readers of files refuse such sizes first.
             #[inline]
-            #[must_use]
             $vis fn new(index: usize) -> Self {
                 Self(u32::try_from(index).expect("more than 2^32 elements"))
             }
 
             /// Position in an [`IdVec`](crate::id::IdVec).
             #[inline]
-            #[must_use]
             $vis const fn index(self) -> usize {
                 self.0 as usize
             }
 
             /// The id as it is stored in files.
             #[inline]
-            #[must_use]
             $vis const fn raw(self) -> u32 {
                 self.0
             }
@@ -147,7 +144,6 @@ impl<I: Id, T> IdVec<I, T> {
 
     /// The element of `id`, if there is one.
     #[inline]
-    #[must_use]
     pub fn get(&self, id: I) -> Option<&T> {
         self.raw.get(id.index())
     }

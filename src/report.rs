@@ -51,7 +51,6 @@ pub struct LevelReport {
 }
 
 /// The measures of every patch of a map, in its order.
-#[must_use]
 pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
     let level = |(id, map): (LevelId, &MapLevel)| LevelReport {
         level: id.index(),

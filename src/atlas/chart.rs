@@ -52,19 +52,16 @@ impl Chart {
     }
 
     /// Number of pixels that show a face.
-    #[must_use]
     pub fn covered(&self) -> usize {
         self.spans.pixels()
     }
 
     /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
-    #[must_use]
     pub fn overlaps(&self) -> usize {
         self.spans.overlaps
     }
 
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
-    #[must_use]
     pub fn centre(&self, column: u32, row: u32) -> DVec2 {
         let [left, top] = self.corner_px.map(f64::from);
         turned(self.centre_at(f64::from(column) - left, f64::from(row) - top), (4 - self.turns) % 4)
@@ -75,7 +72,6 @@ impl Chart {
     ///
     /// # Panics
     /// If `map` is not the one that was rasterised.
-    #[must_use]
     pub fn point(&self, map: &SkinMap, column: u32, row: u32) -> Option<SurfacePoint> {
         let [left, top] = self.corner_px;
         let (column, row) = (column.checked_sub(left)?, row.checked_sub(top)?);

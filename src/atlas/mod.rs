@@ -117,7 +117,6 @@ impl Atlas {
     ///
     /// # Panics
     /// If the atlas was made of another map.
-    #[must_use]
     pub fn images(&self, map: &Arc<SkinMap>, level: Option<LevelId>) -> Vec<LevelImage> {
         self.parts_of(level).map(|part| LevelImage::of_part(map, part)).collect()
     }

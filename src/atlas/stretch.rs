@@ -18,7 +18,6 @@ pub(crate) struct Stretch {
 
 /// The stretch of `face`, constant over it.
 /// Panics if the face does not exist.
-#[must_use]
 pub(crate) fn face_stretch(level: &MapLevel, face: FaceId) -> Stretch {
     const NO_SKIN: Stretch = Stretch { angle: f64::INFINITY, area: f64::INFINITY };
     let uv = level.uv_of(face);

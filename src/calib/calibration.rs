@@ -42,7 +42,6 @@ pub struct Calibration {
 
 impl Calibration {
     /// The edges and the contacts that were rejected: outliers that count less than the others.
-    #[must_use]
     pub fn rejected(&self) -> (Vec<DisplacementId>, Vec<ContactObservationId>) {
         fn of<I: Id>(diagnostics: &IdVec<I, ObservationDiagnostics>) -> Vec<I> {
             let is_rejected = |d: &ObservationDiagnostics| d.verdict == Verdict::Outlier && d.weight < 1.0;

@@ -104,13 +104,11 @@ impl ContactIndex {
 
     /// The mean length of the edges of a patch's faces on level 0, in m: how far apart its taxels
     /// are. `None` if there is no such patch.
-    #[must_use]
     pub fn spacing(&self, patch: PatchId) -> Option<f64> {
         self.patches.get(patch).map(|patch| patch.spacing)
     }
 
     /// The poses of the links in the world, in m.
-    #[must_use]
     pub fn poses(&self) -> IdVec<LinkId, DAffine3> {
         self.links.poses()
     }
@@ -218,7 +216,6 @@ impl ContactIndex {
     /// Where something found lies on the map of `level`: a hit on any level of its patch, a reactive answer
     /// and a field on their own. `None` if its patch does not reach up to that level, if it is on another
     /// one, if a field belongs to no face, or if it is not from this index.
-    #[must_use]
     pub fn cell<'a>(&self, found: impl Into<Found<'a>>, level: LevelId) -> Option<Cell> {
         match found.into() {
             Found::Hit(hit) => {

@@ -60,14 +60,12 @@ impl Taxels {
 
 impl LiveTaxels {
     /// Those of a valid map.
-    #[must_use]
     pub fn new(map: &SkinMap) -> Self {
         Self { patches: map.patches.map(Taxels::new) }
     }
 
     /// What the taxel of a cell is, and the working taxel of its patch that is nearest to the cell: its own
     /// if that works, none if none does.
-    #[must_use]
     pub fn nearest(&self, patch: PatchId, cell: &Cell) -> (Presence, Option<TaxelId>) {
         let Some(taxels) = self.patches.get(patch).and_then(Option::as_ref) else {
             return (Presence::Present, Some(cell.taxel));

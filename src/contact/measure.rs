@@ -265,7 +265,6 @@ fn spread(mut lengths: Vec<f64>) -> [f64; 3] {
 
 impl AnswerCosts {
     /// The measurement as a table in Markdown.
-    #[must_use]
     pub fn to_markdown(&self) -> String {
         let mut text = format!(
             "{} triangles, {} contacts; index in {:.2} s, with levels in {:.2} s\n\n\

@@ -31,13 +31,11 @@ pub struct Query {
 
 impl Query {
     /// A point in the frame of a link, in m.
-    #[must_use]
     pub const fn in_link(link: LinkId, point: DVec3) -> Self {
         Self { point, link: Some(link), only_link: None }
     }
 
     /// A point in the frame of a link, in m, for which the patches of that link alone are searched.
-    #[must_use]
     pub const fn on_link(link: LinkId, point: DVec3) -> Self {
         Self { point, link: Some(link), only_link: Some(link) }
     }
@@ -96,7 +94,6 @@ pub struct Hits {
 
 impl Hits {
     /// The hit of the query with a number.
-    #[must_use]
     pub fn get(&self, number: usize) -> Option<Hit> {
         Some(Hit {
             patch: *self.patch.get(number)?,

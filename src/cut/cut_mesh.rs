@@ -15,13 +15,11 @@ define_id!(
 
 impl PlaceId {
     /// The place that a vertex of the mesh after the cut is.
-    #[must_use]
     pub fn of_opened(vertex: VertexId) -> Self {
         Self(vertex.raw())
     }
 
     /// The vertex of the mesh after the cut that the place is.
-    #[must_use]
     pub fn opened(self) -> VertexId {
         VertexId::from(self.0)
     }

@@ -50,14 +50,12 @@ pub struct Convergence {
 impl Distortion {
     /// Whether faces are several times too small or too large: the symmetric Dirichlet energy is
     /// beyond 50.
-    #[must_use]
     pub fn is_far_from_isometric(&self) -> bool {
         self.symmetric_dirichlet > FAR
     }
 
     /// Whether a user should know that the map is poor: the symmetric Dirichlet energy is beyond 6, or
     /// the stretches of some face beyond a ratio of 20.
-    #[must_use]
     pub fn is_poor(&self) -> bool {
         !(self.symmetric_dirichlet <= 6.0 && self.qc_max <= 20.0)
     }
@@ -81,7 +79,6 @@ impl Distortion {
 ///
 /// # Panics
 /// If `uv` has not one entry per vertex, or a corner does not exist.
-#[must_use]
 pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     assert_eq!(mesh.positions.len(), uv.len(), "one map position per vertex");
     let mut sums = Sums::default();

@@ -171,7 +171,6 @@ impl Renderer {
     }
 
     /// The images as they were drawn last; before the first frame they hold nothing but NaN.
-    #[must_use]
     pub fn images(&self) -> &[TactileImage] {
         &self.images
     }

@@ -55,14 +55,12 @@ impl ImageFrame {
     }
 
     /// The map position (m) of the centre of a pixel (column, row from the top).
-    #[must_use]
     pub fn centre(&self, pixel: [u32; 2]) -> DVec2 {
         let share = |k: usize| (f64::from(pixel[k]) + 0.5) / f64::from(self.size_px[k]);
         self.map_position(DVec2::new(share(0), share(1)))
     }
 
     /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
-    #[must_use]
     pub fn pixel(&self, at: DVec2) -> [u32; 2] {
         PixelGrid::new(*self).pixel(at)
     }

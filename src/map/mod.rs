@@ -74,7 +74,6 @@ impl MapLevel {
     ///
     /// # Panics
     /// If there is no such face.
-    #[must_use]
     #[inline]
     pub fn places(&self, face: FaceId) -> [PlaceId; 3] {
         match &self.cut {
@@ -97,7 +96,6 @@ impl MapLevel {
     ///
     /// # Panics
     /// If there is no such place.
-    #[must_use]
     #[inline]
     pub fn vertex_of(&self, place: PlaceId) -> VertexId {
         self.cut.as_ref().map_or(place.opened(), |cut| cut.unsplit[place])
@@ -109,20 +107,17 @@ impl MapLevel {
     }
 
     /// Map positions of the vertices of [`Self::opened`], in m.
-    #[must_use]
     pub fn opened_uv(&self) -> IdVec<VertexId, DVec2> {
         self.uv.iter().copied().collect()
     }
 
     /// The mesh as it lies on the map: cut open.
-    #[must_use]
     pub fn opened(&self) -> Cow<'_, TriMesh> {
         let mesh = &self.level.mesh;
         self.cut.as_ref().map_or(Cow::Borrowed(mesh), |cut| Cow::Owned(cut.mesh(&mesh.positions)))
     }
 
     /// Length of the seam along which the level is cut, in m; 0 without one.
-    #[must_use]
     pub(crate) fn seam_length(&self) -> f64 {
         let mesh = &self.level.mesh;
         let edges = self.cut.as_ref().and_then(|cut| cut.seam(mesh).ok());
@@ -168,7 +163,6 @@ impl PatchMap {
     /// Where there are fewer maps than levels, the coarsest levels are left out. Taxels without
     /// tangents get the direction in which `u` of level 0 grows most, in their
     /// tangent plane; where it has none there, the mean of their neighbours'.
-    #[must_use]
     pub fn new(
         patch: &Patch,
         pyramid: Pyramid,
@@ -337,7 +331,6 @@ impl SkinMap {
     /// map.validate()?;
     /// # Ok::<(), dermatome::map::MapError>(())
     /// ```
-    #[must_use]
     pub fn flat(mesh: TriMesh, pixel: f64) -> Self {
         let mut taxels = Taxels::from(&mesh);
         taxels.normals.iter_mut().filter(|n| **n == DVec3::ZERO).for_each(|n| *n = DVec3::Z);

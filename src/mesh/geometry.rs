@@ -59,7 +59,6 @@ pub(crate) fn rectangle_around(places: impl Iterator<Item = DVec2>) -> (DVec2, D
 }
 
 /// Mean length of all edges, in m; zero without edges.
-#[must_use]
 pub fn mean_edge_length(mesh: &TriMesh, adjacency: &Adjacency) -> f64 {
     let (mut sum, mut count) = (0.0, 0_usize);
     for v in mesh.positions.ids() {

@@ -7,13 +7,11 @@ use glam::{DVec2, DVec3};
 use crate::{id::VertexId, mesh::TriMesh};
 
 /// One right triangle with legs of 1 m in the plane z = 0.
-#[must_use]
 pub fn triangle() -> TriMesh {
     TriMesh::from_arrays(vec![DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]])
 }
 
 /// The unit square in the plane z = 0, cut along a diagonal.
-#[must_use]
 pub fn square() -> TriMesh {
     TriMesh::from_arrays(
         vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y],
@@ -22,7 +20,6 @@ pub fn square() -> TriMesh {
 }
 
 /// A vertex at the origin with `n >= 3` neighbours on the unit circle in the plane z = 0.
-#[must_use]
 pub fn fan(n: u32) -> TriMesh {
     let rim = (0..n).map(|k| {
         let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
@@ -33,7 +30,6 @@ pub fn fan(n: u32) -> TriMesh {
 }
 
 /// A regular tetrahedron: closed, Euler characteristic 2.
-#[must_use]
 pub fn tetrahedron() -> TriMesh {
     TriMesh::from_arrays(
         vec![
@@ -48,7 +44,6 @@ pub fn tetrahedron() -> TriMesh {
 
 /// A flat triangular lattice of `columns x rows` vertices, `spacing` metres apart: every inner
 /// triangle is equilateral.
-#[must_use]
 pub fn lattice(columns: u32, rows: u32, spacing: f64) -> TriMesh {
     sheet(columns, rows, |i, j| {
         let x = f64::from(i) + 0.5 * f64::from(j % 2);
@@ -79,7 +74,6 @@ fn between_rows(columns: u32, rows: u32, cells: u32) -> Vec<[u32; 3]> {
 }
 
 /// A tube open at both ends around the z axis: two boundary loops, Euler characteristic 0.
-#[must_use]
 pub fn tube(around: u32, along: u32, radius: f64, height: f64) -> TriMesh {
     let positions = (0..along).flat_map(|j| {
         (0..around).map(move |i| {
@@ -93,7 +87,6 @@ pub fn tube(around: u32, along: u32, radius: f64, height: f64) -> TriMesh {
 }
 
 /// A torus: closed, one handle, Euler characteristic 0.
-#[must_use]
 pub fn torus(around: u32, across: u32, radius: f64, thickness: f64) -> TriMesh {
     let positions = (0..across).flat_map(|j| {
         (0..around).map(move |i| {
@@ -116,7 +109,6 @@ pub fn torus(around: u32, across: u32, radius: f64, thickness: f64) -> TriMesh {
 
 /// A whole sphere: closed, Euler characteristic 2. An octahedron with `fine` edges along each of
 /// its own, pushed out.
-#[must_use]
 pub fn ball(fine: u32, radius: f64) -> TriMesh {
     let mut lattice = Lattice::default();
     let n = fine.cast_signed();
@@ -138,7 +130,6 @@ pub fn ball(fine: u32, radius: f64) -> TriMesh {
 
 /// A flat block with `windows` square holes through it in a row: closed, a handle for each window.
 /// Every side of a window is `fine` edges of `edge` metres long, as are the bars around it.
-#[must_use]
 pub fn frame(windows: u32, fine: u32, edge: f64) -> TriMesh {
     let (w, f) = (windows.cast_signed(), fine.cast_signed());
     let is_solid = |[x, y, z]: [i32; 3]| {
@@ -150,7 +141,6 @@ pub fn frame(windows: u32, fine: u32, edge: f64) -> TriMesh {
 
 /// Four square tubes that meet in a plane, open at their ends and twice as long as wide. Every side is
 /// `fine` edges of `edge` metres.
-#[must_use]
 pub fn cross(fine: u32, edge: f64) -> TriMesh {
     let f = fine.cast_signed();
     let is_solid = |[x, y, z]: [i32; 3]| {
@@ -221,7 +211,6 @@ impl Lattice {
 
 /// The bottom of a sphere of `radius` metres up to `half_angle` rad from its south pole, with
 /// about `faces` triangles: concentric rings of nearly equal spacing, outward normals.
-#[must_use]
 pub fn cap(faces: usize, radius: f64, half_angle: f64) -> TriMesh {
     let area = TAU * (1.0 - half_angle.cos());
     let spacing = (area / faces as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
@@ -283,7 +272,6 @@ fn stitch(triangles: &mut Vec<[u32; 3]>, start: u32, n: u32, m: u32, k: usize) {
 }
 
 /// A strongly curved disk of `columns x columns` vertices and 0.2 m side: a saddle with bumps.
-#[must_use]
 pub fn saddle(columns: u32) -> TriMesh {
     sheet(columns, columns, |i, j| {
         let step = 2.0 / f64::from(columns - 1);

@@ -17,7 +17,6 @@ pub struct TriMesh {
 
 impl TriMesh {
     /// A mesh from plain arrays.
-    #[must_use]
     pub fn from_arrays(positions: Vec<DVec3>, triangles: &[[u32; 3]]) -> Self {
         Self {
             positions: positions.into(),
@@ -56,14 +55,12 @@ impl TriMesh {
 
     /// The positions of the three corners of `face`, in m.
     #[inline]
-    #[must_use]
     pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
         self.triangles[face].map(|v| self.positions[v])
     }
 
     /// Vector normal to `face` whose length is twice its area, in m^2.
     #[inline]
-    #[must_use]
     pub fn face_cross(&self, face: FaceId) -> DVec3 {
         triangle_cross(self.corners(face))
     }
@@ -75,7 +72,6 @@ impl TriMesh {
     }
 
     /// Area of all faces, in m^2.
-    #[must_use]
     pub fn area(&self) -> f64 {
         self.triangles.ids().map(|f| self.face_area(f)).sum()
     }
@@ -115,7 +111,6 @@ impl TriMesh {
 
     /// Where a point of the surface lies, in m.
     #[inline]
-    #[must_use]
     pub fn point(&self, at: &SurfacePoint) -> DVec3 {
         let [a, b, c] = self.corners(at.face);
         a * at.barycentric[0] + b * at.barycentric[1] + c * at.barycentric[2]

@@ -26,7 +26,6 @@ impl Covariance {
     }
 
     /// Square root of the trace, in m: the root mean square distance from the mean.
-    #[must_use]
     pub fn sigma(self) -> f64 {
         (self.xx + self.yy + self.zz).max(0.0).sqrt()
     }

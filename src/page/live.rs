@@ -82,7 +82,6 @@ impl LiveServer {
     }
 
     /// Where the page is; whoever knows it can see the readings from this machine.
-    #[must_use]
     pub fn address(&self) -> String {
         format!("http://{}/{}/", self.shared.address, self.shared.token)
     }

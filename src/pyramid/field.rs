@@ -49,7 +49,6 @@ impl Level {
     ///
     /// # Panics
     /// If `finest` is level 0 of another pyramid.
-    #[must_use]
     pub fn fields(&self, finest: &Self) -> IdVec<VertexId, Field> {
         let mut neighbours = self.origins.map(|_| Vec::new());
         for &[a, b, c] in &self.mesh.triangles {

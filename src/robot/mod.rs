@@ -70,7 +70,6 @@ pub enum JointKind {
 
 impl JointKind {
     /// Its name in robot descriptions.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Fixed => "fixed",
@@ -91,7 +90,6 @@ impl JointKind {
     }
 
     /// Whether one number says where it is.
-    #[must_use]
     pub const fn has_value(self) -> bool {
         matches!(self, Self::Revolute | Self::Continuous | Self::Prismatic)
     }

@@ -10,7 +10,6 @@ use crate::skin::{Link, LinkId, Motion, MotionFrame, Sheet, SkinError, TaxelId, 
 
 impl Joint {
     /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
-    #[must_use]
     pub fn moved(&self, value: f64) -> DAffine3 {
         match self.kind {
             JointKind::Revolute | JointKind::Continuous => {
@@ -28,7 +27,6 @@ impl Robot {
     ///
     /// # Panics
     /// If a place is not that of a joint.
-    #[must_use]
     pub fn joint_values(&self, given: &[(usize, f64)]) -> Vec<f64> {
         let mut own = vec![0.0; self.joints.len()];
         given.iter().for_each(|&(joint, value)| own[joint] = value);
@@ -56,7 +54,6 @@ impl Robot {
     ///
     /// # Panics
     /// If there are fewer values than joints.
-    #[must_use]
     pub fn poses(&self, values: &[f64]) -> IdVec<LinkId, DAffine3> {
         let mut poses = IdVec::default();
         for (id, link) in self.links.enumerate() {

@@ -30,7 +30,6 @@ impl Channel {
     /// `lbf`, `C`, with a prefix such as `m` or not), or if it has none and is called `force`,
     /// `force.N` or `charge`. A temperature is intensive, though its unit be `C`. Without a name it is
     /// called `force` if it is extensive, else `pressure`.
-    #[must_use]
     pub fn new(name: &str, unit: &str) -> Self {
         let first = name.split('.').next().unwrap_or_default().to_ascii_lowercase();
         let base =
@@ -85,7 +84,6 @@ impl Channel {
 
     /// The unit of its pixels: amounts are drawn per area of the map, as `N/m^2`; without a unit
     /// `1/m^2`.
-    #[must_use]
     pub fn pixel_unit(&self) -> String {
         match (self.quantity, self.unit.as_str()) {
             (Quantity::Intensive, unit) => unit.to_owned(),

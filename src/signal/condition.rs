@@ -170,13 +170,11 @@ impl Conditioner {
     }
 
     /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
-    #[must_use]
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
 
     /// What was done so far.
-    #[must_use]
     pub fn report(&self) -> &ConditionReport {
         &self.report
     }

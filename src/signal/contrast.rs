@@ -41,7 +41,6 @@ pub struct Contrast {
 
 impl Contrast {
     /// Prepares for frames of these channels.
-    #[must_use]
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
         let quantities = channels.iter().map(|channel| channel.quantity).collect();
         Self { quantities, steps: map.patches.map(steps), out: LevelFrame::new(map, channels.len()) }
@@ -76,7 +75,6 @@ impl Contrast {
 ///
 /// # Panics
 /// If the contrast has not the patches, channels and levels of `map` and `channels`.
-#[must_use]
 pub fn reconstruct(map: &SkinMap, channels: &[Channel], contrast: &LevelFrame) -> LevelFrame {
     let mut out = contrast.clone();
     out.check(map.patches.len(), channels.len());

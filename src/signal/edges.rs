@@ -79,7 +79,6 @@ struct Places {
 
 impl Edges {
     /// Prepares for frames of these channels.
-    #[must_use]
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
         let levels = map.patches.map(|patch| patch.levels.map(FlatLevel::new));
         let places = map.patches.map(|patch| {

@@ -16,7 +16,6 @@ pub struct Frame {
 
 impl Frame {
     /// A frame of the taxels of `map` without any reading.
-    #[must_use]
     pub fn new(map: &SkinMap, channels: usize) -> Self {
         let patch = |taxels: usize| vec![IdVec::filled(f64::NAN, taxels); channels];
         Self { time: 0.0, values: map.patches.map(|p| patch(p.taxels.ids.len())) }
@@ -41,7 +40,6 @@ pub struct LevelFrame {
 
 impl LevelFrame {
     /// A frame of all levels of `map` without any value; the areas are those of the whole fields.
-    #[must_use]
     pub fn new(map: &SkinMap, channels: usize) -> Self {
         let values = map.patches.map(|patch| {
             let levels = patch.levels.map(|l| IdVec::filled(f64::NAN, l.level.mesh.positions.len()));

@@ -110,7 +110,6 @@ impl Join {
     }
 
     /// How columns and taxels fit each other.
-    #[must_use]
     pub fn report(&self) -> &JoinReport {
         &self.report
     }

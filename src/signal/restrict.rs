@@ -111,13 +111,11 @@ impl Fields {
 
 impl Restrictor {
     /// A restrictor for frames of these channels.
-    #[must_use]
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
         Self::of(map, channels, |_| true)
     }
 
     /// A restrictor to one level: as [`Self::new`], but of the other levels above level 0 it gives no values.
-    #[must_use]
     pub fn to_level(map: &SkinMap, channels: &[Channel], level: LevelId) -> Self {
         Self::of(map, channels, |other| other == level)
     }

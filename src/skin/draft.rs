@@ -172,7 +172,6 @@ impl Draft {
 
 impl Sheet {
     /// The name to show: that of the file, or `patch` if it has none.
-    #[must_use]
     pub fn title(&self) -> &str {
         if self.name.is_empty() { "patch" } else { &self.name }
     }

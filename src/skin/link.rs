@@ -23,7 +23,6 @@ pub struct Link {
 }
 
 /// The frame of `link` in the world.
-#[must_use]
 pub fn world_pose(links: &IdVec<LinkId, Link>, link: LinkId) -> DAffine3 {
     let mut pose = links[link].pose;
     let mut at = links[link].parent;
@@ -35,7 +34,6 @@ pub fn world_pose(links: &IdVec<LinkId, Link>, link: LinkId) -> DAffine3 {
 }
 
 /// The name that maps and queries use for each link: its own, or `link` and its number.
-#[must_use]
 pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
     let taken: HashSet<&str> = links.iter().map(|link| &*link.name).collect();
     let name = |(id, link): (LinkId, &Link)| {

@@ -71,7 +71,6 @@ impl Motion {
     }
 
     /// The first and the last time of all poses, in s; `None` if there are no poses.
-    #[must_use]
     pub fn times(&self) -> Option<[f64; 2]> {
         let tracks = self.tracks.iter().flatten();
         let times = tracks.flat_map(|track| [&track.translation.times, &track.rotation.times]);

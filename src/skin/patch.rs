@@ -32,7 +32,6 @@ pub struct Patch {
 
 impl Patch {
     /// A patch of a bare mesh: ids count from 1, normals and areas come from the triangles.
-    #[must_use]
     pub fn from_mesh(name: impl Into<String>, link: LinkId, mesh: TriMesh) -> Self {
         Self { name: name.into(), link, taxels: Taxels::from(&mesh), mesh, filled: 0 }
     }
@@ -78,7 +77,6 @@ pub struct Skin {
 
 impl Skin {
     /// A skin of one bare mesh on one link at the origin.
-    #[must_use]
     pub fn from_mesh(name: &str, mesh: TriMesh) -> Self {
         let mut skin = Self::default();
         let link = skin.links.push(Link { name: String::new(), parent: None, pose: DAffine3::IDENTITY });

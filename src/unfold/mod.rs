@@ -110,7 +110,6 @@ impl Unfolding {
     }
 
     /// The places of level 0 at a time from 0, the skin, to 1, the map at [`Self::sheet`].
-    #[must_use]
     pub fn at(&self, time: f64) -> IdVec<PlaceId, DVec3> {
         let shares = shares(time);
         let [skin, flat] = &self.ends;

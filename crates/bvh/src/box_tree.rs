@@ -97,7 +97,6 @@ impl BoxTree {
     }
 
     /// Whether there is no box.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.boxes.is_empty()
     }

@@ -56,14 +56,12 @@ impl Aabb {
 
     /// Whether they have a common point.
     #[inline]
-    #[must_use]
     pub fn touches(&self, other: &Self) -> bool {
         !(self.lo.cmpgt(other.hi).any() || other.lo.cmpgt(self.hi).any())
     }
 
     /// A distance that no point of the box is nearer to `q`.
     #[inline]
-    #[must_use]
     pub fn least_distance(&self, q: DVec3) -> f64 {
         q.distance(q.clamp(self.lo, self.hi)) * (1.0 - MARGIN) - MARGIN * q.length()
     }
@@ -71,7 +69,6 @@ impl Aabb {
     /// How far along a ray the box begins, at least; infinite if the ray does not enter it before a
     /// distance along it.
     #[inline]
-    #[must_use]
     pub fn entry(&self, ray: &Ray, longest: f64) -> f64 {
         let size = self.lo.abs().max(self.hi.abs()).max_element() + ray.origin.abs().max_element();
         let margin = DVec3::splat(ROUNDING * size);

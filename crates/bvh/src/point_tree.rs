@@ -79,13 +79,11 @@ impl PointTree {
     }
 
     /// The box of its points.
-    #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.scaling.bounds
     }
 
     /// Where the points are.
-    #[must_use]
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }

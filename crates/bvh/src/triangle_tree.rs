@@ -108,7 +108,6 @@ impl TriangleTree {
     }
 
     /// What [`Self::refit`] takes, for as many vertices and the same triangles.
-    #[must_use]
     pub fn refitting(&self, vertices: usize, triangles: impl Iterator<Item = [u32; 3]>) -> Refitting {
         let triangles: Vec<[u32; 3]> = triangles.collect();
         let corners = |packet: &[u32; LANES]| {
@@ -144,7 +143,6 @@ impl TriangleTree {
     }
 
     /// The box of its triangles.
-    #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.scaling.bounds
     }

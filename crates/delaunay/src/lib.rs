@@ -21,7 +21,6 @@ pub use triangulate::{smallest_first, triangulate};
 /// (shewchuk1997).
 ///
 /// The area itself may underflow in a product of two of them; its sign does not.
-#[must_use]
 pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
     let [a, b, c] = [a, b, c].map(|p| Coord { x: p.x, y: p.y });
     let area = orient2d(a, b, c);

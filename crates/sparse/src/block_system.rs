@@ -32,7 +32,6 @@ pub struct BlockSlot {
 
 impl BlockSlot {
     /// The block on the diagonal of `row`.
-    #[must_use]
     pub const fn diagonal(row: u32) -> Self {
         Self { column: row, rank: 0 }
     }
@@ -49,19 +48,16 @@ impl BlockSystem {
     }
 
     /// Rows of one block.
-    #[must_use]
     pub fn size(&self) -> usize {
         self.size
     }
 
     /// Number of block rows.
-    #[must_use]
     pub fn blocks(&self) -> usize {
         self.pattern.rows()
     }
 
     /// The slot of block (`row`, `column`), `row >= column`, if the pattern has it.
-    #[must_use]
     pub fn slot(&self, row: usize, column: usize) -> Option<BlockSlot> {
         let at = |row| self.pattern.slot(column, row);
         let rank = at(row)?.checked_sub(at(column)?)?;
@@ -69,7 +65,6 @@ impl BlockSystem {
     }
 
     /// The zero matrix.
-    #[must_use]
     pub fn zero(&self) -> BlockMatrix<'_> {
         BlockMatrix { system: self, values: vec![0.0; self.cholesky.lower().indices.len()] }
     }
@@ -114,14 +109,12 @@ impl<'s> BlockMatrix<'s> {
     }
 
     /// The entries on the diagonal.
-    #[must_use]
     pub fn diagonal(&self) -> Vec<f64> {
         let starts = &self.system.cholesky.lower().starts;
         starts[..starts.len() - 1].iter().map(|&s| self.values[s as usize]).collect()
     }
 
     /// The entries on the diagonal of one block row.
-    #[must_use]
     pub fn diagonal_of(&self, row: u32) -> Vec<f64> {
         let size = self.system.size;
         let starts = &self.system.cholesky.lower().starts[size * row as usize..];
@@ -178,7 +171,6 @@ impl BlockFactor<'_> {
     }
 
     /// The entries of the inverse on the pattern of the factor, which holds that of the matrix.
-    #[must_use]
     pub fn selected_inverse(&self) -> SelectedInverse {
         let order = self.system.cholesky.symbolic().perm().map(|p| p.arrays().1);
         let positions = order.map_or_else(|| (0..self.rows()).collect(), |o| o.to_vec());

@@ -125,7 +125,6 @@ pub struct CgReport {
 }
 
 /// Sum of the scalar products of the entries, the same for any number of threads.
-#[must_use]
 pub fn dot(a: &[DVec2], b: &[DVec2]) -> f64 {
     let parts: Vec<f64> = a
         .par_chunks(ROWS_PER_TASK)

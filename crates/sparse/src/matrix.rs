@@ -38,25 +38,21 @@ pub struct Matrix<'p, T> {
 
 impl<'p, T: Entry> Matrix<'p, T> {
     /// The zero matrix.
-    #[must_use]
     pub fn zero(pattern: &'p Pattern) -> Self {
         Self { pattern, values: vec![T::ZERO; pattern.entries()] }
     }
 
     /// Which entries there are.
-    #[must_use]
     pub fn pattern(&self) -> &'p Pattern {
         self.pattern
     }
 
     /// The entries, slot by slot.
-    #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values
     }
 
     /// The entries, slot by slot.
-    #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values
     }
@@ -71,7 +67,6 @@ impl<'p, T: Entry> Matrix<'p, T> {
     }
 
     /// The diagonal entry of `row`.
-    #[must_use]
     pub fn diagonal(&self, row: usize) -> T {
         self.pattern.slot(row, row).map_or(T::ZERO, |slot| self.values[slot])
     }

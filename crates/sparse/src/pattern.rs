@@ -18,7 +18,6 @@ impl Pattern {
     ///
     /// # Panics
     /// If a pair names a row that does not exist, or there are more than 2^32 entries.
-    #[must_use]
     pub fn new(rows: usize, pairs: impl IntoIterator<Item = (usize, usize)>) -> Self {
         let index = |i: usize| u32::try_from(i).expect("more than 2^32 entries");
         let check = |(i, j): (usize, usize)| {
@@ -64,34 +63,29 @@ impl Pattern {
     }
 
     /// Number of rows, and of columns.
-    #[must_use]
     pub fn rows(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// Number of entries, the diagonal and both triangles.
-    #[must_use]
     pub(crate) fn entries(&self) -> usize {
         self.columns.len()
     }
 
     /// The slots of `row`: positions of its entries in [`crate::Matrix::values`].
     #[inline]
-    #[must_use]
     pub fn slots(&self, row: usize) -> Range<usize> {
         self.starts[row] as usize..self.starts[row + 1] as usize
     }
 
     /// The columns of `row`, ascending.
     #[inline]
-    #[must_use]
     pub fn columns(&self, row: usize) -> &[u32] {
         &self.columns[self.slots(row)]
     }
 
     /// The slot of one entry, if the pattern has it.
     #[inline]
-    #[must_use]
     pub fn slot(&self, row: usize, column: usize) -> Option<usize> {
         let slots = self.slots(row);
         let column = u32::try_from(column).ok()?;

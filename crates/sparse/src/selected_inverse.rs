@@ -63,7 +63,6 @@ impl SelectedInverse {
     ///
     /// # Panics
     /// If `N` is not the size of a block, or `row` does not exist.
-    #[must_use]
     pub fn diagonal<const N: usize>(&self, row: usize) -> [[f64; N]; N] {
         assert_eq!(N, self.size, "rows of a block");
         std::array::from_fn(|a| {

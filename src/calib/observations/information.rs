@@ -27,7 +27,6 @@ pub struct Information<const N: usize>(pub [[f64; N]; N]);
 
 impl<const N: usize> Information<N> {
     /// Independent directions.
-    #[must_use]
     pub fn diagonal(values: [f64; N]) -> Self {
         let mut rows = [[0.0; N]; N];
         for (i, value) in values.into_iter().enumerate() {

@@ -44,7 +44,6 @@ pub enum Termination {
 
 impl Termination {
     /// Whether the result is a minimum.
-    #[must_use]
     pub const fn is_converged(self) -> bool {
         matches!(self, Self::Converged | Self::NothingToSolve)
     }

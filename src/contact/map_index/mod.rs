@@ -168,7 +168,6 @@ impl MapIndex {
     /// The same place on the robot as `index` is posed, an index of the same map: on a patch that follows
     /// several links the point and its normal move in the frame of the patch's link. `None` if the
     /// place is not one of that map.
-    #[must_use]
     pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<MapPlace> {
         let patch = index.patches.get(place.patch)?;
         let map = self.patches.get(place.patch)?.get(place.cell.level)?;

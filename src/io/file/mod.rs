@@ -116,7 +116,6 @@ fn check_length(path: &Path, length: u64) -> Result<(), IoError> {
 }
 
 /// The kind of a file: its extension in lower case, empty without one.
-#[must_use]
 pub fn file_kind(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }

@@ -30,7 +30,6 @@ const LINK: &str = "link";
 const SIGMA: &str = "sigma";
 
 /// The table of triangles that is read and written with the table of taxels `path`.
-#[must_use]
 pub fn triangles_path(path: &Path) -> PathBuf {
     path.with_extension("triangles.csv")
 }

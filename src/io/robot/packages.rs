@@ -18,7 +18,6 @@ pub struct Packages {
 
 impl Packages {
     /// Those of the environment: `ROS_PACKAGE_PATH`, and the folder `share` of each of `AMENT_PREFIX_PATH`.
-    #[must_use]
     pub fn from_env() -> Self {
         let paths = |name| {
             env::var_os(name).map(|all| env::split_paths(&all).collect::<Vec<_>>()).unwrap_or_default()

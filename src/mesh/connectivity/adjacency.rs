@@ -192,21 +192,18 @@ impl Adjacency {
     /// The neighbours of `v`, counter-clockwise; for a boundary vertex from the next to the
     /// previous vertex of its loop.
     #[inline]
-    #[must_use]
     pub fn ring(&self, v: VertexId) -> &[VertexId] {
         self.rings.of(v)
     }
 
     /// Whether `v` lies on a boundary loop.
     #[inline]
-    #[must_use]
     pub fn is_boundary(&self, v: VertexId) -> bool {
         self.rings.on_boundary[v]
     }
 
     /// The face across each side, from corner `k` to the next; `None` on the boundary.
     #[inline]
-    #[must_use]
     pub fn neighbours(&self, face: FaceId) -> [Option<FaceId>; 3] {
         [0, 1, 2].map(|side| self.twin(Halfedge::new(face, side)).map(Halfedge::face))
     }
@@ -218,14 +215,12 @@ impl Adjacency {
     }
 
     /// Vertices minus edges plus faces: 1 for a disk, 2 for a sphere, one less for each hole.
-    #[must_use]
     pub fn euler_characteristic(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).expect("counts fit into 63 bits");
         count(self.rings.vertices()) - count(self.rings.edges()) + count(self.twins.len())
     }
 
     /// The boundary loops, each from its smallest vertex, faces on the left; sorted by that vertex.
-    #[must_use]
     pub fn boundary_loops(&self) -> Vec<Vec<VertexId>> {
         self.rings.boundary_loops()
     }

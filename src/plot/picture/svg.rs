@@ -12,7 +12,6 @@ use crate::plot::picture::{Anchor, INK, Picture, Shape, Stroke};
 impl Picture {
     /// The picture as SVG text. Texts are `<text>` elements, which an editor can change; images are
     /// embedded.
-    #[must_use]
     pub fn to_svg(&self) -> String {
         let [width, height] = self.size_px;
         let mut svg = format!(

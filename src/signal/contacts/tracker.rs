@@ -97,7 +97,6 @@ impl ContactTracker {
     }
 
     /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
-    #[must_use]
     pub fn threshold(&self) -> Option<f64> {
         self.noise.known()
     }

@@ -160,13 +160,11 @@ impl<'a> TouchSimulation<'a> {
     }
 
     /// What the readings are: `force` in N, or `pressure` in Pa.
-    #[must_use]
     pub fn channel(&self) -> &Channel {
         &self.channel
     }
 
     /// Number of frames of the whole recording.
-    #[must_use]
     pub fn frames(&self) -> usize {
         self.frames
     }

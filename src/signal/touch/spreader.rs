@@ -63,7 +63,6 @@ struct Share {
 
 impl Spreader {
     /// A frame of the taxels of an index at a time (s) without any force, NaN for taxels that do not work.
-    #[must_use]
     pub fn frame(&self, index: &ContactIndex, time: f64) -> Frame {
         let force = |p: &Presence| if *p == Presence::Present { 0.0 } else { f64::NAN };
         Frame { time, values: index.presence().map(|patch| vec![patch.map(force)]).collect() }

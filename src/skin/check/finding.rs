@@ -60,7 +60,6 @@ macro_rules! finding_kinds {
 
         impl FindingKind {
             /// How bad it is.
-            #[must_use]
             pub const fn severity(&self) -> Severity {
                 match self {
                     $(Self::$variant $({ $($field: _),* })? => Severity::$severity,)*
@@ -194,13 +193,11 @@ impl Finding {
     }
 
     /// Whether the draft cannot be assembled because of it, or only the result is doubtful.
-    #[must_use]
     pub const fn severity(&self) -> Severity {
         self.kind.severity()
     }
 
     /// A sentence that says what was found.
-    #[must_use]
     pub fn message(&self) -> String {
         self.kind.message(self.elements.len())
     }
@@ -208,7 +205,6 @@ impl Finding {
 
 impl Elements {
     /// How many elements.
-    #[must_use]
     pub const fn len(&self) -> usize {
         match self {
             Self::Whole => 0,
@@ -220,13 +216,11 @@ impl Elements {
     }
 
     /// Whether it is the whole sheet or draft.
-    #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Their numbers, counted from 0; an edge has two, those of its vertices.
-    #[must_use]
     pub fn numbers(&self) -> Vec<u32> {
         match self {
             Self::Whole => Vec::new(),

@@ -53,7 +53,6 @@ pub use finding::{Elements, Finding, FindingKind, Severity};
 /// let findings = check(&draft, &AssembleOptions::default());
 /// assert_eq!((findings.len(), &findings[0].kind), (1, &FindingKind::PinHole { holes: 1 }));
 /// ```
-#[must_use]
 pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
     let mut whole = Report::new(only_name(draft));
     let backward: Vec<_> = before_parents(&draft.links).collect();

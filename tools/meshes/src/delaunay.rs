@@ -21,7 +21,6 @@ impl HasPosition for Site {
 ///
 /// # Panics
 /// If a coordinate is not finite.
-#[must_use]
 pub(crate) fn triangulate(points: &[DVec2]) -> Vec<[usize; 3]> {
     let site = |(point, p): (usize, &DVec2)| Site { point, position: Point2::new(p.x, p.y) };
     let sites = points.iter().enumerate().map(site).collect();

@@ -68,7 +68,6 @@ fn unrolled((a, b): Corner) -> DVec2 {
 
 /// About 1000 taxels on about 100 flat modules around 300 degrees of a bent, tapered forearm. Holes
 /// are left by two groups of missing modules and by bolts.
-#[must_use]
 pub fn forearm() -> Skin {
     let tiles = (0..ROWS).flat_map(|row| (0..MODULES).map(move |column| (row, column)));
     let modules: Vec<Module> = tiles.filter(|t| !MISSING.contains(t)).map(Module::new).collect();

@@ -33,7 +33,6 @@ const FINGERS: [(DVec3, DVec3, f64); 5] = [
 ];
 
 /// Some thousand taxels on a closed hand.
-#[must_use]
 pub fn glove() -> Skin {
     Skin::from_mesh("glove", snapped(relaxed(surface())))
 }

@@ -8,13 +8,11 @@ use glam::DVec3;
 pub const STEP: f64 = 1e-7;
 
 /// The multiple of [`STEP`] nearest to `p`, as a file in `f32` keeps it.
-#[must_use]
 pub fn snap(p: DVec3) -> DVec3 {
     ((p / STEP).round() * STEP).as_vec3().as_dvec3()
 }
 
 /// The same mesh with its positions on the grid.
-#[must_use]
 pub fn snapped(mut mesh: TriMesh) -> TriMesh {
     mesh.positions.iter_mut().for_each(|p| *p = snap(*p));
     mesh

@@ -46,7 +46,6 @@ const FINGERS: [Finger; 5] = [
 ];
 
 /// Some thousand taxels on a cupped palm and five curled fingers, one disk.
-#[must_use]
 pub fn hand() -> Skin {
     let (points, triangles) = relaxed_disk();
     let triangles: Vec<[u32; 3]> =

@@ -11,7 +11,6 @@ use crate::grid::snapped;
 
 /// Shoulder, upper arm and forearm, each turned against the one before; two patches on each of the
 /// arms.
-#[must_use]
 pub fn robot() -> Skin {
     let mut skin = Skin::default();
     let mut link = |name: &str, parent: Option<LinkId>, pose: DAffine3| {

@@ -8,7 +8,6 @@ use crate::grid::snapped;
 const COLUMNS: u32 = 100;
 
 /// 10 000 taxels on a saddle of 0.2 m with bumps.
-#[must_use]
 pub fn saddle() -> Skin {
     Skin::from_mesh("saddle", snapped(shapes::saddle(COLUMNS)))
 }

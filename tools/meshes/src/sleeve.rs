@@ -13,7 +13,6 @@ use crate::grid::snapped;
 const ELBOW: f64 = 0.15;
 
 /// The straight sleeve, which follows the upper arm and, beyond the elbow, the lower one.
-#[must_use]
 pub fn sleeve() -> Skin {
     let mut skin = Skin::default();
     let mut link = |name: &str, parent, pose| skin.links.push(Link { name: name.into(), parent, pose });
@@ -32,7 +31,6 @@ pub fn sleeve() -> Skin {
 }
 
 /// Bends the elbow of a GLB file of the straight sleeve.
-#[must_use]
 pub fn bent(glb: &[u8]) -> Option<Vec<u8>> {
     let length = usize::try_from(u32::from_le_bytes(*glb.get(12..16)?.as_array()?)).ok()?;
     let (text, rest) = glb.get(20..)?.split_at_checked(length)?;

@@ -18,7 +18,6 @@ const RADIUS: f64 = 0.1;
 const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 
 /// 500 taxels, 5 mm apart, around the south pole of a sphere of 0.1 m radius.
-#[must_use]
 pub fn sphere_cap() -> Skin {
     Skin::from_mesh("sphere_cap", snapped(lifted_lattice()))
 }
