@@ -1,10 +1,4 @@
 //! Charts, images and EXR files of caps: 500 to a million triangles at about two pixels an edge.
-#![allow(clippy::print_stdout, reason = "sizes belong to times")]
-#![allow(
-    clippy::unwrap_used,
-    missing_docs,
-    reason = "a bench may stop, and criterion's macros have no comments"
-)]
 
 #[path = "../tests/maps/mod.rs"]
 mod maps;

@@ -1,11 +1,5 @@
 //! Calibration of simulated skins and public pose graphs: start, solve and covariances of every
 //! taxel.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a bench may stop at a surprise and say what it skips"
-)]
 
 use std::{hint::black_box, path::PathBuf};
 

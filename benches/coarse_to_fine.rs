@@ -10,7 +10,6 @@
 //! `meshes/coarse_to_fine.svg`: the sizes of the first skin. With `peers=FOLDER` it writes, instead of the
 //! picture, what other engines need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in
 //! world coordinates (`tools/compare/compare.py coarse` runs them in turn).
-#![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used, reason = "a bench prints what it measured")]
 #![allow(clippy::cast_possible_truncation, reason = "decades of an axis are small numbers")]
 
 use std::{

@@ -1,6 +1,5 @@
 //! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, making the index, and
 //! bending the cap between two links.
-#![allow(missing_docs, clippy::unwrap_used, reason = "benches")]
 
 mod numbers;
 

@@ -1,7 +1,6 @@
 //! Flattening of caps of 110 degrees: the shape that PEERS and the README compare on.
 //!
 //! `DERMATOME_BENCH_LARGE=1` adds a million faces.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
 
 use std::hint::black_box;
 

@@ -5,13 +5,7 @@
 //! printed. `draw` only draws, `draw_L0` level 0 alone; `natural` and `field` draw in
 //! these ways. The same of maps whose files DERMATOME_MAPS names, separated as in PATH, by the name
 //! of their folder. `rasterise` is an atlas of a million triangles in 2048 x 2048 pixels.
-#![allow(clippy::print_stdout, reason = "the share of changes belongs to the time")]
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
-#![allow(
-    clippy::unwrap_used,
-    missing_docs,
-    reason = "a bench may stop, and criterion's macros have no comments"
-)]
 
 use std::{env, f64::consts::TAU, hint::black_box, time::Duration};
 

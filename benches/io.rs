@@ -1,5 +1,4 @@
 //! Reading and writing skins as GLB, in memory-backed files where the system has them.
-#![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 
 use std::{hint::black_box, path::Path};
 

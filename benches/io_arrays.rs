@@ -1,6 +1,5 @@
 //! Recordings written as arrays: every level's values of a cover of 642 taxels, and images, in
 //! memory-backed files where the system has them.
-#![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 
 use std::path::Path;
 

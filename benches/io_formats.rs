@@ -1,6 +1,4 @@
 //! Files of a cap of 100 000 triangles in and out, and rows of contacts and lookups per second.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
-#![allow(clippy::unwrap_used, reason = "a bench may stop at the first surprise")]
 #![allow(clippy::cast_possible_truncation, reason = "numbers of rows are small")]
 
 use std::{

@@ -1,5 +1,4 @@
 //! Recordings read frame by frame, on their way to a map: 642 taxels, in every format.
-#![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 
 use std::{fs, hint::black_box, path::Path};
 

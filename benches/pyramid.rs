@@ -1,5 +1,4 @@
 //! Time of one coarsening to about a quarter and of whole pyramids, in triangles per second.
-#![allow(missing_docs, reason = "criterion's macros make public items")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{

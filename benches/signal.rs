@@ -4,11 +4,6 @@
 //! skin. `track` takes frames in which
 //! as many are pressed, one contact on each patch.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
-#![allow(
-    clippy::unwrap_used,
-    missing_docs,
-    reason = "a bench may stop, and criterion's macros have no comments"
-)]
 
 use std::{f64::consts::TAU, hint::black_box, time::Duration};
 

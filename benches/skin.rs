@@ -1,5 +1,4 @@
 //! Drafts to skins, and what is wrong with them, for covers of many sizes.
-#![allow(missing_docs, reason = "criterion's macro writes items without")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{

@@ -4,7 +4,6 @@
 //! ```sh
 //! cargo run --release --example frames
 //! ```
-#![allow(clippy::print_stdout, reason = "an example prints what it measures")]
 
 use std::{f64::consts::TAU, hint::black_box, time::Instant};
 

@@ -5,7 +5,6 @@
 //! ```sh
 //! cargo run --release --example reach          # from the folder of the repository; writes reach.png
 //! ```
-#![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
 use std::path::Path;
 

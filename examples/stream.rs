@@ -4,7 +4,6 @@
 //! ```sh
 //! cargo run --release --example stream
 //! ```
-#![allow(clippy::print_stdout, reason = "an example prints what it found")]
 
 use std::{
     thread::sleep,

@@ -26,6 +26,7 @@
 //!
 //! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
 //! depend on the number of threads.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 pub mod id;
 pub mod parallel;

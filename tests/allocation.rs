@@ -1,6 +1,5 @@
 //! The steady state allocates nothing: every step of a live stream, for frames that change as a whole,
 //! in part or not at all.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::id::VertexId;

@@ -1,5 +1,4 @@
 //! Laws of the atlas: who owns a pixel, and what it shows.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

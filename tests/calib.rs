@@ -1,9 +1,4 @@
 //! Laws of calibration, and the statistics of the simulated experiment.
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test may stop at a surprise and say what it skips"
-)]
 
 mod common;
 

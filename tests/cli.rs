@@ -1,9 +1,4 @@
 //! The command as a user runs it: what it writes, what it prints, how it fails.
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test may stop at a surprise and say what it skips"
-)]
 
 mod common;
 

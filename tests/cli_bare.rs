@@ -1,5 +1,4 @@
 //! Bare taxels as a user has them: iCub positions, tables and clouds of points.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,7 +1,6 @@
 //! What `build` promises of surfaces that no map fits as they are: pin-holes, area ratios, long tubes,
 //! seams from a table, surfaces with one side.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! `simulate` and `calibrate` as a user runs them.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

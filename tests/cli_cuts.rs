@@ -1,6 +1,5 @@
 //! Meshes that their files cut open: which cuts are kept, and which broken edges are split.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! What the commands print as JSON, against `docs/json.md`.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,11 +1,6 @@
 //! Where the command writes: never over an input, never twice to one place, and nothing is left of
 //! a run that is stopped.
 #![cfg(feature = "cli")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test may stop at a surprise and say what it skips"
-)]
 
 mod common;
 

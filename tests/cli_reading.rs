@@ -1,6 +1,5 @@
 //! Reading what other people hold: other units, some patches of a file, other formats.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at a surprise")]
 
 mod common;
 

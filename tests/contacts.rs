@@ -1,6 +1,4 @@
 //! Laws of contacts: what presses the skin is found, measured and followed, and nothing else.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
-#![allow(clippy::print_stdout, reason = "a figure that a reader of the test wants to see")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! The experiment of the README: its commands give its numbers and its pictures.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

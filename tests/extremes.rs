@@ -1,6 +1,5 @@
 //! Inputs that break tactile images first: the smallest and the largest skins and canvases, skins
 //! without any reading, numbers at the ends of what a float holds, maps that overlap themselves.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

@@ -1,7 +1,5 @@
 //! Laws of tactile images: what a pixel shows, and what the sum of pixels is.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a test are small")]
-#![allow(clippy::print_stdout, reason = "a figure that a reader of the test wants to see")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

@@ -1,5 +1,4 @@
 //! Animations of glTF files: which poses of links they give, and what is refused.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs;
 

@@ -1,5 +1,4 @@
 //! Laws of the arrays and frames that recordings are written to.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

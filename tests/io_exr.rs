@@ -1,6 +1,5 @@
 //! Laws of the EXR files: what every reader needs is there, and the bytes never change. What pixels hold
 //! is tested in `atlas.rs` and `io_arrays.rs`, read back from such files.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

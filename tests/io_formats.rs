@@ -1,6 +1,5 @@
 //! Files of every kind but glTF and EXR: what is written reads back, what is broken is refused by
 //! name, and nothing that a file says makes the readers panic.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

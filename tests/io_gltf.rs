@@ -1,6 +1,5 @@
 //! Laws of glTF: what is written reads back the same, and nothing that a file says is believed
 //! unseen.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 #[allow(dead_code, reason = "other tests use the rest")]

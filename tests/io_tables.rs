@@ -1,6 +1,5 @@
 //! Tables of contacts, lookups and poses: what is read, what is written, what is refused and how it
 //! is named.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::{fs, io::Read, path::Path};
 

@@ -1,7 +1,6 @@
 //! The shape of the source, read from its text: which module may name which, which may use an
 //! outside crate, that no files import each other in a circle, that only the command speaks of its
 //! options, and that every file says what it is for.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

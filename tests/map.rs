@@ -1,5 +1,4 @@
 //! Laws of maps: every field of a map is judged, in one place, by name.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

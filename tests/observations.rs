@@ -1,5 +1,4 @@
 //! Files of observations: what is read, what comes back, what is refused and how it is named.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::{fs, path::PathBuf};
 

@@ -1,6 +1,5 @@
 //! Laws of the page: the same map gives the same bytes, and names stay text. What a reader sees is tested
 //! in a browser, by `tools/page`.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 mod maps;

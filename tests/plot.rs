@@ -1,5 +1,4 @@
 //! Laws of the pictures: they say what was asked for, are sound XML, and stay small.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 mod maps;

@@ -1,5 +1,4 @@
 //! Laws of pictures of skin in space.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 mod maps;

@@ -1,5 +1,4 @@
 //! Laws of pictures of readings: values are read off one scale, and what is not known is not zero.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod maps;
 

@@ -1,6 +1,5 @@
 //! Laws of readings on their way in: every format gives the numbers that were put in, what is broken
 //! is refused by name, columns find their taxels, and filters lose nothing.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! The commands of the README and of each `--help`, run as a newcomer would.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,6 +1,5 @@
 //! Laws of regions that ask for more than others: weights and acuities, from their files to the map.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
 use dermatome::remesh::{RemeshError, keep_outer, remesh, remesh_skin};

@@ -1,6 +1,5 @@
 //! Robot descriptions: what is read of them, and what is refused with the line where it stands.
 #![cfg(feature = "cli")]
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod common;
 

@@ -1,5 +1,4 @@
 //! Laws of the values on taxels: what levels keep, what frames that change little cost nothing of.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use dermatome::id::{IdVec, VertexId};
 use dermatome::map::SkinMap;

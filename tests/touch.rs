@@ -1,5 +1,4 @@
 //! Laws of simulated touch: what the taxels feel is what the sphere does.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::f64::consts::PI;
 

@@ -1,11 +1,6 @@
 //! What many test programs share: the command, data from outside the repository, and small readers
 //! and writers of its files.
-#![allow(
-    dead_code,
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "each test program uses a part of it, says what it skips, and may stop"
-)]
+#![allow(dead_code, reason = "each test program uses a part of it")]
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};

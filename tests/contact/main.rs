@@ -1,6 +1,5 @@
 //! Laws of the module `contact`: answers are those of brute force, for any shape and pose, on every level,
 //! and in every frame without an allocation.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod blend;
 #[cfg(feature = "cli")]

@@ -1,5 +1,5 @@
 //! Maps made by hand from named shapes: what the rooms above `map` are tested on.
-#![allow(dead_code, clippy::unwrap_used, reason = "each test program uses a part of it, and may stop")]
+#![allow(dead_code, reason = "each test program uses a part of it")]
 
 pub(crate) mod images;
 

@@ -1,5 +1,4 @@
 //! Laws of the module `skin`: what is repaired, what is refused, what is found.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -20,6 +20,7 @@
 //! 1.2 to 1.8 times as fast for the nearest triangle as a tree of obvhs' topology with the same nodes.
 //!
 //! This is the only crate that uses obvhs, pulp and wide.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

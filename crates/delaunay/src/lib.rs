@@ -6,6 +6,7 @@
 //! itself, whose tests compare with this crate.
 //!
 //! A crate of its own, so that an edit elsewhere does not compile spade's generic code again.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 use glam::DVec2;
 use robust::{Coord, orient2d};

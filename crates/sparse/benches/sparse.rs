@@ -1,5 +1,4 @@
 //! Ordering, factoring and solving of shifted Laplacians of triangular lattices on a cylinder.
-#![allow(missing_docs, reason = "criterion's macros make undocumented items")]
 
 use std::hint::black_box;
 

@@ -9,6 +9,7 @@
 //!
 //! A crate of its own, so that an edit elsewhere does not compile it and faer's generic code again.
 //! Results do not depend on the number of threads.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod block_system;
 mod cholesky;

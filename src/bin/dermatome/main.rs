@@ -1,4 +1,5 @@
 //! `dermatome`: the command. It parses, calls the library and prints.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod bench;
 mod build;

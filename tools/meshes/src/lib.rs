@@ -3,6 +3,7 @@
 //! The same bytes come out every time and everywhere: where a shape needs more than `+ - * /` and
 //! square roots, which are the same on all machines, its positions are rounded to [`grid::STEP`]
 //! before anything else is computed from them.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod delaunay;
 pub mod forearm;

@@ -1,4 +1,5 @@
 //! Writes the inputs of `meshes/`: `cargo run --release -p meshes -- meshes`.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 use std::{
     error::Error,

@@ -1,5 +1,4 @@
 //! What every input of `meshes/` promises.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::{path::Path, sync::LazyLock};
 

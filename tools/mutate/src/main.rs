@@ -5,7 +5,7 @@
 //! the time allows. Every run must end by itself with an exit code from 0 to 2, without the text of
 //! a panic, within [`LONGEST`] and within [`MEMORY_KIB`]. A file that breaks this is kept, made as
 //! small as cutting it makes it, and the exit code is 1.
-#![expect(clippy::print_stdout, reason = "this is a command")]
+#![warn(clippy::unwrap_used)]
 
 mod mutate;
 mod run;

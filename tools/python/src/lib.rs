@@ -2,6 +2,7 @@
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
 //! `index`, `robot`, `bare_mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
 mod calib;
