@@ -1,12 +1,11 @@
 //! Who borders whom, for lattices of many sizes.
-#![allow(missing_docs, reason = "criterion's macro writes items without")]
 
-#[path = "../tests/renumbered/mod.rs"]
-mod renumbered;
+#[path = "../tests/altered/mod.rs"]
+mod altered;
 
+use altered::renumbered;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::mesh::{Adjacency, TriMesh, shapes};
-use renumbered::renumbered;
 
 /// The same mesh with its vertices in no order, as files may have them.
 fn shuffled(mesh: &TriMesh) -> TriMesh {

@@ -1,11 +1,11 @@
 //! Laws of the pyramid: nested centres, convex prolongations that keep force, and levels that stay
 //! manifolds of the same shape and can be undone.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-mod renumbered;
+mod altered;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use altered::{renumbered, without};
 use dermatome::id::{FaceId, IdVec, VertexId};
 use dermatome::mesh::{Adjacency, MeshError, TriMesh, mean_edge_length, shapes};
 use dermatome::pyramid::{
@@ -14,7 +14,6 @@ use dermatome::pyramid::{
 use dermatome::skin::{LinkId, Patch, Presence, TaxelError, TaxelId};
 use glam::DVec3;
 use proptest::prelude::*;
-use renumbered::renumbered;
 
 fn patch(mesh: TriMesh) -> Patch {
     Patch::from_mesh("patch", LinkId::new(0), mesh)
@@ -40,15 +39,7 @@ fn cap(faces: usize) -> TriMesh {
 
 /// The mesh without the faces around each of `centres`, and without those vertices.
 fn punched(mesh: &TriMesh, centres: impl Fn(VertexId) -> bool) -> TriMesh {
-    let mut names = IdVec::<VertexId, u32>::from(vec![0; mesh.positions.len()]);
-    let mut positions = Vec::new();
-    for v in mesh.positions.ids().filter(|&v| !centres(v)) {
-        names[v] = u32::try_from(positions.len()).unwrap();
-        positions.push(mesh.positions[v]);
-    }
-    let whole = mesh.triangles.iter().filter(|t| !t.iter().any(|&v| centres(v)));
-    let triangles: Vec<_> = whole.map(|t| t.map(|v| names[v])).collect();
-    TriMesh::from_arrays(positions, &triangles)
+    without(mesh, |face| mesh.triangles[face].into_iter().any(&centres))
 }
 
 /// A lattice with a hexagonal hole of one spacing at every `every`-th vertex in both directions.

@@ -297,23 +297,6 @@ proptest! {
 
 // ---- ties, hostile shapes ----
 
-/// A thousand copies of one triangle make a tree as deep as their number; the first of them is the
-/// answer.
-#[test]
-fn of_coincident_faces_the_first_is_hit() {
-    let one = shapes::triangle();
-    let positions: Vec<_> = (0..1000).flat_map(|_| one.positions.to_vec()).collect();
-    let corners: Vec<_> = (0..1000).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-    let map = map_of(TriMesh::from_arrays(positions, &corners));
-    let index = ContactIndex::new(&map).unwrap();
-    for point in
-        [DVec3::new(0.2, 0.3, 0.1), DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(4.0, -9.0, 1e4)]
-    {
-        let hit = assert_exact(&map, &index, &Query::from(point), 1e-9);
-        assert_eq!(hit.point.face, FaceId::new(0), "at {point}");
-    }
-}
-
 /// On a shared side or corner all its faces are equally near, and the smallest id decides.
 #[test]
 fn on_a_shared_corner_or_side_the_smallest_face_is_hit() {

@@ -1,31 +1,13 @@
 //! Laws of flattening on bad input: needles, folds, spirals, sleeves, surfaces without area.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use std::f64::consts::{PI, TAU};
-
-use dermatome::flatten::{Distortion, Energy, FlattenError, FlattenOptions, distortion};
-use dermatome::id::{IdVec, VertexId};
-use dermatome::mesh::{TriMesh, shapes};
-use glam::{DVec2, DVec3};
-
-fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    dermatome::flatten::flatten(mesh, None, options).map(|map| map.uv)
-}
-
-fn energies() -> [FlattenOptions; 2] {
-    [FlattenOptions::default(), Energy::SymmetricDirichlet.into()]
-}
+use super::*;
 
 /// Largest distance between a map and the places `flat`, after the rotation and translation that fit
 /// best, over the size of the map.
 fn rigid_error(flat: &[DVec2], uv: &IdVec<VertexId, DVec2>) -> f64 {
-    let n = uv.len() as f64;
-    let (a, b) = (flat.iter().sum::<DVec2>() / n, uv.iter().sum::<DVec2>() / n);
-    let turn = |(p, q): (&DVec2, &DVec2)| DVec2::new((p - a).dot(*q - b), (p - a).perp_dot(*q - b));
-    let turn: DVec2 = flat.iter().zip(uv).map(turn).sum::<DVec2>().normalize();
-    let size = flat.iter().map(|p| p.distance(a)).fold(0.0, f64::max);
-    let off = flat.iter().zip(uv).map(|(p, q)| turn.rotate(p - a).distance(q - b));
-    off.fold(0.0, f64::max) / size
+    let centre = flat.iter().sum::<DVec2>() / flat.len() as f64;
+    let size = flat.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+    fitted(flat, uv).into_iter().fold(0.0, f64::max) / size
 }
 
 /// Columns pushed against each other until the faces between them are needles of this aspect.
