@@ -48,7 +48,7 @@ pub mod contact;
 pub mod io;
 pub mod plot;
 pub mod report;
-pub mod error;
+mod error;
 pub mod page;
 pub mod pipeline;
 

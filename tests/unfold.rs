@@ -1,5 +1,4 @@
 //! Laws of unfolding: it begins with the skin, ends with the map, and keeps lengths on the way.
-#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::path::Path;
 
@@ -11,7 +10,7 @@ use dermatome::mesh::{TriMesh, shapes};
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{AssembleOptions, Skin, assemble};
-use dermatome::unfold::{MOST_VERTICES, Unfolding};
+use dermatome::unfold::Unfolding;
 use glam::DVec3;
 
 fn map_of(mesh: TriMesh) -> SkinMap {
@@ -70,7 +69,7 @@ fn unfolding_begins_with_the_skin_and_ends_with_the_map() {
 fn a_cut_tube_unrolls_isometrically_at_every_time() {
     let map = map_of(shapes::tube(120, 60, 0.05, 0.25));
     let patch = map.patches.iter().next().unwrap();
-    assert!(finest(patch).cut.is_some() && finest(patch).uv.len() > MOST_VERTICES);
+    assert!(finest(patch).cut.is_some() && finest(patch).uv.len() > 2000);
     let unfolding = Unfolding::new(patch).unwrap();
     assert!(unfolding.level > LevelId::new(0));
     let skin = lengths(finest(patch), &unfolding.at(0.0));

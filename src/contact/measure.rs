@@ -24,7 +24,7 @@ const PASSES: usize = 13;
 const FEW: usize = 128;
 
 /// Thresholds on the distance of a contact, in mm, that a level decides or not.
-pub const THRESHOLDS_MM: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
+const THRESHOLDS_MM: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
 /// What answers on a map cost: times in ns a contact. See [`measure`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -72,8 +72,8 @@ pub struct LevelCosts {
     pub error_mm: [f64; 3],
     /// Number of answers whose error exceeds their bound: 0.
     pub violations: usize,
-    /// Share of the contacts of which the answer tells for sure whether they are within each of
-    /// [`THRESHOLDS_MM`] of the skin.
+    /// Share of the contacts of which the answer tells for sure whether they are within 1, 2, 5 and
+    /// 10 mm of the skin.
     pub decided: [f64; 4],
 }
 

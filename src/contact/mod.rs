@@ -106,5 +106,5 @@ pub use error::ContactError;
 pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use measure::{AnswerCosts, LevelCosts, SampleContacts, THRESHOLDS_MM, measure};
+pub use measure::{AnswerCosts, LevelCosts, SampleContacts, measure};
 pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive};

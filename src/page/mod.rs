@@ -21,7 +21,7 @@ mod skin;
 pub use live::LiveServer;
 pub use recording::LiveFrames;
 
-use std::{fmt::Write, io::Read};
+use std::io::Read;
 
 use flate2::read::GzDecoder;
 use serde::Serialize;
@@ -33,7 +33,6 @@ use crate::page::recording::{Recorder, RecordingHeader};
 use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
-use crate::report::{PatchReport, measure};
 use crate::signal::{Channel, Frame};
 use crate::skin::link_names;
 use crate::unfold::Unfolding;
@@ -154,8 +153,7 @@ fn html(
         ..PlotOptions::default()
     };
     let picture = plot_map(map, &options)?.to_svg();
-    let fill =
-        [("TITLE", escape(title)), ("PICTURE", picture), ("NUMBERS", numbers(&measure(map))), ("DATA", data)];
+    let fill = [("TITLE", escape(title)), ("PICTURE", picture), ("NUMBERS", numbers(map)), ("DATA", data)];
     Ok(filled(template, &fill))
 }
 
@@ -197,44 +195,23 @@ fn filled(template: &str, fill: &[(&str, String)]) -> String {
     page
 }
 
-/// The numbers of `report.json` as a table.
-fn numbers(patches: &[PatchReport]) -> String {
-    const NAMES: [&str; 10] = [
-        "patch",
-        "level",
-        "taxels or fields",
-        "triangles",
-        "flips",
-        "crossings",
-        "s1/s2 mean",
-        "max",
-        "area ratio mean",
-        "max",
-    ];
-    let mut table = String::from("<table><thead><tr>");
-    // Writing to a string cannot fail.
-    NAMES.iter().for_each(|name| {
-        let _ = write!(table, "<th>{name}</th>");
-    });
-    table.push_str("</tr></thead><tbody>");
-    for patch in patches {
-        for level in &patch.levels {
-            let d = &level.distortion;
-            let _ = write!(
-                table,
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.4}</td><td>{:.3}</td><td>{:.4}</td>\
-                 <td>{:.3}</td></tr>",
+/// The measures of `report.json` as a table.
+fn numbers(map: &SkinMap) -> String {
+    const NAMES: &str =
+        "patch|level|taxels or fields|triangles|flips|crossings|s1/s2 mean|max|area ratio mean|max";
+    let names = NAMES.replace('|', "</th><th>");
+    let mut table = format!("<table><thead><tr><th>{names}</th></tr></thead><tbody>");
+    for patch in &map.patches {
+        for (id, level) in patch.levels.enumerate() {
+            let (mesh, d) = (&level.level.mesh, &level.distortion);
+            let counts = [id.index(), mesh.positions.len(), mesh.triangles.len(), d.flips, d.crossings];
+            let cells = [
                 escape(&patch.name),
-                level.level,
-                level.vertices,
-                level.faces,
-                d.flips,
-                d.crossings,
-                d.qc_mean,
-                d.qc_max,
-                d.area_mean,
-                d.area_max
-            );
+                counts.map(|count| count.to_string()).join("</td><td>"),
+                format!("{:.4}</td><td>{:.3}", d.qc_mean, d.qc_max),
+                format!("{:.4}</td><td>{:.3}", d.area_mean, d.area_max),
+            ];
+            table.extend(["<tr><td>", &cells.join("</td><td>"), "</td></tr>"]);
         }
     }
     table.push_str("</tbody></table>");

@@ -12,7 +12,7 @@
 //!    the skin, at 1 that of the map. The triangles do not fit together then; a least-squares solution
 //!    with cotangent weights does (`join_triangles`). Then each is turned as fits it best, and all are joined again,
 //!    a few times (sorkine2007). One factor serves all times.
-//! 3. That is solved at [`KEY_TIMES`] on the finest level of at most [`MOST_VERTICES`] vertices, with the
+//! 3. That is solved at three times between on the finest level of at most 2000 vertices, with the
 //!    places of its vertices on the map of level 0. [`Unfolding::at`] interpolates between key frames by
 //!    the polynomial through all five, and carries them to level 0: a place keeps its difference
 //!    from the mean of its fields, which turns with them.
@@ -35,12 +35,12 @@ use crate::unfold::join_triangles::Joiner;
 use crate::unfold::turns::Turns;
 
 /// Times at which the surfaces between skin (0) and map (1) are solved for.
-pub const KEY_TIMES: [f64; 3] = [0.25, 0.5, 0.75];
+const KEY_TIMES: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// Most vertices of the level that is solved on, if there is such a level: 1000 take about 20 ms. Halfway
 /// lengths are off by 0.9 % in the mean on the glove of `meshes/`, which has 7614 taxels; solved on all of
 /// them by 0.7 %.
-pub const MOST_VERTICES: usize = 2000;
+const MOST_VERTICES: usize = 2000;
 
 /// How one patch unfolds from its shape in space to its map.
 ///
@@ -61,7 +61,7 @@ pub struct Unfolding {
     pub level: LevelId,
     /// The pose of the unfolded map in the frame of the link: of the point `(u, v, 0)`.
     pub sheet: DAffine3,
-    /// The places of that level at [`KEY_TIMES`].
+    /// The places of that level at `KEY_TIMES`.
     pub keys: [IdVec<PlaceId, DVec3>; 3],
     /// How far the skin turns at each of those places from space to map: axis times angle, in rad.
     pub turns: IdVec<PlaceId, DVec3>,
