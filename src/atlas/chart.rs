@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
-use crate::atlas::layout::{Place, turned};
+use crate::atlas::layout::{ChartPosition, turned};
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
@@ -43,8 +43,13 @@ impl Chart {
     /// covered pixels and the triangles.
     /// Fails if the image would be larger than 16384 pixels a side or `2^26` in all, or if the map does not
     /// lie in its frame.
-    pub(super) fn new(image: &str, at: &MapLevel, level: LevelId, place: &Place) -> Result<Self, AtlasError> {
-        let Place { patch, turns, frame, corner_px } = *place;
+    pub(super) fn new(
+        image: &str,
+        at: &MapLevel,
+        level: LevelId,
+        place: &ChartPosition,
+    ) -> Result<Self, AtlasError> {
+        let ChartPosition { patch, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));

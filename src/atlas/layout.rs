@@ -22,7 +22,7 @@ use crate::skin::{Link, LinkId, PatchId};
 
 /// Where one chart lies in its image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub(super) struct ChartPosition {
     pub(super) patch: PatchId,
     pub(super) turns: u8,
     pub(super) frame: ImageFrame,
@@ -34,7 +34,7 @@ pub(super) struct PartLayout {
     pub(super) name: String,
     pub(super) level: LevelId,
     pub(super) frame: ImageFrame,
-    pub(super) places: Vec<Place>,
+    pub(super) places: Vec<ChartPosition>,
 }
 
 /// Patch and level as files name them: `palm/L0`.
@@ -80,7 +80,7 @@ fn one_per_patch(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout
                 }
                 _ => at.frame,
             };
-            let place = Place { patch: id, turns: 0, frame, corner_px: [0, 0] };
+            let place = ChartPosition { patch: id, turns: 0, frame, corner_px: [0, 0] };
             parts.push(PartLayout { name: image_name(patch, level), level, frame, places: vec![place] });
         }
     }
@@ -198,12 +198,12 @@ fn packed(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, Atla
         let frame = ImageFrame::around_box(item.extent.lo, item.extent.hi, pixel, 0);
         let below = px(bottom).saturating_add(MARGIN).saturating_add(frame.size_px[1]);
         let corner_px = [px(left).saturating_add(MARGIN), size_px[1].saturating_sub(below)];
-        Place { patch: item.patch, turns: item.turns, frame, corner_px }
+        ChartPosition { patch: item.patch, turns: item.turns, frame, corner_px }
     };
-    let places: Vec<Place> = items.iter().zip(&shelves.positions).map(place).collect();
+    let places: Vec<ChartPosition> = items.iter().zip(&shelves.positions).map(place).collect();
     let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
     let part = |level: LevelId| {
-        let has_it = |place: &&Place| map.patches[place.patch].levels.get(level).is_some();
+        let has_it = |place: &&ChartPosition| map.patches[place.patch].levels.get(level).is_some();
         let places = places.iter().filter(has_it).copied().collect();
         PartLayout { name: format!("L{level}"), level, frame, places }
     };

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::atlas::bound::check_map;
 use crate::atlas::chart::shown_id;
-use crate::atlas::layout::{Place, image_name};
+use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::{AtlasError, AtlasPart, Chart, Stretch, face_stretch};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -151,7 +151,7 @@ impl LevelImage {
     fn new(map: &Arc<SkinMap>, id: PatchId, level: LevelId) -> Result<Self, AtlasError> {
         let patch = &map.patches[id];
         let (at, name) = (&patch.levels[level], image_name(patch, level));
-        let place = Place { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
+        let place = ChartPosition { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
         let chart = Chart::new(&name, at, level, &place)?;
         let (frame, charts) = (chart.frame, vec![ShadedChart::new(map, chart)]);
         Ok(Self { name, frame, map: Arc::clone(map), charts })

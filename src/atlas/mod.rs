@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 use crate::atlas::bound::{check_size, check_total};
 use crate::atlas::chart::shown_id;
-use crate::atlas::layout::{PartLayout, Place, image_name, layout};
+use crate::atlas::layout::{ChartPosition, PartLayout, image_name, layout};
 use crate::map::{ImageFrame, SkinMap};
 use crate::pyramid::LevelId;
 
@@ -125,7 +125,7 @@ impl Atlas {
 impl AtlasPart {
     fn new(map: &SkinMap, layout: PartLayout) -> Result<Self, AtlasError> {
         let PartLayout { name, level, frame, places } = layout;
-        let chart = |place: &Place| {
+        let chart = |place: &ChartPosition| {
             let patch = &map.patches[place.patch];
             Chart::new(&image_name(patch, level), &patch.levels[level], level, place)
         };

@@ -6,7 +6,7 @@ use crate::mesh::{HalfedgeMesh, Rings, TriMesh};
 use crate::pyramid::centres::{
     ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing,
 };
-use crate::pyramid::removal::{Remover, Seam, SeamRole, TaxelLocations};
+use crate::pyramid::removal::{Remover, SeamRole, SeamedLevel, TaxelLocations};
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog};
 use crate::skin::Taxels;
 
@@ -90,7 +90,7 @@ pub(crate) fn coarsen_cut(
     options: &CoarsenOptions,
 ) -> Result<CutPyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(Seam::new(mesh, cut)?))?;
+    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(SeamedLevel::new(mesh, cut)?))?;
     let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::default(), IdVec::default());
     let mut removals = [IdVec::default(), IdVec::default()];
     // The places of level 0 that those of the next level are.
@@ -183,7 +183,7 @@ struct Coarsener<'a> {
     /// Where the taxels of level 0 lie on it.
     locations: TaxelLocations,
     /// Where it is cut for its map.
-    seam: Option<Seam>,
+    seam: Option<SeamedLevel>,
     /// The spacing that densities and acuities ask for at each vertex of level 0, in m.
     wanted_spacing: Option<IdVec<VertexId, f64>>,
 }
@@ -198,7 +198,7 @@ impl<'a> Coarsener<'a> {
         mesh: &TriMesh,
         taxels: &'a Taxels,
         options: &'a CoarsenOptions,
-        seam: Option<Seam>,
+        seam: Option<SeamedLevel>,
     ) -> Result<(Self, Rings), PyramidError> {
         let (surface, rings) = HalfedgeMesh::new(mesh)?;
         let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());

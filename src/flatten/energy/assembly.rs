@@ -19,13 +19,13 @@ const ROWS: usize = 2048;
 const NONE: u32 = u32::MAX;
 
 /// A face, and where its blocks go to in the entries of a part.
-struct Place {
+struct FaceSlots {
     face: FaceId,
     /// Of the row of each corner: the slots of the corner itself, of the next and of the previous one.
     slots: [[u32; 3]; 3],
 }
 
-impl Place {
+impl FaceSlots {
     /// The place of a face in the part of these rows.
     fn new(net: &ElementMesh, rows: &Range<usize>, face: FaceId) -> Self {
         let corners = net.faces[face].corners.map(VertexId::index);
@@ -46,7 +46,7 @@ impl Place {
 
 /// The faces around the rows of each part of a system, so that parts are summed side by side, always in the
 /// same order.
-pub(crate) struct Assembly(Vec<Vec<Place>>);
+pub(crate) struct Assembly(Vec<Vec<FaceSlots>>);
 
 impl Assembly {
     pub(crate) fn new(net: &ElementMesh) -> Self {
@@ -60,11 +60,11 @@ impl Assembly {
                 }
             }
         }
-        let places = |(part, faces): (usize, Vec<FaceId>)| {
+        let of_part = |(part, faces): (usize, Vec<FaceId>)| {
             let rows = part * ROWS..((part + 1) * ROWS).min(free);
-            faces.into_iter().map(|face| Place::new(net, &rows, face)).collect()
+            faces.into_iter().map(|face| FaceSlots::new(net, &rows, face)).collect()
         };
-        Self(faces.into_par_iter().enumerate().map(places).collect())
+        Self(faces.into_par_iter().enumerate().map(of_part).collect())
     }
 
     /// Sums the Hessians of the models of all faces, and returns minus the sum of their gradients.
@@ -76,9 +76,9 @@ impl Assembly {
     ) -> Vec<DVec2> {
         let mut downhill = vec![DVec2::ZERO; hessian.pattern().rows()];
         let sums = hessian.parts_mut(ROWS).into_par_iter().zip(downhill.par_chunks_mut(ROWS));
-        self.0.par_iter().zip(sums).enumerate().for_each(|(part, (places, (blocks, downhill)))| {
+        self.0.par_iter().zip(sums).enumerate().for_each(|(part, (of_part, (blocks, downhill)))| {
             blocks.fill(B::ZERO);
-            for &Place { face, slots } in places {
+            for &FaceSlots { face, slots } in of_part {
                 let e = &faces[face];
                 let m = model(e);
                 for (k, slots) in slots.into_iter().enumerate().filter(|(_, slots)| slots[0] != NONE) {

@@ -49,11 +49,11 @@ pub(in crate::io) struct StoredArray {
     /// Its name; empty in a `.npy`.
     pub(in crate::io) name: String,
     pub(in crate::io) header: NpyHeader,
-    place: Place,
+    range: ByteRange,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct ByteRange {
     /// The first of them in the file.
     start: u64,
     /// Bytes in the file.
@@ -83,7 +83,7 @@ impl StoredArray {
 
     /// Its elements, from the first on.
     pub(in crate::io) fn open(&self, storage: Storage<'_>) -> Result<Box<dyn Read + Send>, IoError> {
-        let mut input = self.place.open(storage)?;
+        let mut input = self.range.open(storage)?;
         NpyHeader::read(storage.path, &self.element(), &mut input)?;
         Ok(input)
     }
@@ -94,7 +94,7 @@ fn element(name: &str) -> String {
     if name.is_empty() { "the array".into() } else { format!("array `{name}`") }
 }
 
-impl Place {
+impl ByteRange {
     fn open(&self, storage: Storage<'_>) -> Result<Box<dyn Read + Send>, IoError> {
         let (mut file, _) = storage.open()?;
         file.seek(SeekFrom::Start(self.start)).map_err(cannot_read(storage.path))?;
@@ -114,8 +114,8 @@ impl Place {
 /// The array of a `.npy`, which has no more and no fewer elements than its shape says.
 pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoError> {
     let (_, length) = storage.open()?;
-    let place = Place { start: 0, stored: length, size: length, packing: Packing::Alone };
-    array_at(storage, String::new(), place)
+    let range = ByteRange { start: 0, stored: length, size: length, packing: Packing::Alone };
+    array_at(storage, String::new(), range)
 }
 
 /// The arrays of an `.npz`, of which none has more or fewer elements than its shape says.
@@ -150,20 +150,20 @@ pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray
             let found = format!("{stored} bytes from byte {start} on, of {size}");
             return Err(invalid(path, element, found, format!("bytes of a file of {length}")));
         }
-        arrays.push(array_at(storage, name, Place { start, stored, size, packing })?);
+        arrays.push(array_at(storage, name, ByteRange { start, stored, size, packing })?);
     }
     Ok(arrays)
 }
 
-/// The array at a place, if the elements that its shape promises are there, no more and no fewer.
-fn array_at(storage: Storage<'_>, name: String, place: Place) -> Result<StoredArray, IoError> {
+/// The array in a part of a file, if the elements that its shape promises are there, no more and no fewer.
+fn array_at(storage: Storage<'_>, name: String, range: ByteRange) -> Result<StoredArray, IoError> {
     let path = storage.path;
-    let header = NpyHeader::read(path, &element(&name), &mut place.open(storage)?)?;
+    let header = NpyHeader::read(path, &element(&name), &mut range.open(storage)?)?;
     let needed = header.total_bytes();
-    if needed == Some(place.size) {
-        return Ok(StoredArray { name, header, place });
+    if needed == Some(range.size) {
+        return Ok(StoredArray { name, header, range });
     }
-    let found = format!("the shape {} in {} bytes", header.describe(), place.size);
+    let found = format!("the shape {} in {} bytes", header.describe(), range.size);
     let needed = needed.map_or("fewer than 2^64 bytes".into(), |n| format!("{n} bytes for it"));
     Err(invalid(path, element(&name), found, needed))
 }

@@ -41,14 +41,14 @@ struct Body<'a> {
     n_taxels: Option<usize>,
     n_faces: Option<usize>,
     #[serde(default)]
-    parent_frames: Vec<Frame>,
+    parent_frames: Vec<ParentFrame>,
     #[serde(borrow)]
     taxels: Vec<Taxel<'a>>,
     faces: Vec<[u32; 3]>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Frame {
+struct ParentFrame {
     #[serde(default)]
     key: i64,
     #[serde(default)]
@@ -245,7 +245,7 @@ pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<
 
 /// The frame of the whole skin, and the patches in it: that of the link that carries them all, if
 /// there is one and it neither scales nor mirrors, else the world.
-fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
+fn framed(skin: &Skin) -> (ParentFrame, Vec<Cow<'_, Patch>>) {
     let first = skin.patches.iter().next().map(|patch| (patch.link, world_pose(&skin.links, patch.link)));
     let only = first.filter(|(link, pose)| {
         is_rotation(&pose.matrix3) && skin.patches.iter().all(|patch| patch.link == *link)
@@ -258,5 +258,5 @@ fn framed(skin: &Skin) -> (Frame, Vec<Cow<'_, Patch>>) {
     };
     let [[a, b, c], [d, e, f], [g, h, i], [x, y, z]] = pose.to_cols_array_2d();
     let tf_matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0, x, y, z, 1.0];
-    (Frame { key: 0, id: 0, kind: "", name, tf_matrix }, patches)
+    (ParentFrame { key: 0, id: 0, kind: "", name, tf_matrix }, patches)
 }

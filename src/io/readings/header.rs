@@ -60,21 +60,21 @@ pub(super) fn parse_header<'t>(
     at: LineLocation<'_>,
 ) -> Result<Header, IoError> {
     let mut columns = Columns::default();
-    let mut places = Vec::new();
+    let mut meanings = Vec::new();
     for (k, word) in words.enumerate() {
         let column = || format!("column {}", k + 1);
         match word.split('[').next().unwrap_or_default().trim().to_ascii_lowercase().as_str() {
-            "time" | "timestamp" | "timestamps" if places.iter().any(Place::is_time) => {
+            "time" | "timestamp" | "timestamps" if meanings.iter().any(Meaning::is_time) => {
                 return Err(at.invalid_part(column(), "a second time", "one time"));
             }
             "time" | "timestamp" | "timestamps" => {
                 let per_second = per_second(word).ok_or_else(|| {
                     at.invalid_part(column(), excerpt(word), "a time in s, ms, us or ns, as time[ms]")
                 })?;
-                places.push(Place::Time { per_second });
+                meanings.push(Meaning::Time { per_second });
             }
-            "" | "frame" | "index" => places.push(Place::Unused),
-            _ => places.push(columns.reading(word).map_err(|e| match e {
+            "" | "frame" | "index" => meanings.push(Meaning::Unused),
+            _ => meanings.push(columns.reading(word).map_err(|e| match e {
                 Broken::NotAnId => at.invalid_part(column(), excerpt(word), SHAPES),
                 Broken::Unit { first } => {
                     at.invalid_part(column(), excerpt(word), format!("{first:?}, the unit given first"))
@@ -93,27 +93,27 @@ pub(super) fn parse_header<'t>(
         let found = format!("{width} taxels and {channels} channels");
         return Err(at.invalid(found, format!("at most {MAX_NUMBERS} readings in a frame")));
     }
-    if leading && !places.iter().any(Place::is_time) {
-        places.splice(0..0, [Place::Unused, Place::Time { per_second: 1 }]);
+    if leading && !meanings.iter().any(Meaning::is_time) {
+        meanings.splice(0..0, [Meaning::Unused, Meaning::Time { per_second: 1 }]);
     }
-    let cell = |place: Place| match place {
-        Place::Time { per_second } => Cell::Time { per_second },
-        Place::Unused => Cell::Unused,
-        Place::Reading { channel, column } => Cell::Reading(channel * width + column),
+    let cell = |meaning: Meaning| match meaning {
+        Meaning::Time { per_second } => Cell::Time { per_second },
+        Meaning::Unused => Cell::Unused,
+        Meaning::Reading { channel, column } => Cell::Reading(channel * width + column),
     };
-    let cells = places.into_iter().map(cell).collect();
+    let cells = meanings.into_iter().map(cell).collect();
     let ids = columns.has_ids.then_some(columns.ids);
     Ok(Header { width, ids, channels: columns.channels, cells })
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum Meaning {
     Time { per_second: u32 },
     Unused,
     Reading { channel: usize, column: usize },
 }
 
-impl Place {
+impl Meaning {
     const fn is_time(&self) -> bool {
         matches!(self, Self::Time { .. })
     }
@@ -209,7 +209,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn reading(&mut self, word: &str) -> Result<Place, Broken> {
+    fn reading(&mut self, word: &str) -> Result<Meaning, Broken> {
         let (id, channel) = word.split_once('.').map_or((word, ""), |(id, channel)| (id, channel.trim()));
         // `0.25` is a number of a file without a line of ids.
         if channel.starts_with(|c: char| c.is_ascii_digit()) {
@@ -226,7 +226,7 @@ impl Columns {
             self.ids.len() - 1
         });
         *nth += 1;
-        Ok(Place::Reading { channel, column })
+        Ok(Meaning::Reading { channel, column })
     }
 
     /// The channel that `NAME` or `NAME[UNIT]` means; without a name the default one.

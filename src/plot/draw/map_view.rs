@@ -9,7 +9,7 @@ use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, carried_places};
 use crate::mesh::{TriMesh, boundary_loops};
 use crate::plot::colour::{Colour, ColouredMesh, Fill, MeshOwner};
-use crate::plot::draw::canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines};
+use crate::plot::draw::drawn_mesh::{DrawnMesh, boundary_line, dot_radius, taxel_dots, triangle_lines};
 use crate::plot::draw::outline::outlines;
 use crate::plot::layout::View;
 use crate::plot::patch_view::PatchView;
@@ -68,8 +68,8 @@ pub(crate) fn draw_map(
     shapes
 }
 
-fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> Canvas<'a> {
-    Canvas::new(mesh, uv.map(|&at| view.to_pixels(at).extend(0.0)))
+fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> DrawnMesh<'a> {
+    DrawnMesh::new(mesh, uv.map(|&at| view.to_pixels(at).extend(0.0)))
 }
 
 /// The taxels on the map of a level: each at the mean of its fields, by its weights.
@@ -100,22 +100,22 @@ pub(super) fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, Vert
 
 /// A path for each colour, or an image if triangles are small or colours change within them.
 /// Neighbouring groups of one colour merge; white lines separate receptive fields.
-fn areas(canvas: &Canvas<'_>, fill: &Fill, is_scale: bool, view: &View) -> Vec<Shape> {
+fn areas(drawn: &DrawnMesh<'_>, fill: &Fill, is_scale: bool, view: &View) -> Vec<Shape> {
     let is_separated = matches!(fill, Fill::Cells { .. }) && !is_scale;
-    let image = || vec![canvas.image(&canvas.depth_buffer(view), view, fill, |_| 1.0)];
+    let image = || vec![drawn.image(&drawn.depth_buffer(view), view, fill, |_| 1.0)];
     let mut paths = BTreeMap::<Colour, Path>::new();
     match fill {
-        _ if canvas.edge_px < LEAST_EDGE_PX => return image(),
+        _ if drawn.edge_px < LEAST_EDGE_PX => return image(),
         Fill::Values { .. } => return image(),
         Fill::Cells { groups, colours } => {
-            let places = canvas.places.map(|p| p.truncate());
-            for outline in outlines(canvas.mesh, &places, groups) {
+            let places = drawn.places.map(|p| p.truncate());
+            for outline in outlines(drawn.mesh, &places, groups) {
                 paths.entry(colours[outline.group as usize]).or_default().polygon(outline.corners);
             }
         }
         Fill::Faces(colours) => {
-            for (face, t) in canvas.mesh.triangles.enumerate() {
-                paths.entry(colours[face]).or_default().polygon(t.map(|v| canvas.at(v)));
+            for (face, t) in drawn.mesh.triangles.enumerate() {
+                paths.entry(colours[face]).or_default().polygon(t.map(|v| drawn.at(v)));
             }
         }
     }

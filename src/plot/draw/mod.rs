@@ -1,7 +1,7 @@
 //! Panels: a level on its map, or the skin in space as a camera sees it.
 
 mod camera;
-mod canvas;
+mod drawn_mesh;
 mod depth_buffer;
 mod map_view;
 mod outline;

@@ -8,7 +8,7 @@ use crate::map::{MapLevel, PatchMap};
 use crate::mesh::{TriMesh, rectangle_around};
 use crate::plot::colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known};
 use crate::plot::draw::camera::Camera;
-use crate::plot::draw::canvas::FINE;
+use crate::plot::draw::drawn_mesh::FINE;
 use crate::plot::draw::map_view::{draw_map, on_places};
 use crate::plot::draw::view_3d::draw_in_space;
 use crate::plot::layout::{Caption, Slot, View, minus, number, printable};

@@ -7,8 +7,8 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::boundary_edges;
 use crate::plot::colour::ColouredMesh;
 use crate::plot::draw::camera::Camera;
-use crate::plot::draw::canvas::{Canvas, boundary_line, dot_radius, taxel_dots, triangle_lines};
 use crate::plot::draw::depth_buffer::DepthBuffer;
+use crate::plot::draw::drawn_mesh::{DrawnMesh, boundary_line, dot_radius, taxel_dots, triangle_lines};
 use crate::plot::layout::View;
 use crate::plot::patch_view::PatchView;
 use crate::plot::picture::{Path, Shape};
@@ -47,31 +47,31 @@ pub(crate) fn draw_in_space(
 ) -> Vec<Shape> {
     let mesh = coloured.mesh;
     let place = |&p: &DVec3| view.to_pixels(camera.project(p)).extend(view.scale * camera.nearness(p));
-    let canvas = Canvas::new(mesh, mesh.positions.map(place));
-    let buffer = canvas.depth_buffer(view);
+    let drawn = DrawnMesh::new(mesh, mesh.positions.map(place));
+    let buffer = drawn.depth_buffer(view);
     let ambient = if coloured.is_scale { AMBIENT_OF_SCALE } else { AMBIENT };
     let brightness: IdVec<FaceId, f64> =
         mesh.triangles.ids().map(|face| brightness(camera, mesh.face_cross(face), ambient)).collect();
-    let mut shapes = vec![canvas.image(&buffer, view, &coloured.fill, |face| brightness[face])];
-    let lines = unhidden(&canvas, &canvas.edges, &buffer);
-    shapes.extend(triangle_lines(&canvas, lines, &coloured.fill));
+    let mut shapes = vec![drawn.image(&buffer, view, &coloured.fill, |face| brightness[face])];
+    let lines = unhidden(&drawn, &drawn.edges, &buffer);
+    shapes.extend(triangle_lines(&drawn, lines, &coloured.fill));
     let mut rims = boundary_edges(mesh);
     rims.extend(patch.seam());
-    shapes.push(boundary_line(unhidden(&canvas, &rims, &buffer)));
-    if let (Some(radius), false) = (dot_radius(canvas.edge_px), dots.is_empty()) {
+    shapes.push(boundary_line(unhidden(&drawn, &rims, &buffer)));
+    if let (Some(radius), false) = (dot_radius(drawn.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
-        let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(canvas.places[**v], SLACK_PX);
-        let dot = |&v: &VertexId| (canvas.at(v), patch.is_live(v));
+        let is_seen = |v: &&VertexId| camera.sees(normals[**v]) && buffer.shows(drawn.places[**v], SLACK_PX);
+        let dot = |&v: &VertexId| (drawn.at(v), patch.is_live(v));
         shapes.extend(taxel_dots(dots.iter().filter(is_seen).map(dot), radius, &coloured.fill));
     }
     shapes
 }
 
 /// The pieces of edges whose middle nothing hides.
-fn unhidden(canvas: &Canvas<'_>, edges: &[[VertexId; 2]], buffer: &DepthBuffer) -> Path {
+fn unhidden(drawn: &DrawnMesh<'_>, edges: &[[VertexId; 2]], buffer: &DepthBuffer) -> Path {
     let mut path = Path::default();
     for &[a, b] in edges {
-        let (from, to) = (canvas.places[a], canvas.places[b]);
+        let (from, to) = (drawn.places[a], drawn.places[b]);
         let pieces = (from.truncate().distance(to.truncate()) / PIECE_PX).ceil().clamp(1.0, MOST_PIECES);
         let at = |k: f64| from.lerp(to, k / pieces);
         let mut is_drawing = false;

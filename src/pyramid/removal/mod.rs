@@ -8,5 +8,5 @@ mod star;
 mod taxel_locations;
 
 pub(super) use remover::Remover;
-pub(super) use seam::{Seam, SeamRole};
+pub(super) use seam::{SeamRole, SeamedLevel};
 pub(super) use taxel_locations::TaxelLocations;

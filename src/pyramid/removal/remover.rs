@@ -9,7 +9,7 @@ use crate::mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross};
 use crate::parallel::checkpoint;
 use crate::pyramid::removal::queue::Queue;
 use crate::pyramid::removal::retriangulation::Filler;
-use crate::pyramid::removal::seam::{Seam, SeamRole};
+use crate::pyramid::removal::seam::{SeamRole, SeamedLevel};
 use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
 use crate::pyramid::removal::taxel_locations::{Move, TaxelLocations};
 use crate::pyramid::{Removal, RemovalLog};
@@ -37,7 +37,7 @@ pub(crate) struct Remover<'a> {
     /// The taxel that each vertex is.
     pub(crate) origins: &'a IdVec<VertexId, VertexId>,
     /// Where the level is cut for its map.
-    pub(crate) seam: Option<&'a mut Seam>,
+    pub(crate) seam: Option<&'a mut SeamedLevel>,
 }
 
 impl Remover<'_> {
@@ -110,7 +110,7 @@ impl Remover<'_> {
     fn plan_pair(
         &self,
         v: VertexId,
-        seam: &Seam,
+        seam: &SeamedLevel,
         limits: &Limits,
         Pair { whole, half, filling, moves }: &mut Pair,
         filler: &mut Filler,

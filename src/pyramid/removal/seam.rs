@@ -27,7 +27,7 @@ pub(crate) enum SeamRole {
 
 /// The seam of the level at hand.
 #[derive(Debug, Clone)]
-pub(crate) struct Seam {
+pub(crate) struct SeamedLevel {
     /// What each vertex of the level is to it.
     pub(crate) roles: IdVec<VertexId, SeamRole>,
     /// The level cut open: corners of every face, dead ones included, and what they are uncut.
@@ -36,7 +36,7 @@ pub(crate) struct Seam {
     pub(super) log: RemovalLog,
 }
 
-impl Seam {
+impl SeamedLevel {
     /// The seam of a mesh that is cut into `cut`.
     pub(crate) fn new(mesh: &TriMesh, cut: &CutMesh) -> Result<Self, MeshError> {
         let adjacency = Adjacency::new(mesh)?;

@@ -26,7 +26,7 @@ pub(crate) const FINE: usize = 5000;
 /// Dots are drawn if their distance on the picture is at least this, in pixels.
 const LEAST_DOT_PX: f64 = 7.0;
 
-pub(crate) struct Canvas<'a> {
+pub(crate) struct DrawnMesh<'a> {
     pub(crate) mesh: &'a TriMesh,
     /// Pixels to the right, down and towards the viewer.
     pub(crate) places: IdVec<VertexId, DVec3>,
@@ -35,7 +35,7 @@ pub(crate) struct Canvas<'a> {
     pub(crate) edge_px: f64,
 }
 
-impl<'a> Canvas<'a> {
+impl<'a> DrawnMesh<'a> {
     pub(crate) fn new(mesh: &'a TriMesh, places: IdVec<VertexId, DVec3>) -> Self {
         let edges = edges(mesh);
         let length = |&[a, b]: &[VertexId; 2]| places[a].truncate().distance(places[b].truncate());
@@ -84,9 +84,9 @@ impl<'a> Canvas<'a> {
     }
 }
 
-pub(crate) fn triangle_lines(canvas: &Canvas<'_>, path: Path, fill: &Fill) -> Option<Shape> {
-    let edge_px = canvas.edge_px;
-    let (colour, opacity, least_px) = fill.lines(canvas.mesh.positions.len() > FINE)?;
+pub(crate) fn triangle_lines(drawn: &DrawnMesh<'_>, path: Path, fill: &Fill) -> Option<Shape> {
+    let edge_px = drawn.edge_px;
+    let (colour, opacity, least_px) = fill.lines(drawn.mesh.positions.len() > FINE)?;
     let stroke = Stroke { colour, width: 0.7, opacity };
     (edge_px >= least_px).then_some(Shape::Path { path, fill: None, stroke: Some(stroke) })
 }
