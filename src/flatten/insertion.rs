@@ -16,7 +16,7 @@ use glam::DVec2;
 use crate::flatten::energy::elements::Uv;
 use crate::flatten::fillers::Fillers;
 use crate::id::{IdVec, VertexId};
-use crate::mesh::{TriMesh, angle, clip};
+use crate::mesh::{TriMesh, angle};
 use crate::pyramid::{Level, PyramidError, Removal, RemovalLog};
 
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
@@ -277,10 +277,17 @@ fn mean_value_weights(ring: &[DVec2]) -> impl Iterator<Item = f64> {
 
 /// The part of a convex polygon on the left of the line from `a` to `b`.
 fn left_of(polygon: &[DVec2], a: DVec2, b: DVec2) -> Vec<DVec2> {
-    let side = |p: &DVec2| (b - a).perp_dot(*p - a);
-    let crossing = |p: &DVec2, q: &DVec2| *p + (*q - *p) * (side(p) / (side(p) - side(q)));
+    let side = |p: DVec2| (b - a).perp_dot(p - a);
     let mut kept = Vec::with_capacity(polygon.len() + 1);
-    clip(polygon, |p| side(p) >= 0.0, crossing, &mut kept);
+    let before = polygon.iter().cycle().skip(polygon.len().saturating_sub(1));
+    for (&p, &q) in before.zip(polygon) {
+        if (side(p) >= 0.0) != (side(q) >= 0.0) {
+            kept.push(p + (q - p) * (side(p) / (side(p) - side(q))));
+        }
+        if side(q) >= 0.0 {
+            kept.push(q);
+        }
+    }
     kept
 }
 

@@ -31,26 +31,6 @@ pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
     walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
 }
 
-/// Writes the part of a convex polygon whose corners are to `keep` into `kept`. `crossing` gives the
-/// corner on the side between two corners of which one is kept.
-pub(crate) fn clip<P: Copy>(
-    polygon: &[P],
-    keep: impl Fn(&P) -> bool,
-    crossing: impl Fn(&P, &P) -> P,
-    kept: &mut Vec<P>,
-) {
-    kept.clear();
-    let before = polygon.iter().cycle().skip(polygon.len().saturating_sub(1));
-    for (before, corner) in before.zip(polygon) {
-        if keep(before) != keep(corner) {
-            kept.push(crossing(before, corner));
-        }
-        if keep(corner) {
-            kept.push(*corner);
-        }
-    }
-}
-
 /// The smallest rectangle around places, `(min, max)`; the origin without a finite one.
 pub(crate) fn rectangle_around(places: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
     let grow = |(lo, hi): (DVec2, DVec2), p: DVec2| (lo.min(p), hi.max(p));

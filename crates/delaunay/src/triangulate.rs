@@ -57,19 +57,24 @@ pub fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
     }
 }
 
+/// The coordinates of a point as `spade` takes them.
+pub(super) fn coordinates(point: usize, p: DVec2) -> Result<[f64; 2], DelaunayError> {
+    let position = p.to_array();
+    if !position.iter().all(|x| x.abs() < MAX_COORDINATE) {
+        return Err(DelaunayError::OutOfRange { point, position });
+    }
+    Ok(position.map(|x| if x.abs() < MIN_ALLOWED_VALUE { 0.0 } else { x }))
+}
+
 /// The points as `spade` takes them, all different.
 pub(super) fn sites(points: &[DVec2]) -> Result<Vec<Site>, DelaunayError> {
     let mut first_at = HashMap::with_capacity(points.len());
     let mut sites = Vec::with_capacity(points.len());
     for (point, p) in points.iter().enumerate() {
-        let position = p.to_array();
-        if !position.iter().all(|x| x.abs() < MAX_COORDINATE) {
-            return Err(DelaunayError::OutOfRange { point, position });
-        }
-        let [x, y] = position.map(|x| if x.abs() < MIN_ALLOWED_VALUE { 0.0 } else { x });
+        let [x, y] = coordinates(point, *p)?;
         let first = *first_at.entry([x, y].map(f64::to_bits)).or_insert(point);
         if first != point {
-            return Err(DelaunayError::Coincident { first, second: point, position });
+            return Err(DelaunayError::Coincident { first, second: point, position: p.to_array() });
         }
         sites.push(Site { point, position: Point2::new(x, y) });
     }

@@ -5,13 +5,12 @@
 //! *Heuristic*: the vote replaces star splaying (shewchuk2005), which repeats until all stars
 //! agree.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::delaunay::smallest_first;
+use crate::delaunay::{smallest_first, star};
 use crate::id::VertexId;
 use crate::parallel::par_collect;
-use crate::skin::triangulate::delaunay_star::DelaunayStar;
 use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Circumradii that differ by less than this part are equal, as those of the triangles of a square
@@ -25,6 +24,11 @@ const SAME_SIDE: f64 = 0.0;
 /// gaps between rows of taxels that are a little narrower than the limit stay open; at much more,
 /// slivers fill the notches of every boundary.
 const WIDEST: f64 = 1.2;
+
+/// The skin is sheared by a millionth, so that no four taxels are on one circle: all corners of a square see the
+/// same diagonal. Along no axis, so that no lattice of squares stays one.
+const SHEAR: DVec3 = DVec3::new(0.31e-6, 0.57e-6, 0.76e-6);
+const ALONG: DVec3 = DVec3::new(0.74, -0.28, 0.61);
 
 /// A triangle that is in the stars of some of its corners.
 #[derive(Debug, Clone, Copy)]
@@ -40,9 +44,8 @@ pub(super) struct Candidate {
 /// The triangles of all stars: most votes first, then the smallest circumcircle over the spacing.
 pub(super) fn candidates(cloud: &PointCloud<'_>) -> Vec<Candidate> {
     let mut found: Vec<[VertexId; 3]> = par_collect(cloud.positions.len(), |range, found| {
-        let mut star = DelaunayStar::default();
         for v in range.map(VertexId::new) {
-            found.extend(tangent_star(&mut star, v, cloud).into_iter().map(smallest_first));
+            found.extend(tangent_star(v, cloud).map(smallest_first));
         }
     });
     found.par_sort_unstable();
@@ -60,23 +63,27 @@ fn size(t: [VertexId; 3], cloud: &PointCloud<'_>) -> i64 {
     ((cloud.circumradius(t) / spacing).ln() / SAME_SIZE).round() as i64
 }
 
-/// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane.
+/// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane, but for those
+/// with too wide a circle.
 ///
 /// Neighbours are unrolled into the plane: they keep their distance and their direction in the
 /// tangent plane.
-fn tangent_star(star: &mut DelaunayStar, v: VertexId, cloud: &PointCloud<'_>) -> Vec<[VertexId; 3]> {
+fn tangent_star(v: VertexId, cloud: &PointCloud<'_>) -> impl Iterator<Item = [VertexId; 3]> {
     let PointCloud { positions, normals, neighbours, gap } = *cloud;
     let (n, spacing) = (normals[v], neighbours.spacing[v]);
     let (e, f) = n.any_orthonormal_pair();
     let mut candidates = Vec::new();
     let mut unrolled = Vec::new();
-    for &w in neighbours.of(v) {
+    for &w in neighbours.of(v).iter().filter(|&&w| normals[w].dot(n) > SAME_SIDE) {
         let d = (positions[w] - positions[v]) / spacing;
-        let length = d.length();
-        if normals[w].dot(n) > SAME_SIDE {
-            candidates.push(w);
-            unrolled.push(length * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
-        }
+        let d = d + SHEAR.dot(d) * ALONG;
+        candidates.push(w);
+        unrolled.push(d.length() * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
     }
-    star.around(unrolled, 0.5 * WIDEST * gap).map(|[a, b]| [v, candidates[a], candidates[b]]).collect()
+    let is_narrow =
+        move |a: DVec2, b: DVec2| a.length() * b.length() * a.distance(b) <= WIDEST * gap * a.perp_dot(b);
+    // Positions are finite, and neighbours not far away.
+    let around = star(&unrolled).unwrap_or_default().into_iter();
+    let narrow = around.filter(move |&[a, b]| is_narrow(unrolled[a], unrolled[b]));
+    narrow.map(move |[a, b]| [v, candidates[a], candidates[b]])
 }

@@ -13,8 +13,8 @@
 //!    side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit
 //!    vectors along the planes of the neighbourhoods, not all the same on a curved part), keep the sides of
 //!    a thin part apart, lead the tree, and tell the outside.
-//! 4. `candidates`, with `delaunay_star`: the triangles of the Delaunay triangulations in the tangent planes,
-//!    by the votes of their corners; a square is cut along one diagonal by the place of its corners.
+//! 4. `candidates`: the triangles of the Delaunay triangulations in the tangent planes, by the votes of
+//!    their corners.
 //! 5. `growing_mesh`: takes those with two votes, then those of one that fit between them, unless a face
 //!    would give an edge a third face, or overlap in the tangent plane of a corner.
 //! 6. `repair`: small holes, touching fans, isolated taxels.
@@ -54,7 +54,6 @@
 //! spacing and no normals tell them apart, they are joined.
 
 mod candidates;
-mod delaunay_star;
 mod growing_mesh;
 mod neighbours;
 mod normals;

@@ -1,0 +1,64 @@
+//! The triangles around one point.
+
+use glam::DVec2;
+use spade::handles::FixedVertexHandle;
+use spade::{DelaunayTriangulation, InsertionError, Point2, Triangulation};
+
+use crate::DelaunayError;
+use crate::triangulate::coordinates;
+
+/// The triangles around the origin in the Delaunay triangulation of it and `points`: counter-clockwise, as pairs
+/// of places in `points`.
+///
+/// It is fastest for a few points, the nearest first. Of points at one place the first counts. Of the
+/// triangulations of points on a common circle one is chosen, by their order.
+///
+/// # Errors
+/// If a coordinate is out of range.
+pub fn star(points: &[DVec2]) -> Result<Vec<[usize; 2]>, DelaunayError> {
+    let mut triangulation = DelaunayTriangulation::<Point2<f64>>::with_capacity(points.len() + 1, 0, 0);
+    let refused = |e: InsertionError| DelaunayError::Refused { reason: e.to_string() };
+    let origin = triangulation.insert(Point2::new(0.0, 0.0)).map_err(refused)?;
+    // The place in `points` of each vertex after the origin.
+    let mut places = Vec::with_capacity(points.len());
+    for (point, &p) in points.iter().enumerate() {
+        let [x, y] = coordinates(point, p)?;
+        let vertex = triangulation.insert_with_hint(Point2::new(x, y), origin).map_err(refused)?;
+        if vertex.index() > places.len() {
+            places.push(point);
+        }
+    }
+    let place = |vertex: FixedVertexHandle| places[vertex.index() - 1];
+    let around = triangulation.vertex(origin).out_edges();
+    let triangle = around.filter(|edge| !edge.is_outer_edge());
+    Ok(triangle.map(|edge| [place(edge.to().fix()), place(edge.next().to().fix())]).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::triangulate;
+
+    proptest! {
+        #[test]
+        fn a_star_is_a_part_of_the_triangulation(points in prop::collection::vec((-1.0..1.0, -1.0..1.0), 0..60)) {
+            let points: Vec<DVec2> = points.into_iter().map(DVec2::from).collect();
+            let whole = triangulate(&[&[DVec2::ZERO], points.as_slice()].concat()).unwrap();
+            let expected: BTreeSet<[usize; 2]> =
+                whole.iter().filter(|t| t[0] == 0).map(|t| [t[1] - 1, t[2] - 1]).collect();
+            prop_assert_eq!(star(&points).unwrap().into_iter().collect::<BTreeSet<_>>(), expected);
+        }
+    }
+
+    #[test]
+    fn of_points_at_one_place_the_first_counts() {
+        let points = [DVec2::X, DVec2::ZERO, DVec2::X, DVec2::Y];
+        assert_eq!(star(&points).unwrap(), [[0, 3]]);
+        assert_eq!(star(&[]).unwrap(), [[0_usize; 2]; 0]);
+        assert!(matches!(star(&[DVec2::X, DVec2::NAN]), Err(DelaunayError::OutOfRange { point: 1, .. })));
+    }
+}
