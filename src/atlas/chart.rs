@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
-use crate::atlas::layout::{ChartPosition, turned};
+use crate::atlas::layout::{ChartPosition, image_name, turned};
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
@@ -54,6 +54,20 @@ impl Chart {
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
         Ok(Self { patch, level, turns, frame, corner_px, spans: Arc::new(spans) })
+    }
+
+    /// One level of a patch alone, with a pixel of margin around it; pixels have the side `pixel` (m).
+    /// Fails as [`Self::new`]; panics if the map has no such level.
+    pub(crate) fn of_level(
+        map: &SkinMap,
+        patch: PatchId,
+        level: LevelId,
+        pixel: f64,
+    ) -> Result<Self, AtlasError> {
+        let at = &map.patches[patch].levels[level];
+        let frame = ImageFrame::around(&at.uv, pixel);
+        let place = ChartPosition { patch, turns: 0, frame, corner_px: [0, 0] };
+        Self::new(&image_name(&map.patches[patch], level), at, level, &place)
     }
 
     /// Number of pixels that show a face.

@@ -12,6 +12,7 @@
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
 //! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
+//! | `export` | | [`export_map`]: simulators, robots, tables |
 //! | `image` | | [`write_images`], [`write_frame`]: OpenEXR |
 //! | `file` | what all of them need: whole files, lines, replacing | |
 //!
@@ -49,6 +50,7 @@
 mod arrays;
 mod draft;
 mod error;
+mod export;
 mod file;
 mod gltf;
 mod image;
@@ -63,6 +65,7 @@ pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_py
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 pub use draft::{draft_from_bytes, read_draft, read_draft_with};
 pub use error::{Feature, IoError};
+pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
 pub use file::replace::{StagedFiles, abandon_files, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};

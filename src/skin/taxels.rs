@@ -64,6 +64,15 @@ impl Presence {
         }
     }
 
+    /// The word that stands for it in tables.
+    pub(crate) const fn word(self) -> &'static str {
+        match self {
+            Self::Absent => "absent",
+            Self::Present => "present",
+            Self::ThermalPad => "thermal",
+        }
+    }
+
     /// What the number `code` of a file stands for.
     pub(crate) fn from_code(code: f64) -> Option<Self> {
         [Self::Absent, Self::Present, Self::ThermalPad].into_iter().find(|p| f64::from(p.code()) == code)

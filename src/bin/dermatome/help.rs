@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 16] = [
+const ENDS: [(&str, &str, &[&str]); 17] = [
     (
         "bench",
         OF_COSTS,
@@ -43,6 +43,16 @@ const ENDS: [(&str, &str, &[&str]); 16] = [
     ("coarsen", OF_LEVELS, &["dermatome coarsen meshes/forearm.glb -o levels.glb"]),
     ("completions", "", &["dermatome completions bash"]),
     ("convert", "", &["dermatome convert meshes/forearm.glb forearm.csv"]),
+    (
+        "export",
+        OF_LEVELS,
+        &[
+            "dermatome build meshes/arm.urdf -o arm --links '*arm' --outer --spacing 8mm",
+            "dermatome export arm/map.glb -o arm/skin.xml --level 1 --patch forearm",
+            "dermatome export arm/map.glb -o arm/skin.csv",
+            "dermatome export arm/map.glb -o arm/arm_with_skin.urdf --robot meshes/arm.urdf",
+        ],
+    ),
     ("flatten", OF_MAPS, &["dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz"]),
     ("info", OF_PATCHES, &["dermatome info meshes/robot.glb", "dermatome info meshes/arm.urdf"]),
     (

@@ -8,6 +8,7 @@ mod check;
 mod coarsen;
 mod console;
 mod convert;
+mod export;
 mod files;
 mod flatten;
 mod help;
@@ -61,6 +62,8 @@ enum Command {
     Coarsen(coarsen::Args),
     /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
+    /// Export a map to simulators, robots and tables.
+    Export(export::Args),
     /// Map one mesh to the plane, at full precision.
     Flatten(flatten::Args),
     /// List the patches of a skin, their size and shape.
@@ -146,6 +149,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Check(args) => check::run(args, common),
         Command::Coarsen(args) => coarsen::run(args, common),
         Command::Convert(args) => convert::run(args, common),
+        Command::Export(args) => export::run(args, common),
         Command::Flatten(args) => flatten::run(args, common),
         Command::Info(args) => info::run(args, common),
         Command::Lookup(args) => lookup::run(args, common),

@@ -225,12 +225,7 @@ impl Text {
             rows.pop();
         }
         rows.push(b',');
-        let presence = match place.presence {
-            Presence::Present => "present",
-            Presence::Absent => "absent",
-            Presence::ThermalPad => "thermal",
-        };
-        push_cell(rows, presence);
+        push_cell(rows, place.presence.word());
         match place.live_taxel {
             Some(taxel) => push_whole(rows, taxel.0.into()),
             None => rows.push(b','),
