@@ -13,7 +13,9 @@ use dermatome::{
     SkinMap,
     contact::MapIndex,
     id::VertexId,
-    io::{IoError, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file},
+    io::{
+        ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file,
+    },
     map::{MapLevel, PatchMap},
     pipeline::{BuildOptions, MagnifyOver, build_with_progress},
     pyramid::{CoarsenOptions, Level, LevelId},
@@ -155,6 +157,49 @@ impl PyMap {
             })
         })?
         .map_err(error)
+    }
+
+    /// Write one level of the map for another program: the extension of the file says which.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     `.xml`: tactile sensors of MuJoCo. `.usda`: meshes of USD. `.csv`, `.npz`: a table of the taxels, or above
+    ///     level 0 of the fields. `.json`: probes for Genesis. `.urdf`: `robot` with tactile sensors.
+    /// level : int
+    ///     The level; every patch must have it.
+    /// patch : str, optional
+    ///     The patch; by default all.
+    /// robot : str or os.PathLike, optional
+    ///     The description of the robot that carries the skin, for a `.urdf`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome, pathlib, tempfile
+    /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+    /// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid))
+    /// >>> path = pathlib.Path(tempfile.mkdtemp(), "taxels.csv")
+    /// >>> map.export(path)
+    /// >>> path.read_text().splitlines()[0]
+    /// 'patch,link,taxel_id,x,y,z,nx,ny,nz,tx,ty,tz,u,v,area,presence'
+    #[pyo3(signature = (path, *, level=0, patch=None, robot=None))]
+    fn export(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        level: i64,
+        patch: Option<&str>,
+        robot: Option<PathBuf>,
+    ) -> PyResult<()> {
+        let options = ExportOptions { level: self::level("level", level, self.levels())?, robot };
+        let map = match patch {
+            None => Arc::clone(&self.map),
+            Some(name) => {
+                let patches = vec![self.map.patches[self.patch_named(name)?].clone()].into();
+                Arc::new(SkinMap { links: self.map.links.clone(), patches, ..SkinMap::default() })
+            }
+        };
+        run(py, 0, move |_| export_map(&path, &map, &options))?.map_err(error)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {

@@ -154,6 +154,28 @@ def test_map_and_skin_are_inverse(dome_map):
     assert dome_map.to_skin("dome", [[9.0, 9.0]])[2][0] > 8
 
 
+def test_exports(dome_map, tube_map, tmp_path):
+    path = tmp_path / "out.npz"
+    for map in (dome_map, tube_map):
+        level = next(iter(map.patches.values())).levels[1]
+        map.export(path, level=1)
+        table = np.load(path)
+        for name in ("positions", "normals", "tangents", "areas", "taxel_ids"):
+            assert np.array_equal(table[name], getattr(level, name)), name
+        assert np.array_equal(table["uv"], level.uv[: len(level.positions)])
+    robot = tmp_path / "robot.urdf"
+    robot.write_text("<robot name='r'><link name='hand'/></robot>")
+    dome_map.export(tmp_path / "out.urdf", patch="dome", robot=robot)
+    skin = dermatome.Skin.read(tmp_path / "out.urdf")
+    assert sum(len(patch.ids) for patch in dermatome.build(skin).patches.values()) == dome_map.n_taxels
+    for bad in ({"patch": "palm"}, {"level": 9}, {"robot": robot}):
+        with pytest.raises(dermatome.DataError):
+            dome_map.export(tmp_path / "no.csv", **bad)
+    with pytest.raises(dermatome.DataError, match="unknown kind"):
+        dome_map.export(tmp_path / "no.stl")
+    assert not list(tmp_path.glob("no.*"))
+
+
 def test_rays_meet_the_skin_or_nothing(dome_map):
     middle = dome()[0].mean(axis=0)
     above, below = middle + [0, 0, 1], middle - [0, 0, 1]
