@@ -1,8 +1,8 @@
-//! Angles and lengths of triangles, polygons in the plane, and which poses are rigid.
+//! Angles and lengths of triangles, normals of surfaces, polygons in the plane, and which poses are rigid.
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use crate::id::VertexId;
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Adjacency, TriMesh};
 
 /// How far the columns of a matrix may be from an orthonormal frame and still count as one,
@@ -29,6 +29,43 @@ pub(crate) fn cotangent(at: DVec3, b: DVec3, c: DVec3) -> f64 {
 pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
     let next = walk.iter().cycle().skip(1);
     walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
+}
+
+/// Unit normals of the faces around each vertex; where these have no direction at all, that of the
+/// vertices next to it.
+pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
+    let mut normals = mesh.vertex_normals();
+    // Where opposite faces cancel, and where areas are too small for their squares, take any face.
+    for (face, corners) in mesh.triangles.enumerate() {
+        for &v in corners {
+            if normals[v] == DVec3::ZERO {
+                normals[v] = face_direction(mesh, face);
+            }
+        }
+    }
+    // Each time the vertices next to some with a direction get one.
+    while normals.contains(&DVec3::ZERO) {
+        let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, normals.len());
+        for corners in &mesh.triangles {
+            let sum: DVec3 = corners.iter().map(|&v| normals[v]).sum();
+            corners.iter().for_each(|&v| around[v] += sum);
+        }
+        let mut is_done = true;
+        for (normal, around) in normals.iter_mut().zip(&around).filter(|(normal, _)| **normal == DVec3::ZERO)
+        {
+            *normal = around.normalize_or_zero();
+            is_done &= *normal == DVec3::ZERO;
+        }
+        if is_done {
+            break;
+        }
+    }
+    normals
+}
+
+fn face_direction(mesh: &TriMesh, face: FaceId) -> DVec3 {
+    let [a, b, c] = mesh.corners(face);
+    (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero()
 }
 
 /// The smallest rectangle around places, `(min, max)`; the origin without a finite one.

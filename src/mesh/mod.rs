@@ -26,7 +26,7 @@ pub use fill_holes::FillHoles;
 pub(crate) use fill_holes::{fill_holes, fillings};
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{
-    angle, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect,
+    angle, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect, surface_normals,
 };
 pub use tri_mesh::{SurfacePoint, TriMesh};
 pub(crate) use triangle_map::{

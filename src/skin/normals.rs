@@ -1,4 +1,4 @@
-//! Normals and tangents of taxels: which of the file's normals are reliable, those of the faces, and the
+//! Normals and tangents of taxels: which of the file's normals are reliable, and the
 //! x axes of the taxels' frames in the tangent planes.
 //!
 //! *Heuristic*: thresholds were chosen on real covers and on placeholders that vendors write.
@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::id::{IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::skin::UnreliableNormals;
 
@@ -119,43 +119,6 @@ pub(super) fn mean_directions(
         sums[VertexId::new(taxel.len() + copy)] += if is_unit(n) { n } else { DVec3::ZERO };
     }
     sums.map(|n| n.normalize_or_zero())
-}
-
-/// Unit normals of the faces around each vertex; where these have no direction at all, that of the
-/// vertices next to it.
-pub(super) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
-    let mut normals = mesh.vertex_normals();
-    // Where opposite faces cancel, and where areas are too small for their squares, take any face.
-    for (face, corners) in mesh.triangles.enumerate() {
-        for &v in corners {
-            if normals[v] == DVec3::ZERO {
-                normals[v] = face_direction(mesh, face);
-            }
-        }
-    }
-    // Each time the vertices next to some with a direction get one.
-    while normals.contains(&DVec3::ZERO) {
-        let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, normals.len());
-        for corners in &mesh.triangles {
-            let sum: DVec3 = corners.iter().map(|&v| normals[v]).sum();
-            corners.iter().for_each(|&v| around[v] += sum);
-        }
-        let mut is_done = true;
-        for (normal, around) in normals.iter_mut().zip(&around).filter(|(normal, _)| **normal == DVec3::ZERO)
-        {
-            *normal = around.normalize_or_zero();
-            is_done &= *normal == DVec3::ZERO;
-        }
-        if is_done {
-            break;
-        }
-    }
-    normals
-}
-
-fn face_direction(mesh: &TriMesh, face: FaceId) -> DVec3 {
-    let [a, b, c] = mesh.corners(face);
-    (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero()
 }
 
 /// A direction less than 0.06 degrees (as a sine) from the normal has no direction in the tangent

@@ -9,10 +9,9 @@ use std::fmt;
 use glam::{DAffine3, DVec3};
 
 use crate::id::{IdVec, VertexId};
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, surface_normals};
 use crate::numeric::Covariance;
 use crate::skin::LinkId;
-use crate::skin::normals::surface_normals;
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///

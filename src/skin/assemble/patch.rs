@@ -4,9 +4,9 @@
 use glam::DVec3;
 
 use crate::id::{IdVec, VertexId};
-use crate::mesh::{Edges, FillHoles, TriMesh, fill_holes};
+use crate::mesh::{Edges, FillHoles, TriMesh, fill_holes, surface_normals};
 use crate::skin::assemble::components::{Component, Components};
-use crate::skin::normals::{NormalConsensus, NormalQuality, surface_normals};
+use crate::skin::normals::{NormalConsensus, NormalQuality};
 use crate::skin::remark::note;
 use crate::skin::taxels::is_positive;
 use crate::skin::{

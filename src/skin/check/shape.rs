@@ -3,12 +3,12 @@
 use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, surface_normals};
 use crate::skin::UnreliableNormals;
 use crate::skin::assemble::zero_area::{has_no_area, slenderness};
 use crate::skin::check::FindingKind;
 use crate::skin::check::finding::{Report, Subject};
-use crate::skin::normals::{NormalConsensus, NormalQuality, surface_normals};
+use crate::skin::normals::{NormalConsensus, NormalQuality};
 use crate::skin::weld::welded_mesh::duplicate_faces;
 
 /// A sliver is lower than this share of its longest side. Sound calibrated covers have faces down
