@@ -64,9 +64,14 @@ impl Pool {
         Ok(Self { count, threads: threads.map_err(|e| PyRuntimeError::new_err(e.to_string()))?, stop })
     }
 
-    /// Makes the pool idle after its job. One whose job was given up ends with it instead.
+    /// Makes the pool idle after its job. One whose job was given up ends with it instead, as do those beyond the few that
+    /// calls from several threads of Python need.
     fn give_back(self) {
-        idle().pools.push(self);
+        const MOST_IDLE: usize = 16;
+        let pools = &mut idle().pools;
+        if pools.len() < MOST_IDLE {
+            pools.push(self);
+        }
     }
 }
 
