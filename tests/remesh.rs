@@ -42,8 +42,10 @@ fn tube() -> TriMesh {
     shapes::tube(96, 2, 0.05, 0.3)
 }
 
-fn surfaces() -> [(&'static str, TriMesh, f64); 6] {
+fn surfaces() -> [(&'static str, TriMesh, f64); 7] {
     [
+        // Its edges are alike: all are short, or none.
+        ("rod", shapes::tube(48, 17, 0.04, 0.24), 0.009),
         ("ball", shapes::ball(30, 0.1), 0.005),
         ("ball of small triangles", shapes::ball(120, 0.1), 0.01),
         ("tube", tube(), 0.004),
@@ -97,6 +99,19 @@ fn vertices_lie_on_the_surface_and_sharp_edges_stay() {
         let near = old.positions.iter().map(|q| q.distance(*p)).fold(f64::INFINITY, f64::min);
         assert!(near < 1e-3, "{p} is {near} m from all vertices of the saddle");
     }
+}
+
+/// Holes that three taxels cannot surround are closed, others stay.
+#[test]
+fn small_holes_are_closed() {
+    let whole = shapes::lattice(40, 40, 0.001);
+    // A triangle, and two that share an edge.
+    let kept = whole.triangles.enumerate().filter(|(face, _)| ![500, 1000, 1001].contains(&face.index()));
+    let kept: Vec<[u32; 3]> = kept.map(|(_, t)| t.map(|v| v.raw())).collect();
+    let mesh = TriMesh::from_arrays(whole.positions.to_vec(), &kept);
+    let loops = |mesh: &TriMesh| Adjacency::new(mesh).unwrap().boundary_loops().len();
+    let made = [0.0009, 0.0012, 0.002].map(|spacing| loops(&remesh(&mesh, spacing).unwrap()));
+    assert_eq!((loops(&mesh), made), (3, [3, 2, 1]), "holes of 3 and 4 mm around");
 }
 
 #[test]

@@ -61,6 +61,17 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, 
     Ok(fillings.len())
 }
 
+/// More edges than this has no hole that [`fill_shorter`] closes: time grows with their cube.
+const MOST_EDGES: usize = 100;
+
+/// Closes the holes whose rims are shorter than `length` (m).
+pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshError> {
+    let mut fillings = fillings(mesh, FillHoles::UpTo(MOST_EDGES))?;
+    fillings.retain(|filling| loop_length(mesh, &filling.hole) < length);
+    fillings.iter().flat_map(|filling| &filling.triangles).for_each(|&t| _ = mesh.triangles.push(t));
+    Ok(())
+}
+
 /// The holes that `which` says, with their triangulations of least area (barequet1995) without edges that
 /// the mesh already has; a hole that has none stays open.
 ///

@@ -23,7 +23,7 @@ pub(crate) use connectivity::topology::{Part, Topology, face_components, separat
 pub use error::MeshError;
 pub(crate) use error::too_many;
 pub use fill_holes::FillHoles;
-pub(crate) use fill_holes::{fill_holes, fillings};
+pub(crate) use fill_holes::{fill_holes, fill_shorter, fillings};
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{
     angle, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect, surface_normals,

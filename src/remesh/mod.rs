@@ -6,8 +6,8 @@
 //! vertices moved amid their neighbours and back to the surface, round after round (botsch2004).
 //!
 //! Sharp edges (of more than 40 degrees) and rims stay: their vertices move along them alone, and their corners
-//! not at all. Those nearer to each other than half the spacing are details, and may merge. Holes and handles
-//! stay, however small they are.
+//! not at all. Those nearer to each other than half the spacing are details, and may merge. Holes that no three
+//! taxels could surround are closed; handles stay, however small they are.
 //!
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that the
 //! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use crate::bvh::BvhError;
 use crate::id::{IdVec, VertexId};
-use crate::mesh::{MeshError, TriMesh};
+use crate::mesh::{MeshError, TriMesh, fill_shorter};
 use crate::remesh::editable::{Editable, NONE, next};
 use crate::remesh::rounds::{Kind, Rounds};
 use crate::remesh::surface::Surface;
@@ -88,12 +88,14 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     if !(spacing.is_finite() && spacing > 0.0) {
         return Err(RemeshError::Spacing { spacing });
     }
-    let mut editable = Editable::new(mesh)?;
-    check_count(mesh, &editable, spacing)?;
+    let mut mesh = mesh.clone();
+    fill_shorter(&mut mesh, 3.0 * spacing)?;
+    let mut editable = Editable::new(&mesh)?;
+    check_count(&mesh, &editable, spacing)?;
     let segments = mark_sharp(&mut editable);
     let kinds = kinds(&editable);
-    let surface = Surface::new(mesh.clone())?;
     let lines = Surface::of_segments(&mesh.positions, &segments);
+    let surface = Surface::new(mesh)?;
     let near = vec![None; kinds.len()];
     let mut rounds = Rounds {
         mesh: editable,

@@ -22,12 +22,20 @@ const TURN: f64 = 0.26;
 /// better than its ends.
 const SHORTER: f64 = 0.7;
 
+/// Least rounds, and most where the mean length of the edges is still off by more than [`CLOSE`].
 const ROUNDS: usize = 6;
-/// Rounds after which the target follows the mean length of the edges, and how much it may change in one.
-const SETTLING: std::ops::Range<usize> = 1..5;
+const MOST_ROUNDS: usize = 24;
+const CLOSE: f64 = 0.03;
+/// The first round after which the target follows the mean length, and how much it may change in one.
+const SETTLING: usize = 1;
 const MOST_CHANGE: f64 = 1.2;
+/// In rounds that are added the target follows by this power: where all edges are alike, they split or collapse
+/// all at once, so that the mean swings.
+const GENTLE: f64 = 0.3;
 /// A mean length that is off by less stays.
 const OFF: f64 = 0.01;
+/// The largest angle of a face that is nearly a line: the cosine of 170 degrees.
+const CAP: f64 = -0.985;
 /// Steps of smoothing in each round.
 const STEPS: usize = 3;
 
@@ -59,7 +67,7 @@ pub(super) struct Rounds<'a> {
 
 impl Rounds<'_> {
     pub(super) fn run(&mut self) {
-        for round in 0..ROUNDS {
+        for round in 0..MOST_ROUNDS {
             self.split_long();
             self.collapse_short();
             let kept = self.mesh.compact();
@@ -67,8 +75,13 @@ impl Rounds<'_> {
             self.near = kept.iter().map(|&v| self.near[v]).collect();
             self.flip_edges(Self::evens_degrees);
             self.smooth();
-            if SETTLING.contains(&round) {
-                self.settle();
+            let off = self.off();
+            if round + 1 >= ROUNDS && (off - 1.0).abs() <= CLOSE {
+                break;
+            }
+            if round >= SETTLING && (off - 1.0).abs() > OFF {
+                let off = if round + 1 < ROUNDS { off } else { off.powf(GENTLE) };
+                self.target *= off.clamp(MOST_CHANGE.recip(), MOST_CHANGE);
             }
         }
         for _ in 0..2 {
@@ -76,17 +89,39 @@ impl Rounds<'_> {
             self.smooth();
         }
         self.flip_edges(Self::opens_angles);
+        self.turn_caps();
     }
 
-    /// Edges within the bounds stay as they are, so that their mean is off the target, by up to a sixth: the
-    /// target makes up for that.
-    fn settle(&mut self) {
+    /// Turns the long side of faces that are nearly a line, sharp or not: where lines have merged, or bend less than
+    /// their vertices are apart, three vertices of one are a face.
+    fn turn_caps(&mut self) {
+        for h in 0..self.mesh.halfedges() {
+            let twin = self.mesh.twin(h);
+            if self.mesh.faces[(h / 3) as usize][0] == NONE || twin == NONE {
+                continue;
+            }
+            let [a, b, c, d] = self.corners(h);
+            let [pa, pb, pc, pd] = [a, b, c, d].map(|v| self.mesh.at(v));
+            let is_cap = (pa - pc).normalize_or_zero().dot((pb - pc).normalize_or_zero()) < CAP;
+            let thin = |v: u32| self.mesh.degree[v as usize] <= 3;
+            let across = self.mesh.cross(twin / 3);
+            let new = [(pa - pc).cross(pd - pc), (pb - pd).cross(pc - pd)];
+            if is_cap
+                && !(thin(a) || thin(b) || self.mesh.has_edge(c, d))
+                && new.iter().all(|&cross| keeps_side(across, cross))
+            {
+                self.mesh.flip(h);
+            }
+        }
+    }
+
+    /// The spacing over the mean length of the edges, which within the bounds stay as they are, so that their mean
+    /// is off the target by up to a sixth: the target makes up for that.
+    fn off(&self) -> f64 {
         let edges = (0..self.mesh.halfedges()).filter(|&h| self.mesh.edge(h));
         let (count, sum) = edges.fold((0.0, 0.0), |(n, sum), h| (n + 1.0, sum + self.mesh.length(h)));
         let off: f64 = self.spacing * count / sum;
-        if (off - 1.0).abs() > OFF && off.is_finite() {
-            self.target *= off.clamp(MOST_CHANGE.recip(), MOST_CHANGE);
-        }
+        if off.is_finite() { off } else { 1.0 }
     }
 
     fn split_long(&mut self) {

@@ -140,7 +140,7 @@ fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<
     }
     let taxels: usize = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
     let [least, most] =
-        [f64::min, f64::max].map(|of| 1e3 * spacings.iter().copied().reduce(of).unwrap_or(0.0));
+        [f64::min, f64::max].map(|of| (1e6 * spacings.iter().copied().fold(spacings[0], of)).round() / 1e3);
     let apart = if least < most { format!("{least} to {most}") } else { format!("{least}") };
     note!(common, "meshed anew with {taxels} taxels, {apart} mm apart; their ids count from 1");
     Ok(skin)
