@@ -370,9 +370,9 @@ fn body() -> SkinMap {
             pose: DAffine3::from_translation(at),
         })
     };
-    // Children of the torso above it, hands beside the arms: along x of the arm's frame.
+    // Children of the torso above it, hands beside the arms: along x of the arm's frame, outwards.
     let (left, right) = (link(root, DVec3::new(-0.2, 0.3, 0.0)), link(root, DVec3::new(0.2, 0.3, 0.0)));
-    let hands = [link(left, 0.2 * DVec3::X), link(right, -0.2 * DVec3::X)];
+    let hands = [link(left, -0.2 * DVec3::X), link(right, 0.2 * DVec3::X)];
     for (patch, link) in map.patches.iter_mut().zip([root, hands[0], left, hands[1], right]) {
         patch.link = link;
     }
@@ -491,13 +491,39 @@ fn neighbours_on_the_body_are_neighbours_in_the_image() {
         above("right arm", "torso");
         above("left hand", "left arm");
         above("right hand", "right arm");
-        assert!(corner("left arm")[0] < corner("right arm")[0], "links in their order from the left");
-        assert!(corner("left hand")[0] < corner("right hand")[0], "hands in the order of the arms");
-        // The arm of the left hand has its hand along x: there the map, seen as it is drawn, is up.
+        let sides = |name: &str| {
+            let chart = part.charts.iter().find(|c| map.patches[c.patch].name == name).unwrap();
+            [0, 1].map(|k| (chart.corner_px[k], chart.corner_px[k] + chart.frame.size_px[k]))
+        };
+        let gap = |a: &str, b: &str| {
+            let (a, b) = (sides(a), sides(b));
+            let along = [0, 1].map(|k| a[k].0.max(b[k].0).saturating_sub(a[k].1.min(b[k].1)));
+            along[0].pow(2) + along[1].pow(2)
+        };
+        assert!(gap("left hand", "left arm") < gap("left hand", "right arm"), "each hand by its arm");
+        assert!(gap("right hand", "right arm") < gap("right hand", "left arm"), "each hand by its arm");
+        // The arm of the left hand has its hand against x: there the map, seen as it is drawn, is up.
         let arm = part.charts.iter().find(|c| map.patches[c.patch].name == "left arm").unwrap();
         let [left, top] = arm.corner_px;
         let up = arm.centre(left, top) - arm.centre(left, top + 1);
-        assert!(up.x > 0.0 && up.y.abs() < 1e-12, "{up} is up");
+        assert!(up.x < 0.0 && up.y.abs() < 1e-12, "{up} is up");
+    }
+}
+
+/// Charts rest on each other by their outlines: triangles fill more than half of an image, the most that their
+/// rectangles can.
+#[test]
+fn charts_lie_in_the_gaps_of_others() {
+    let corners =
+        [DVec3::ZERO, DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.1, 0.1, 0.0), DVec3::new(0.0, 0.1, 0.0)];
+    let triangle = |k: usize| {
+        let positions = [0, 1, 2].map(|j| corners[(k + j) % 4]).to_vec();
+        flat_patch(&format!("{k}"), TriMesh::from_arrays(positions, &[[0, 1, 2]]), 0.001)
+    };
+    let map = maps::skin((0..24).map(triangle).collect());
+    for resolution in [Resolution::Map, Resolution::Canvas([300, 300])] {
+        let fill = atlas(&map, resolution, true).parts[0].fill();
+        assert!(fill > 0.6, "{fill} of the image");
     }
 }
 

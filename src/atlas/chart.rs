@@ -8,8 +8,9 @@ use glam::DVec2;
 
 use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
-use crate::atlas::layout::{ChartPosition, image_name, turned};
+use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
+use crate::atlas::turn::turned;
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};

@@ -6,15 +6,17 @@
 //! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
 //! at once.
 //!
-//! In reading order: `rasterize`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
+//! In reading order: `rasterize`, `turn`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
 mod bound;
 mod chart;
 mod error;
 mod layout;
 mod level_image;
+mod pack;
 mod rasterize;
 mod stretch;
+mod turn;
 
 use std::sync::Arc;
 
@@ -67,7 +69,7 @@ pub struct AtlasPart {
     pub level: LevelId,
     /// Its size. Where charts are packed the origin has no meaning.
     pub frame: ImageFrame,
-    /// The charts, in the order of the tree of links.
+    /// The charts. Where they are packed, those of proximal links first.
     pub charts: Vec<Chart>,
 }
 
@@ -131,6 +133,12 @@ impl AtlasPart {
         };
         let charts = places.iter().map(chart).collect::<Result<_, _>>()?;
         Ok(Self { name, level, frame, charts })
+    }
+
+    /// The share of its pixels that show the skin.
+    pub fn fill(&self) -> f64 {
+        let covered: usize = self.charts.iter().map(Chart::covered).sum();
+        covered as f64 / self.frame.size_px.map(f64::from).iter().product::<f64>()
     }
 
     /// Whether each pixel shows the skin: 1 or 0, row by row from the top.

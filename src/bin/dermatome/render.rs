@@ -7,8 +7,8 @@ mod output;
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use dermatome::Error;
-use dermatome::atlas::{Atlas, AtlasOptions, Resolution};
-use dermatome::image::{Interpolation, RenderOptions, Renderer, TactileImage};
+use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Resolution};
+use dermatome::image::{Interpolation, RenderOptions, Renderer};
 use dermatome::io::read_map;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
@@ -94,11 +94,23 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
     let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
     let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
+    let level = args.images.level.map(LevelId::from);
+    let drawn = |part: &&AtlasPart| level.is_none_or(|level| part.level == level);
+    let parts: Vec<&AtlasPart> = atlas.parts.iter().filter(drawn).collect();
+    if let Some(part) = parts.first().filter(|_| args.pixels.pack && !args.images.values_only) {
+        let [width, height] = part.frame.size_px;
+        let (fill, name) = (100.0 * part.fill(), &part.name);
+        let count = part.charts.len();
+        let charts = if count == 1 { "chart" } else { "charts" };
+        note!(
+            common,
+            "{count} {charts} in one image: {fill:.0} % of the {width} x {height} pixels of {name} show skin"
+        );
+    }
     let pass = Pass::open(&args.readings_args, args.frames, &args.readings, &map)?;
     let read = pass.channels().to_vec();
     let mut values = args.images.values(&map, &read);
     let channels = values.channels(&read);
-    let level = args.images.level.map(LevelId::from);
     if kind == Kind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
     }
@@ -159,7 +171,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         note!(common, "{count} {contacts} above {threshold:.4}");
     }
     if args.json {
-        print_json("dermatome.render/1", &report(&tally, &channels, renderer.images(), found))?;
+        print_json("dermatome.render/1", &report(&tally, &channels, &parts, found))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -237,19 +249,17 @@ impl Values {
 fn report(
     tally: &Tally,
     channels: &[Channel],
-    images: &[TactileImage],
+    images: &[&AtlasPart],
     found: Option<(usize, Option<f64>)>,
 ) -> Value {
-    let mut size = Map::new();
-    size.extend(
-        images
-            .iter()
-            .map(|image| (image.name.clone(), json!([image.frame.size_px[1], image.frame.size_px[0]]))),
-    );
+    let of_images = |value: &dyn Fn(&AtlasPart) -> Value| -> Map<String, Value> {
+        images.iter().map(|image| (image.name.clone(), value(image))).collect()
+    };
     let mut report = json!({
         "frames": tally.frames,
         "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),
-        "size": size,
+        "size": of_images(&|image| json!([image.frame.size_px[1], image.frame.size_px[0]])),
+        "fill": of_images(&|image| json!(image.fill())),
         "matched": tally.join.matched,
         "unknown": tally.join.unknown,
         "masked": tally.join.masked,
@@ -340,7 +350,7 @@ pub(crate) struct PixelArgs {
     /// Height and width of every image, in pixels; the map is drawn as large as fits
     #[arg(long, num_args = 2, value_names = ["H", "W"])]
     size: Option<Vec<u32>>,
-    /// Draw all patches of a level into one image
+    /// Draw all patches of a level into one image: distal links above proximal ones, neighbours near each other
     #[arg(long)]
     pack: bool,
 }

@@ -1,0 +1,109 @@
+//! How charts are turned in a packed image, by quarter turns: the distal end of their link is up.
+
+use glam::{DMat2, DVec2, DVec3};
+
+use crate::cut::PlaceId;
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::pyramid::LevelId;
+use crate::skin::{PatchId, world_pose};
+
+/// `p` after `turns` quarter turns, counter-clockwise.
+pub(super) fn turned(p: DVec2, turns: u8) -> DVec2 {
+    match turns {
+        0 => p,
+        1 => DVec2::new(-p.y, p.x),
+        2 => -p,
+        _ => DVec2::new(p.y, -p.x),
+    }
+}
+
+/// A rectangle of a turned map, in m.
+#[derive(Clone, Copy)]
+pub(super) struct Extent {
+    pub(super) lo: DVec2,
+    pub(super) hi: DVec2,
+}
+
+impl Extent {
+    pub(super) fn around<'a>(positions: impl IntoIterator<Item = &'a DVec2>, turns: u8) -> Self {
+        let start = Self { lo: DVec2::INFINITY, hi: DVec2::NEG_INFINITY };
+        let grow = |Self { lo, hi }: Self, p: DVec2| Self { lo: lo.min(p), hi: hi.max(p) };
+        positions.into_iter().map(|&p| turned(p, turns)).fold(start, grow)
+    }
+
+    /// All levels of a patch.
+    pub(super) fn of(patch: &PatchMap, turns: u8) -> Self {
+        Self::around(patch.levels.iter().flat_map(|level| &level.uv), turns)
+    }
+
+    /// Width and height; 0 for no positions.
+    pub(super) fn size(&self) -> DVec2 {
+        (self.hi - self.lo).max(DVec2::ZERO)
+    }
+}
+
+/// The quarter turns that bring the distal end of each patch's link up on the map; 0 if the link has no distal
+/// end.
+///
+/// Distal is the way from the link's origin to the middle of the skin on the links that hang from it, or, if they
+/// have none, to that of the patch. A link without parent and without such skin has no distal end.
+pub(super) fn distal_turns(map: &SkinMap) -> IdVec<PatchId, u8> {
+    // Of the skin on each link, and on those that hang from it: area, and its product with the middle.
+    let mut own = map.links.map(|_| (0.0, DVec3::ZERO));
+    for patch in &map.patches {
+        let level = &patch.levels[LevelId::new(0)].level;
+        let pose = world_pose(&map.links, patch.link);
+        for (p, area) in level.mesh.positions.iter().zip(&level.areas) {
+            let (total, sum) = &mut own[patch.link];
+            *total += area;
+            *sum += pose.transform_point3(*p) * *area;
+        }
+    }
+    let mut beyond = map.links.map(|_| (0.0, DVec3::ZERO));
+    for (id, link) in map.links.enumerate().rev() {
+        let Some(parent) = link.parent else { continue };
+        let (area, sum) = (own[id].0 + beyond[id].0, own[id].1 + beyond[id].1);
+        beyond[parent].0 += area;
+        beyond[parent].1 += sum;
+    }
+    let turns = |patch: &PatchMap| {
+        let pose = world_pose(&map.links, patch.link);
+        let distal = match beyond[patch.link] {
+            (area, sum) if area > 0.0 => pose.inverse().transform_point3(sum / area),
+            _ if map.links[patch.link].parent.is_none() => return 0,
+            _ => middle(&patch.levels[LevelId::new(0)].level.mesh.positions),
+        };
+        distal.try_normalize().map_or(0, |distal| turns_up(patch, distal))
+    };
+    map.patches.map(turns)
+}
+
+fn middle(positions: &IdVec<VertexId, DVec3>) -> DVec3 {
+    positions.iter().sum::<DVec3>() / positions.len() as f64
+}
+
+/// The quarter turns that bring a direction in the frame of the link up.
+fn turns_up(patch: &PatchMap, distal: DVec3) -> u8 {
+    let finest = &patch.levels[LevelId::new(0)];
+    let of_place = |(place, uv): (PlaceId, &DVec2)| {
+        let v = finest.vertex_of(place);
+        (*uv, finest.level.mesh.positions[v], finest.level.areas[v])
+    };
+    let places: Vec<(DVec2, DVec3, f64)> = finest.uv.enumerate().map(of_place).collect();
+    let total: f64 = places.iter().map(|(.., area)| area).sum();
+    let middle = places.iter().map(|(uv, _, area)| *uv * *area).sum::<DVec2>() / total;
+    // The linear function of the map that is nearest to the distance along `distal`.
+    let (mut matrix, mut right) = (DMat2::ZERO, DVec2::ZERO);
+    for (uv, x, area) in places {
+        let d = uv - middle;
+        matrix += DMat2::from_cols(d * d.x, d * d.y) * area;
+        right += d * x.dot(distal) * area;
+    }
+    let gradient = matrix.inverse() * right;
+    if !gradient.is_finite() {
+        return 0;
+    }
+    let up = |turns: u8| turned(gradient, turns).y;
+    (1..4).fold(0, |best, turns| if up(turns) > up(best) + 1e-9 { turns } else { best })
+}
