@@ -4,10 +4,10 @@ mod common;
 
 use std::{fmt::Write, fs, path::PathBuf};
 
-use common::command;
+use common::{dermatome, notes, refuses};
 use dermatome::io::read_draft;
 use dermatome::skin::{Presence, RemarkKind};
-use predicates::prelude::*;
+use predicates::{prelude::*, str::contains};
 use tempfile::TempDir;
 
 /// A folder with one file.
@@ -62,23 +62,13 @@ fn positions_of_the_icub_keep_slots_pads_and_modules() {
 
 #[test]
 fn convert_and_build_take_positions_and_tell_what_was_assumed() {
-    let (folder, path) = folder_with("shin.txt", positions());
-    let skin = folder.path().join("skin.glb");
-    command().args(["convert".as_ref(), path.as_os_str(), skin.as_os_str()]).assert().success().stderr(
-        predicate::str::contains("22 bare taxels were joined by")
-            .and(predicate::str::contains("2 empty slots")),
-    );
-    command().arg("check").arg(&skin).assert().success();
-    command()
-        .arg("check")
-        .arg(&path)
-        .assert()
-        .success()
-        .stdout("no findings\n")
-        .stderr(predicate::str::starts_with("note: l_shin: bare: its taxels have no triangles"));
-    let out = folder.path().join("out");
-    command().arg("build").arg(&path).arg("-o").arg(&out).assert().success();
-    assert!(out.join("map.glb").exists());
+    let (folder, _) = folder_with("shin.txt", positions());
+    notes(&folder, "convert shin.txt skin.glb", &["22 bare taxels were joined by", "2 empty slots"]);
+    notes(&folder, "check skin.glb", &[]);
+    let bare = "note: l_shin: bare: its taxels have no triangles";
+    notes(&folder, "check shin.txt", &[]).stdout("no findings\n").stderr(predicate::str::starts_with(bare));
+    notes(&folder, "build shin.txt -o out", &[]);
+    assert!(folder.path().join("out/map.glb").exists());
 }
 
 #[test]
@@ -163,43 +153,27 @@ fn points_without_faces_are_meshed_from_every_kind_of_file() {
         ("p.obj", points(|x, y| format!("v {x} {y} 0\n"))),
         ("p.gltf", gltf_of_points()),
     ] {
-        let (_folder, path) = folder_with(name, content);
-        command()
-            .args(["info", "--json"])
-            .arg(&path)
-            .assert()
-            .success()
-            .stdout(predicate::str::contains("\"faces\": 50").or(predicate::str::contains("\"faces\":50")));
+        let (folder, _) = folder_with(name, content);
+        let run = notes(&folder, &format!("info {name} --json"), &[]);
+        run.stdout(contains("\"faces\": 50").or(contains("\"faces\":50")));
     }
 }
 
 #[test]
 fn the_gap_is_an_option_and_its_range_is_told() {
     let two = |x: f64, y: f64| format!("{x},{y},0\n{},{y},0\n", x + 0.025 + 0.016);
-    let (folder, path) = folder_with("two.csv", format!("x,y,z\n{}", points(two)));
-    let patches = |args: &[&str]| {
-        let out = command().arg("info").arg(&path).args(args).output().unwrap();
-        let rows = String::from_utf8(out.stdout).unwrap();
-        (rows.lines().filter(|row| row.starts_with("two")).count(), String::from_utf8(out.stderr).unwrap())
+    let (folder, _) = folder_with("two.csv", format!("x,y,z\n{}", points(two)));
+    let patches = |run: assert_cmd::assert::Assert| {
+        let rows = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
+        rows.lines().filter(|row| row.starts_with("two")).count()
     };
-    let (count, said) = patches(&[]);
-    assert_eq!(count, 2, "{said}");
-    assert!(said.contains("a larger --gap joins pieces"), "{said}");
-    assert_eq!(patches(&["--gap", "4"]).0, 1);
-    let check = |args: &[&str]| command().args(["check", "--quiet"]).arg(&path).args(args).assert();
-    check(&[]).success().stdout(predicate::str::starts_with("warning: two: bare-pieces: ")).stderr("");
-    check(&["--gap", "4"]).success().stdout("no findings\n").stderr("");
-    check(&["--gap", "4", "--json"])
-        .success()
-        .stdout("{\n  \"schema\": \"dermatome.check/1\",\n  \"findings\": []\n}\n");
-    command()
-        .arg("convert")
-        .arg(&path)
-        .arg(folder.path().join("x.glb"))
-        .args(["--gap", "0.5"])
-        .assert()
-        .code(2)
-        .stderr(predicate::str::contains("a number from 1 to 20"));
+    assert_eq!(patches(notes(&folder, "info two.csv", &["a larger --gap joins pieces"])), 2);
+    assert_eq!(patches(notes(&folder, "info two.csv --gap 4", &[])), 1);
+    let check = |words: &str| notes(&folder, &format!("check two.csv --quiet {words}"), &[]).stderr("");
+    check("").stdout(predicate::str::starts_with("warning: two: bare-pieces: "));
+    check("--gap 4").stdout("no findings\n");
+    check("--gap 4 --json").stdout("{\n  \"schema\": \"dermatome.check/1\",\n  \"findings\": []\n}\n");
+    refuses(&folder, "convert two.csv x.glb --gap 0.5", &["a number from 1 to 20"]);
 }
 
 #[test]
@@ -209,10 +183,8 @@ fn a_cloud_is_refused_in_three_lines() {
         .map(f64::from)
         .map(|k| format!("{},{},{}\n", scatter(k, 0.618), scatter(k, 0.7549), scatter(k, 0.5698)))
         .collect();
-    let (folder, path) = folder_with("cloud.csv", format!("x,y,z\n{cloud}"));
-    command().arg("convert").arg(&path).arg(folder.path().join("x.glb")).assert().code(2).stderr(
-        predicate::str::contains("lie on no surface").and(predicate::str::contains("help: give the taxels")),
-    );
+    let (folder, _) = folder_with("cloud.csv", format!("x,y,z\n{cloud}"));
+    refuses(&folder, "convert cloud.csv x.glb", &["lie on no surface", "help: give the taxels"]);
     assert!(!folder.path().join("x.glb").exists());
 }
 
@@ -227,20 +199,14 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
             format!("{x},{y},{z}\n{}", if along == 0.0 { &copy } else { "" })
         };
         let (folder, path) = folder_with("near.csv", format!("x,y,z\n{}", points(line)));
-        let run = |args: &[&str]| command().current_dir(folder.path()).args(args).assert();
-        let told = run(&["convert", "near.csv", "near.glb"]).success().get_output().stderr.clone();
-        let told = String::from_utf8(told).unwrap();
-        assert!(
-            told.contains("6 taxels lie where another one lies (up to ") && !told.contains("without area"),
-            "{told}"
-        );
-        run(&["info", "--json", "near.glb"]).success().stdout(predicate::str::contains("\"vertices\": 36"));
-        run(&["check", "near.glb"]).success();
-        run(&["check", "near.csv"])
-            .success()
-            .stdout(predicate::str::contains("duplicate-position: 6 taxels"));
-        run(&["build", "near.glb", "-o", "of-glb"]).success();
-        run(&["build", path.to_str().unwrap(), "-o", "of-csv"]).success();
+        let run = |words: &str| notes(&folder, words, &[]);
+        let said = ["6 taxels lie where another one lies (up to "];
+        notes(&folder, "convert near.csv near.glb", &said).stderr(contains("without area").not());
+        run("info --json near.glb").stdout(contains("\"vertices\": 36"));
+        run("check near.glb");
+        run("check near.csv").stdout(contains("duplicate-position: 6 taxels"));
+        run("build near.glb -o of-glb");
+        run(&format!("build {} -o of-csv", path.display()));
     }
 }
 
@@ -249,18 +215,13 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
 #[test]
 fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {
     let folder = tempfile::tempdir().unwrap();
-    let run = || {
-        let mut command = command();
-        command.current_dir(folder.path());
-        command
-    };
     for model in ["positions", "poses"] {
-        run().args(["simulate", "-o", "o.g2o", "--model", model, "--taxels", "80"]).assert().success();
-        run().args(["calibrate", "o.g2o", "-o", "t.csv"]).assert().success();
-        let assert = run().args(["convert", "t.csv", "skin.glb"]).assert().success();
-        let told = String::from_utf8(assert.get_output().stderr.clone()).unwrap();
-        assert!(told.contains("80 bare taxels were joined"), "{told}");
+        let run = |words: &str| dermatome(&folder, words).assert().success();
+        run(&format!("simulate -o o.g2o --model {model} --taxels 80"));
+        run("calibrate o.g2o -o t.csv");
+        let joined = notes(&folder, "convert t.csv skin.glb", &["80 bare taxels were joined"]);
+        let told = String::from_utf8_lossy(&joined.get_output().stderr);
         assert_eq!(told.contains("no normals tell the outside"), model == "positions", "{told}");
-        run().args(["plot", "skin.glb", "--show", "sigma", "-o", "s.svg"]).assert().success();
+        run("plot skin.glb --show sigma -o s.svg");
     }
 }
