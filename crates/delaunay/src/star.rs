@@ -1,27 +1,35 @@
 //! The triangles around one point.
 
 use glam::DVec2;
-use spade::handles::FixedVertexHandle;
+use spade::handles::{FixedVertexHandle, VertexHandle};
 use spade::{DelaunayTriangulation, InsertionError, Point2, Triangulation};
 
 use crate::DelaunayError;
 use crate::triangulate::coordinates;
 
+/// Points that are inserted without asking whether a further one changes anything: the ring of a lattice.
+const RING: usize = 6;
+
 /// The triangles around the origin in the Delaunay triangulation of it and `points`: counter-clockwise, as pairs
 /// of places in `points`.
 ///
-/// It is fastest for a few points, the nearest first. Of points at one place the first counts. Of the
-/// triangulations of points on a common circle one is chosen, by their order.
+/// Points must come nearest first: those that are beyond all circles around the origin's triangles are not
+/// looked at. Of points at one place the first counts. Of the triangulations of points on a common circle one is
+/// chosen, by their order.
 ///
 /// # Errors
 /// If a coordinate is out of range.
 pub fn star(points: &[DVec2]) -> Result<Vec<[usize; 2]>, DelaunayError> {
-    let mut triangulation = DelaunayTriangulation::<Point2<f64>>::with_capacity(points.len() + 1, 0, 0);
+    let mut triangulation = DelaunayTriangulation::<Point2<f64>>::new();
     let refused = |e: InsertionError| DelaunayError::Refused { reason: e.to_string() };
     let origin = triangulation.insert(Point2::new(0.0, 0.0)).map_err(refused)?;
     // The place in `points` of each vertex after the origin.
     let mut places = Vec::with_capacity(points.len());
     for (point, &p) in points.iter().enumerate() {
+        // Points may be in order but for rounding.
+        if point >= RING && 0.999 * p.length() > reach(triangulation.vertex(origin)) {
+            break;
+        }
         let [x, y] = coordinates(point, p)?;
         let vertex = triangulation.insert_with_hint(Point2::new(x, y), origin).map_err(refused)?;
         if vertex.index() > places.len() {
@@ -32,6 +40,14 @@ pub fn star(points: &[DVec2]) -> Result<Vec<[usize; 2]>, DelaunayError> {
     let around = triangulation.vertex(origin).out_edges();
     let triangle = around.filter(|edge| !edge.is_outer_edge());
     Ok(triangle.map(|edge| [place(edge.to().fix()), place(edge.next().to().fix())]).collect())
+}
+
+/// How far from the origin the circles around its triangles reach; infinite where it is on the boundary.
+fn reach(origin: VertexHandle<'_, Point2<f64>>) -> f64 {
+    let faces = origin.out_edges().map(|edge| edge.face().as_inner());
+    let diameters = faces.map(|face| face.map_or(f64::INFINITY, |face| 2.0 * face.circumcircle().1.sqrt()));
+    // What is not a number is not exceeded either.
+    diameters.fold(0.0, |most, d| if d <= most { most } else { d })
 }
 
 #[cfg(test)]
@@ -46,7 +62,8 @@ mod tests {
     proptest! {
         #[test]
         fn a_star_is_a_part_of_the_triangulation(points in prop::collection::vec((-1.0..1.0, -1.0..1.0), 0..60)) {
-            let points: Vec<DVec2> = points.into_iter().map(DVec2::from).collect();
+            let mut points: Vec<DVec2> = points.into_iter().map(DVec2::from).collect();
+            points.sort_by(|a, b| a.length().total_cmp(&b.length()));
             let whole = triangulate(&[&[DVec2::ZERO], points.as_slice()].concat()).unwrap();
             let expected: BTreeSet<[usize; 2]> =
                 whole.iter().filter(|t| t[0] == 0).map(|t| [t[1] - 1, t[2] - 1]).collect();
@@ -56,8 +73,8 @@ mod tests {
 
     #[test]
     fn of_points_at_one_place_the_first_counts() {
-        let points = [DVec2::X, DVec2::ZERO, DVec2::X, DVec2::Y];
-        assert_eq!(star(&points).unwrap(), [[0, 3]]);
+        let points = [DVec2::ZERO, DVec2::X, DVec2::X, DVec2::Y];
+        assert_eq!(star(&points).unwrap(), [[1, 3]]);
         assert_eq!(star(&[]).unwrap(), [[0_usize; 2]; 0]);
         assert!(matches!(star(&[DVec2::X, DVec2::NAN]), Err(DelaunayError::OutOfRange { point: 1, .. })));
     }
