@@ -88,7 +88,7 @@ fn row(k: u32) -> LookupRow<'static> {
     let (presence, live_taxel) = (Presence::Present, Some(cell.taxel));
     let (patch, link, normal) = ("upper_arm/left", "upper_arm", position);
     let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
-    LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: 0.0 }
+    LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: &[] }
 }
 
 criterion_group!(benches, files, tables);

@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         index.set_motion(&motion, time)?;
         asked += 1;
         let first = index.reactive(ball, coarsest)?;
-        if first.distance - first.error > RADIUS {
+        if first.is_within(RADIUS) == Some(false) {
             continue;
         }
         located += 1;
@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!(
                 "  level {}: the skin is {coarse:.2} mm away, to {:.2} mm",
                 first.level.raw(),
-                1e3 * first.error
+                1e3 * first.error()
             );
             println!("  exactly {fine:.2} mm; taxel {} at {:.1} mm on the map", cell.taxel, 1e3 * cell.uv);
         }

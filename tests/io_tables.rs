@@ -176,22 +176,23 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
         distance: -0.001,
         frame: "world",
         place: Some(place),
-        extra: 0.5,
+        extra: &[],
     };
-    for extra in [None, Some("error")] {
+    for (names, extra) in [(None, &[][..]), (Some("least,most"), &[0.5, 0.75][..])] {
         let mut text = Vec::new();
-        let mut table = LookupWriter::new(Path::new("-"), &mut text, extra).unwrap();
+        let mut table = LookupWriter::new(Path::new("-"), &mut text, names).unwrap();
+        let row = LookupRow { extra, ..row };
         let off = LookupRow { contact: 8, distance: -0.0, place: None, ..row };
         table.write(2, |k, emit| emit([&row, &off][k])).unwrap();
         table.finish().unwrap();
-        let more = |text| if extra.is_some() { text } else { "" };
+        let more = |text| if names.is_some() { text } else { "" };
         let wanted = format!(
             "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame{}\n\
              7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001,arm,1.0,0.5,0.0,0.0,0.0,1.0,\
              5:0.75;9:0.25,thermal,8,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,,,world{}\n",
-            more(",error"),
-            more(",0.5"),
-            more(",0.5"),
+            more(",least,most"),
+            more(",0.5,0.75"),
+            more(",0.5,0.75"),
         );
         assert_eq!(String::from_utf8(text).unwrap(), wanted);
     }
@@ -199,7 +200,7 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
 
 /// A row on a level that is off the skin.
 fn off_skin(contact: u64, level: usize) -> LookupRow<'static> {
-    LookupRow { contact, level: LevelId::new(level), distance: 0.5, frame: "world", place: None, extra: 0.0 }
+    LookupRow { contact, level: LevelId::new(level), distance: 0.5, frame: "world", place: None, extra: &[] }
 }
 
 /// However many rows a contact has: all, in their order, each once.

@@ -11,7 +11,7 @@ use std::{array, fmt::Write, hint::black_box, time::Instant};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use crate::contact::{ContactError, ContactIndex, Hit, IndexOptions, MapIndex, Query};
+use crate::contact::{ContactError, ContactIndex, Hit, IndexOptions, MapIndex, Query, Reactive};
 use crate::id::FaceId;
 use crate::map::{PatchMap, SkinMap};
 use crate::numeric::Random;
@@ -70,7 +70,7 @@ pub struct LevelCosts {
     pub bound_mm: [f64; 3],
     /// The true error of the distance, in the same way.
     pub error_mm: [f64; 3],
-    /// Number of answers whose error exceeds their bound: 0.
+    /// Number of answers between whose `least` and `most` the exact distance does not lie: 0.
     pub violations: usize,
     /// Share of the contacts of which the answer tells for sure whether they are within 1, 2, 5 and
     /// 10 mm of the skin.
@@ -241,15 +241,19 @@ fn measure_level(
     );
     let errors = answers.iter().zip(exact).map(|(a, b)| (a.distance.abs() - b.distance.abs()).abs());
     let errors: Vec<f64> = errors.collect();
-    let bounds: Vec<f64> = answers.iter().map(|answer| answer.error).collect();
+    let bounds: Vec<f64> = answers.iter().map(Reactive::error).collect();
+    let is_wrong = |(answer, exact): (&Reactive, &Hit)| {
+        let away = exact.distance.abs();
+        away < answer.least - 1e-12 || away > answer.most + 1e-12
+    };
     let share = |count: usize| count as f64 / contacts.len() as f64;
-    let decides = |mm: f64| answers.iter().filter(|a| (a.distance.abs() - 1e-3 * mm).abs() > a.error).count();
+    let decides = |mm: f64| answers.iter().filter(|answer| answer.is_within(1e-3 * mm).is_some()).count();
     Ok(LevelCosts {
         level: level.index(),
         faces: faces_of(map, level),
         ns,
         times_faster: exact_ns / ns,
-        violations: errors.iter().zip(&bounds).filter(|(error, bound)| **error > **bound + 1e-12).count(),
+        violations: answers.iter().zip(exact).filter(|&pair| is_wrong(pair)).count(),
         bound_mm: spread(bounds),
         error_mm: spread(errors),
         decided: THRESHOLDS_MM.map(|mm| share(decides(mm))),

@@ -17,15 +17,15 @@
 //!    coarser one those that the direct prolongation gives the corners.
 //!
 //! Besides the nearest point:
-//! - [`ContactIndex::reactive`] searches a coarse level alone. Each coarse face knows how far it and
-//!   the skin that it stands for are apart at most, which bounds the error of the answer.
+//! - [`ContactIndex::reactive`] searches a coarse level alone. Each part of a coarse face knows how far the skin
+//!   lies above and below it, which bounds the distance from the skin from both sides.
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere; [`ContactIndex::first_hit`] follows a ray.
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
 //!   [one link](Query::only_link).
-//! - [`measure`] measures the time, the bound and the error of the answers on each level of a map.
+//! - [`measure`] measures the time, the bounds and the error of the answers on each level of a map.
 //! - [`LiveTaxels`] names the nearest taxel that works.
 //! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
 //! - [`Spreader`](crate::signal::Spreader) makes readings of taxels from the forces of contacts.

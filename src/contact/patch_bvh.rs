@@ -106,14 +106,9 @@ impl PatchBvh {
     }
 
     /// Calls `visit` with every face no farther than `radius` from a point (m, in the link's frame), in
-    /// no order.
+    /// no order, and perhaps with a few others.
     pub(super) fn each_around(&self, q: DVec3, radius: f64, mut visit: impl FnMut(FaceId)) {
-        self.tree.each_around(q, radius, |face| {
-            let face = FaceId::from(face);
-            if self.measure(q, face).squared <= radius * radius {
-                visit(face);
-            }
-        });
+        self.tree.each_around(q, radius, |face| visit(FaceId::from(face)));
     }
 
     /// The first face that a ray (m, in the link's frame) meets from either side; of equally far ones the

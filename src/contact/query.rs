@@ -152,13 +152,29 @@ pub struct Reactive {
     pub point: SurfacePoint,
     /// How far the contact is outside the level, in m; negative inside.
     pub distance: f64,
-    /// How far the contact's distance from the skin, without its sign, may be from that of
-    /// `distance`, in m. The skin comes at least as near to `position`.
-    pub error: f64,
+    /// At least how far the contact is from the skin, without a sign, in m.
+    pub least: f64,
+    /// At most how far the contact is from the skin, without a sign, in m.
+    pub most: f64,
     /// Where the point lies, in m, in the frame that the query was given in.
     pub position: DVec3,
     /// The outward unit normal of the level there, in the same frame.
     pub normal: DVec3,
+}
+
+impl Reactive {
+    /// At most how far the contact's distance from the skin is from `distance`, both without sign, in m.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        let away = self.distance.abs();
+        (away - self.least).max(self.most - away).max(0.0)
+    }
+
+    /// Whether the skin is at most a distance (m) from the contact: `None` if this level does not tell.
+    #[must_use]
+    pub fn is_within(&self, distance: f64) -> Option<bool> {
+        if self.most <= distance { Some(true) } else { (self.least > distance).then_some(false) }
+    }
 }
 
 /// A receptive field near a contact; on level 0 a taxel.

@@ -2,15 +2,14 @@
 
 use crate::{
     bvh::Start,
-    contact::{ContactError, ContactIndex, Query, Reactive, coarse::CoarseLevel, patch_bvh::Best},
-    id::FaceId,
+    contact::{ContactError, ContactIndex, Query, Reactive, patch_bvh::Best},
     mesh::SurfacePoint,
     pyramid::LevelId,
 };
 
 impl ContactIndex {
     /// The point of a level nearest to a query, which searches that level alone: several times
-    /// faster than [`ContactIndex::locate`], and as exact as its `error` says. On patches without
+    /// faster than [`ContactIndex::locate`], and as exact as its `least` and `most` say. On patches without
     /// that level their coarsest is searched; on those that follow several links it is level 0, since
     /// how far a coarse face is from the skin changes as the skin bends. Needs an index with
     /// [levels](crate::contact::IndexOptions::levels).
@@ -23,42 +22,36 @@ impl ContactIndex {
         if !self.options.levels && level.index() > 0 {
             return Err(ContactError::NotIndexed { what: "levels" });
         }
-        // `least`: no skin of the patches searched so far is nearer to the query, in m.
-        let (mut best, mut least) = (None, f64::INFINITY);
+        // The skin of the patches searched so far is at least and at most this far from the query, in m.
+        let (mut best, mut least, mut most) = (None, f64::INFINITY, f64::INFINITY);
         self.each_patch(&query, f64::INFINITY, |id, q| {
             let before = Best::squared(best.as_ref()).sqrt();
             let (tree, coarse) = self.patches[id].on_level(level);
             tree.nearest(id, q, Start::Root, &mut best);
-            let found = best.as_ref().filter(|best| best.patch == id);
             let away = Best::squared(best.as_ref()).sqrt();
-            let around = match (coarse, found) {
-                (None, _) => 0.0,
-                (Some(coarse), Some(best)) => around(coarse, best.face, away),
-                (Some(coarse), None) => coarse.most,
+            let range = match (coarse, best.as_ref().filter(|best| best.patch == id)) {
+                (Some(coarse), Some(best)) => coarse.range(q, best),
+                (Some(coarse), None) => [before - coarse.most, f64::INFINITY],
+                (None, found) => [found.map_or(before, |_| away), found.map_or(f64::INFINITY, |_| away)],
             };
-            least = least.min(before.min(away) - around);
-            away
+            (least, most) = (least.min(range[0]), most.min(range[1]));
+            // Patches that are not searched are farther than `least`.
+            away.max(least)
         });
         let Some(best) = best else { return Err(ContactError::NoSkin) };
         let patch = &self.patches[best.patch];
-        let (tree, coarse) = patch.on_level(level);
+        let (tree, _) = patch.on_level(level);
         let (distance, position, normal) = self.placed(tree, patch.link, &query, &best);
-        let face = coarse.map_or(0.0, |coarse| coarse.deviation(best.face).face);
         Ok(Reactive {
             level: patch.nearest_level(level),
             patch: best.patch,
             link: patch.link,
             point: SurfacePoint { face: best.face, barycentric: best.closest.barycentric },
             distance,
-            error: face.max(distance.abs() - least).max(0.0),
+            least: least.max(0.0),
+            most,
             position,
             normal,
         })
     }
-}
-
-/// How much nearer the skin may be to a query whose nearest face of a level is `face`, at this
-/// distance, in m.
-fn around(level: &CoarseLevel, face: FaceId, away: f64) -> f64 {
-    if away <= level.near { level.deviation(face).around } else { level.most }
 }

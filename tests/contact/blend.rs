@@ -83,7 +83,7 @@ proptest! {
             prop_assert!(hit.position.distance(on) < 1e-9);
             if hit.patch == PatchId::new(0) {
                 let first = index.reactive(contact, LevelId::new(1)).unwrap();
-                prop_assert!((first.distance.abs() - expected).abs() <= first.error + 1e-9);
+                prop_assert!((first.distance.abs() - expected).abs() <= first.error() + 1e-9);
             }
             let taxel = index.nearest_fields(contact, 1, LevelId::new(0)).unwrap()[0];
             let vertices = soft.positions.iter().chain(&rigid.positions);

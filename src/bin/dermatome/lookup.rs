@@ -96,7 +96,7 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct QuestionArgs {
-    /// Answer from the mesh of each level alone: faster, with an error bound in `error`. If a patch
+    /// Answer from the mesh of each level alone: faster; `least` and `most` bound the distance from the skin. If a patch
     /// lacks the level, or follows several links, the next finer one is used: see `level`
     #[arg(long)]
     reactive: bool,

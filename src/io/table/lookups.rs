@@ -16,7 +16,7 @@ use crate::io::table::writer::{end_row, push_cell, push_number, push_whole};
 use crate::pyramid::LevelId;
 use crate::skin::{Presence, TaxelId};
 
-/// Columns of a table of lookups, but for one that a table adds.
+/// Columns of a table of lookups, but for those that a table adds.
 const COLUMNS: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,\
                        x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame";
 
@@ -49,8 +49,8 @@ pub struct LookupRow<'a> {
     pub frame: &'a str,
     /// Where it touches; `None`: it is off the skin.
     pub place: Option<LookupPlace<'a>>,
-    /// The number in the table's last column, if it has one of its own.
-    pub extra: f64,
+    /// The numbers in the columns that the table adds.
+    pub extra: &'a [f64],
 }
 
 /// A place on the skin and on the map of one level.
@@ -74,7 +74,7 @@ pub struct LookupPlace<'a> {
 
 /// Writes a table of lookups with columns
 /// `contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields`,
-/// `presence`, `live_taxel_id` and `frame`, then the one that a table adds.
+/// `presence`, `live_taxel_id` and `frame`, then those that a table adds.
 ///
 /// `fields` has `vertex:weight` for each receptive field that the contact lies in, with `;` between
 /// them. A contact off the skin has `off skin` as its patch, and otherwise only its distance. Decimals
@@ -83,13 +83,12 @@ pub struct LookupPlace<'a> {
 pub struct LookupWriter<'a, W: Write> {
     path: &'a Path,
     output: BufWriter<W>,
-    has_extra: bool,
     /// One for each thread that makes rows.
     texts: Vec<Text>,
 }
 
 impl<'a, W: Write> LookupWriter<'a, W> {
-    /// Begins a table, with a last column of a name that it adds; errors call it `path`.
+    /// Begins a table that adds columns, their names with commas between them; errors call it `path`.
     ///
     /// # Errors
     /// If `output` fails.
@@ -97,7 +96,7 @@ impl<'a, W: Write> LookupWriter<'a, W> {
         let columns: Vec<&str> = [COLUMNS].into_iter().chain(extra).collect();
         writeln!(output, "{}", columns.join(",")).map_err(cannot_write(path))?;
         let output = BufWriter::with_capacity(WRITTEN, output);
-        Ok(Self { path, output, has_extra: extra.is_some(), texts: Vec::new() })
+        Ok(Self { path, output, texts: Vec::new() })
     }
 
     /// Writes the rows of `contacts` contacts in their order; `rows` passes the rows of the contact
@@ -126,7 +125,7 @@ impl<'a, W: Write> LookupWriter<'a, W> {
                         break;
                     }
                     let from = text.rows.len();
-                    rows(contact, &mut |row| text.push(row, self.has_extra));
+                    rows(contact, &mut |row| text.push(row));
                     text.contacts.push((contact, from..text.rows.len()));
                     bytes.fetch_add(text.rows.len() - from + OF_CONTACT, Ordering::Relaxed);
                 }
@@ -175,7 +174,7 @@ impl Text {
         self.contacts.iter().map(|(contact, range)| (*contact, &self.rows[range.clone()]))
     }
 
-    fn push(&mut self, row: &LookupRow<'_>, has_extra: bool) {
+    fn push(&mut self, row: &LookupRow<'_>) {
         let rows = &mut self.rows;
         push_whole(rows, row.contact);
         push_whole(rows, row.level.raw().into());
@@ -190,9 +189,7 @@ impl Text {
         }
         let rows = &mut self.rows;
         push_cell(rows, row.frame);
-        if has_extra {
-            push_number(rows, row.extra);
-        }
+        row.extra.iter().for_each(|&x| push_number(rows, x));
         end_row(rows);
     }
 

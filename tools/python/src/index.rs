@@ -65,8 +65,10 @@ pub(crate) struct PyHits {
     point: Py<PyArray2<f64>>,
     /// (k, 3) float64 array: The outward unit normal there, in the same frame.
     normal: Py<PyArray2<f64>>,
-    /// (k,) float64 array or None: Of `Index.reactive`, how far the distance from the skin may be from `distance`.
-    error: Option<Py<PyArray1<f64>>>,
+    /// (k,) float64 array or None: Of `Index.reactive`, at least how far the skin is, without sign, in m.
+    least: Option<Py<PyArray1<f64>>>,
+    /// (k,) float64 array or None: Of `Index.reactive`, at most how far the skin is, without sign, in m.
+    most: Option<Py<PyArray1<f64>>>,
     /// (k,) int32 array or None: The level of what follows.
     level: Option<Py<PyArray1<i32>>>,
     /// (k, 2) float64 array or None: Place on the map of the level, in m.
@@ -139,7 +141,7 @@ struct Answers {
     hits: Hits,
     /// Which queries have none.
     missing: Vec<bool>,
-    errors: Option<Vec<f64>>,
+    ranges: Option<[Vec<f64>; 2]>,
     cells: Option<Vec<Option<Cell>>>,
 }
 
@@ -182,7 +184,8 @@ impl PyIndex {
 
     /// The answers as arrays.
     fn hits(&self, py: Python<'_>, answers: Answers) -> PyResult<PyHits> {
-        let Answers { hits, missing, errors, cells } = answers;
+        let Answers { hits, missing, ranges, cells } = answers;
+        let [least, most] = ranges.map_or([None, None], |ranges| ranges.map(Some));
         let is_missing = |k: usize| missing.get(k).copied().unwrap_or(false);
         let number = |(k, id): (usize, u32)| if is_missing(k) { -1 } else { id as i32 };
         let level = cells.as_ref().and_then(|cells| cells.iter().flatten().next()).map(|cell| cell.level);
@@ -201,7 +204,8 @@ impl PyIndex {
             distance: vector(py, hits.distance).unbind(),
             point: matrix(py, hits.position.into_iter().map(|p| p.to_array()))?.unbind(),
             normal: matrix(py, hits.normal.into_iter().map(|p| p.to_array()))?.unbind(),
-            error: errors.map(|errors| vector(py, errors).unbind()),
+            least: least.map(|least| vector(py, least).unbind()),
+            most: most.map(|most| vector(py, most).unbind()),
             level: None,
             uv: None,
             pixel: None,
@@ -426,8 +430,9 @@ impl PyIndex {
         self.hits(py, answers.map_err(error)?)
     }
 
-    /// Find the points of a coarse level nearest to points of space: faster than `locate`, and as exact as
-    /// `Hits.error` says. Needs an index with `levels`.
+    /// Find the points of a coarse level nearest to points of space: faster than `locate`. `Hits.least` and
+    /// `Hits.most` say what is sure: the skin is within `r` where `most <= r`, and farther where `least > r`. Needs an
+    /// index with `levels`.
     ///
     /// Parameters
     /// ----------
@@ -466,7 +471,8 @@ impl PyIndex {
                 Some(Hit { patch, link, point, distance, position, normal })
             };
             let mut answers = columns(found.iter().map(hit).collect());
-            answers.errors = Some(found.iter().map(|found| found.error).collect());
+            let column = |of: fn(&Reactive) -> f64| found.iter().map(of).collect();
+            answers.ranges = Some([column(|found| found.least), column(|found| found.most)]);
             answers.cells = Some(found.iter().map(|found| index.cell(found, found.level)).collect());
             Ok(answers)
         })?;

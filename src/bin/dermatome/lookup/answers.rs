@@ -103,7 +103,7 @@ impl<'a> Answers<'a> {
         path: &Path,
         output: impl Write + Send,
     ) -> Result<(), IoError> {
-        let extra = (self.question == Question::Reactive).then_some("error");
+        let extra = (self.question == Question::Reactive).then_some("least,most");
         let mut table = LookupWriter::new(path, output, extra)?;
         self.player.start(&mut self.index)?;
         let robot = self.robot;
@@ -224,7 +224,7 @@ impl<'a> Rows<'a, '_> {
             if place.presence != Presence::Present {
                 answers.silent[k].fetch_add(1, Ordering::Relaxed);
             }
-            self.row(level, hit.distance, Some(place), 0.0);
+            self.row(level, hit.distance, Some(place), &[]);
         }
     }
 
@@ -250,13 +250,13 @@ impl<'a> Rows<'a, '_> {
         LookupPlace { patch, link, cell, presence, live_taxel, position, normal }
     }
 
-    fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: f64) {
+    fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: &[f64]) {
         let frame = self.query.link.map_or(WORLD, |link| &self.answers.robot.links[link]);
         let contact = self.contact.number;
         (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
     }
 
-    /// The nearest point of each level alone, with its error; a level that answers for another one has
+    /// The nearest point of each level alone, with how far the skin is; a level that answers for another one has
     /// one row. The finest level says whether the contact is counted as off the skin.
     fn reactive(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, .. } = self.answers;
@@ -267,17 +267,15 @@ impl<'a> Rows<'a, '_> {
             let Some(cell) = index.cell(&answer, level).filter(|_| !given.contains(&level)) else {
                 continue;
             };
-            // The skin may be nearer than the level.
-            let away = answer.distance.abs() - answer.error;
-            let is_far = self.answers.is_far(answer.patch, away);
+            let is_far = self.answers.is_far(answer.patch, answer.least);
             if given.is_empty() && is_far {
                 self.answers.far.fetch_add(1, Ordering::Relaxed);
             } else if given.is_empty() {
-                self.count_doubtful(answer.patch, away);
+                self.count_doubtful(answer.patch, answer.least);
             }
             given.push(level);
             let place = self.place(answer.patch, answer.link, cell, answer.position, answer.normal);
-            self.row(level, answer.distance, (!is_far).then_some(place), answer.error);
+            self.row(level, answer.distance, (!is_far).then_some(place), &[answer.least, answer.most]);
         }
         Ok(())
     }
@@ -305,7 +303,7 @@ impl<'a> Rows<'a, '_> {
                     continue;
                 };
                 let place = self.place(field.patch, field.link, cell, field.position, field.normal);
-                self.row(level, field.distance, Some(place), 0.0);
+                self.row(level, field.distance, Some(place), &[]);
             }
         }
         if !is_far && max_distance.is_some() {
@@ -332,7 +330,7 @@ impl<'a> Rows<'a, '_> {
         for &level in &robot.levels {
             let Some(cell) = index.cell(&hit, level) else { continue };
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            self.row(level, hit.distance, Some(place), 0.0);
+            self.row(level, hit.distance, Some(place), &[]);
         }
         Ok(())
     }
@@ -341,7 +339,7 @@ impl<'a> Rows<'a, '_> {
     fn off_skin(&mut self, hit: &Hit) {
         self.answers.far.fetch_add(1, Ordering::Relaxed);
         for &level in &self.answers.robot.levels {
-            self.row(level, hit.distance, None, 0.0);
+            self.row(level, hit.distance, None, &[]);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Places on maps to rows: the points of the skin that they show.
 
-use std::{io::Write, path::Path};
+use std::{io::Write, path::Path, slice};
 
 use dermatome::{
     Error,
@@ -177,7 +177,7 @@ fn row<'a>(
     poses: &IdVec<LinkId, DAffine3>,
     frame: FrameArg,
     contact: u64,
-    place: &MapPlace,
+    place: &'a MapPlace,
 ) -> LookupRow<'a> {
     let link = &robot.links[place.link];
     let ((position, normal), frame) = match frame {
@@ -187,7 +187,7 @@ fn row<'a>(
         }
         FrameArg::Link => ((place.position, place.normal), link.as_str()),
     };
-    let (cell, extra) = (place.cell, place.off_chart);
+    let (cell, extra) = (place.cell, slice::from_ref(&place.off_chart));
     let (presence, live_taxel) = robot.live.nearest(place.patch, &cell);
     let patch = &robot.patches[place.patch];
     let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
