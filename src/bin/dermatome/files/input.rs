@@ -13,7 +13,7 @@ use dermatome::skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble};
 use glob::Pattern;
 
 use crate::console::errors::advise;
-use crate::console::notes::{first_names, note, note_remarks};
+use crate::console::notes::{first_names, note, note_count, note_remarks};
 use crate::files::outputs;
 use crate::options::{Common, PatchArgs, ReadArgs, RobotArgs, Spacing, Unit};
 
@@ -72,7 +72,7 @@ pub(crate) fn read_good_patches(
     chosen.keep_faces(&mut draft, path)?;
     if read.outer {
         let dropped = keep_outer(&mut draft);
-        note!(common, "{dropped} faces are within others, out of touch, and left out");
+        note_count(common, dropped as u64, "faces", "within others, out of touch, and left out");
         if draft.sheets.is_empty() {
             return Err(advise(format!("{}: no face is outside", path.display()), "leave out --outer"));
         }
