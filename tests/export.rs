@@ -13,7 +13,7 @@ use dermatome::map::{PatchMap, SkinMap};
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
-use dermatome::skin::{PatchId, Skin};
+use dermatome::skin::{Link, LinkId, PatchId, Skin};
 use npyz::NpyFile;
 use roxmltree::Document;
 use tempfile::TempDir;
@@ -190,6 +190,24 @@ fn a_robot_gets_sensors_and_keeps_every_byte() {
     refuses(at, "export out/map.glb -o c.urdf", &["--robot ROBOT.urdf"]);
     refuses(at, "export out/map.glb -o c.csv --robot a.urdf", &["--robot ROBOT.urdf"]);
     assert!(!at.join("c.urdf").exists() && !at.join("c.csv").exists());
+}
+
+/// Links of one name, and one that is called as the frame of the world of MuJoCo, are bodies with names of their own.
+#[test]
+fn links_get_names_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut map = SkinMap::default();
+    for (name, link) in [("a", "world"), ("b", "tip"), ("c", "tip"), ("d", "tip_2")] {
+        let one = SkinMap::flat(shapes::lattice(4, 3, 0.004), 1e-3);
+        let link = map.links.push(Link { name: link.into(), ..one.links[LinkId::new(0)].clone() });
+        map.patches.push(PatchMap { name: name.into(), link, ..first(&one).clone() });
+    }
+    write_map(&at.join("map.glb"), &map).unwrap();
+    dermatome(at, "export map.glb -o x.xml").assert().success();
+    let xml = text(at, "x.xml");
+    let bodies = xml.split("<body name=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
+    assert_eq!(bodies.collect::<Vec<_>>(), ["world_2", "tip", "tip_2", "tip_2_2"]);
 }
 
 /// What cannot be exported is refused before anything is written.

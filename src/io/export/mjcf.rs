@@ -43,7 +43,10 @@ pub(super) fn write(path: &Path, parts: &[Part<'_>]) -> Result<()> {
     let names = distinct(names.clone().chain(names.map(|name| format!("{name} hull"))));
     let names: Vec<String> = names.iter().map(|name| attribute(path, name)).collect::<Result<_>>()?;
     let (names, hulls) = names.split_at(parts.len());
-    let links: Vec<String> = parts.iter().map(|part| attribute(path, &part.link)).collect::<Result<_>>()?;
+    let of_links = by_link(parts);
+    let links = of_links.values().map(|of_link| of_link[0].link.clone());
+    let links = distinct([WORLD.to_owned()].into_iter().chain(links));
+    let links: Vec<String> = links[1..].iter().map(|link| attribute(path, link)).collect::<Result<_>>()?;
     write_file(path, |out| {
         writeln!(out, "<mujoco model=\"skin\">\n  <!--{NOTE}  -->\n  <asset>")?;
         for ((part, name), hull) in parts.iter().zip(names).zip(hulls) {
@@ -51,15 +54,13 @@ pub(super) fn write(path: &Path, parts: &[Part<'_>]) -> Result<()> {
             write_hull(out, part, hull)?;
         }
         writeln!(out, "  </asset>\n  <worldbody>")?;
-        for (_, of_link) in by_link(parts) {
-            let first = of_link[0];
-            let [x, y, z] = first.pose.translation.to_array();
-            let q = DQuat::from_mat3(&first.pose.matrix3);
-            let link = &links[first.id.index()];
-            let after = if link == WORLD { "_link" } else { "" };
+        for (of_link, link) in of_links.values().zip(&links) {
+            let pose = of_link[0].pose;
+            let [x, y, z] = pose.translation.to_array();
+            let q = DQuat::from_mat3(&pose.matrix3);
             writeln!(
                 out,
-                "    <body name=\"{link}{after}\" pos=\"{x:?} {y:?} {z:?}\" quat=\"{:?} {:?} {:?} {:?}\">",
+                "    <body name=\"{link}\" pos=\"{x:?} {y:?} {z:?}\" quat=\"{:?} {:?} {:?} {:?}\">",
                 q.w, q.x, q.y, q.z
             )?;
             for part in of_link {

@@ -1,6 +1,6 @@
 //! One level of each patch of a map, as it is exported.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 use glam::{DAffine3, DVec2, DVec3};
@@ -90,12 +90,17 @@ pub(super) fn by_link<'p, 'a>(parts: &'p [Part<'a>]) -> BTreeMap<LinkId, Vec<&'p
 
 /// The same names, but that one which came before gets a number.
 pub(super) fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
-    let mut taken = HashSet::new();
+    let mut taken: HashSet<String> = HashSet::new();
+    // How often each name came: many links may share one.
+    let mut counts: HashMap<String, usize> = HashMap::new();
     let own = |name: String| {
-        let numbered = (2..).map(|k| format!("{name}_{k}"));
-        let own = std::iter::once(name.clone()).chain(numbered).find(|own| !taken.contains(own));
-        taken.extend(own.clone());
-        own.unwrap_or(name)
+        let count = counts.entry(name.clone()).or_default();
+        let mut own = name.clone();
+        while !taken.insert(own.clone()) {
+            *count += 1;
+            own = format!("{name}_{}", *count + 1);
+        }
+        own
     };
     names.into_iter().map(own).collect()
 }
