@@ -208,7 +208,7 @@ impl<'a> Skin<'a> {
                     continue;
                 }
                 heights[column][1] = near - least + rounding;
-                if let Some([lo, hi]) = self.crossing(part, &over, 2.0 * away + rounding) {
+                if let Some([lo, hi]) = self.crossing(part, &over, 2.0 * away + rounding, rounding) {
                     crossed |= 1 << column;
                     spans[column] = [lo - rounding, hi + rounding];
                 }
@@ -227,11 +227,16 @@ impl<'a> Skin<'a> {
     ///
     /// Over the part, all triangles between the limits must look the same way, and each of their sides must have a
     /// triangle on its other side. Where one ends, another goes on, so they cover all of the part if they cover some.
-    fn crossing(&self, part: &Outline, over: &[&Piece], limit: f64) -> Option<[f64; 2]> {
-        let mut heights: Option<[f64; 2]> = None;
+    /// What is `rounding` beside the part counts as over it, but not as covering it.
+    fn crossing(&self, part: &Outline, over: &[&Piece], limit: f64, rounding: f64) -> Option<[f64; 2]> {
+        let area = |polygon: &[DVec3]| -> f64 {
+            let corner = |p: DVec3| (p - polygon[0]).truncate();
+            polygon.windows(2).map(|side| corner(side[0]).perp_dot(corner(side[1]))).sum()
+        };
+        let (mut heights, mut covered): (Option<[f64; 2]>, f64) = (None, 0.0);
         let (mut polygon, mut kept) = (Vec::<DVec3>::new(), Vec::new());
         for piece in over {
-            if part.beside(&piece.corners) > 0.0 {
+            if part.beside(&piece.corners) > rounding {
                 continue;
             }
             polygon.clear();
@@ -240,7 +245,7 @@ impl<'a> Skin<'a> {
                 kept.clear();
                 for (k, &p) in polygon.iter().enumerate() {
                     let q = polygon[(k + 1) % polygon.len()];
-                    let [here, there] = [p, q].map(|p| at - out.dot(p.truncate()));
+                    let [here, there] = [p, q].map(|p| at + rounding - out.dot(p.truncate()));
                     kept.extend((here >= 0.0).then_some(p));
                     kept.extend(((here < 0.0) != (there < 0.0)).then(|| p.lerp(q, here / (here - there))));
                 }
@@ -256,8 +261,9 @@ impl<'a> Skin<'a> {
                 return None;
             }
             heights = Some(heights.map_or([lo, hi], |old| [old[0].min(lo), old[1].max(hi)]));
+            covered += area(&polygon);
         }
-        heights
+        heights.filter(|_| covered > 0.5 * area(&part.corners))
     }
 }
 
