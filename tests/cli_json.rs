@@ -39,7 +39,7 @@ fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
         Value::Object(object) => {
             for (key, inner) in object {
                 // The names of images are keys too.
-                let key = if at == "size" { "*" } else { key };
+                let key = if at == "size" || at == "fill" { "*" } else { key };
                 paths(inner, &if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") }, found);
             }
         }
