@@ -16,7 +16,8 @@ NOTEBOOKS = sorted((ROOT / "tools" / "python" / "examples").glob("*.ipynb"))
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "meshes").mkdir()
-    shutil.copy(ROOT / "meshes" / "forearm.glb", tmp_path / "meshes")
+    for name in ("forearm.glb", "arm.urdf"):
+        shutil.copy(ROOT / "meshes" / name, tmp_path / "meshes")
     monkeypatch.chdir(tmp_path)
 
 
