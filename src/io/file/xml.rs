@@ -32,7 +32,7 @@ impl<'a> Xml<'a> {
         }
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = Document::parse_with_options(text, options).map_err(|e| {
-            source.invalid(format!("line {}", e.pos().row), e.to_string(), "XML without a DTD")
+            source.invalid(format!("line {}", e.pos().row), e.to_string(), "well-formed XML without a DTD")
         })?;
         let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect();
         Ok(Self { source, document, ends })
