@@ -337,10 +337,10 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
     let skin = assemble(&draft, &assemble_options)?.skin;
     fs::create_dir_all(folder).map_err(|source| IoError::Write { path: folder.into(), source })?;
     let built = build_with_progress(&skin, options, &|_| ())?;
-    let images = skin_images(&built.map)?;
     let mut files = StagedFiles::default();
-    files.stage(|| write_map(&folder.join("map.glb"), &built.map))?;
-    files.stage(|| write_images(&folder.join("map.exr"), &images))?;
+    files.stage_all::<Error>(&[&|| Ok(write_map(&folder.join("map.glb"), &built.map)?), &|| {
+        Ok(write_images(&folder.join("map.exr"), &skin_images(&built.map)?)?)
+    }])?;
     files.publish()?;
     Ok(built)
 }

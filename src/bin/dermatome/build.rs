@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -25,7 +25,7 @@ use crate::console::notes::{
 use crate::console::print::{json, plain, print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
-use crate::files::outputs::{self, Outputs, cannot_write};
+use crate::files::outputs::{self, Outputs, cannot_write, write_bytes};
 use crate::options::{
     AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm,
 };
@@ -148,7 +148,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(if left_out + built.failed.len() > 0 { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })
 }
 
-/// Rasterises a map and writes [`FILES`] and its page; returns the seconds that either took.
+/// Writes [`FILES`] and the page of a map side by side; returns the seconds until the map was rasterised, and the
+/// rest.
 fn write_files(
     map: &Arc<SkinMap>,
     title: &str,
@@ -156,18 +157,24 @@ fn write_files(
     outputs: &mut Outputs,
     bar: &ProgressBar,
 ) -> Result<[f64; 2], Error> {
-    let start = Instant::now();
-    progress::step(bar, "rasterising", 0, map.patches.len());
-    let images = skin_images(map)?;
-    let rasterised = start.elapsed();
     progress::step(bar, "writing", 0, map.patches.len());
+    let (start, rasterised) = (Instant::now(), OnceLock::new());
     let [map_file, images_file] = FILES;
-    outputs.stage(|| write_map(&folder.join(map_file), map))?;
-    outputs.stage(|| write_images(&folder.join(images_file), &images))?;
-    if taxels(map) <= MOST_SHOWN {
+    let write_map = || Ok(write_map(&folder.join(map_file), map)?);
+    let write_images = || {
+        let images = skin_images(map)?;
+        rasterised.get_or_init(|| start.elapsed());
+        Ok(write_images(&folder.join(images_file), &images)?)
+    };
+    let write_page = || {
+        if taxels(map) > MOST_SHOWN {
+            return Ok(());
+        }
         let page = Page::new(map, title)?.to_html()?;
-        outputs.stage_bytes(&folder.join(PAGE), page.as_bytes())?;
-    }
+        Ok(write_bytes(&folder.join(PAGE), page.as_bytes())?)
+    };
+    outputs.stage_all(&[&write_map, &write_images, &write_page])?;
+    let rasterised = rasterised.into_inner().unwrap_or_default();
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
 }
 
@@ -236,7 +243,7 @@ struct Seconds {
     coarsen: f64,
     flatten: f64,
     rasterise: f64,
-    /// Writing the map, the images and the page.
+    /// Writing the map, the images and the page, which begins beside rasterising.
     write: f64,
 }
 

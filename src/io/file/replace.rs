@@ -11,6 +11,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::NamedTempFile;
 
 use crate::io::IoError;
+use crate::parallel::par_map;
 
 /// Writes a file whole or not at all: into a temporary file next to it, then renamed.
 ///
@@ -75,6 +76,18 @@ impl StagedFiles {
         let written = write();
         self.files.extend(STAGE.replace(outer).unwrap_or_default());
         written
+    }
+
+    /// As [`Self::stage`], where several write side by side; files keep the order of `writers`.
+    ///
+    /// # Errors
+    /// That of the first of `writers` that fails.
+    pub fn stage_all<E: Send>(&mut self, writers: &[&(dyn Fn() -> Result<(), E> + Sync)]) -> Result<(), E> {
+        let staged = par_map(writers, |write| {
+            let mut files = Self::default();
+            files.stage(write).map(|()| files.files)
+        });
+        staged.into_iter().try_for_each(|files| files.map(|files| self.files.extend(files)))
     }
 
     /// The places of the files, as they were named.

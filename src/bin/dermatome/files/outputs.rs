@@ -159,9 +159,16 @@ impl Outputs {
         self.files.stage(write).map_err(Error::from)
     }
 
+    /// As [`Self::stage`], where several write side by side.
+    pub(crate) fn stage_all(
+        &mut self,
+        writers: &[&(dyn Fn() -> Result<(), Error> + Sync)],
+    ) -> Result<(), Error> {
+        self.files.stage_all(writers)
+    }
+
     pub(crate) fn stage_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
-        let fail = |source| IoError::Write { path: path.to_owned(), source };
-        self.stage(|| replace_file(path, |file| io::Write::write_all(file, bytes).map_err(fail)))
+        self.stage(|| write_bytes(path, bytes))
     }
 
     /// Removes, when all is published, the triangles of an older table at `path`: readers would join
@@ -186,6 +193,12 @@ impl Outputs {
         wrote(names.iter().map(PathBuf::as_path), common);
         Ok(())
     }
+}
+
+/// Writes a file whole or not at all.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), IoError> {
+    let fail = |source| IoError::Write { path: path.to_owned(), source };
+    replace_file(path, |file| io::Write::write_all(file, bytes).map_err(fail))
 }
 
 pub(crate) fn cannot_write(path: &Path, source: io::Error) -> Error {
