@@ -53,11 +53,14 @@ pub(crate) fn refine(
 ) -> Result<Relaxed, FlattenError> {
     let inserted = insert(start, scaffold, magnification, goal)?;
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-    let inherited = past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), scaffold)))?;
-    if domain.vertices() > RESTARTED {
-        return Ok(inherited);
+    let (inherited, anew) = rayon::join(
+        || past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), scaffold))),
+        || (domain.vertices() <= RESTARTED).then(|| minimise_from_scratch(domain, goal, None)),
+    );
+    match (inherited, anew) {
+        (Ok(inherited), Some(anew)) => Ok(better(domain, goal, inherited, anew?)),
+        (inherited, _) => inherited,
     }
-    Ok(better(domain, goal, inherited, minimise_from_scratch(domain, goal, None)?))
 }
 
 /// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
