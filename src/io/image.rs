@@ -160,14 +160,14 @@ impl<'a> Part<'a> {
         let (Vec2(_, top), Vec2(width, count)) = (index.pixel_position, index.pixel_size);
         let row = |y: usize| u32::try_from(y).unwrap_or(u32::MAX);
         let bands = self.image.rows(row(top)..row(top + count));
-        let mut data = Vec::with_capacity(4 * width * count * bands.len());
-        for line in 0..count {
+        let mut data = vec![0; 4 * width * count * bands.len()];
+        let places = (0..count).flat_map(|line| self.order.iter().map(move |&channel| (line, channel)));
+        for ((line, channel), row) in places.zip(data.chunks_exact_mut(4 * width)) {
             let columns = line * width..(line + 1) * width;
-            for &channel in &self.order {
-                match &bands[channel] {
-                    Samples::F32(x) => data.extend(x[columns.clone()].iter().flat_map(|x| x.to_le_bytes())),
-                    Samples::U32(x) => data.extend(x[columns.clone()].iter().flat_map(|x| x.to_le_bytes())),
-                }
+            let out = row.as_chunks_mut().0.iter_mut();
+            match &bands[channel] {
+                Samples::F32(x) => out.zip(&x[columns]).for_each(|(out, x)| *out = x.to_le_bytes()),
+                Samples::U32(x) => out.zip(&x[columns]).for_each(|(out, x)| *out = x.to_le_bytes()),
             }
         }
         let y = i32::try_from(top).map_err(|_| exr::error::Error::Invalid("row number".into()))?;
@@ -206,8 +206,9 @@ const EFFORT: Effort = Effort::new(1);
 /// Written here because the exr crate's own deflate takes three times as long, and most of the time
 /// of an image.
 fn compress(block: Vec<u8>) -> io::Result<Vec<u8>> {
+    let pairs = block.as_chunks().0;
     let mut bytes: Vec<u8> =
-        block.iter().step_by(2).chain(block.iter().skip(1).step_by(2)).copied().collect();
+        pairs.iter().map(|[even, _]| *even).chain(pairs.iter().map(|[_, odd]| *odd)).collect();
     let mut previous = 128_u8;
     for byte in &mut bytes {
         let this = *byte;
