@@ -7,6 +7,7 @@
 //! Long work can be given up ([`stop_on`]): it looks for that before each chunk, and in the iterations of solvers.
 
 use std::cell::OnceCell;
+use std::iter::Sum;
 use std::ops::Range;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +19,12 @@ use crate::id::{Id, IdVec};
 
 /// Chunks for each thread: enough to balance chunks of different cost.
 const CHUNKS_PER_THREAD: usize = 8;
+
+/// Items of a part of a sum; fixed, so that sums do not depend on the number of threads.
+const PART: usize = 2048;
+
+/// Items that [`par_each`] holds in memory together.
+const BLOCK: usize = 1 << 16;
 
 thread_local! {
     static STOP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
@@ -118,6 +125,28 @@ pub(crate) fn par_map<T: Sync, U: Send>(items: &[T], of: impl Fn(&T) -> U + Sync
 /// `of` each of the first `count` ids.
 pub(crate) fn par_ids<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync) -> IdVec<I, U> {
     par_collect(count, |range, out| out.extend(range.map(I::new).map(&of))).into()
+}
+
+/// Calls `each` with the first `count` ids in their order, and with `of` each, which is computed side by side a
+/// block at a time.
+pub(crate) fn par_each<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync, mut each: impl FnMut(I, U)) {
+    for first in (0..count).step_by(BLOCK) {
+        let ids = |range: Range<usize>| range.map(move |k| I::new(first + k));
+        let block = BLOCK.min(count - first);
+        let made = par_collect(block, |range, out| out.extend(ids(range).map(&of)));
+        ids(0..block).zip(made).for_each(|(id, made)| each(id, made));
+    }
+}
+
+/// `of` each part of `0..count`, of the same length whatever the number of threads.
+pub(crate) fn par_parts<U: Send>(count: usize, of: impl Fn(Range<usize>) -> U + Sync) -> Vec<U> {
+    let part = |k: usize| of(k * PART..count.min((k + 1) * PART));
+    par_collect(count.div_ceil(PART), |parts, out| out.extend(parts.map(part)))
+}
+
+/// The sum of `of` each of `0..count`, the same whatever the number of threads.
+pub(crate) fn par_sum<U: Send + Sum>(count: usize, of: impl Fn(usize) -> U + Sync) -> U {
+    par_parts(count, |part| part.map(&of).sum::<U>()).into_iter().sum()
 }
 
 #[cfg(test)]

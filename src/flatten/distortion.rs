@@ -4,8 +4,9 @@ use glam::DVec2;
 
 use crate::flatten::energy::elements::keeps_orientation;
 use crate::flatten::overlap::overlaps;
-use crate::id::{IdVec, VertexId};
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{FlatTriangle, SingularValues, SymmetricDirichlet, TriMesh};
+use crate::parallel::par_each;
 
 /// Symmetric Dirichlet energy beyond which a map is far from isometric.
 pub(crate) const FAR: f64 = 50.0;
@@ -81,16 +82,19 @@ impl Distortion {
 /// If `uv` has not one entry per vertex, or a corner does not exist.
 pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     assert_eq!(mesh.positions.len(), uv.len(), "one map position per vertex");
+    let of_face = |face: FaceId| {
+        let at = mesh.triangles[face].map(|v| uv[v]);
+        let flat = FlatTriangle::new(mesh.corners(face));
+        (flat.area(), SingularValues::of(&flat.jacobian(at)), keeps_orientation(at))
+    };
     let mut sums = Sums::default();
     let mut flips = 0;
-    for (face, corners) in mesh.triangles.enumerate() {
-        let at = corners.map(|v| uv[v]);
-        flips += usize::from(!keeps_orientation(at));
-        let flat = FlatTriangle::new(mesh.corners(face));
-        if flat.area() > 0.0 {
-            sums.add(&flat, at);
+    par_each(mesh.triangles.len(), of_face, |_, (area, stretches, is_kept)| {
+        flips += usize::from(!is_kept);
+        if area > 0.0 {
+            sums.add(area, stretches);
         }
-    }
+    });
     sums.finish(flips, overlaps(mesh, uv))
 }
 
@@ -104,9 +108,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, flat: &FlatTriangle, at: [DVec2; 3]) {
-        let SingularValues { s1, s2, .. } = SingularValues::of(&flat.jacobian(at));
-        let (area, s2) = (flat.area(), s2.abs().max(f64::MIN_POSITIVE));
+    fn add(&mut self, area: f64, SingularValues { s1, s2 }: SingularValues) {
+        let s2 = s2.abs().max(f64::MIN_POSITIVE);
         let qc = (s1 / s2).min(LARGEST);
         self.qc += area * qc;
         self.qc_max = self.qc_max.max(qc);

@@ -5,9 +5,10 @@ use glam::{DVec2, DVec3};
 use crate::flatten::FlattenError;
 use crate::flatten::energy::elements::{BoundaryEdge, Element, ElementMesh, Uv};
 use crate::flatten::magnification::Magnification;
-use crate::id::VertexId;
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Adjacency, FlatTriangle, Topology, TriMesh, loop_length, mean_edge_length};
 use crate::numeric::argsort;
+use crate::parallel::{par_collect, par_ids, par_sum};
 
 /// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
 /// that high: exact slivers still flatten to themselves down to a hundred-millionth, and a face
@@ -36,31 +37,29 @@ pub(crate) struct FlattenDomain<'m> {
 impl<'m> FlattenDomain<'m> {
     pub(crate) fn new(mesh: &'m TriMesh) -> Result<Self, FlattenError> {
         let disk = Disk::new(mesh)?;
-        let mut flat = Vec::with_capacity(mesh.triangles.len());
-        for face in mesh.triangles.ids() {
-            let healed = FlatTriangle::new(mesh.corners(face)).healed(mesh.corners(face), LEAST_HEIGHT);
-            flat.push(healed.ok_or(FlattenError::PointFace { face })?);
+        let count = mesh.triangles.len();
+        let flat: IdVec<FaceId, Option<FlatTriangle>> = par_ids(count, |face| {
+            FlatTriangle::new(mesh.corners(face)).healed(mesh.corners(face), LEAST_HEIGHT)
+        });
+        if let Some((face, _)) = flat.enumerate().find(|(_, flat)| flat.is_none()) {
+            return Err(FlattenError::PointFace { face });
         }
-        let total: f64 = flat.iter().map(FlatTriangle::area).sum();
-        let area = mesh.area();
+        let total: f64 = flat.iter().flatten().map(FlatTriangle::area).sum();
+        let area = par_sum(count, |face| mesh.face_area(FaceId::new(face)));
         if !(total.is_finite() && area > LEAST_AREA * total) {
             return Err(FlattenError::Size { area });
         }
         let unit = total.sqrt();
-        let faces = mesh
-            .triangles
-            .iter()
-            .zip(&flat)
-            .map(|(&corners, flat)| Element {
-                corners,
-                gradients: flat.gradients().map(|g| g * unit),
-                weight: flat.area() / total,
-            })
-            .collect();
+        let element = |face: FaceId| {
+            let flat = flat[face]?;
+            let gradients = flat.gradients().map(|g| g * unit);
+            Some(Element { corners: mesh.triangles[face], gradients, weight: flat.area() / total })
+        };
+        let faces = par_collect(count, |faces, out| out.extend(faces.map(FaceId::new).filter_map(element)));
         let distance = |a: VertexId, b: VertexId| mesh.positions[a].distance(mesh.positions[b]) / unit;
         let boundary_edge =
             |[a, b]: [VertexId; 2]| BoundaryEdge { ends: [a, b], length: distance(a, b).max(LEAST_HEIGHT) };
-        let mut elements = ElementMesh::new(faces, mesh.positions.to_vec());
+        let mut elements = ElementMesh::new(faces.into(), mesh.positions.to_vec());
         elements.boundary = disk.boundary_edges().map(boundary_edge).collect();
         elements.mean_edge = mean_edge_length(mesh, &disk.adjacency) / unit;
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })

@@ -17,6 +17,7 @@ use crate::flatten::energy::elements::Uv;
 use crate::flatten::fillers::Fillers;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, angle};
+use crate::parallel::par_collect;
 use crate::pyramid::{Level, PyramidError, Removal, RemovalLog};
 
 /// A vertex lies well inside its star if every new face has at least this share of the mean area.
@@ -108,21 +109,38 @@ impl<'l> Insertion<'l> {
     /// Undoes removals until this many are left, and returns how many vertices found no place
     /// without a flip.
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
-        let (mut unplaced, mut ring) = (0, RingMap::default());
-        for removal in self.removals.iter().take(self.left).skip(left).rev() {
-            let apex = self.apex_of(&removal);
-            ring.take(self.mesh, &self.map, &removal, apex);
-            let wanted = ring.transplanted();
-            let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
-            unplaced += usize::from(at.is_none());
-            self.map[removal.vertex] = at.unwrap_or(wanted);
-            self.present[removal.vertex] = true;
-            if let Some(apex) = apex {
-                self.split_filler(&removal, apex);
+        let mut unplaced = 0;
+        let mut removals = self.removals.iter().take(self.left).skip(left).rev().peekable();
+        while let Some(first) = removals.next() {
+            // Vertices whose rings are on the map go back side by side; but two may split one filler.
+            let mut together = vec![first];
+            let is_ready = |next: &Removal<'_>| next.ring.iter().all(|&v| self.present[v]);
+            while let Some(next) = removals.next_if(|next| self.apex.is_empty() && is_ready(next)) {
+                together.push(next);
+            }
+            let places = par_collect(together.len(), |range, out| {
+                let mut ring = RingMap::default();
+                out.extend(together[range].iter().map(|removal| self.place_of(removal, &mut ring)));
+            });
+            for (removal, (at, is_placed)) in together.iter().zip(places) {
+                unplaced += usize::from(!is_placed);
+                self.map[removal.vertex] = at;
+                self.present[removal.vertex] = true;
+                if let Some(apex) = self.apex_of(removal) {
+                    self.split_filler(removal, apex);
+                }
             }
         }
         self.left = self.left.min(left);
         unplaced
+    }
+
+    /// Where a vertex goes whose ring is on the map, and whether that flips no face.
+    fn place_of(&self, removal: &Removal<'_>, ring: &mut RingMap) -> (DVec2, bool) {
+        ring.take(self.mesh, &self.map, removal, self.apex_of(removal));
+        let wanted = ring.transplanted();
+        let at = if ring.fits(wanted) { Some(wanted) } else { ring.kernel_centre(wanted) };
+        (at.unwrap_or(wanted), at.is_some())
     }
 
     /// The mesh of the vertices on the map, and the vertex of the level that each of them is.

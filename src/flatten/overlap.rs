@@ -10,8 +10,9 @@ use crate::delaunay::orientation;
 use crate::flatten::crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings};
 use crate::flatten::domain::FlattenDomain;
 use crate::flatten::energy::elements::Uv;
-use crate::id::{IdVec, VertexId};
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, boundary_edges, face_components, loops_of};
+use crate::parallel::par_each;
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
 /// than this, in rad. What is less is rounding: both sides of a slit may meet.
@@ -32,12 +33,11 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     }
     let mut on_boundary = IdVec::filled(false, uv.len());
     edges.iter().flatten().for_each(|&v| on_boundary[v] = true);
-    let faces = || mesh.triangles.iter().copied();
     let outer = loops_of(&edges).iter().filter(|walk| is_counter_clockwise(walk, uv)).count();
     crossings
         + outer.saturating_sub(face_components(&mesh.triangles, mesh.positions.len()).count)
-        + count_branch_points(faces(), &on_boundary, uv)
-        + count_angle_excess(faces(), &on_boundary, uv)
+        + count_branch_points(&mesh.triangles, &on_boundary, uv)
+        + count_angle_excess(&mesh.triangles, &on_boundary, uv)
 }
 
 /// Whether the map winds once about every inner vertex. No step of a solver that flips no face
@@ -45,7 +45,7 @@ pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
 pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
     let mut on_boundary = IdVec::filled(false, uv.len());
     domain.disk.loops.iter().flatten().for_each(|&v| on_boundary[v] = true);
-    count_branch_points(domain.elements.faces.iter().map(|e| e.corners), &on_boundary, uv) == 0
+    count_branch_points(&domain.mesh.triangles, &on_boundary, uv) == 0
 }
 
 /// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise
@@ -82,33 +82,41 @@ fn is_counter_clockwise(walk: &[VertexId], uv: &Uv) -> bool {
 /// Counted by the edges opposite to a vertex that pass it on its right: signs of differences and of
 /// exact areas, so nothing is rounded.
 fn count_branch_points(
-    faces: impl Iterator<Item = [VertexId; 3]>,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
     uv: &Uv,
 ) -> usize {
     let mut winding = IdVec::<VertexId, i32>::filled(0, uv.len());
     let below = |a: VertexId, b: VertexId| (uv[a].y, uv[a].x) < (uv[b].y, uv[b].x);
-    for [a, b, c] in faces {
+    // A face passes one of its corners at most.
+    let passed = |face: FaceId| {
+        let [a, b, c] = triangles[face];
         let side = orientation([uv[a], uv[b], uv[c]]);
-        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
-            if side > 0.0 && below(from, v) && below(v, to) {
-                winding[v] += 1;
+        [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[v, from, to]| {
+            let turn = if side > 0.0 && below(from, v) && below(v, to) {
+                1
             } else if side < 0.0 && below(to, v) && below(v, from) {
-                winding[v] -= 1;
-            }
-        }
-    }
+                -1
+            } else {
+                return None;
+            };
+            Some((v, turn))
+        })
+    };
+    par_each(triangles.len(), passed, |_, passed| {
+        passed.into_iter().for_each(|(v, turn)| winding[v] += turn)
+    });
     winding.iter().zip(on_boundary).filter(|&(&w, &on_boundary)| w > 1 && !on_boundary).count()
 }
 
 /// Number of boundary vertices with more than a full turn of faces.
 fn count_angle_excess(
-    faces: impl Iterator<Item = [VertexId; 3]>,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
     uv: &Uv,
 ) -> usize {
     let mut turn = IdVec::<VertexId, f64>::filled(0.0, uv.len());
-    for [a, b, c] in faces {
+    for &[a, b, c] in triangles {
         for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
             if on_boundary[v] {
                 turn[v] += (uv[from] - uv[v]).angle_to(uv[to] - uv[v]);

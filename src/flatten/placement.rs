@@ -3,11 +3,14 @@
 //! Any map may be moved, turned and scaled without a change of its shape; this fixes the choice,
 //! independent of the numbering of the vertices wherever the shape has a direction of its own.
 
-use glam::DVec2;
+use std::iter::Sum;
+
+use glam::{DVec2, DVec3};
 
 use crate::flatten::energy::elements::Uv;
 use crate::id::{FaceId, IdVec};
 use crate::mesh::{TriMesh, signed_area};
+use crate::parallel::par_sum;
 
 /// Moments closer than this, relatively, are equal: such a shape has no direction of its own.
 const NO_DIRECTION: f64 = 1e-6;
@@ -16,39 +19,36 @@ const NO_DIRECTION: f64 = 1e-6;
 /// vertices.
 struct Moments {
     centre: DVec2,
+    /// The whole area on the skin.
+    area: f64,
     /// Second moments about the centre: xx, yy, xy.
-    second: [f64; 3],
+    second: DVec3,
 }
 
-/// Calls `visit(mass, position)` for points that carry the area: the middles of the faces' sides, a
+/// The sum of `visit(mass, position)` over points that carry the area: the middles of the faces' sides, a
 /// third of the face each, which integrates second moments exactly.
-fn each_mass(mesh: &TriMesh, uv: &Uv, mut visit: impl FnMut(f64, DVec2)) {
-    let total = mesh.area();
-    for (face, corners) in mesh.triangles.enumerate() {
-        let [a, b, c] = corners.map(|v| uv[v]);
-        let mass = mesh.face_area(face) / (3.0 * total);
-        for middle in [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0] {
-            visit(mass, middle);
-        }
-    }
+fn sum_of_masses<T: Send + Sum>(mesh: &TriMesh, uv: &Uv, visit: impl Fn(f64, DVec2) -> T + Sync) -> T {
+    par_sum(mesh.triangles.len(), |face| {
+        let face = FaceId::new(face);
+        let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
+        let mass = mesh.face_area(face) / 3.0;
+        [a + b, b + c, c + a].into_iter().map(|twice| visit(mass, twice / 2.0)).sum()
+    })
 }
 
-fn centre(mesh: &TriMesh, uv: &Uv) -> DVec2 {
-    let mut centre = DVec2::ZERO;
-    each_mass(mesh, uv, |m, p| centre += m * p);
-    centre
+/// The centre, and the whole area on the skin.
+fn centre(mesh: &TriMesh, uv: &Uv) -> (DVec2, f64) {
+    let sums = sum_of_masses(mesh, uv, |m, p| m * p.extend(1.0));
+    (sums.truncate() / sums.z, sums.z)
 }
 
 fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
-    let centre = centre(mesh, uv);
-    let mut second = [0.0; 3];
-    each_mass(mesh, uv, |m, p| {
+    let (centre, area) = centre(mesh, uv);
+    let second = sum_of_masses(mesh, uv, |m, p| {
         let q = p - centre;
-        second[0] += m * q.x * q.x;
-        second[1] += m * q.y * q.y;
-        second[2] += m * q.x * q.y;
+        m / area * DVec3::new(q.x * q.x, q.y * q.y, q.x * q.y)
     });
-    Moments { centre, second }
+    Moments { centre, area, second }
 }
 
 /// The direction on the map that shall point along x.
@@ -57,7 +57,8 @@ fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
 /// moment). A shape without such an axis or side, like a disk, turns so that its first vertex off
 /// the centre lies on the positive x axis or side.
 pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
-    let Moments { centre, second: [xx, yy, xy] } = moments(mesh, uv);
+    let Moments { centre, area, second } = moments(mesh, uv);
+    let [xx, yy, xy] = second.to_array();
     let spread = xx + yy;
     let radius = spread.max(0.0).sqrt();
     // The first vertex that is neither at the centre nor, seen along an axis, in its middle.
@@ -69,8 +70,7 @@ pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
         return first(&|q| q.length()).map_or(DVec2::X, DVec2::normalize_or_zero);
     }
     let axis = DVec2::from_angle(0.5 * difference.to_angle());
-    let mut third = 0.0;
-    each_mass(mesh, uv, |m, p| third += m * (p - centre).dot(axis).powi(3));
+    let third = sum_of_masses(mesh, uv, |m, p| m / area * (p - centre).dot(axis).powi(3));
     let towards = if third.abs() > NO_DIRECTION * radius.powi(3) {
         third
     } else {
@@ -87,12 +87,14 @@ pub(super) fn normalise_map(
     direction: DVec2,
     weights: Option<&IdVec<FaceId, f64>>,
 ) -> Uv {
-    let weight = |face| weights.map_or(1.0, |weights| weights[face]);
-    let map_area: f64 =
-        mesh.triangles.enumerate().map(|(f, t)| weight(f) * signed_area(t.map(|v| uv[v])).abs()).sum();
-    let skin_area: f64 = mesh.triangles.ids().map(|f| weight(f) * mesh.face_area(f)).sum();
-    let scale = if map_area > 0.0 { (skin_area / map_area).sqrt() } else { 1.0 };
-    let centre = centre(mesh, uv);
+    let areas = par_sum(mesh.triangles.len(), |face| {
+        let face = FaceId::new(face);
+        let weight = weights.map_or(1.0, |weights| weights[face]);
+        let on_map = signed_area(mesh.triangles[face].map(|v| uv[v])).abs();
+        weight * DVec2::new(mesh.face_area(face), on_map)
+    });
+    let scale = if areas.y > 0.0 { (areas.x / areas.y).sqrt() } else { 1.0 };
+    let (centre, _) = centre(mesh, uv);
     let back = DVec2::new(direction.x, -direction.y);
     uv.map(|&p| back.rotate(p - centre) * scale)
 }

@@ -15,6 +15,7 @@ use crate::cut::{CutMesh, PlaceId, seam_length};
 use crate::flatten::{Convergence, Distortion, distortion};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, VertexCorners, signed_area};
+use crate::parallel::par_each;
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels};
 use crate::skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along};
 
@@ -283,15 +284,17 @@ impl PatchMap {
 fn directions_of_u(finest: &MapLevel) -> IdVec<VertexId, DVec3> {
     let mesh = &finest.level.mesh;
     let mut sums = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, mesh.positions.len());
-    for (face, corners) in mesh.triangles.enumerate() {
+    let gradient = |face| {
         let [x, y, z] = mesh.corners(face);
         let normal = mesh.face_cross(face).normalize_or_zero();
         // The gradient of a hat function is the opposite side, turned by a right angle inwards.
         let [a, b, c] = finest.uv_of(face);
         let side = (b.x - a.x) * (x - z) + (c.x - a.x) * (y - x);
-        let gradient = normal.cross(side);
-        corners.iter().for_each(|&v| sums[v] += gradient);
-    }
+        normal.cross(side)
+    };
+    par_each(mesh.triangles.len(), gradient, |face, gradient| {
+        mesh.triangles[face].iter().for_each(|&v| sums[v] += gradient);
+    });
     sums
 }
 

@@ -9,18 +9,18 @@
 //! (so that the perimeter term does not grow as a mesh is refined); eq. (4) of `(cannata)`. Sums
 //! run in fixed parts, so results do not depend on the number of threads.
 
+use std::ops::Range;
+
 use glam::{DMat2, DVec2};
-use rayon::prelude::*;
 
 use crate::flatten::Energy;
 use crate::flatten::energy::assembly::Assembly;
 use crate::flatten::energy::elements::{BoundaryEdge, Element, ElementMesh, Uv, outer};
 use crate::flatten::energy::face_energy::{DistortionEnergy, LocalModel, face_gradient};
+use crate::id::FaceId;
 use crate::mesh::SymmetricDirichlet;
+use crate::parallel::{par_each, par_parts, par_sum};
 use crate::sparse::{Block, Matrix, dot};
-
-/// Elements that one task handles; fixed, so that sums do not depend on the number of threads.
-const FACES_PER_TASK: usize = 2048;
 
 /// Share of the step to the first collapsed face that is taken at most.
 const STEP_TO_COLLAPSE: f64 = 0.9;
@@ -56,16 +56,14 @@ impl<'e> Objective<'e> {
         Objective { elements, ..*self }
     }
 
-    /// `f` of every part of the faces, in order.
-    fn each_part<T: Send>(&self, f: impl Fn(&[Element]) -> T + Sync + Send) -> Vec<T> {
-        self.elements.faces.par_chunks(FACES_PER_TASK).map(f).collect()
-    }
-
     /// The energy; infinite if a face is flipped and the energy has a barrier.
     pub(crate) fn energy(&self, uv: &Uv) -> f64 {
-        let face = |e: &Element| e.weight * self.energy.value(&e.jacobian(uv));
-        let parts = self.each_part(|part| part.iter().map(face).sum::<f64>());
-        parts.iter().sum::<f64>() + self.perimeter_energy(uv)
+        let faces = &self.elements.faces;
+        let of_faces: f64 = par_sum(faces.len(), |face| {
+            let e = &faces[FaceId::new(face)];
+            e.weight * self.energy.value(&e.jacobian(uv))
+        });
+        of_faces + self.perimeter_energy(uv)
     }
 
     /// `l3 h sum_b L_b (r_b + 1/r_b)/2`.
@@ -112,14 +110,18 @@ impl<'e> Objective<'e> {
     /// Gradient by the movable vertices alone.
     fn gradient(&self, uv: &Uv) -> Vec<DVec2> {
         let mut gradient = vec![DVec2::ZERO; self.elements.free()];
-        for e in &self.elements.faces {
-            let of_face = face_gradient(&self.energy, &e.jacobian(uv), &e.gradients, e.weight);
-            for (v, force) in e.corners.into_iter().zip(of_face) {
+        let faces = &self.elements.faces;
+        let of_face = |face| {
+            let e: &Element = &faces[face];
+            face_gradient(&self.energy, &e.jacobian(uv), &e.gradients, e.weight)
+        };
+        par_each(faces.len(), of_face, |face, forces| {
+            for (v, force) in faces[face].corners.into_iter().zip(forces) {
                 if let Some(sum) = gradient.get_mut(v.index()) {
                     *sum += force;
                 }
             }
-        }
+        });
         for ([a, b], force, _) in self.perimeter_terms(uv) {
             gradient[b] += force;
             gradient[a] -= force;
@@ -160,8 +162,10 @@ impl<'e> Objective<'e> {
         if !self.energy.has_barrier() {
             return 1.0;
         }
-        let parts =
-            self.each_part(|part| part.iter().map(|e| collapse(e, uv, d)).fold(f64::INFINITY, f64::min));
+        let faces: &[Element] = &self.elements.faces;
+        let first =
+            |part: Range<usize>| faces[part].iter().map(|e| collapse(e, uv, d)).fold(f64::INFINITY, f64::min);
+        let parts = par_parts(faces.len(), first);
         (STEP_TO_COLLAPSE * parts.into_iter().fold(f64::INFINITY, f64::min)).min(1.0)
     }
 }

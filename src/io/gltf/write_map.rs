@@ -22,6 +22,7 @@ use crate::io::gltf::{FrameExtras, LevelExtras, RowsExtras};
 use crate::map::{MapError, MapLevel, SkinMap};
 use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
 use crate::numeric::narrow;
+use crate::parallel::{par_collect, par_map};
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError};
 use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 
@@ -259,7 +260,7 @@ fn on_map(map: &MapLevel, texture: [f32; 2]) -> DVec2 {
 /// A triangle that the map itself turns over, as a linear map may, is written as it is.
 fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, (String, String)> {
     let MapLevel { uv, frame, .. } = map;
-    let mut texture: Vec<_> = uv.iter().map(|&at| frame.to_texture(at).to_array().map(narrow)).collect();
+    let mut texture: Vec<_> = par_map(uv, |&at| frame.to_texture(at).to_array().map(narrow));
     let is_upright = |face: FaceId| {
         let [a, b, c] = map.uv_of(face);
         (b - a).perp_dot(c - a) > 0.0
@@ -287,20 +288,26 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
         return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
     }
-    for face in mesh.triangles.ids() {
-        if !has_area(&on_skin(face)) && mesh.face_area(face) > 0.0 {
-            let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
-            let found = format!("face {face} without area after rounding its positions to f32");
-            return Err((found, needed.into()));
-        }
-        if fallen.binary_search(&face).is_ok() {
-            let area = area(rounded(face, &texture));
-            let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
-            let needed = "a positive area: no sliver, and an image not much larger than the map";
-            return Err((found, needed.into()));
-        }
+    let collapsed = faces_that(mesh, |face| !has_area(&on_skin(face)) && mesh.face_area(face) > 0.0);
+    if let Some(face) = collapsed.first() {
+        let needed = "an area above 0: f32 keeps seven digits, so the link's frame must be near";
+        let found = format!("face {face} without area after rounding its positions to f32");
+        return Err((found, needed.into()));
+    }
+    if let Some(&face) = fallen.first() {
+        let area = area(rounded(face, &texture));
+        let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
+        let needed = "a positive area: no sliver, and an image not much larger than the map";
+        return Err((found, needed.into()));
     }
     Ok(texture)
+}
+
+/// The faces for which `is_so`, in their order.
+fn faces_that(mesh: &TriMesh, is_so: impl Fn(FaceId) -> bool + Sync) -> Vec<FaceId> {
+    par_collect(mesh.triangles.len(), |range, out| {
+        out.extend(range.map(FaceId::new).filter(|&face| is_so(face)));
+    })
 }
 
 /// Spacing of f32 numbers just below 1.
@@ -317,11 +324,9 @@ const PASSES: usize = 4;
 pub(super) fn keep_upright(
     texture: &mut [[f32; 2]],
     mesh: &TriMesh,
-    upright: &dyn Fn(FaceId, &[[f32; 2]]) -> bool,
+    upright: &(dyn Fn(FaceId, &[[f32; 2]]) -> bool + Sync),
 ) -> Vec<FaceId> {
-    let all_fallen = |texture: &[[f32; 2]]| -> Vec<FaceId> {
-        mesh.triangles.ids().filter(|&face| !upright(face, texture)).collect()
-    };
+    let all_fallen = |texture: &[[f32; 2]]| faces_that(mesh, |face| !upright(face, texture));
     let mut fallen = all_fallen(texture);
     if fallen.is_empty() {
         return fallen;
