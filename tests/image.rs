@@ -318,7 +318,9 @@ fn a_batch_has_the_bits_of_the_stream() {
         for (values, at) in frame.values.iter_mut().flatten().zip(0_u32..) {
             for (x, v) in values.iter_mut().zip(0_u32..) {
                 let is_dead = v % 11 == 3 || (k == 20 && v % 5 == 1);
+                let is_vast = k == 35 && v == 7;
                 let value = hash(v.wrapping_mul(31) ^ at.wrapping_mul(977) ^ k as u32);
+                let value = if is_vast { 1e300 } else { value };
                 *x = if is_dead { f64::INFINITY } else { value };
             }
         }

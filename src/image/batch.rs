@@ -4,11 +4,9 @@
 //! a pixel, which strips of pixels carry to their images. Every number follows from the same operations in the same
 //! order as in [`Renderer::render`], so it has the same bits.
 
-use std::ops::Range;
-
 use crate::image::layer::Layer;
 use crate::image::runs::{AT_ONCE, PlanesAtOnce};
-use crate::image::{Renderer, Tile};
+use crate::image::{Renderer, TactileImage, Tile};
 use crate::pyramid::LevelId;
 use crate::signal::{Frame, Restrictor};
 
@@ -18,25 +16,19 @@ pub struct BatchRenderer {
     restrictor: Restrictor,
     renderer: Renderer,
     frame: Frame,
-    /// Of every channel of every tile the values of its vertices.
-    values: Vec<Vec<[f64; AT_ONCE]>>,
+    /// Of every channel of every tile the readings of its patch, and the values of its level.
+    readings: Vec<Vec<[f64; AT_ONCE]>>,
+    values: Vec<[f64; AT_ONCE]>,
     planes: Vec<PlanesAtOnce>,
-    /// The pixels that show no skin.
-    gaps: Vec<Range<usize>>,
 }
 
 impl BatchRenderer {
     /// What draws frames like `frame`, which is written over.
     #[must_use]
     pub fn new(restrictor: Restrictor, renderer: Renderer, frame: Frame) -> Self {
-        let (mut gaps, mut end) = (Vec::new(), 0);
-        for run in renderer.images[0].coverage.chunk_by(|a, b| a == b) {
-            end += run.len();
-            if run[0] == 0 {
-                gaps.push(end - run.len()..end);
-            }
-        }
-        Self { restrictor, renderer, frame, values: Vec::new(), planes: Vec::new(), gaps }
+        let taxels = |(tile, channel, _): (&Tile, usize, &Layer)| frame.values[tile.patch][channel].len();
+        let readings = layers(&renderer).map(|layer| vec![[0.0; AT_ONCE]; taxels(layer)]).collect();
+        Self { restrictor, renderer, frame, readings, values: Vec::new(), planes: Vec::new() }
     }
 
     /// Draws frames into images, one after the other as [`TactileImage::values`](crate::image::TactileImage::values):
@@ -61,41 +53,53 @@ impl BatchRenderer {
 
     /// Draws sixteen frames unless taxels come or go among them, or pixels do not follow planes.
     fn render_at_once(&mut self, read: &mut dyn FnMut(usize, &mut Frame), images: &mut [f32]) -> bool {
-        let (size, count) = (self.renderer.images[0].values.len(), self.renderer.images[0].coverage.len());
-        for (k, image) in images.chunks_mut(size).enumerate() {
+        if !layers(&self.renderer).all(|(_, _, layer)| layer.has_planes()) {
+            return false;
+        }
+        for k in 0..AT_ONCE {
             read(k, &mut self.frame);
-            if !self.put_aside(k) {
-                if k > 0 {
-                    return false;
+            for ((tile, channel, _), readings) in layers(&self.renderer).zip(&mut self.readings) {
+                for (of_frames, &x) in readings.iter_mut().zip(&self.frame.values[tile.patch][channel]) {
+                    of_frames[k] = if x.is_finite() { x } else { f64::NAN };
                 }
-                // The renderer learns which taxels have readings.
-                self.renderer.render(self.restrictor.restrict(&self.frame));
-                if !self.put_aside(k) {
-                    return false;
-                }
-            }
-            for pixels in image.chunks_mut(count) {
-                self.gaps.iter().for_each(|gap| pixels[gap.clone()].fill(f32::NAN));
             }
         }
-        for ((tile, channel, layer), values) in layers(&self.renderer).zip(&self.values) {
-            layer.draw_at_once(&tile.surface, values, &mut self.planes, &mut images[channel * count..], size);
+        if !self.fits() {
+            // The renderer learns which taxels have readings.
+            self.renderer.render(self.restrictor.restrict(&self.frame));
+            if !self.fits() {
+                return false;
+            }
+        }
+        let TactileImage { level, values: drawn, coverage, .. } = &self.renderer.images[0];
+        // The pixels that show no skin.
+        images.chunks_mut(drawn.len()).for_each(|image| image.copy_from_slice(drawn));
+        for ((tile, channel, layer), readings) in layers(&self.renderer).zip(&mut self.readings) {
+            let values = if *level > LevelId::new(0) {
+                let values = &mut self.values;
+                self.restrictor.restrict_at_once(tile.patch, channel, *level, readings, values);
+                if !layer.fits(values) {
+                    return false;
+                }
+                values
+            } else {
+                readings
+            };
+            let images = &mut images[channel * coverage.len()..];
+            layer.draw_at_once(&tile.surface, values, &mut self.planes, images, drawn.len());
         }
         true
     }
 
-    /// Puts the values of frame `k` of sixteen next to those of the others; false if other taxels have readings than
-    /// when the renderer drew last.
-    fn put_aside(&mut self, k: usize) -> bool {
+    /// Whether the same taxels have readings as in the frame that was drawn last.
+    fn fits(&self) -> bool {
         let level = self.renderer.images[0].level;
-        let levels = (level > LevelId::new(0)).then(|| self.restrictor.restrict(&self.frame));
-        self.values.resize_with(layers(&self.renderer).count(), Vec::new);
-        layers(&self.renderer).zip(&mut self.values).all(|((tile, channel, layer), aside)| {
-            let values = match levels {
-                Some(levels) => &levels.values[tile.patch][channel][level],
-                None => &self.frame.values[tile.patch][channel],
-            };
-            layer.put_aside(values, k, aside)
+        layers(&self.renderer).zip(&self.readings).all(|((tile, channel, layer), readings)| {
+            if level > LevelId::new(0) {
+                self.restrictor.fits(tile.patch, channel, readings)
+            } else {
+                layer.fits(readings)
+            }
         })
     }
 }

@@ -84,10 +84,9 @@ impl FaceWeights {
     }
 
     /// [`Self::plane`] in sixteen frames, of values times `scale`.
-    pub(super) fn planes_at_once(&self, x: &[[f64; AT_ONCE]], scale: &[f64]) -> PlanesAtOnce {
+    pub(super) fn planes_at_once(&self, x: &[[f64; AT_ONCE]], scale: &[f64], planes: &mut PlanesAtOnce) {
         let [(a, i), (b, j), (c, k)] = self.corners.map(|v| (&x[v.index()], scale[v.index()]));
-        let mut planes = [[0.0; AT_ONCE]; 3];
-        let [base, right, down] = &mut planes;
+        let [base, right, down] = planes;
         for frame in 0..AT_ONCE {
             let first = a[frame] * i;
             let (p, q) = (b[frame] * j - first, c[frame] * k - first);
@@ -95,7 +94,6 @@ impl FaceWeights {
             right[frame] = 0.0 + (p * self.second[1] + q * self.third[1]);
             down[frame] = 0.0 + (p * self.second[2] + q * self.third[2]);
         }
-        planes
     }
 
     /// Number of corners that are live.

@@ -189,19 +189,20 @@ impl Layer {
         }
     }
 
-    /// Puts the values of frame `k` of sixteen next to those of the others; false if other vertices have values than
-    /// when it drew last, or pixels do not follow planes of faces.
-    pub(super) fn put_aside(&self, values: &[f64], k: usize, aside: &mut Vec<[f64; AT_ONCE]>) -> bool {
-        aside.resize(values.len(), [0.0; AT_ONCE]);
-        let mut same = matches!(self.pattern, Pattern::Faces);
-        for ((&value, &live), aside) in values.iter().zip(&self.live).zip(aside) {
-            same &= value.is_finite() == live;
-            aside[k] = if live { value } else { f64::NAN };
-        }
-        same
+    /// Whether pixels follow planes of faces.
+    pub(super) fn has_planes(&self) -> bool {
+        matches!(self.pattern, Pattern::Faces)
     }
 
-    /// Draws the values of sixteen frames that were put aside, into images that begin `stride` numbers apart.
+    /// Whether it can draw sixteen frames at once: those vertices have values that had some when it drew last.
+    pub(super) fn fits(&self, values: &[[f64; AT_ONCE]]) -> bool {
+        let fits = |(values, &live): (&[f64; AT_ONCE], &bool)| {
+            values.iter().fold(true, |fits, value| fits & (value.is_finite() == live))
+        };
+        self.has_planes() && values.iter().zip(&self.live).all(fits)
+    }
+
+    /// Draws values of sixteen frames that [fit](Self::fits), into images that begin `stride` numbers apart.
     pub(super) fn draw_at_once(
         &self,
         surface: &PixelSurface,
@@ -210,8 +211,10 @@ impl Layer {
         images: &mut [f32],
         stride: usize,
     ) {
-        planes.clear();
-        planes.extend(surface.faces.iter().map(|face| face.planes_at_once(values, &self.scale)));
+        planes.resize(surface.faces.len(), [[0.0; AT_ONCE]; 3]);
+        for (face, planes) in surface.faces.iter().zip(&mut *planes) {
+            face.planes_at_once(values, &self.scale, planes);
+        }
         surface.runs.fill_at_once(planes, images, stride);
         for (k, image) in images.chunks_mut(stride).enumerate() {
             let x = |v: VertexId| values[v.index()][k] * self.scale[v.index()];

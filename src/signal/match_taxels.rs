@@ -121,7 +121,7 @@ impl Join {
     /// # Panics
     /// If `values` has not `width` numbers for each channel of the frame, or the frame is not one of
     /// the map that the join was made for.
-    pub fn fill(&self, values: &[f64], frame: &mut Frame) -> usize {
+    pub fn fill<T: Copy + Into<f64>>(&self, values: &[T], frame: &mut Frame) -> usize {
         assert_eq!(frame.values.len(), self.sources.len(), "one entry per patch");
         let mut missing = 0;
         for (sources, channels) in self.sources.iter().zip(frame.values.iter_mut()) {
@@ -129,7 +129,7 @@ impl Join {
             for (read, taxels) in values.chunks_exact(self.width).zip(channels) {
                 assert_eq!(taxels.len(), sources.len(), "one number per taxel");
                 for (x, source) in taxels.iter_mut().zip(sources) {
-                    *x = source.map_or(f64::NAN, |column| read[column as usize]);
+                    *x = source.map_or(f64::NAN, |column| read[column as usize].into());
                     if !x.is_finite() {
                         *x = f64::NAN;
                         missing += usize::from(source.is_some());

@@ -107,6 +107,26 @@ impl Fields {
         }
         even + odd
     }
+
+    /// [`Self::sum`] of `N` frames side by side.
+    fn sum_at_once<const N: usize>(&self, field: usize, x: &[[f64; N]]) -> [f64; N] {
+        let pairs = self.members[field].chunks_exact(2);
+        let (mut even, mut odd) = ([0.0; N], [0.0; N]);
+        if let [(v, w)] = pairs.remainder() {
+            even = x[*v as usize].map(|x| w * x);
+        }
+        for pair in pairs {
+            let [(v, w), (u, z)] = [pair[0], pair[1]];
+            for k in 0..N {
+                even[k] += w * x[v as usize][k];
+                odd[k] += z * x[u as usize][k];
+            }
+        }
+        for k in 0..N {
+            even[k] += odd[k];
+        }
+        even
+    }
 }
 
 impl Restrictor {
@@ -164,6 +184,53 @@ impl Restrictor {
         }
         &self.levels
     }
+
+    /// Whether the taxels with readings are, in each of `N` frames, those of the frame that was restricted last.
+    pub(crate) fn fits<const N: usize>(&self, patch: PatchId, channel: usize, readings: &[[f64; N]]) -> bool {
+        let served = &self.levels.areas[patch][channel][LevelId::new(0)];
+        let fits = |(readings, &served): (&[f64; N], &f64)| {
+            readings.iter().fold(true, |fits, reading| fits & (reading.is_finite() == (served > 0.0)))
+        };
+        readings.iter().zip(served).all(fits)
+    }
+
+    /// The values of a level above level 0 that [`Self::restrict`] gives for readings that [fit](Self::fits), which are
+    /// written over.
+    pub(crate) fn restrict_at_once<const N: usize>(
+        &self,
+        patch: PatchId,
+        channel: usize,
+        level: LevelId,
+        readings: &mut [[f64; N]],
+        values: &mut Vec<[f64; N]>,
+    ) {
+        let (areas, quantity) = (&self.levels.areas[patch][channel], self.quantities[channel]);
+        for (readings, &served) in readings.iter_mut().zip(&areas[LevelId::new(0)]) {
+            if served == 0.0 {
+                *readings = [0.0; N];
+            } else if quantity == Quantity::Intensive {
+                readings.iter_mut().for_each(|reading| *reading *= served);
+            }
+        }
+        values.clear();
+        for (_, fields) in self.patches[patch].coarse.iter().filter(|(other, _)| *other == level) {
+            values.extend(areas[level].iter().enumerate().map(|(field, &area)| {
+                fields.sum_at_once(field, readings).map(|sum| field_value(quantity, sum, area))
+            }));
+        }
+    }
+}
+
+/// What a field has of the amount and the area that it collects.
+fn field_value(quantity: Quantity, sum: f64, area: f64) -> f64 {
+    let value = match quantity {
+        // 0 / 0 is NaN.
+        Quantity::Intensive => sum / area,
+        Quantity::Extensive if area > 0.0 => sum,
+        Quantity::Extensive => f64::NAN,
+    };
+    // Images and arrays cannot hold more.
+    if value.abs() <= f64::from(f32::MAX) { value } else { f64::NAN }
 }
 
 struct ChannelOut<'a> {
@@ -223,14 +290,7 @@ impl ChannelOut<'_> {
             }
             let areas = &*areas[*level];
             let mut sum = |field: usize| {
-                let value = match (fields.sum(field, self.amounts), self.quantity) {
-                    // 0 / 0 is NaN.
-                    (sum, Quantity::Intensive) => sum / areas[field],
-                    (sum, Quantity::Extensive) if areas[field] > 0.0 => sum,
-                    (_, Quantity::Extensive) => f64::NAN,
-                };
-                // Images and arrays cannot hold more.
-                values[field] = if value.abs() <= f64::from(f32::MAX) { value } else { f64::NAN };
+                values[field] = field_value(self.quantity, fields.sum(field, self.amounts), areas[field]);
             };
             if all {
                 (0..areas.len()).for_each(sum);

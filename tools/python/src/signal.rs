@@ -82,15 +82,13 @@ impl Plan {
         let share = (images.len() / size).div_ceil(4 * rayon::current_num_threads()).max(1);
         images.par_chunks_mut(share * size).zip(values.par_chunks(share * width)).for_each_init(
             || {
-                let parts = (self.restrictor.clone(), self.renderer.clone(), self.frame.clone());
-                (BatchRenderer::new(parts.0, parts.1, parts.2), Vec::new())
+                let Self { restrictor, renderer, frame, .. } = self;
+                BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone())
             },
-            |(batch, read), (images, values)| {
+            |batch, (images, values)| {
                 let fill = |k: usize, frame: &mut Frame| {
                     stop.check();
-                    read.clear();
-                    read.extend(values[k * width..(k + 1) * width].iter().map(|&x| x.into()));
-                    self.join.fill(read, frame);
+                    self.join.fill(&values[k * width..(k + 1) * width], frame);
                 };
                 batch.render(fill, images);
                 if !self.fill.is_nan() {
