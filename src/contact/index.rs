@@ -17,7 +17,7 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::mesh::{Closest, Feature, SurfacePoint, TriMesh, pseudo_normal};
 use crate::numeric::along_curve;
-use crate::parallel::par_map;
+use crate::parallel::{checkpoint, par_map};
 use crate::pyramid::LevelId;
 use crate::skin::{LinkId, Motion, PatchId, Presence};
 
@@ -147,19 +147,29 @@ impl ContactIndex {
     /// # Errors
     /// The first query that cannot be answered.
     pub fn locate_all(&self, queries: &[Query]) -> Result<Hits, ContactError> {
-        for (number, query) in queries.iter().enumerate() {
-            self.links.check(number, query)?;
+        /// Queries that share a curve: enough for it to pay, and so few that their buffers are used again.
+        const BATCH: usize = 1 << 17;
+        let checked = queries.par_iter().enumerate().with_min_len(RUN);
+        let refused = checked.find_map_first(|(number, query)| self.links.check(number, query).err());
+        if let Some(error) = refused {
+            return Err(error);
         }
-        let points: Vec<DVec3> = queries.iter().map(|query| self.links.in_world(query)).collect();
-        let order = along_curve(&points);
-        let sorted: Vec<Hit> = order
-            .par_iter()
-            .with_min_len(RUN)
-            .map_with(Cursor::default(), |cursor, &number| self.answer_along(cursor, &queries[number]))
-            .collect::<Result<_, _>>()?;
-        let mut places = vec![0_usize; queries.len()];
-        order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
-        Ok(Hits::gather(&sorted, &places))
+        let mut hits = Hits::with_capacity(queries.len());
+        for batch in queries.chunks(BATCH) {
+            checkpoint();
+            let points: Vec<DVec3> =
+                batch.par_iter().with_min_len(RUN).map(|query| self.links.in_world(query)).collect();
+            let order = along_curve(&points);
+            let sorted: Vec<Hit> = order
+                .par_iter()
+                .with_min_len(RUN)
+                .map_with(Cursor::default(), |cursor, &number| self.answer_along(cursor, &batch[number]))
+                .collect::<Result<_, _>>()?;
+            let mut places = vec![0_usize; batch.len()];
+            order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
+            hits.extend(&sorted, &places);
+        }
+        Ok(hits)
     }
 
     /// The first point of the skin that a ray meets, from either side, no farther than `longest` (m)

@@ -113,29 +113,28 @@ impl Hits {
         (0..self.patch.len()).map_while(|number| self.get(number))
     }
 
-    /// Columns of the hits of `sorted`, the one for the query `k` at `places[k]`.
-    pub(super) fn gather(sorted: &[Hit], places: &[usize]) -> Self {
-        let count = places.len();
-        let mut hits = Self {
-            patch: vec![PatchId::default(); count],
-            link: vec![LinkId::default(); count],
-            face: vec![FaceId::default(); count],
-            barycentric: vec![[0.0; 3]; count],
-            distance: vec![0.0; count],
-            position: vec![DVec3::ZERO; count],
-            normal: vec![DVec3::ZERO; count],
-        };
-        let Self { patch, link, face, barycentric, distance, position, normal } = &mut hits;
-        let rows = (patch, link, face, barycentric, distance, position, normal, places).into_par_iter();
-        rows.with_min_len(RUN).for_each(
-            |(patch, link, face, barycentric, distance, position, normal, &place)| {
-                let hit = &sorted[place];
-                (*patch, *link, *face) = (hit.patch, hit.link, hit.point.face);
-                (*barycentric, *distance) = (hit.point.barycentric, hit.distance);
-                (*position, *normal) = (hit.position, hit.normal);
-            },
-        );
-        hits
+    pub(super) fn with_capacity(count: usize) -> Self {
+        Self {
+            patch: Vec::with_capacity(count),
+            link: Vec::with_capacity(count),
+            face: Vec::with_capacity(count),
+            barycentric: Vec::with_capacity(count),
+            distance: Vec::with_capacity(count),
+            position: Vec::with_capacity(count),
+            normal: Vec::with_capacity(count),
+        }
+    }
+
+    /// Appends the hits of `sorted`, that at `places[k]` as number `k`.
+    pub(super) fn extend(&mut self, sorted: &[Hit], places: &[usize]) {
+        let hits = || places.par_iter().with_min_len(RUN).map(|&place| &sorted[place]);
+        self.patch.par_extend(hits().map(|hit| hit.patch));
+        self.link.par_extend(hits().map(|hit| hit.link));
+        self.face.par_extend(hits().map(|hit| hit.point.face));
+        self.barycentric.par_extend(hits().map(|hit| hit.point.barycentric));
+        self.distance.par_extend(hits().map(|hit| hit.distance));
+        self.position.par_extend(hits().map(|hit| hit.position));
+        self.normal.par_extend(hits().map(|hit| hit.normal));
     }
 }
 

@@ -87,29 +87,30 @@ pub(crate) fn bad_shape(name: &str, shape: &[usize], needed: impl Display) -> Py
 }
 
 /// The rows of an array of the shape `(k, N)`.
-fn rows<T: Element + Copy, const N: usize>(
+pub(crate) fn rows<'a, T: Element, const N: usize>(
     name: &str,
-    array: &PyReadonlyArrayDyn<'_, T>,
-) -> PyResult<Vec<[T; N]>> {
+    array: &'a PyReadonlyArrayDyn<'_, T>,
+) -> PyResult<&'a [[T; N]]> {
     match array.shape() {
-        &[_, columns] if columns == N => Ok(array.as_slice()?.as_chunks().0.to_vec()),
+        &[_, columns] if columns == N => Ok(array.as_slice()?.as_chunks().0),
         shape => Err(bad_shape(name, shape, format!("shape (k, {N})"))),
     }
 }
 
 /// Points or directions of space, `(k, 3)`.
 pub(crate) fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<DVec3>> {
-    Ok(rows(name, &floats(name, value)?)?.into_iter().map(DVec3::from_array).collect())
+    Ok(rows(name, &floats(name, value)?)?.iter().copied().map(DVec3::from_array).collect())
 }
 
 /// Points of the plane, `(k, 2)`.
 pub(crate) fn places(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<DVec2>> {
-    Ok(rows(name, &floats(name, value)?)?.into_iter().map(DVec2::from_array).collect())
+    Ok(rows(name, &floats(name, value)?)?.iter().copied().map(DVec2::from_array).collect())
 }
 
 /// Triangles, `(m, 3)`, whose corners are of `count` points.
 pub(crate) fn triangles(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<[u32; 3]>> {
-    let rows: Vec<[i64; 3]> = rows(name, &integers(name, value)?)?;
+    let array = integers(name, value)?;
+    let rows: &[[i64; 3]] = rows(name, &array)?;
     let corner = |row: usize, found: i64| {
         let known = u32::try_from(found).ok().filter(|&v| (v as usize) < count);
         known
@@ -122,7 +123,8 @@ pub(crate) fn triangles(name: &str, value: &Bound<'_, PyAny>, count: usize) -> P
 
 /// Pairs of whole numbers from 0 on, `(k, 2)`.
 pub(crate) fn pairs(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 2]>> {
-    let rows: Vec<[i64; 2]> = rows(name, &integers(name, value)?)?;
+    let array = integers(name, value)?;
+    let rows: &[[i64; 2]] = rows(name, &array)?;
     let pair = |(row, &[a, b]): (usize, &[i64; 2])| Ok([number(name, row, a)?, number(name, row, b)?]);
     rows.iter().enumerate().map(pair).collect()
 }

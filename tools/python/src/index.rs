@@ -16,7 +16,7 @@ use pyo3::{prelude::*, types::PyDict};
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, one_each, points, vector},
+    arrays::{bad_shape, floats, matrix, one_each, points, rows, vector},
     errors::{bad, error},
     jobs::{Stop, run},
     map::starts,
@@ -128,13 +128,6 @@ impl PyFields {
     }
 }
 
-/// In whose frame points are, and which links are searched.
-#[derive(Debug, Clone, Copy)]
-struct Where {
-    link: Option<LinkId>,
-    only_link: Option<LinkId>,
-}
-
 /// Answers as they come from the library, before they are arrays.
 #[derive(Debug, Default)]
 struct Answers {
@@ -143,6 +136,86 @@ struct Answers {
     missing: Vec<bool>,
     ranges: Option<[Vec<f64>; 2]>,
     cells: Option<Vec<Option<Cell>>>,
+}
+
+/// Answers as the numbers of arrays.
+#[derive(Debug)]
+struct Columns {
+    patch: Vec<i32>,
+    link: Vec<i32>,
+    face: Vec<i64>,
+    barycentric: Vec<[f64; 3]>,
+    distance: Vec<f64>,
+    point: Vec<[f64; 3]>,
+    normal: Vec<[f64; 3]>,
+    ranges: Option<[Vec<f64>; 2]>,
+    cells: Option<CellColumns>,
+}
+
+#[derive(Debug)]
+struct CellColumns {
+    level: Vec<i32>,
+    uv: Vec<[f64; 2]>,
+    pixel: Vec<[u32; 2]>,
+    field: Vec<i64>,
+    taxel: Vec<u32>,
+    weights: Rows,
+    /// How many the level has.
+    fields: usize,
+}
+
+impl Answers {
+    fn into_columns(self, map: &SkinMap) -> Columns {
+        let Self { hits, missing, ranges, cells } = self;
+        let cells = cells.map(|cells| CellColumns::new(&cells, &hits.patch, map));
+        let is_missing = |k: usize| missing.get(k).copied().unwrap_or(false);
+        let number = |(k, id): (usize, u32)| if is_missing(k) { -1 } else { id as i32 };
+        let face = |(k, id): (usize, FaceId)| if is_missing(k) { -1 } else { i64::from(id.raw()) };
+        let vectors = |from: Vec<DVec3>| from.into_iter().map(|p| p.to_array()).collect();
+        let ((point, normal), ((patch, link), face)) = rayon::join(
+            || rayon::join(|| vectors(hits.position), || vectors(hits.normal)),
+            || {
+                let patch = || hits.patch.into_iter().map(PatchId::raw).enumerate().map(number).collect();
+                let link = || hits.link.into_iter().map(LinkId::raw).enumerate().map(number).collect();
+                rayon::join(
+                    || (patch(), link()),
+                    || hits.face.into_par_iter().with_min_len(FEW).enumerate().map(face).collect(),
+                )
+            },
+        );
+        let (barycentric, distance) = (hits.barycentric, hits.distance);
+        Columns { patch, link, face, barycentric, distance, point, normal, ranges, cells }
+    }
+}
+
+impl CellColumns {
+    fn new(cells: &[Option<Cell>], patches: &[PatchId], map: &SkinMap) -> Self {
+        fn column<T: Send>(cells: &[Option<Cell>], of: impl Fn(Option<&Cell>) -> T + Sync) -> Vec<T> {
+            cells.par_iter().with_min_len(FEW).map(|cell| of(cell.as_ref())).collect()
+        }
+        let level = cells.iter().flatten().next().map(|cell| cell.level);
+        let starts = starts(map, level.unwrap_or_default());
+        let mut weights = Rows::new();
+        for (cell, patch) in cells.iter().zip(patches) {
+            match cell {
+                Some(cell) => {
+                    weights.push(cell.weights.iter().map(|(v, w)| (starts[patch.index()] + v.index(), w)));
+                }
+                None => weights.push([]),
+            }
+        }
+        Self {
+            level: column(cells, |cell| cell.map_or(-1, |cell| cell.level.raw() as i32)),
+            uv: column(cells, |cell| cell.map_or([f64::NAN; 2], |cell| cell.uv.to_array())),
+            pixel: column(cells, |cell| {
+                cell.map_or([u32::MAX; 2], |&Cell { pixel: [column, row], .. }| [row, column])
+            }),
+            field: column(cells, |cell| cell.map_or(-1, |cell| i64::from(cell.field.raw()))),
+            taxel: column(cells, |cell| cell.map_or(u32::MAX, |cell| cell.taxel.0)),
+            weights,
+            fields: starts.last().copied().unwrap_or(0),
+        }
+    }
 }
 
 impl PyIndex {
@@ -167,43 +240,47 @@ impl PyIndex {
         })
     }
 
-    fn frame(&self, link: Option<&str>, only_link: Option<&str>) -> PyResult<Where> {
+    fn queries(
+        &self,
+        name: &str,
+        points: &Bound<'_, PyAny>,
+        link: Option<&str>,
+        only_link: Option<&str>,
+    ) -> PyResult<Vec<Query>> {
+        let array = floats(name, points)?;
+        let points = rows(name, &array)?;
         let find =
             |argument, name: Option<&str>| name.map(|name| self.link_named(argument, name)).transpose();
-        Ok(Where { link: find("link", link)?, only_link: find("only_link", only_link)? })
-    }
-
-    fn queries(&self, points: Vec<DVec3>, frame: Where) -> Vec<Query> {
-        let Where { link, only_link } = frame;
-        points.into_iter().map(|point| Query { point, link, only_link }).collect()
+        let (link, only_link) = (find("link", link)?, find("only_link", only_link)?);
+        let query = |&point: &[f64; 3]| Query { point: DVec3::from_array(point), link, only_link };
+        Ok(points.iter().map(query).collect())
     }
 
     fn level(&self, found: i64) -> PyResult<LevelId> {
         level("level", found, self.map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0))
     }
 
-    /// The answers as arrays.
-    fn hits(&self, py: Python<'_>, answers: Answers) -> PyResult<PyHits> {
-        let Answers { hits, missing, ranges, cells } = answers;
+    /// Finds answers, and makes arrays of them.
+    fn hits(
+        &self,
+        py: Python<'_>,
+        threads: i64,
+        find: impl FnOnce(&ContactIndex, &Stop) -> Result<Answers, ContactError> + Send + 'static,
+    ) -> PyResult<PyHits> {
+        let (index, map) = (Arc::clone(&self.index), Arc::clone(&self.map));
+        let columns =
+            run(py, count("threads", threads)?, move |stop| Ok(find(&index, stop)?.into_columns(&map)))?;
+        let Columns { patch, link, face, barycentric, distance, point, normal, ranges, cells } =
+            columns.map_err(|e: ContactError| error(e))?;
         let [least, most] = ranges.map_or([None, None], |ranges| ranges.map(Some));
-        let is_missing = |k: usize| missing.get(k).copied().unwrap_or(false);
-        let number = |(k, id): (usize, u32)| if is_missing(k) { -1 } else { id as i32 };
-        let level = cells.as_ref().and_then(|cells| cells.iter().flatten().next()).map(|cell| cell.level);
         let mut found = PyHits {
-            patch: vector(py, hits.patch.iter().map(|id| id.raw()).enumerate().map(number)).unbind(),
-            link: vector(py, hits.link.iter().map(|id| id.raw()).enumerate().map(number)).unbind(),
-            face: vector(
-                py,
-                hits.face
-                    .iter()
-                    .enumerate()
-                    .map(|(k, id)| if is_missing(k) { -1 } else { i64::from(id.raw()) }),
-            )
-            .unbind(),
-            barycentric: matrix(py, hits.barycentric)?.unbind(),
-            distance: vector(py, hits.distance).unbind(),
-            point: matrix(py, hits.position.into_iter().map(|p| p.to_array()))?.unbind(),
-            normal: matrix(py, hits.normal.into_iter().map(|p| p.to_array()))?.unbind(),
+            patch: vector(py, patch).unbind(),
+            link: vector(py, link).unbind(),
+            face: vector(py, face).unbind(),
+            barycentric: matrix(py, barycentric)?.unbind(),
+            distance: vector(py, distance).unbind(),
+            point: matrix(py, point)?.unbind(),
+            normal: matrix(py, normal)?.unbind(),
             least: least.map(|least| vector(py, least).unbind()),
             most: most.map(|most| vector(py, most).unbind()),
             level: None,
@@ -213,33 +290,14 @@ impl PyIndex {
             taxel_id: None,
             fields: None,
         };
-        let Some(cells) = cells else { return Ok(found) };
-        let of = |k: fn(&Cell) -> i64| cells.iter().map(move |cell| cell.as_ref().map_or(-1, k));
-        let levels = cells.iter().map(|cell| cell.map_or(-1, |cell| cell.level.raw() as i32));
-        found.level = Some(vector(py, levels).unbind());
-        found.field = Some(vector(py, of(|cell| i64::from(cell.field.raw()))).unbind());
-        found.uv = Some(
-            matrix(py, cells.iter().map(|cell| cell.map_or([f64::NAN; 2], |cell| cell.uv.to_array())))?
-                .unbind(),
-        );
-        let pixel = |cell: Option<Cell>| {
-            cell.map_or([u32::MAX; 2], |Cell { pixel: [column, row], .. }| [row, column])
-        };
-        found.pixel = Some(matrix(py, cells.iter().map(|cell| pixel(*cell)))?.unbind());
-        let taxels = cells.iter().map(|cell| cell.map_or(u32::MAX, |cell| cell.taxel.0));
-        found.taxel_id = Some(vector(py, taxels).unbind());
-        let starts = starts(&self.map, level.unwrap_or_default());
-        let mut rows = Rows::new();
-        for (cell, patch) in cells.iter().zip(&hits.patch) {
-            match cell {
-                Some(cell) => {
-                    rows.push(cell.weights.iter().map(|(v, w)| (starts[patch.index()] + v.index(), w)))
-                }
-                None => rows.push([]),
-            }
+        if let Some(CellColumns { level, uv, pixel, field, taxel, weights, fields }) = cells {
+            found.level = Some(vector(py, level).unbind());
+            found.uv = Some(matrix(py, uv)?.unbind());
+            found.pixel = Some(matrix(py, pixel)?.unbind());
+            found.field = Some(vector(py, field).unbind());
+            found.taxel_id = Some(vector(py, taxel).unbind());
+            found.fields = Some(Py::new(py, weights.into_matrix(py, fields))?);
         }
-        let columns = starts.last().copied().unwrap_or(0);
-        found.fields = Some(Py::new(py, rows.into_matrix(py, columns))?);
         Ok(found)
     }
 
@@ -307,25 +365,6 @@ fn columns(found: Vec<Option<Hit>>) -> Answers {
     answers
 }
 
-/// The nearest points of the skin, in batches between which the search may be given up.
-fn locate(index: &ContactIndex, queries: &[Query], stop: &Stop) -> Result<Hits, ContactError> {
-    /// Queries of a batch: so many that their order pays.
-    const BATCH: usize = 1 << 18;
-    let mut hits = Hits::default();
-    for batch in queries.chunks(BATCH) {
-        stop.check();
-        let more = index.locate_all(batch)?;
-        hits.patch.extend(more.patch);
-        hits.link.extend(more.link);
-        hits.face.extend(more.face);
-        hits.barycentric.extend(more.barycentric);
-        hits.distance.extend(more.distance);
-        hits.position.extend(more.position);
-        hits.normal.extend(more.normal);
-    }
-    Ok(hits)
-}
-
 /// Where hits lie on the map of a level.
 fn cells(index: &ContactIndex, answers: &mut Answers, level: Option<LevelId>) {
     let Some(level) = level else { return };
@@ -367,16 +406,13 @@ impl PyIndex {
         level: Option<i64>,
         threads: i64,
     ) -> PyResult<PyHits> {
-        let points = self::points("points", points)?;
-        let queries = self.queries(points, self.frame(link, only_link)?);
+        let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move |stop| {
-            let mut answers = Answers { hits: locate(&index, &queries, stop)?, ..Answers::default() };
-            cells(&index, &mut answers, level);
+        self.hits(py, threads, move |index, _| {
+            let mut answers = Answers { hits: index.locate_all(&queries)?, ..Answers::default() };
+            cells(index, &mut answers, level);
             Ok(answers)
-        })?;
-        self.hits(py, answers.map_err(|e: ContactError| error(e))?)
+        })
     }
 
     /// Find the first points of the skin that rays meet, from either side.
@@ -408,26 +444,24 @@ impl PyIndex {
         level: Option<i64>,
         threads: i64,
     ) -> PyResult<PyHits> {
-        let (origins, directions) = (points("origins", origins)?, points("directions", directions)?);
-        if directions.len() != origins.len() {
+        let queries = self.queries("origins", origins, link, only_link)?;
+        let directions = points("directions", directions)?;
+        if directions.len() != queries.len() {
             return Err(bad(
                 "directions",
                 format!("{} rows", directions.len()),
-                format!("{} rows", origins.len()),
+                format!("{} rows", queries.len()),
             ));
         }
         let longest = longest.unwrap_or(f64::INFINITY);
-        let queries = self.queries(origins, self.frame(link, only_link)?);
         let level = level.map(|level| self.level(level)).transpose()?;
-        let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move |stop| -> Result<Answers, ContactError> {
+        self.hits(py, threads, move |index, stop| {
             let rays = queries.par_iter().zip(&directions).with_min_len(FEW).inspect(|_| stop.check());
             let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
             let mut answers = columns(rays.map(hit).collect::<Result<_, _>>()?);
-            cells(&index, &mut answers, level);
+            cells(index, &mut answers, level);
             Ok(answers)
-        })?;
-        self.hits(py, answers.map_err(error)?)
+        })
     }
 
     /// Find the points of a coarse level nearest to points of space: faster than `locate`. `Hits.least` and
@@ -456,10 +490,9 @@ impl PyIndex {
         only_link: Option<&str>,
         threads: i64,
     ) -> PyResult<PyHits> {
-        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let queries = self.queries("points", points, link, only_link)?;
         let level = self.level(level)?;
-        let index = Arc::clone(&self.index);
-        let answers = run(py, count("threads", threads)?, move |stop| -> Result<Answers, ContactError> {
+        self.hits(py, threads, move |index, stop| {
             let found: Vec<Reactive> = queries
                 .par_iter()
                 .with_min_len(FEW)
@@ -475,8 +508,7 @@ impl PyIndex {
             answers.ranges = Some([column(|found| found.least), column(|found| found.most)]);
             answers.cells = Some(found.iter().map(|found| index.cell(found, found.level)).collect());
             Ok(answers)
-        })?;
-        self.hits(py, answers.map_err(error)?)
+        })
     }
 
     /// Find the taxels or receptive fields nearest to points of space. Needs an index with `fields`.
@@ -508,7 +540,7 @@ impl PyIndex {
         only_link: Option<&str>,
         threads: i64,
     ) -> PyResult<PyFields> {
-        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let queries = self.queries("points", points, link, only_link)?;
         let (most, level) = (self::count("count", count)?, self.level(level)?);
         let find = move |index: &ContactIndex, query: Query| index.nearest_fields(query, most, level);
         self.fields_of(py, queries, self::count("threads", threads)?, find)
@@ -542,7 +574,7 @@ impl PyIndex {
         only_link: Option<&str>,
         threads: i64,
     ) -> PyResult<PyFields> {
-        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let queries = self.queries("points", points, link, only_link)?;
         let level = self.level(level)?;
         let find = move |index: &ContactIndex, query: Query| index.fields_within(query, radius, level);
         self.fields_of(py, queries, count("threads", threads)?, find)
@@ -594,7 +626,7 @@ impl PyIndex {
         link: Option<&str>,
         only_link: Option<&str>,
     ) -> PyResult<Felt<'py>> {
-        let queries = self.queries(self::points("points", points)?, self.frame(link, only_link)?);
+        let queries = self.queries("points", points, link, only_link)?;
         let forces = one_each("force", force, queries.len())?;
         let radii = radius
             .map_or(Ok(vec![0.0; queries.len()]), |radius| one_each("radius", radius, queries.len()))?;
