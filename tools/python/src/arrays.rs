@@ -8,10 +8,7 @@ use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArrayMethods, ndarray::Dimension,
 };
-use pyo3::{
-    prelude::*,
-    types::{PyDict, PyTuple},
-};
+use pyo3::{prelude::*, types::PyTuple};
 
 use crate::errors::bad;
 
@@ -22,9 +19,14 @@ fn array_of<'py, T: Element>(
     [kinds, dtype, needed]: [&str; 3],
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
+    if numpy.getattr("ma")?.call_method1("is_masked", (value,))?.is_truthy()? {
+        return Err(bad(name, "masked numbers", format!("{needed}: .filled(numpy.nan) makes one")));
+    }
+    let array = numpy.call_method1("asarray", (value,)).map_err(|cause| {
         let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
-        bad(name, class, needed)
+        let error = bad(name, class, needed);
+        error.set_cause(value.py(), Some(cause));
+        error
     })?;
     let found = array.getattr("dtype")?;
     let kind: String = found.getattr("kind")?.extract()?;
@@ -32,10 +34,8 @@ fn array_of<'py, T: Element>(
     if !(kinds.contains(&kind) || is_empty && kind == "f") {
         return Err(bad(name, format!("dtype {found}"), needed));
     }
-    let options = PyDict::new(value.py());
-    options.set_item("dtype", dtype)?;
-    options.set_item("order", "C")?;
-    numpy.call_method("asarray", (array,), Some(&options))?.extract()
+    // In C order, and aligned.
+    numpy.call_method1("require", (array, dtype, "CA"))?.extract()
 }
 
 /// Numbers of any shape.

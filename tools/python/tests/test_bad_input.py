@@ -197,6 +197,31 @@ def test_damaged_files(dome_map, garbage, place, patch):
         accepts(lambda: dermatome.Skin.from_bytes(garbage, kind))
 
 
+def test_masked_unaligned_and_tracked_arrays(dome_map):
+    values = np.random.default_rng(0).random((2, 256))
+    with pytest.raises(dermatome.DataError, match="values: found masked numbers"):
+        dome_map.pool(np.ma.masked_greater(values, 0.9), 1)
+    unaligned = np.frombuffer(b"\0" + values.tobytes(), np.uint8)[1:].view(np.float64).reshape(2, 256)
+    assert np.array_equal(dome_map.pool(unaligned, 1), dome_map.pool(values, 1))
+
+    class Tracked:
+        def __array__(self, *_, **__):
+            raise RuntimeError("requires grad")
+
+    with pytest.raises(dermatome.DataError, match="values: found Tracked") as found:
+        dome_map.pool(Tracked(), 1)
+    assert "requires grad" in str(found.value.__cause__)
+
+
+def test_a_bad_point_is_named_in_any_batch(index):
+    points = np.random.default_rng(0).random((150_000, 3)) * 0.1
+    hits, behind = index.locate(points), index.locate(points[130_000:])
+    assert np.array_equal(hits.point[130_000:], behind.point) and np.array_equal(hits.fields.data[-9:], behind.fields.data[-9:])
+    points[140_000:] = np.nan
+    with pytest.raises(dermatome.DataError, match="contact 140000"):
+        index.locate(points)
+
+
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="exceptions have notes since Python 3.11")
 def test_numbers_that_are_too_large_are_named(dome_map):
     for name, call in [

@@ -13,7 +13,7 @@ def need(module: str, extra: str) -> Any:
     """The module of another package, or an error that says how it is installed."""
     try:
         return importlib.import_module(module)
-    except ImportError as missing:
+    except ModuleNotFoundError as missing:
         raise ImportError(f"{module} is needed: pip install 'dermatome[{extra}]'") from missing
 
 
