@@ -133,6 +133,9 @@ fn fans_are_counted() {
         two.triangles.push(t.map(|w| if w == v(0) { w } else { v(w.index() + offset) }));
     }
     assert_eq!(Adjacency::new(&two), Err(MeshError::NonManifoldVertex { vertex: v(0), fans: 2 }));
+    // Two open fans, by whose sums of neighbours they might be one closed fan.
+    let bow = TriMesh::from_arrays(vec![DVec3::ZERO; 5], &[[0, 2, 1], [2, 3, 4]]);
+    assert_eq!(Adjacency::new(&bow), Err(MeshError::NonManifoldVertex { vertex: v(2), fans: 2 }));
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! The neighbours in a mesh that does not change.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::connectivity::edges::{loops_of, pair_halfedges};
+use crate::mesh::connectivity::edges::{first_crowded, loops_of};
 use crate::mesh::connectivity::topology::Topology;
 use crate::mesh::{Halfedge, MeshError, TriMesh};
 use crate::numeric::{Csr, DisjointSets};
@@ -75,49 +75,60 @@ impl Rings {
     }
 }
 
-/// The faces around a vertex as they are counted.
+/// A face at a vertex, with the neighbours along its two sides there.
 #[derive(Debug, Clone, Copy)]
-struct Fan {
-    first: Halfedge,
-    faces: u32,
-    is_open: bool,
+struct Link {
+    next: VertexId,
+    previous: VertexId,
+    /// The corner, by the halfedge that leaves it.
+    corner: Halfedge,
 }
 
-impl Default for Fan {
-    fn default() -> Self {
-        Self { first: Halfedge::NONE, faces: 0, is_open: false }
+/// Links of a vertex up to this number are searched through; more are sorted.
+const FEW: usize = 16;
+
+/// Finds the link with a vertex as its `key`.
+fn search<'a>(
+    links: &'a [Link],
+    key: impl Fn(&Link) -> VertexId + Copy + 'a,
+) -> impl Fn(VertexId) -> Option<Link> + 'a {
+    let mut sorted = if links.len() > FEW { links.to_vec() } else { Vec::new() };
+    sorted.sort_unstable_by_key(key);
+    move |v| {
+        if sorted.is_empty() {
+            return links.iter().find(|link| key(link) == v).copied();
+        }
+        sorted.binary_search_by_key(&v, key).ok().map(|place| sorted[place])
     }
 }
 
-impl Fan {
-    /// Number of neighbours if all faces are of one fan.
-    fn neighbours(&self) -> u32 {
-        self.faces + u32::from(self.is_open)
+/// Writes the neighbours of a vertex, whose faces are `links`, into `ring`, counter-clockwise; whether they are one
+/// fan that fills it. `pair` takes every halfedge that leaves the vertex with its twin.
+///
+/// A walk from face to face, which needs no search, would wait for memory at each.
+fn order_fan(links: &[Link], ring: &mut [VertexId], pair: impl Fn(Halfedge, Halfedge)) -> bool {
+    let is_open = ring.len() > links.len();
+    let with_next = search(links, |link| link.next);
+    let with_previous = search(links, |link| link.previous);
+    let mut first = links.first();
+    for link in links {
+        match with_previous(link.next) {
+            Some(before) => pair(link.corner, before.corner.previous()),
+            None => first = Some(link),
+        }
     }
-}
-
-/// Writes the neighbours around the fan of halfedge `first` into `ring`, counter-clockwise; whether
-/// they fill it.
-fn walk(
-    mesh: &TriMesh,
-    twins: &IdVec<FaceId, [Halfedge; 3]>,
-    first: Halfedge,
-    ring: &mut [VertexId],
-) -> bool {
-    let mut here = first;
-    let mut ring = ring.iter_mut();
+    let Some(&first) = first else { return false };
+    let (mut here, mut ring) = (first, ring.iter_mut());
     while let Some(neighbour) = ring.next() {
-        let (corners, back) = (&mesh.triangles[here.face()], here.previous());
-        *neighbour = corners[here.next().side()];
-        let twin = twins[back.face()][back.side()];
-        if twin == Halfedge::NONE {
-            let last = ring.next().map(|last| *last = corners[back.side()]);
-            return last.is_some() && ring.len() == 0;
+        *neighbour = here.next;
+        match with_next(here.previous) {
+            Some(after) if after.corner == first.corner => return ring.len() == 0 && !is_open,
+            Some(after) => here = after,
+            None => {
+                let last = ring.next().map(|last| *last = here.previous);
+                return last.is_some() && ring.len() == 0 && is_open;
+            }
         }
-        if twin == first {
-            return ring.len() == 0;
-        }
-        here = twin;
     }
     false
 }
@@ -133,60 +144,63 @@ impl Adjacency {
     }
 
     /// The adjacency of a mesh, and where the ring of each vertex starts: at the halfedge along the
-    /// boundary if there is one, else at any.
+    /// boundary if there is one, else at that of the first face.
     pub(super) fn with_starts(mesh: &TriMesh) -> Result<(Self, IdVec<VertexId, Halfedge>), MeshError> {
         mesh.validate()?;
-        let vertices = mesh.positions.len();
-        let twins = pair_halfedges(&mesh.triangles, vertices)?;
-        // One array, so that a corner waits for memory once.
-        let mut fans = IdVec::<VertexId, Fan>::filled(Fan::default(), vertices);
-        for (face, corners) in mesh.triangles.enumerate() {
-            for (side, &v) in corners.iter().enumerate() {
-                let fan = &mut fans[v];
-                let is_open = twins[face][side] == Halfedge::NONE;
-                if is_open || fan.faces == 0 {
-                    fan.first = Halfedge::new(face, side);
-                }
-                fan.faces += 1;
-                fan.is_open |= is_open;
-            }
-        }
+        let (triangles, vertices) = (&mesh.triangles, mesh.positions.len());
+        let links = triangles.enumerate().flat_map(|(face, t)| {
+            [[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|[side, next, previous]| {
+                let corner = Halfedge::new(face, side);
+                (t[side].index(), Link { next: t[next], previous: t[previous], corner })
+            })
+        });
+        let links = Csr::from_pairs(vertices, links);
+        // Every neighbour of a closed fan is the next one of one face and the previous one of another.
+        let on_boundary: IdVec<VertexId, bool> = par_ids(vertices, |v: VertexId| {
+            let difference = |link: &Link| link.next.raw().wrapping_sub(link.previous.raw());
+            links[v.index()].iter().map(difference).fold(0, u32::wrapping_add) != 0
+        });
+        let faces = |v: VertexId| u32::try_from(links[v.index()].len()).expect("fewer than halfedges");
+        let degrees = on_boundary.enumerate().map(|(v, &open)| faces(v) + u32::from(open)).collect();
+        let none = || AtomicU32::new(Halfedge::NONE.raw());
+        let twins: Vec<[AtomicU32; 3]> = triangles.iter().map(|_| [none(), none(), none()]).collect();
         let is_broken = AtomicBool::new(false);
-        let rings = Rings::fill(fans.map(|fan| fan.is_open), &fans.map(Fan::neighbours), |v, ring| {
-            if !walk(mesh, &twins, fans[v].first, ring) {
+        let rings = Rings::fill(on_boundary, &degrees, |v, ring| {
+            // Each halfedge leaves one vertex.
+            let pair = |h: Halfedge, twin: Halfedge| {
+                twins[h.face().index()][h.side()].store(twin.raw(), Ordering::Relaxed);
+            };
+            if !order_fan(&links[v.index()], ring, pair) {
                 is_broken.store(true, Ordering::Relaxed);
             }
         });
-        let adjacency = Self { twins, rings };
+        let halfedges = |twins: [AtomicU32; 3]| twins.map(|twin| Halfedge::from_raw(twin.into_inner()));
+        let adjacency = Self { twins: twins.into_iter().map(halfedges).collect(), rings };
         if is_broken.into_inner() {
-            return Err(adjacency.broken_vertex(mesh, &fans));
+            return Err(first_crowded(mesh).unwrap_or_else(|| adjacency.broken_vertex(&links)));
         }
-        Ok((adjacency, fans.map(|fan| fan.first)))
-    }
-
-    /// The first vertex without a face or with several fans.
-    fn broken_vertex(&self, mesh: &TriMesh, fans: &IdVec<VertexId, Fan>) -> MeshError {
-        let is_broken = |&(v, fan): &(VertexId, &Fan)| {
-            !walk(mesh, &self.twins, fan.first, &mut vec![v; fan.neighbours() as usize])
+        let start = |v: VertexId| {
+            let mut corners = links[v.index()].iter().map(|link| link.corner);
+            corners.find(|h| !adjacency.is_boundary(v) || adjacency.twin(*h).is_none()).unwrap_or_default()
         };
-        match fans.enumerate().find(is_broken) {
-            Some((vertex, fan)) if fan.faces > 0 => {
-                MeshError::NonManifoldVertex { vertex, fans: self.count_fans(mesh, vertex) }
-            }
-            found => MeshError::IsolatedVertex { vertex: found.map(|(v, _)| v).unwrap_or_default() },
-        }
+        let starts = mesh.positions.ids().map(start).collect();
+        Ok((adjacency, starts))
     }
 
-    /// Number of fans around `v`; looks through the whole mesh, for an error message alone.
-    fn count_fans(&self, mesh: &TriMesh, v: VertexId) -> usize {
-        let star: Vec<FaceId> = mesh.triangles.ids().filter(|&f| mesh.triangles[f].contains(&v)).collect();
+    /// The first vertex without a face or with several fans, of a mesh without crowded edges.
+    fn broken_vertex(&self, links: &Csr<Link>) -> MeshError {
+        let mut vertices = self.rings.on_boundary.ids();
+        let is_broken = |v: &VertexId| !order_fan(&links[v.index()], &mut self.ring(*v).to_vec(), |_, _| ());
+        let vertex = vertices.find(is_broken).unwrap_or_default();
+        let star = || links[vertex.index()].iter().map(|link| link.corner);
         let mut fans = DisjointSets::<FaceId>::new(self.twins.len());
-        for h in star.iter().flat_map(|&face| [0, 1, 2].map(|side| Halfedge::new(face, side))) {
-            if let Some(twin) = self.twin(h).filter(|_| h.start(mesh) == v || h.end(mesh) == v) {
-                fans.join(h.face(), twin.face());
-            }
+        for h in star() {
+            self.twin(h).into_iter().for_each(|twin| fans.join(h.face(), twin.face()));
         }
-        star.into_iter().filter(|&face| fans.root(face) == face).count()
+        match star().filter(|h| fans.root(h.face()) == h.face()).count() {
+            0 => MeshError::IsolatedVertex { vertex },
+            fans => MeshError::NonManifoldVertex { vertex, fans },
+        }
     }
 
     /// The neighbours of `v`, counter-clockwise; for a boundary vertex from the next to the

@@ -73,26 +73,16 @@ impl Edges {
     }
 }
 
-/// The halfedge on the other side of each, none on a boundary.
-/// Fails if an edge has more than two faces or two that run the same way: of all such edges the first.
-pub(crate) fn pair_halfedges(
-    triangles: &IdVec<FaceId, [VertexId; 3]>,
-    vertices: usize,
-) -> Result<IdVec<FaceId, [Halfedge; 3]>, MeshError> {
-    let mut twins = IdVec::<FaceId, _>::filled([Halfedge::NONE; 3], triangles.len());
+/// What is wrong with the first edge of more than two faces, or two that run the same way.
+pub(crate) fn first_crowded(mesh: &TriMesh) -> Option<MeshError> {
     let mut error = None;
-    let start = |h: Halfedge| triangles[h.face()][h.side()];
-    each_edge(triangles, vertices, |along| match *along {
-        [_] => {}
-        [a, b] if start(a) != start(b) => {
-            twins[a.face()][a.side()] = b;
-            twins[b.face()][b.side()] = a;
-        }
-        _ => {
-            error.get_or_insert_with(|| same_way(triangles, along));
+    each_edge(&mesh.triangles, mesh.positions.len(), |along| {
+        let is_sound = matches!(*along, [_]) || matches!(*along, [a, b] if a.start(mesh) != b.start(mesh));
+        if !is_sound {
+            error.get_or_insert_with(|| same_way(&mesh.triangles, along));
         }
     });
-    error.map_or(Ok(twins), Err)
+    error
 }
 
 /// The first two halfedges of an edge that run the same way; of three, two always do.

@@ -71,6 +71,12 @@ impl Halfedge {
     }
 }
 
+impl Default for Halfedge {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 /// Arrays of halfedges have four places for each face, of which the last stays unused.
 impl Id for Halfedge {
     fn new(index: usize) -> Self {
