@@ -168,7 +168,8 @@ fn slits_let_a_ball_be_flat() {
 /// prevented.
 #[test]
 fn tubes_that_meet_are_cut_through_their_saddles() {
-    for (fine, most, longest) in [(2, 4.18, 2.0), (10, 4.12, 3.2)] {
+    // As they are decided on the mesh itself: on a level of a finer one that is luck.
+    for (fine, most, longest) in [(2, 4.18, 2.0), (9, 4.12, 3.2)] {
         let mesh = shapes::cross(fine, 0.02 / f64::from(fine));
         let (MapLevel { distortion: found, .. }, flat) = flat(&mesh);
         assert_eq!((found.flips, found.crossings), (0, 0), "{fine}");

@@ -472,24 +472,31 @@ fn a_dead_taxel_is_a_centre_only_where_no_live_one_can_be() {
     }
 }
 
-/// Centres follow from the taxels' ids and places, so another order of the vertices chooses the
-/// same taxels.
+/// Levels follow from the taxels' ids and places: another order of the vertices and faces of a file gives
+/// the same.
 #[test]
-fn the_order_of_vertices_does_not_matter() {
+fn the_order_of_a_file_does_not_matter() {
     let mesh = jittered(&cap(3_000), 0.1, 1);
     let count = mesh.positions.len();
     let order: Vec<usize> = (0..count).map(|v| (v * 1_009 + 17) % count).collect();
-    let mut other = patch(renumbered(&mesh, &order));
-    for (v, &to) in order.iter().enumerate() {
-        other.taxels.ids[VertexId::new(to)] = TaxelId(u32::try_from(v).unwrap() + 1);
+    let to = |v: VertexId| VertexId::new(order[v.index()]);
+    let mut shuffled = renumbered(&mesh, &order);
+    shuffled.triangles = shuffled.triangles.iter().rev().map(|&[a, b, c]| [b, c, a]).collect();
+    let mut other = patch(shuffled);
+    for v in mesh.positions.ids() {
+        other.taxels.ids[to(v)] = TaxelId(v.raw() + 1);
     }
-    let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
-    let centres = |patch: &Patch| -> BTreeSet<TaxelId> {
-        let pyramid = coarsen_patch(patch, &options).unwrap();
-        let top = &pyramid.levels[LevelId::new(1)];
-        top.origins.iter().map(|&taxel| patch.taxels.ids[taxel]).collect()
-    };
-    assert_eq!(centres(&patch(mesh)), centres(&other), "ids of the centres");
+    let [made, again] = [&patch(mesh), &other].map(|patch| coarsen_patch(patch, &CoarsenOptions::default()));
+    let (made, again) = (made.unwrap(), again.unwrap());
+    assert!(made.levels.len() > 2 && made.levels.len() == again.levels.len());
+    for (level, same) in made.levels.iter().zip(&again.levels).skip(1) {
+        assert_eq!(level.mesh, same.mesh);
+        assert_eq!(level.origins.map(|&v| to(v)), same.origins);
+        let [rows, others] = [level, same].map(|level| level.to_finest.as_ref().unwrap());
+        for v in rows.indices.ids() {
+            assert_eq!((rows.indices[v], rows.weights[v]), (others.indices[to(v)], others.weights[to(v)]));
+        }
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::cut::CutError;
 use crate::id::{FaceId, IdVec, VertexId, define_id};
-use crate::mesh::{Adjacency, Halfedge, Topology, TriMesh};
+use crate::mesh::{Adjacency, AlongCurve, Halfedge, Topology, TriMesh};
 use crate::numeric::DisjointSets;
 
 define_id!(
@@ -74,6 +74,17 @@ impl CutMesh {
             };
         }
         Self { triangles: names, unsplit }
+    }
+
+    /// The cut of the same mesh along a curve. Places that are copies of vertices keep their numbers.
+    pub(crate) fn along(&self, curve: &AlongCurve) -> Self {
+        let number = |v: VertexId| curve.numbers.get(v).copied().unwrap_or(v);
+        let place = |h: Halfedge| PlaceId::of_opened(number(self.triangles[h.face()][h.side()].opened()));
+        let given = |place: PlaceId| PlaceId::of_opened(curve.given(place.opened()));
+        Self {
+            triangles: curve.given_corners().map(|corners| corners.map(place)).collect(),
+            unsplit: self.unsplit.ids().map(|place| number(self.unsplit[given(place)])).collect(),
+        }
     }
 
     /// The cut mesh, with the positions of the vertices of the uncut one (m).

@@ -4,6 +4,7 @@
 //! every question about neighbours; it exists only for oriented manifold meshes, so code that
 //! holds one need not ask again.
 
+mod along_curve;
 mod closest_point;
 mod connectivity;
 mod error;
@@ -13,6 +14,7 @@ pub mod shapes;
 mod tri_mesh;
 mod triangle_map;
 
+pub(crate) use along_curve::AlongCurve;
 pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::adjacency::Rings;

@@ -53,9 +53,6 @@ pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
 /// Bits of each coordinate: three times as many fit into a word.
 const BITS: u32 = 21;
 
-/// Bits of a word that hold the number of a point; the others hold its place along the curve.
-const NUMBER: u32 = 34;
-
 /// The place along the Morton curve of a point whose coordinates lie in `0..=1`: bits
 /// interleaved, so that points near each other on the curve are near each other in space.
 pub(crate) fn morton(unit: DVec3) -> u64 {
@@ -84,12 +81,10 @@ pub(crate) fn along_curve(points: &[DVec3]) -> Vec<usize> {
         points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
     // The box keeps its shape: the longest side has all steps.
     let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
-    // The first bits of a code are those of the coarsest steps, of 63 in all.
-    let word =
-        |(number, &p): (usize, &DVec3)| (morton((p - lo) / side) << 1 >> NUMBER << NUMBER) | number as u64;
-    let mut order: Vec<u64> = points.par_iter().enumerate().map(word).collect();
+    let mut order: Vec<(u64, usize)> =
+        points.par_iter().enumerate().map(|(number, &p)| (morton((p - lo) / side), number)).collect();
     order.par_sort_unstable();
-    order.par_iter().map(|word| (word & ((1 << NUMBER) - 1)) as usize).collect()
+    order.into_iter().map(|(_, number)| number).collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,12 @@
 //! Makes the pyramid of one patch, level by level; see the [module](crate::pyramid) for the steps.
 
+use std::iter;
+
+use glam::DVec3;
+
 use crate::cut::{CutMesh, PlaceId};
 use crate::id::{IdVec, VertexId};
-use crate::mesh::{HalfedgeMesh, Rings, TriMesh};
+use crate::mesh::{Adjacency, AlongCurve, HalfedgeMesh, Rings, TriMesh};
 use crate::pyramid::centres::{
     ALPHA, Candidates, measured_spacing, priorities, scaled_spacing, wanted_spacing,
 };
@@ -56,7 +60,8 @@ impl Default for CoarsenOptions {
 /// is negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, None)?;
+    let curve = AlongCurve::new(mesh);
+    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, &curve, None)?;
     let (mut levels, mut removals) = (IdVec::default(), IdVec::default());
     coarsener.run(rings, |level, log, _| {
         levels.push(level);
@@ -90,12 +95,15 @@ pub(crate) fn coarsen_cut(
     options: &CoarsenOptions,
 ) -> Result<CutPyramid, PyramidError> {
     check(mesh, taxels, options)?;
-    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, Some(SeamedLevel::new(mesh, cut)?))?;
+    let curve = AlongCurve::new(mesh);
+    let seam = SeamedLevel::new(&curve.mesh, cut.along(&curve))?;
+    let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, &curve, Some(seam))?;
     let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::default(), IdVec::default());
     let mut removals = [IdVec::default(), IdVec::default()];
     // The places of level 0 that those of the next level are.
-    let mut origins: IdVec<PlaceId, PlaceId> = cut.unsplit.ids().collect();
-    let mut all_origins = vec![origins.clone()];
+    let mut origins: IdVec<PlaceId, PlaceId> =
+        cut.unsplit.ids().map(|place| PlaceId::of_opened(curve.given(place.opened()))).collect();
+    let mut all_origins = vec![cut.unsplit.ids().collect()];
     cuts.push(cut.clone());
     coarsener.run(rings, |level, log, seam| {
         levels.push(level);
@@ -155,6 +163,7 @@ fn open_levels(
 }
 
 fn check(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<(), PyramidError> {
+    mesh.validate()?;
     let needed = mesh.positions.len();
     let lengths =
         [("ids", taxels.ids.len()), ("areas", taxels.areas.len()), ("presence", taxels.presence.len())];
@@ -178,13 +187,18 @@ struct Coarsener<'a> {
     taxels: &'a Taxels,
     options: &'a CoarsenOptions,
     level: Level,
+    /// The order in which the next members number vertices and taxels.
+    curve: &'a AlongCurve,
     /// The level's mesh, from which vertices are removed.
     surface: HalfedgeMesh,
+    positions: IdVec<VertexId, DVec3>,
+    /// The taxel that each vertex is.
+    origins: IdVec<VertexId, VertexId>,
     /// Where the taxels of level 0 lie on it.
     locations: TaxelLocations,
     /// Where it is cut for its map.
     seam: Option<SeamedLevel>,
-    /// The spacing that densities and acuities ask for at each vertex of level 0, in m.
+    /// The spacing that densities and acuities ask for at each vertex of level 0, in its order, in m.
     wanted_spacing: Option<IdVec<VertexId, f64>>,
 }
 
@@ -198,13 +212,33 @@ impl<'a> Coarsener<'a> {
         mesh: &TriMesh,
         taxels: &'a Taxels,
         options: &'a CoarsenOptions,
+        curve: &'a AlongCurve,
         seam: Option<SeamedLevel>,
     ) -> Result<(Self, Rings), PyramidError> {
-        let (surface, rings) = HalfedgeMesh::new(mesh)?;
+        // An error names vertices of the mesh given.
+        let (surface, rings) =
+            HalfedgeMesh::new(&curve.mesh).map_err(|error| Adjacency::new(mesh).err().unwrap_or(error))?;
         let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
         let level = Level::finest(mesh.clone(), taxels.areas.clone());
-        let wanted_spacing = wanted_spacing(taxels, || measured_spacing(&rings, &mesh.positions));
-        Ok((Self { taxels, options, level, surface, locations, seam, wanted_spacing }, rings))
+        let positions = curve.mesh.positions.clone();
+        let origins: IdVec<_, _> = positions.ids().collect();
+        let wanted_spacing = wanted_spacing(taxels, || {
+            let spacing = measured_spacing(&rings, &positions);
+            curve.numbers.map(|&taxel| spacing[taxel])
+        });
+        let this = Self {
+            taxels,
+            options,
+            level,
+            curve,
+            surface,
+            positions,
+            origins,
+            locations,
+            seam,
+            wanted_spacing,
+        };
+        Ok((this, rings))
     }
 
     /// Goes on to the coarsest level, and hands out every level before it with the removals from it
@@ -231,30 +265,35 @@ impl<'a> Coarsener<'a> {
     fn step(&mut self, rings: Rings) -> Option<(Level, RemovalLog, Option<CutStep>)> {
         let (kept, order) = self.choose(&rings);
         drop(rings);
-        let Self { level, surface, locations, seam, .. } = self;
-        let positions = &level.mesh.positions;
+        let Self { level, curve, surface, positions, origins, locations, seam, .. } = self;
         let count = positions.len();
         let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
         if !is_small(kept.iter().filter(|k| **k).count()) {
             return None;
         }
-        let remover =
-            Remover { mesh: surface, locations, positions, origins: &level.origins, seam: seam.as_mut() };
-        let removals = remover.remove(&kept, &order);
+        let remover = Remover { mesh: surface, locations, positions, origins, seam: seam.as_mut() };
+        let mut removals = remover.remove(&kept, &order);
         if !is_small(count - removals.len()) {
             return None;
         }
         let compacted = surface.compact();
         locations.compact(&compacted.new_faces, compacted.mesh.face_count());
         let parents = compacted.old_vertices;
-        let cut = seam.as_mut().map(|seam| {
+        let mut cut = seam.as_mut().map(|seam| {
             let (log, places) = seam.compact(&parents, |face| surface.is_alive(face));
             (log, places, seam.cut.clone())
         });
+        if level.to_finest.is_none() {
+            // Level 0 is handed out in its own order.
+            let logs = iter::once(&mut removals).chain(cut.as_mut().map(|(log, ..)| log));
+            logs.for_each(|log| log.renumber(|v| curve.given(v)));
+        }
         *surface = compacted.mesh;
-        let mesh = TriMesh { positions: parents.map(|&v| positions[v]), triangles: surface.triangles() };
-        let origins = parents.map(|&v| level.origins[v]);
-        let (indices, weights) = locations.rows(surface, &origins);
+        *positions = parents.map(|&v| positions[v]);
+        *origins = parents.map(|&v| origins[v]);
+        let mesh = TriMesh { positions: positions.clone(), triangles: surface.triangles() };
+        let origins = origins.map(|&taxel| curve.given(taxel));
+        let (indices, weights) = locations.rows(surface, &curve.numbers, &origins);
         let coarse_len = parents.len();
         let from_coarser = Prolongation {
             indices: level.origins.map(|&taxel| indices[taxel]),
@@ -270,17 +309,17 @@ impl<'a> Coarsener<'a> {
 
     /// Which vertices stay, and the order in which the others go.
     fn choose(&self, rings: &Rings) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
-        let Self { level, taxels, .. } = self;
-        let positions = &level.mesh.positions;
+        let Self { taxels, positions, .. } = self;
+        let origins = self.origins.map(|&taxel| self.curve.given(taxel));
         let mut spacing = measured_spacing(rings, positions);
         if let Some(wanted) = &self.wanted_spacing {
-            spacing = scaled_spacing(&level.origins.map(|&taxel| wanted[taxel]), &spacing);
+            spacing = scaled_spacing(&origins.map(|&taxel| wanted[taxel]), &spacing);
         }
         let roles = self.seam.as_ref().map(|seam| &seam.roles);
-        let order = priorities(rings, positions, &level.origins, taxels, roles);
+        let order = priorities(rings, positions, &origins, taxels, roles);
         let fixed = &|v: VertexId| roles.is_some_and(|roles| roles[v] == SeamRole::Fixed);
         let loops = rings.boundary_loops();
-        let is_live = &|v: VertexId| taxels.presence[level.origins[v]].reads_pressure();
+        let is_live = &|v: VertexId| taxels.presence[origins[v]].reads_pressure();
         let candidates = Candidates {
             rings,
             loops: &loops,

@@ -24,6 +24,9 @@
 //! A patch that is mapped cut open has the same seam on every level: its vertices
 //! are chosen like those of a boundary, and a star on the seam is filled on either side of it.
 //!
+//! All steps number the vertices along a Morton curve: what is near in space is near in memory, and the order
+//! of a file changes nothing but level 0.
+//!
 //! Guaranteed: every level is an oriented manifold with the Euler characteristic and the boundary
 //! loops of the patch; no level folds where the patch does not; the result does not depend on the
 //! number of threads. Not guaranteed: a vertex that no rule

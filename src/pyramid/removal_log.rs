@@ -57,6 +57,12 @@ impl RemovalLog {
         self.triangle_ends.push(VertexId::new(self.triangles.len()).raw());
     }
 
+    /// Gives every vertex another number.
+    pub(crate) fn renumber(&mut self, number: impl Fn(VertexId) -> VertexId) {
+        self.vertices.iter_mut().for_each(|(v, _)| *v = number(*v));
+        self.rings.iter_mut().for_each(|v| *v = number(*v));
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.vertices.len()
     }

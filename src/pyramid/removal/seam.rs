@@ -38,7 +38,7 @@ pub(crate) struct SeamedLevel {
 
 impl SeamedLevel {
     /// The seam of a mesh that is cut into `cut`.
-    pub(crate) fn new(mesh: &TriMesh, cut: &CutMesh) -> Result<Self, MeshError> {
+    pub(crate) fn new(mesh: &TriMesh, cut: CutMesh) -> Result<Self, MeshError> {
         let adjacency = Adjacency::new(mesh)?;
         let mut degrees = IdVec::<VertexId, u32>::filled(0, mesh.positions.len());
         for [a, b] in cut.seam_edges(mesh, &adjacency) {
@@ -51,7 +51,7 @@ impl SeamedLevel {
             _ => SeamRole::Fixed,
         };
         let roles = degrees.enumerate().map(role).collect();
-        Ok(Self { roles, cut: cut.clone(), log: RemovalLog::default() })
+        Ok(Self { roles, cut, log: RemovalLog::default() })
     }
 
     fn corner(&self, h: Halfedge) -> PlaceId {

@@ -103,16 +103,17 @@ impl TaxelLocations {
         self.heads = heads;
     }
 
-    /// The corners and weights of every taxel on `surface`, whose vertices are the taxels
-    /// `origins`. All three indices of a row are the corners of one face, also where one weight is
-    /// 1.
+    /// The corners and weights on `surface` of `taxels`, the taxels here in another order, of which its
+    /// vertices are the `origins`. All three indices of a row are the corners of one face, also where one
+    /// weight is 1.
     pub(crate) fn rows(
         &self,
         surface: &HalfedgeMesh,
+        taxels: &IdVec<VertexId, VertexId>,
         origins: &IdVec<VertexId, VertexId>,
     ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
-        let mut indices = IdVec::from(par_map(&self.locations, |at| surface.corners(at.face)));
-        let mut weights = self.locations.map(|at| at.weights);
+        let mut indices = IdVec::from(par_map(taxels, |&taxel| surface.corners(self.locations[taxel].face)));
+        let mut weights = IdVec::from(par_map(taxels, |&taxel| self.locations[taxel].weights));
         for (v, &taxel) in origins.enumerate() {
             let side = surface.leaving[v];
             let corners = surface.corners(side.face());

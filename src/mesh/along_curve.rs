@@ -1,0 +1,56 @@
+//! A mesh numbered along a curve that fills space: what is near in space is near in memory, and nothing depends on
+//! the order of a file.
+
+use rayon::prelude::*;
+
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Halfedge, TriMesh};
+use crate::numeric::along_curve;
+use crate::parallel::{par_ids, par_map};
+
+/// A mesh whose vertices follow a Morton curve, and its faces their first corners.
+#[derive(Debug)]
+pub(crate) struct AlongCurve {
+    pub(crate) mesh: TriMesh,
+    /// The vertex of the mesh given that each one is.
+    vertices: IdVec<VertexId, VertexId>,
+    /// The other way round: the number of each vertex of the mesh given.
+    pub(crate) numbers: IdVec<VertexId, VertexId>,
+    /// The corner of the mesh given that the first corner of each face is.
+    corners: IdVec<FaceId, Halfedge>,
+}
+
+impl AlongCurve {
+    /// Renumbers a valid mesh.
+    pub(crate) fn new(mesh: &TriMesh) -> Self {
+        let vertices: IdVec<VertexId, VertexId> =
+            along_curve(&mesh.positions).into_iter().map(VertexId::new).collect();
+        let mut numbers = vertices.clone();
+        vertices.enumerate().for_each(|(number, &v)| numbers[v] = number);
+        let first = |face| {
+            let corners = [0, 1, 2].map(|side| Halfedge::new(face, side));
+            let keys = corners.map(|h| (numbers[h.start(mesh)], numbers[h.end(mesh)], h));
+            keys[0].min(keys[1]).min(keys[2])
+        };
+        let mut firsts: Vec<_> = par_ids(mesh.triangles.len(), first).into();
+        firsts.par_sort_unstable();
+        let corners: IdVec<FaceId, Halfedge> = firsts.into_iter().map(|(_, _, h)| h).collect();
+        let positions = par_map(&vertices, |&v| mesh.positions[v]).into();
+        let triangles = par_map(&corners, |&h| around(h).map(|h| numbers[h.start(mesh)])).into();
+        Self { mesh: TriMesh { positions, triangles }, vertices, numbers, corners }
+    }
+
+    /// The vertex of the mesh given that a vertex is; the same one if there is none of this number.
+    pub(crate) fn given(&self, v: VertexId) -> VertexId {
+        self.vertices.get(v).copied().unwrap_or(v)
+    }
+
+    /// The corners of each face, as those of the mesh given.
+    pub(crate) fn given_corners(&self) -> impl Iterator<Item = [Halfedge; 3]> + '_ {
+        self.corners.iter().map(|&h| around(h))
+    }
+}
+
+fn around(h: Halfedge) -> [Halfedge; 3] {
+    [h, h.next(), h.previous()]
+}
