@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::HalfedgeMesh;
+use crate::parallel::par_collect;
 
 /// Where a vertex stands that is to be removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,68 +19,53 @@ enum Standing {
 /// A refused vertex comes back only when a neighbour has gone, so the work is proportional to what
 /// is removed.
 #[derive(Debug, Clone)]
-pub(super) struct Queue<'a> {
-    /// All vertices, and the place of each among them.
-    order: &'a [VertexId],
+pub(super) struct Queue {
+    /// The place of each vertex in the order that decides between neighbours.
     ranks: IdVec<VertexId, u32>,
     standing: IdVec<VertexId, Standing>,
     waiting: Vec<VertexId>,
     woken: Vec<VertexId>,
-    /// The last round in which a vertex was chosen or next to a chosen one.
-    blocked: IdVec<VertexId, u32>,
     /// The last round in which a neighbour of each vertex was removed.
     changed: IdVec<VertexId, u32>,
     /// The round at hand, from 1.
     pub(super) round: u32,
 }
 
-impl<'a> Queue<'a> {
-    /// All vertices but the `kept` ones, in the order of `order`.
-    pub(super) fn new(kept: &IdVec<VertexId, bool>, order: &'a [VertexId]) -> Self {
+impl Queue {
+    /// All vertices but the `kept` ones; `order` decides between neighbours.
+    pub(super) fn new(kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> Self {
         let mut ranks = IdVec::filled(0, kept.len());
         for (rank, &v) in (0..).zip(order) {
             ranks[v] = rank;
         }
         Self {
-            order,
             standing: kept.map(|&k| if k { Standing::Settled } else { Standing::Waiting }),
             ranks,
-            waiting: order.iter().copied().filter(|&v| !kept[v]).collect(),
+            waiting: kept.ids().filter(|&v| !kept[v]).collect(),
             woken: Vec::new(),
-            blocked: IdVec::filled(0, kept.len()),
             changed: IdVec::filled(0, kept.len()),
             round: 0,
         }
     }
 
-    /// Begins a round: waiting vertices of which no two are neighbours, sorted by id; empty when
-    /// none waits.
+    /// Begins a round: the waiting vertices that come before their waiting neighbours, sorted by id; empty
+    /// when none waits.
     pub(super) fn independent(&mut self, surface: &HalfedgeMesh) -> Vec<VertexId> {
-        self.waiting.append(&mut self.woken);
-        // Small stars first: their fillings are nearly always fans, and rings stay small.
-        let key = |&v: &VertexId| u64::from(surface.degree[v]) << 32 | u64::from(self.ranks[v]);
-        let waits = |v: &&VertexId| self.standing[**v] == Standing::Waiting;
-        let mut keys: Vec<u64> = self.waiting.iter().filter(waits).map(key).collect();
-        keys.par_sort_unstable();
-        // Who was refused and woken in the same round would be there twice.
-        keys.dedup();
-        #[expect(clippy::cast_possible_truncation, reason = "the lower half is the rank")]
-        let ranks = keys.iter().map(|&key| key as u32 as usize);
-        self.waiting.clear();
-        self.waiting.extend(ranks.map(|rank| self.order[rank]));
         self.round += 1;
-        let mut chosen = Vec::new();
-        for &v in &self.waiting {
-            if self.blocked[v] != self.round {
-                chosen.push(v);
-                for w in surface.ring(v) {
-                    self.blocked[w] = self.round;
-                }
-            }
-        }
+        self.waiting.append(&mut self.woken);
+        let waits = |v: VertexId| self.standing[v] == Standing::Waiting;
+        self.waiting.retain(|&v| waits(v));
         // Neighbours in memory are planned together.
-        chosen.sort_unstable();
-        chosen
+        self.waiting.par_sort_unstable();
+        // Who was refused and woken in the same round is there twice.
+        self.waiting.dedup();
+        // Small stars first: their fillings are nearly always fans, and rings stay small.
+        let key = |v: VertexId| (surface.degree[v], self.ranks[v]);
+        let comes_first = |&v: &VertexId| surface.ring(v).all(|w| !waits(w) || key(v) < key(w));
+        let waiting = &self.waiting;
+        par_collect(waiting.len(), |range, chosen| {
+            chosen.extend(waiting[range].iter().copied().filter(comes_first));
+        })
     }
 
     /// `v` may not be removed as things are.

@@ -171,7 +171,7 @@ impl Remover<'_> {
 
     /// Whether nothing that was applied in this round forbids the plan: that another star has taken
     /// one of its edges, or folds over it now. If so the vertex waits for the next round.
-    fn still_fits(&self, plan: &Plan<'_>, queue: &Queue<'_>, filled: &IdVec<FaceId, u32>) -> bool {
+    fn still_fits(&self, plan: &Plan<'_>, queue: &Queue, filled: &IdVec<FaceId, u32>) -> bool {
         let Removal { ring, boundary, triangles, .. } = plan.removal;
         let last = ring.len() - 1;
         let exists = |[i, j]: [usize; 2]| {
