@@ -35,6 +35,9 @@ pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
 /// vertices next to it.
 pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
     let mut normals = mesh.vertex_normals();
+    if !normals.contains(&DVec3::ZERO) {
+        return normals;
+    }
     // Where opposite faces cancel, and where areas are too small for their squares, take any face.
     for (face, corners) in mesh.triangles.enumerate() {
         for &v in corners {

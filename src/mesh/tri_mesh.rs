@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::error::too_many;
 use crate::mesh::{MeshError, triangle_cross};
+use crate::parallel::par_ids;
 
 /// Positions in metres, and triangles that run counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -76,11 +77,16 @@ impl TriMesh {
         self.triangles.ids().map(|f| self.face_area(f)).sum()
     }
 
+    /// [`Self::face_cross`] of every face.
+    pub(crate) fn face_crosses(&self) -> IdVec<FaceId, DVec3> {
+        par_ids(self.triangles.len(), |face| self.face_cross(face))
+    }
+
     /// A third of the area of the faces around each vertex, in m^2: together the area of the mesh.
     pub(crate) fn vertex_areas(&self) -> IdVec<VertexId, f64> {
         let mut areas = IdVec::filled(0.0, self.positions.len());
-        for (face, corners) in self.triangles.enumerate() {
-            let third = self.face_area(face) / 3.0;
+        for (corners, cross) in self.triangles.iter().zip(self.face_crosses()) {
+            let third = 0.5 * cross.length() / 3.0;
             for &v in corners {
                 areas[v] += third;
             }
@@ -91,7 +97,7 @@ impl TriMesh {
     /// The same, but next to nothing at a vertex between faces without area, which still needs a field.
     pub(crate) fn positive_vertex_areas(&self) -> IdVec<VertexId, f64> {
         let mut areas = self.vertex_areas();
-        let least = self.area() / self.positions.len() as f64 * f64::EPSILON;
+        let least = areas.iter().sum::<f64>() / self.positions.len() as f64 * f64::EPSILON;
         areas.iter_mut().for_each(|area| *area = area.max(least));
         areas
     }
@@ -100,8 +106,7 @@ impl TriMesh {
     /// direction.
     pub(crate) fn vertex_normals(&self) -> IdVec<VertexId, DVec3> {
         let mut normals = IdVec::filled(DVec3::ZERO, self.positions.len());
-        for (face, corners) in self.triangles.enumerate() {
-            let cross = self.face_cross(face);
+        for (corners, cross) in self.triangles.iter().zip(self.face_crosses()) {
             for &v in corners {
                 normals[v] += cross;
             }

@@ -61,8 +61,8 @@ impl NormalConsensus {
     /// Of a component and the normals of its taxels.
     pub(super) fn of(mesh: &TriMesh, normals: &IdVec<VertexId, DVec3>) -> Self {
         let mut this = Self::default();
-        for (face, corners) in mesh.triangles.enumerate() {
-            this.add(mesh.face_cross(face), corners.map(|v| normals[v]));
+        for (corners, cross) in mesh.triangles.iter().zip(mesh.face_crosses()) {
+            this.add(cross, corners.map(|v| normals[v]));
         }
         this
     }

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, triangle_cross};
+use crate::parallel::par_collect;
 
 /// A face lower than this share of its longest side has no area. Positions in `f32` move the middle
 /// one of three collinear taxels off the line by up to 1e-5 of their distance; no real face is that
@@ -46,7 +47,10 @@ pub(super) struct Cleared {
 /// the work is linear in their number. Dropped faces stay in the list of triangles: the caller must
 /// leave them out.
 pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
-    let flat: Vec<FaceId> = mesh.triangles.ids().filter(|&f| has_no_area(mesh.corners(f))).collect();
+    let is_flat = |&face: &FaceId| has_no_area(mesh.corners(face));
+    let flat = par_collect(mesh.triangles.len(), |faces, flat| {
+        flat.extend(faces.map(FaceId::new).filter(is_flat));
+    });
     let mut cleared = Cleared::default();
     if flat.is_empty() {
         return cleared;

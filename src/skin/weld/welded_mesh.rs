@@ -8,9 +8,12 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use rayon::prelude::*;
+
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Edges, TriMesh};
 use crate::numeric::DisjointSets;
+use crate::parallel::par_ids;
 use crate::skin::weld::crowded::{Content, pairs};
 use crate::skin::weld::fans::split_fans;
 use crate::skin::weld::joined_faces::{JoinedFaces, fans};
@@ -202,18 +205,17 @@ fn weld<'a>(
     ids: Option<&[TaxelId]>,
     triangles: impl Iterator<Item = &'a [VertexId; 3]>,
 ) -> IdVec<VertexId, VertexId> {
-    let mut first = HashMap::with_capacity(mesh.positions.len());
-    let mut taxel: IdVec<VertexId, VertexId> = mesh
-        .positions
-        .enumerate()
-        .map(|(v, &p)| {
-            // Adding zero makes -0 and 0 the same bits.
-            let place = (p + 0.0).to_array().map(f64::to_bits);
-            *first.entry((place, ids.map(|ids| ids[v.index()]))).or_insert(v)
-        })
-        .collect();
+    // Adding zero makes -0 and 0 the same bits.
+    let place = |v: VertexId| (mesh.positions[v] + 0.0).to_array().map(f64::to_bits);
+    let key = |v: VertexId| (place(v), ids.map(|ids| ids[v.index()]), v);
+    let mut keys: Vec<_> = par_ids(mesh.positions.len(), key).into();
+    keys.par_sort_unstable();
+    let mut taxel: IdVec<VertexId, VertexId> = mesh.positions.ids().collect();
+    for same in keys.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        same.iter().for_each(|&(.., v)| taxel[v] = same[0].2);
+    }
     let mut sets: Option<DisjointSets<VertexId>> = None;
-    for t in triangles {
+    for t in triangles.filter(|_| ids.is_some()) {
         for side in 0..3 {
             let (a, b) = (taxel[t[side]], taxel[t[(side + 1) % 3]]);
             if a != b && mesh.positions[a] == mesh.positions[b] {
