@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::cut::CutError;
 use crate::id::{FaceId, IdVec, VertexId, define_id};
-use crate::mesh::{Adjacency, AlongCurve, Halfedge, Topology, TriMesh};
+use crate::mesh::{Adjacency, AlongCurve, Halfedge, Topology, TriMesh, boundary_edges, loops_of};
 use crate::numeric::DisjointSets;
 
 define_id!(
@@ -148,9 +148,11 @@ pub(crate) fn seam_length(mesh: &TriMesh, edges: &[[VertexId; 2]]) -> f64 {
     edges.iter().map(|&[a, b]| mesh.positions[a].distance(mesh.positions[b])).sum()
 }
 
-/// Whether a mesh is one disk without holes.
+/// Whether a mesh, an oriented manifold of one component, is a disk without holes.
 pub(crate) fn is_plain_disk(mesh: &TriMesh) -> bool {
-    Adjacency::new(mesh).map(|adjacency| adjacency.topology()).is_ok_and(|t| t.is_disk() && t.loops == 1)
+    let rim = boundary_edges(mesh);
+    // Vertices - edges + faces = 1, where each edge but those of the rim is the side of two faces.
+    2 * mesh.positions.len() == mesh.triangles.len() + rim.len() + 2 && loops_of(&rim).len() == 1
 }
 
 /// Refuses a mesh that is not one disk with holes. `vertex` is one of the seam, to name it.

@@ -5,7 +5,7 @@ use std::{collections::HashMap, f64::consts::PI};
 use glam::DVec3;
 
 use crate::id::VertexId;
-use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, loop_length, triangle_cross};
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, boundary_loops, loop_length, triangle_cross};
 
 /// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
 /// least 12.6 times its area, the open end of a finger ten times as long as it is thick 0.3 times.
@@ -78,8 +78,7 @@ pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshEr
 /// The longest loop is the outer boundary and no hole, unless the surface is closed but for it. Time
 /// grows with the cube of the edges of a hole.
 pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>, MeshError> {
-    let adjacency = Adjacency::new(mesh)?;
-    let mut loops = adjacency.boundary_loops();
+    let mut loops = boundary_loops(mesh);
     let is_only = loops.len() == 1;
     let length = |i: usize| loop_length(mesh, &loops[i]);
     let outer = (0..loops.len()).max_by(|&i, &j| length(i).total_cmp(&length(j)).then(j.cmp(&i)));
@@ -87,8 +86,12 @@ pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>,
         loops.remove(outer);
     }
     loops.retain(|walk| walk.len() <= which.most_edges());
+    if loops.is_empty() {
+        return Ok(Vec::new());
+    }
+    let adjacency = Adjacency::new(mesh)?;
     let mut inside = HashMap::new();
-    for (face, corners) in mesh.triangles.enumerate().filter(|_| !loops.is_empty()) {
+    for (face, corners) in mesh.triangles.enumerate() {
         let at_rim = |&side: &usize| adjacency.twin(Halfedge::new(face, side)).is_none();
         inside.extend((0..3).filter(at_rim).map(|side| (corners[side], *corners)));
     }
