@@ -28,22 +28,23 @@ impl<T> Csr<T> {
     {
         let mut starts = vec![0_u32; lists + 1];
         let mut total = 0_usize;
-        for (list, _) in pairs.clone() {
+        // Not by `for`, which makes nested iterators several times slower.
+        pairs.clone().for_each(|(list, _)| {
             // Wraps only if the total is refused below.
             starts[list + 1] = starts[list + 1].wrapping_add(1);
             total += 1;
-        }
+        });
         let _ = offset(total);
         for list in 0..lists {
             starts[list + 1] += starts[list];
         }
         let mut next = starts.clone();
         let mut items = pairs.clone().next().map_or_else(Vec::new, |(_, item)| vec![item; total]);
-        for (list, item) in pairs {
+        pairs.for_each(|(list, item)| {
             let slot = &mut next[list];
             items[*slot as usize] = item;
             *slot += 1;
-        }
+        });
         Self { starts, items }
     }
 
