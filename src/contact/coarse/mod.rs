@@ -12,7 +12,7 @@ use crate::contact::ContactError;
 use crate::contact::patch_bvh::{Best, PatchBvh};
 use crate::id::{FaceId, IdVec};
 use crate::map::PatchMap;
-use crate::mesh::TriMesh;
+use crate::mesh::{Feature, TriMesh};
 use crate::parallel::{par_collect, par_ids};
 
 /// How often a finer face is cut to measure how far it is from a level.
@@ -38,14 +38,15 @@ impl CoarseLevel {
     /// face of the level is `best`.
     pub(in crate::contact) fn range(&self, q: DVec3, best: &Best) -> [f64; 2] {
         let Best { face, closest, .. } = *best;
-        let mesh = &self.tree.mesh;
-        let corners = mesh.corners(face);
-        let weights = closest.barycentric;
-        let offset = q - corners.iter().zip(weights).map(|(p, w)| *p * w).sum::<DVec3>();
-        let normal = mesh.face_cross(face).normalize_or_zero();
-        let away = closest.squared.sqrt();
-        let height = away.copysign(offset.dot(normal));
-        let beside = (offset - normal * height).length();
+        let (corners, weights) = (self.tree.mesh.corners(face), closest.barycentric);
+        let (away, normal) = (closest.squared.sqrt(), self.tree.mesh.face_cross(face));
+        let height = away.copysign((q - corners[0]).dot(normal));
+        let beside = if closest.feature == Feature::Inside {
+            0.0
+        } else {
+            let nearest: DVec3 = corners.iter().zip(weights).map(|(p, weight)| *p * weight).sum();
+            q.distance(nearest + normal.normalize_or_zero() * height)
+        };
         let [least, most] = self.columns[face].range(weights, height, beside);
         [least.max(away - self.most).max(0.0), most]
     }
