@@ -234,7 +234,7 @@ def test_genesis_probes(dome_map):
 
 
 def test_genesis_takes_the_probes(dome_map):
-    gs = pytest.importorskip("genesis")
+    gs = pytest.importorskip("genesis", exc_type=ImportError)
     import dermatome.genesis as adapter
 
     gs.init(backend=gs.cpu, logging_level="warning")
@@ -244,6 +244,23 @@ def test_genesis_takes_the_probes(dome_map):
             assert np.allclose(np.asarray(made.probe_local_pos), options["probe_local_pos"])
     for sensor in (gs.sensors.ElastomerTaxel, gs.sensors.ProximityTaxel):
         sensor(entity_idx=0, track_link_idx=(1,), **adapter.probes(dome_map, level=1, normals=True))
+
+    positions, faces = dome()
+    map = dermatome.build(dermatome.Skin.from_arrays(positions - [*positions[:, :2].mean(axis=0), 0], faces))
+    probes = adapter.probes(map)
+    scene = gs.Scene(show_viewer=False, sim_options=gs.options.SimOptions(dt=0.005))
+    hand = scene.add_entity(gs.morphs.Sphere(radius=0.08, fixed=True))
+    ball = scene.add_entity(gs.morphs.Sphere(radius=0.02, pos=(0.01, 0.02, 0.103)))
+    sensor = scene.add_sensor(gs.sensors.ContactDepthProbe(entity_idx=hand.idx, link_idx_local=0, **probes))
+    scene.build()
+    for _ in range(40):
+        scene.step()
+        felt = np.asarray(sensor.read()).ravel()
+        if felt.any():
+            break
+    away = np.linalg.norm(probes["probe_local_pos"] - np.asarray(ball.get_pos()).ravel(), axis=1)
+    depth = np.maximum(0.02 + probes["probe_radius"] - away, 0)
+    assert felt.max() > 1e-3 and np.allclose(felt, depth, atol=1e-6)
 
 
 def test_lerobot_makes_a_dataset(dome_map, tmp_path):
