@@ -154,17 +154,20 @@ impl ContactIndex {
         if let Some(error) = refused {
             return Err(error);
         }
-        let mut hits = Hits::with_capacity(queries.len());
+        let (mut hits, mut sorted) = (Hits::with_capacity(queries.len()), Vec::new());
         for batch in queries.chunks(BATCH) {
             checkpoint();
             let points: Vec<DVec3> =
                 batch.par_iter().with_min_len(RUN).map(|query| self.links.in_world(query)).collect();
             let order = along_curve(&points);
-            let sorted: Vec<Hit> = order
+            order
                 .par_iter()
                 .with_min_len(RUN)
                 .map_with(Cursor::default(), |cursor, &number| self.answer_along(cursor, &batch[number]))
-                .collect::<Result<_, _>>()?;
+                .collect_into_vec(&mut sorted);
+            if sorted.par_iter().with_min_len(RUN).any(Option::is_none) {
+                return Err(ContactError::NoSkin);
+            }
             let mut places = vec![0_usize; batch.len()];
             order.iter().enumerate().for_each(|(place, &number)| places[number] = place);
             hits.extend(&sorted, &places);
@@ -255,7 +258,7 @@ impl ContactIndex {
     }
 
     /// As [`Self::answer`], but what the cursor points to is searched first.
-    fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Result<Hit, ContactError> {
+    fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Option<Hit> {
         let is_searched = |patch: &Arc<IndexedPatch>| query.only_link.is_none_or(|link| link == patch.link);
         let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
         let mut best = None;
@@ -279,7 +282,7 @@ impl ContactIndex {
             }
             reached
         });
-        best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
+        best.map(|best| self.hit(query, &best))
     }
 
     /// Calls `visit(patch, point)` with every patch whose box may be nearer to a query than `visit`

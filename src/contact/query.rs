@@ -126,15 +126,23 @@ impl Hits {
     }
 
     /// Appends the hits of `sorted`, that at `places[k]` as number `k`.
-    pub(super) fn extend(&mut self, sorted: &[Hit], places: &[usize]) {
-        let hits = || places.par_iter().with_min_len(RUN).map(|&place| &sorted[place]);
-        self.patch.par_extend(hits().map(|hit| hit.patch));
-        self.link.par_extend(hits().map(|hit| hit.link));
-        self.face.par_extend(hits().map(|hit| hit.point.face));
-        self.barycentric.par_extend(hits().map(|hit| hit.point.barycentric));
-        self.distance.par_extend(hits().map(|hit| hit.distance));
-        self.position.par_extend(hits().map(|hit| hit.position));
-        self.normal.par_extend(hits().map(|hit| hit.normal));
+    pub(super) fn extend(&mut self, sorted: &[Option<Hit>], places: &[usize]) {
+        fn column<T: Send + Default>(
+            out: &mut Vec<T>,
+            sorted: &[Option<Hit>],
+            places: &[usize],
+            of: impl Fn(&Hit) -> T + Sync,
+        ) {
+            let hits = places.par_iter().with_min_len(RUN).map(|&place| sorted[place].as_ref());
+            out.par_extend(hits.map(|hit| hit.map(&of).unwrap_or_default()));
+        }
+        column(&mut self.patch, sorted, places, |hit| hit.patch);
+        column(&mut self.link, sorted, places, |hit| hit.link);
+        column(&mut self.face, sorted, places, |hit| hit.point.face);
+        column(&mut self.barycentric, sorted, places, |hit| hit.point.barycentric);
+        column(&mut self.distance, sorted, places, |hit| hit.distance);
+        column(&mut self.position, sorted, places, |hit| hit.position);
+        column(&mut self.normal, sorted, places, |hit| hit.normal);
     }
 }
 
