@@ -20,7 +20,8 @@ use crate::mesh::{TriMesh, angle};
 use crate::parallel::par_collect;
 use crate::pyramid::{Level, PyramidError, Removal, RemovalLog};
 
-/// A vertex lies well inside its star if every new face has at least this share of the mean area.
+/// A vertex lies well inside its star if every new face has at least this share of the mean area, or of the
+/// area that it has on the skin.
 const WELL_INSIDE: f64 = 0.02;
 
 /// A map of a coarser level that becomes the map of `level`: removals are undone on it one by one,
@@ -248,11 +249,16 @@ impl RingMap {
         if total > 0.0 && (sum / total).is_finite() { sum / total } else { to + similar.rotate(-from) }
     }
 
-    /// Whether every face of the star has a fair share of area with the vertex at `p`.
+    /// Whether every face of the star with the vertex at `p` has a fair share of the area, be it little because
+    /// the face is a needle on the skin.
     fn fits(&self, p: DVec2) -> bool {
         let areas = || self.edges().map(|(a, b)| (a - p).perp_dot(b - p));
         let (sum, count) = areas().fold((0.0, 0.0), |(sum, count), a| (sum + a.abs(), count + 1.0));
-        areas().all(|a| a > WELL_INSIDE * (sum / count))
+        let faces = self.skin.len() - usize::from(self.boundary);
+        let on_skin = |k: usize| self.skin[k].perp_dot(self.skin[(k + 1) % self.skin.len()]);
+        let total: f64 = (0..faces).map(on_skin).sum();
+        let share = |k: usize| if k < faces { on_skin(k) / total } else { 1.0 };
+        areas().enumerate().all(|(k, a)| a > WELL_INSIDE * sum * share(k).min(1.0 / count))
     }
 
     /// The middle of the places from which the whole ring is seen; `None` if there is none.
@@ -337,6 +343,16 @@ mod tests {
         let affine = glam::DAffine2::from_cols_array(&[2.0, 0.3, -0.1, 0.8, 5.0, -4.0]);
         s.map = s.skin.iter().map(|&p| affine.transform_point2(p)).collect();
         assert!(s.transplanted().distance(affine.translation) < 1e-14, "the origin goes to the translation");
+    }
+
+    /// A needle that was made wider to be inserted would hold back every Newton step: one of 2 um by 3 mm on a body
+    /// with legs was a gap of 3 mm on its map.
+    #[test]
+    fn a_needle_stays_one() {
+        let mut s = star(&[[1.0, 0.0], [0.9, 1e-4], [-0.5, 0.8], [-0.5, -0.8]], false);
+        s.map = s.skin.iter().map(|&p| 3.0 * p + DVec2::X).collect();
+        assert!(s.fits(s.transplanted()));
+        assert!(!s.fits(s.transplanted() + 0.1 * DVec2::Y), "it turns over there");
     }
 
     #[test]
