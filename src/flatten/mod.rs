@@ -111,11 +111,9 @@ use energy::{elements::Uv, newton::NewtonLimits};
 use fillers::Fillers;
 use insertion::Insertion;
 use magnification::Magnification;
-use overlap::is_one_to_one;
 use placement::{direction_like, main_direction, normalise_map};
 use refine::refine;
-use relax::{Goal, Relaxed, Scaffold, Start, minimise_from_scratch, relax, solve_from_scratch};
-use start::tutte::tutte;
+use relax::{Goal, Relaxed, Scaffold, minimise_from_scratch, solve_from_scratch};
 
 /// A map, and how far its minimisation came.
 #[derive(Debug, Clone, PartialEq)]
@@ -191,29 +189,16 @@ pub fn flatten(
 /// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
 const ROUGH: NewtonLimits = NewtonLimits { rest: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
 
-/// About the map (m) of least symmetric Dirichlet energy, to judge a seam by: from a map of the same
-/// faces without flips, if one is given. A map that will hardly get closer to the energy of an isometry
-/// than `most` is given up.
+/// About the map (m) of least symmetric Dirichlet energy, to judge a seam by: it may overlap itself. A map that
+/// will hardly get closer to the energy of an isometry than `most` is given up.
 ///
 /// # Errors
 /// As [`flatten`].
-pub(crate) fn flatten_roughly(
-    mesh: &TriMesh,
-    start: Option<&Uv>,
-    overlap: Overlap,
-    most: f64,
-) -> Result<Uv, FlattenError> {
+pub(crate) fn flatten_roughly(mesh: &TriMesh, most: f64) -> Result<Uv, FlattenError> {
     let domain = FlattenDomain::new(mesh)?;
-    let goal = Goal { energy: Energy::SymmetricDirichlet, overlap };
+    let goal = Goal { energy: Energy::SymmetricDirichlet, overlap: Overlap::Allow };
     let limits = NewtonLimits { most: SymmetricDirichlet::ISOMETRY + most, ..ROUGH };
-    let start = start.map(|uv| domain.to_units(uv)).filter(|uv| domain.elements.is_flip_free(uv));
-    let reached = match start {
-        Some(uv) if overlap == Overlap::Allow => relax(&domain, Start::Far(uv), goal, Some(limits))?,
-        Some(uv) if is_one_to_one(&domain, &uv) => return Ok(domain.to_metres(&uv)),
-        // The free map overlaps itself: a frame is needed in any case.
-        Some(_) => relax(&domain, Start::Near(tutte(&domain)?, Scaffold::Framed), goal, Some(limits))?,
-        None => minimise_from_scratch(&domain, goal, Some(limits))?,
-    };
+    let reached = minimise_from_scratch(&domain, goal, Some(limits))?;
     Ok(domain.to_metres(&reached.uv))
 }
 

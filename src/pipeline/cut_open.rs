@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs};
-use crate::flatten::{FlattenOptions, Overlap, distortion, flatten, flatten_roughly};
+use crate::flatten::{FlattenOptions, distortion, flatten, flatten_roughly};
 use crate::mesh::TriMesh;
 use crate::pyramid::{CoarsenOptions, Level, coarsen};
 use crate::skin::Taxels;
@@ -58,7 +58,7 @@ pub(super) fn cut_open(
     let of_level = level.as_ref().zip(costs.as_ref());
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
     // A seam is as good as the best map after it, which may overlap itself.
-    let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, None, Overlap::Allow, most).ok();
+    let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, most).ok();
     let made = |limit: Option<f64>| -> Result<_, Error> {
         let Decision { recipe, area_ratio } = match &level {
             None => decide(mesh, costs.as_ref(), cut, &map, limit)?,
