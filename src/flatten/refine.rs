@@ -41,6 +41,9 @@ const STAGE_GROWTH: f64 = 1.5;
 /// out (a ball with five holes: 8.21 instead of 8.00).
 const RESTARTED: usize = 1500;
 
+/// Newton steps of such a map: enough to see whether it is better.
+const ANEW: NewtonLimits = NewtonLimits { rest: 1e-10, steps: 200, gain: 1e-3, most: f64::INFINITY };
+
 /// The map of least energy of a level, in units of `domain`, from `start`, the map (m) of the next
 /// coarser level. `magnification` is the level's, and `domain` has it already: only the stages
 /// between two levels need it.
@@ -55,7 +58,7 @@ pub(crate) fn refine(
     let start = make_locally_injective(domain, domain.to_units(&inserted))?;
     let (inherited, anew) = rayon::join(
         || past_needles(domain, goal, None, &|_| Ok(Start::Near(start.clone(), scaffold))),
-        || (domain.vertices() <= RESTARTED).then(|| minimise_from_scratch(domain, goal, None)),
+        || (domain.vertices() <= RESTARTED).then(|| minimise_from_scratch(domain, goal, Some(ANEW))),
     );
     match (inherited, anew) {
         (Ok(inherited), Some(anew)) => Ok(better(domain, goal, inherited, anew?)),
