@@ -23,9 +23,9 @@ const FACTORED: usize = 3000;
 /// convex one.
 const EXACT: NewtonLimits = NewtonLimits { rest: 1e-16, steps: 200, gain: ENOUGH, most: f64::INFINITY };
 
-/// Newton steps on a larger level. From the optimum of the next coarser level two to six end
+/// Newton steps on a larger level. From the optimum of the next coarser level two to eight end
 /// within 1e-6 of the optimum (measured from 10k to a million faces); a convex start needs many more.
-const TRUNCATED: NewtonLimits = NewtonLimits { rest: 1e-7, steps: 100, gain: ENOUGH, most: f64::INFINITY };
+const TRUNCATED: NewtonLimits = NewtonLimits { rest: 5e-7, steps: 100, gain: ENOUGH, most: f64::INFINITY };
 
 /// A start of more energy than this at its best scale is worse than the one inside a circle: the
 /// conformal map of a bunny with holes has 1e4, and Newton needs 40 steps from it instead of 8.

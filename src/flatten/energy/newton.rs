@@ -45,6 +45,9 @@ const LINEAR_REST: f64 = 1e-11;
 const MOST_RATIO: f64 = 0.9;
 const FIRST_RATIO: f64 = 0.5;
 
+/// How much of that ratio is left at the next step, at least.
+const LEAST_FALL: f64 = 0.3;
+
 /// Decrement over the energy below which negative curvatures may be kept: the Hessian is likely to be
 /// positive there.
 const NEAR: f64 = 1e-2;
@@ -157,7 +160,7 @@ impl Objective<'_> {
     ) -> Result<Ended, SparseError> {
         let mut system = System::new(self.elements, solver)?;
         let mut energy = self.energy(uv);
-        let (mut iterations, mut last) = (FIRST_ITERATIONS, f64::INFINITY);
+        let (mut iterations, mut last, mut before) = (FIRST_ITERATIONS, f64::INFINITY, f64::INFINITY);
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
             checkpoint();
@@ -185,7 +188,7 @@ impl Objective<'_> {
             let is_free =
                 gauge * dot(&d, &d) <= HELD_BACK * decrement || decrement <= LEAST_DECREMENT * energy;
             let enough = if decrement > LINEAR * last { LINEAR_REST } else { 0.0 };
-            if expected_rest(decrement, last) <= limits.rest.max(enough) * energy && is_free {
+            if expected_rest(decrement, last, before) <= limits.rest.max(enough) * energy && is_free {
                 return Ok(Ended::Converged);
             }
             if energy - HOPE * decrement > limits.most {
@@ -198,7 +201,7 @@ impl Objective<'_> {
                 iterations = (2 * iterations).min(MOST_ITERATIONS);
             }
             kept.after(decrement > SLOW * last && decrement < NEAR * energy);
-            last = decrement;
+            (last, before) = (decrement, last);
         }
         Ok(Ended::Short)
     }
@@ -257,12 +260,14 @@ impl Objective<'_> {
     }
 }
 
-/// What the steps to come are expected to bring after one that promised `decrement`: each promises as much
-/// less than the one before as this one did. Half of the time of a level of a million faces went into two
-/// steps that lowered the energy by a millionth.
-fn expected_rest(decrement: f64, last: f64) -> f64 {
-    let ratio = if last.is_finite() { (decrement / last).min(MOST_RATIO) } else { FIRST_RATIO };
-    decrement * ratio / (1.0 - ratio)
+/// What the steps to come are expected to bring after one that promised `decrement`, and those before it `last`
+/// and `before`: each promises less than the one before it by a ratio that goes on to grow or fall as it did. Half
+/// of the time of a level of a million faces went into two steps that lowered the energy by a millionth.
+fn expected_rest(decrement: f64, last: f64, before: f64) -> f64 {
+    let ratio = if last.is_finite() { decrement / last } else { FIRST_RATIO };
+    let change = if before.is_finite() { (ratio * before / last).max(LEAST_FALL) } else { 1.0 };
+    let next = (ratio * change).min(MOST_RATIO);
+    decrement * next / (1.0 - next)
 }
 
 /// How the Newton systems of a minimisation are solved, with the memory for all steps.
