@@ -37,13 +37,15 @@ fn lengths(map: &MapLevel, at: &IdVec<PlaceId, DVec3>) -> Vec<f64> {
     faces.flat_map(of_face).collect()
 }
 
-/// The mean and the largest ratio, or its inverse, of lengths halfway to the mean of those at both ends.
+/// Ratios, or their inverses, of lengths halfway to the mean of those at both ends: the mean, and what half a
+/// hundredth of them exceed.
 fn errors_at_half(patch: &PatchMap) -> [f64; 2] {
     let unfolding = Unfolding::new(patch).unwrap();
     let [skin, half, flat] = [0.0, 0.5, 1.0].map(|time| lengths(finest(patch), &unfolding.at(time)));
     let course = skin.iter().zip(&flat).map(|(a, b)| 0.5 * (a + b));
-    let ratios: Vec<f64> = half.iter().zip(course).map(|(l, m)| (l / m).max(m / l)).collect();
-    [ratios.iter().sum::<f64>() / ratios.len() as f64, ratios.iter().copied().fold(0.0, f64::max)]
+    let mut ratios: Vec<f64> = half.iter().zip(course).map(|(l, m)| (l / m).max(m / l)).collect();
+    ratios.sort_unstable_by(f64::total_cmp);
+    [ratios.iter().sum::<f64>() / ratios.len() as f64, ratios[ratios.len() - 1 - ratios.len() / 200]]
 }
 
 #[test]
@@ -80,20 +82,19 @@ fn a_cut_tube_unrolls_isometrically_at_every_time() {
     }
 }
 
-/// Mean and largest error of a length; on the glove a few sides that cross the folds between its fingers
-/// are farther off than a tenth.
+/// On the glove one side in two hundred, across the folds between its fingers, is off by more than a tenth.
 #[test]
 fn lengths_halfway_are_means_of_both_ends() {
     for (name, most) in [
         ("sleeve.glb", [1.01, 1.1]),
         ("forearm.glb", [1.01, 1.1]),
         ("hand.glb", [1.01, 1.1]),
-        ("glove.glb", [1.011, 1.7]),
+        ("glove.glb", [1.011, 1.15]),
         ("robot.glb", [1.011, 1.1]),
     ] {
         for patch in &map_of_file(name).patches {
-            let [mean, largest] = errors_at_half(patch);
-            assert!(mean < most[0] && largest < most[1], "{name}, {}: {mean} and {largest}", patch.name);
+            let [mean, large] = errors_at_half(patch);
+            assert!(mean < most[0] && large < most[1], "{name}, {}: {mean} and {large}", patch.name);
         }
     }
 }
