@@ -11,7 +11,7 @@
 //!
 //! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the
 //! simulated skin of 500 taxels with 1 mm noise, by the share of wrong edges. From
-//! `cargo test --release --lib calib::robust::ablation -- --ignored --nocapture`:
+//! `cargo test --profile checked --lib calib::robust::ablation -- --ignored --nocapture`:
 //!
 //! ```text
 //!                              noise stated right          noise understated twice
