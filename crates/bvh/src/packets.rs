@@ -9,6 +9,10 @@ use crate::tree::Points;
 /// zero.
 const SHORTEST_SQUARED: f32 = 1e-30;
 
+/// A third corner within this of the line through the others, as a part of its distance from their start
+/// (squared), lies on that line: the direction of what is left of it is rounding, which may even be along the line.
+const FLATTEST_SQUARED: f32 = f32::EPSILON * f32::EPSILON;
+
 /// Up to eight triangles, side by side, in 384 bytes; empty lanes repeat the last one.
 ///
 /// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the
@@ -89,7 +93,9 @@ impl Kernel for Framing<'_> {
         let across = reject(l, &reject(l, &third, &x), &x);
         let height = dot(l, &across, &across);
         let unit = scaled(l, &across, l.div(one, l.sqrt(l.max(height, shortest))));
-        let y = select(l, [(shortest, height), always, always, always], &unit, &any_across(l, &x));
+        let flattest = l.mul(l.splat(FLATTEST_SQUARED), dot(l, &third, &third));
+        let is_raised = [(shortest, height), (flattest, height), always, always];
+        let y = select(l, is_raised, &unit, &any_across(l, &x));
         let y = reject(l, &y, &x);
         let y = scaled(l, &y, l.div(one, l.sqrt(dot(l, &y, &y))));
         put(l, rows, 0, &start);
@@ -254,6 +260,24 @@ mod tests {
         ] {
             for found in distances(&[triangle], q).map(|row| f64::from(row[7]).powi(2)) {
                 assert!((found - expected).abs() < 1e-5, "{found} instead of {expected} from {q}");
+            }
+        }
+    }
+
+    /// A collinear corner on a side along an axis: no direction across is left of it but rounding.
+    #[test]
+    fn a_face_without_area_is_a_segment() {
+        let triangle = [-0.368_160_25, 0.635_239_7, 0.0792].map(|x| DVec3::new(x, -0.0025, 0.0));
+        for k in 0..1000 {
+            let shift = DVec3::X * f64::from(k) * 1e-4;
+            let triangle = triangle.map(|p| p * (0.5 + f64::from(k) * 5e-4) + shift);
+            let q = DVec3::new(0.2, 0.4, 0.1);
+            for found in distances(&[triangle], q).map(|row| f64::from(row[0])) {
+                let expected = distance(q, triangle);
+                assert!(
+                    (found - expected).abs() < slack(1.0, 1.0),
+                    "{found}, not {expected}, from {triangle:?}"
+                );
             }
         }
     }

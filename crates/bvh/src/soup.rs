@@ -3,12 +3,16 @@
 use glam::{DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
 
-/// A triangle with coordinates within 1; its third corner may be near a side, near a corner or on it.
+/// A triangle with coordinates within 1; its third corner may be near a side, near a corner or on it, and its
+/// first side along an axis or in a plane of them.
 pub(crate) fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
     let corner = || prop::array::uniform3(-1.0_f64..1.0).prop_map(DVec3::from);
     let flat = prop_oneof![3 => Just(1.0), 1 => Just(1e-3), 1 => Just(1e-7), 1 => Just(0.0)];
     let small = prop_oneof![4 => Just(1.0), 1 => Just(1e-4), 1 => Just(0.0)];
-    (corner(), corner(), corner(), flat, small, prop::bool::ANY).prop_map(|(a, b, c, flat, small, needle)| {
+    let free = prop_oneof![2 => Just(DVec3::ONE), 1 => Just(DVec3::X), 1 => Just(DVec3::new(0.0, 1.0, 1.0))];
+    let corners = (corner(), corner(), corner(), free);
+    (corners, flat, small, prop::bool::ANY).prop_map(|((a, b, c, free), flat, small, needle)| {
+        let b = a + (b - a) * free;
         let foot = if needle { a } else { a.lerp(b, 0.4) };
         [a, a + (b - a) * small, a + (foot + (c - foot) * flat - a) * small]
     })
