@@ -334,6 +334,15 @@ fn touches_that_touch_are_split_at_the_saddle() {
     }
     assert_eq!(regions(&frame, 0.8).len(), 1, "a rise of 0.7 is not 0.8");
     assert_eq!(regions(&near(0.024, [5000.0, 4000.0]), 0.5).len(), 1, "the saddle is at 0.7 of the peak");
+    // A part that is too small leaves nothing of itself in the regions of later frames.
+    let least = parts.iter().map(|part| part.taxels.len()).max().unwrap();
+    let options = TrackerOptions { least, ..given(1000.0) };
+    let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
+    let first: Vec<_> = present(tracker.track(&frame)).map(|part| part.taxels.clone()).collect();
+    assert_eq!(first.len(), 1, "the other part is too small");
+    for _ in 0..3 {
+        assert!(present(tracker.track(&frame)).map(|part| &part.taxels).eq(&first));
+    }
     // A spike beside a press is no contact of its own, however high it is.
     let mut frame = near(0.0, [2000.0, 2000.0]);
     let uv = map.patches[patch()].levels[LevelId::new(0)].opened_uv();

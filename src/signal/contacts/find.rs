@@ -109,11 +109,11 @@ impl Finder {
                 let mut taxels = self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room));
                 let of_part = |taxel: &&VertexId| marks[**taxel] == part.raw();
                 taxels.extend(region.taxels.iter().filter(of_part));
-                let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
-                if region.taxels.len() >= least {
-                    found.push(region);
+                if taxels.len() >= least {
+                    found.push(ContactRegion { patch, taxels, ..ContactRegion::default() });
                 } else {
-                    self.spare.push(region.taxels);
+                    taxels.clear();
+                    self.spare.push(taxels);
                 }
             }
         }
