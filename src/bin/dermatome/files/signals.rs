@@ -69,11 +69,12 @@ pub(crate) fn live_input() -> io::Result<impl Read + Send + 'static> {
             }
         }
     })?;
-    Ok(LiveInput { pieces, piece: Vec::new(), used: 0 })
+    Ok(LiveInput { pieces: Some(pieces), piece: Vec::new(), used: 0 })
 }
 
 struct LiveInput {
-    pieces: Receiver<Piece>,
+    /// Until the end of the stream, or its error: no piece follows these, but a sender stays for signals.
+    pieces: Option<Receiver<Piece>>,
     piece: Vec<u8>,
     used: usize,
 }
@@ -81,9 +82,12 @@ struct LiveInput {
 impl Read for LiveInput {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.used == self.piece.len() {
-            // The last piece is empty.
-            self.piece = self.pieces.recv().unwrap_or_else(|_| Ok(Vec::new()))?;
-            self.used = 0;
+            let next = self.pieces.take().and_then(|pieces| Some((pieces.recv().ok()?, pieces)));
+            (self.piece, self.used) = (Vec::new(), 0);
+            if let Some((piece, pieces)) = next {
+                self.piece = piece?;
+                self.pieces = Some(pieces).filter(|_| !self.piece.is_empty());
+            }
         }
         if stopped().is_some() {
             return Err(io::Error::other("the run was stopped"));
