@@ -9,6 +9,7 @@ pub enum Error {
     Mesh(#[from] crate::mesh::MeshError),
     #[error(transparent)]
     Skin(#[from] crate::skin::SkinError),
+    #[cfg(feature = "robots")]
     #[error(transparent)]
     Remesh(#[from] crate::remesh::RemeshError),
     #[error(transparent)]
@@ -31,9 +32,10 @@ pub enum Error {
     Image(#[from] crate::image::ImageError),
     #[error(transparent)]
     Io(#[from] crate::io::IoError),
-    /// A patch that cannot be unfolded: its system does not fit into memory.
+    /// A patch that cannot be unfolded because its system does not fit into memory.
     #[error("it cannot be unfolded: {0}")]
     Unfold(#[from] crate::sparse::SparseError),
+    #[cfg(feature = "plot")]
     #[error(transparent)]
     Plot(#[from] crate::plot::PlotError),
     /// Any of them, in one patch of a skin.
@@ -44,70 +46,58 @@ pub enum Error {
     Several(Vec<Error>),
 }
 
-impl Error {
-    /// What went wrong as one word in snake case, for programs that tell errors apart.
-    ///
-    /// It is the name of the variant of the module's error: [`FlattenError::NotADisk`] is
-    /// `not_a_disk`. Messages may change from version to version, kinds do not. An error in a patch has
-    /// the kind of its source; of several errors, that of the first.
-    ///
-    /// [`FlattenError::NotADisk`]: crate::flatten::FlattenError::NotADisk
-    pub fn kind(&self) -> String {
-        match self {
-            Self::Patch { source, .. } => source.kind(),
-            Self::Several(errors) => errors.first().map_or_else(|| variant_name(self, 0), Self::kind),
-            _ => variant_name(self, 1),
-        }
-    }
-
-    /// The same error, saying which patch it is about.
-    pub(crate) fn in_patch(self, patch: &str) -> Self {
-        Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
-    }
-}
-
 macro_rules! kinds {
-    ($($error:ty),* $(,)?) => {
-        $(impl $error {
-            /// What went wrong as one word in snake case, the name of the variant; see
-            /// [`Error::kind`](crate::Error::kind).
-            pub fn kind(&self) -> String {
-                variant_name(self, 0)
+    ($($(#[$gate:meta])? $variant:ident($error:ty)),* $(,)?) => {
+        impl Error {
+            /// What went wrong as one word in snake case, for programs that tell errors apart.
+            ///
+            /// It is the name of the variant of the module's error: [`FlattenError::NotADisk`] is
+            /// `not_a_disk`. Messages may change from version to version, kinds do not. An error in a patch has
+            /// the kind of its source; of several errors, that of the first.
+            ///
+            /// [`FlattenError::NotADisk`]: crate::flatten::FlattenError::NotADisk
+            pub fn kind(&self) -> &'static str {
+                match self {
+                    $($(#[$gate])? Self::$variant(error) => error.kind(),)*
+                    Self::Unfold(_) => "unfold",
+                    Self::Patch { source, .. } => source.kind(),
+                    Self::Several(errors) => errors.first().map_or("several", Self::kind),
+                }
+            }
+
+            /// The same error, with the patch that it is about.
+            pub(crate) fn in_patch(self, patch: &str) -> Self {
+                Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
+            }
+        }
+
+        $($(#[$gate])? impl $error {
+            /// The name of the variant in snake case; see [`Error::kind`](crate::Error::kind).
+            pub fn kind(&self) -> &'static str {
+                self.into()
             }
         })*
     };
 }
 
 kinds!(
-    crate::mesh::MeshError,
-    crate::skin::SkinError,
-    crate::remesh::RemeshError,
-    crate::calib::CalibError,
-    crate::cut::CutError,
-    crate::pyramid::PyramidError,
-    crate::flatten::FlattenError,
-    crate::map::MapError,
-    crate::signal::SignalError,
-    crate::contact::ContactError,
-    crate::atlas::AtlasError,
-    crate::image::ImageError,
-    crate::io::IoError,
-    crate::plot::PlotError,
+    Mesh(crate::mesh::MeshError),
+    Skin(crate::skin::SkinError),
+    #[cfg(feature = "robots")]
+    Remesh(crate::remesh::RemeshError),
+    Calib(crate::calib::CalibError),
+    Cut(crate::cut::CutError),
+    Pyramid(crate::pyramid::PyramidError),
+    Flatten(crate::flatten::FlattenError),
+    Map(crate::map::MapError),
+    Signal(crate::signal::SignalError),
+    Contact(crate::contact::ContactError),
+    Atlas(crate::atlas::AtlasError),
+    Image(crate::image::ImageError),
+    Io(crate::io::IoError),
+    #[cfg(feature = "plot")]
+    Plot(crate::plot::PlotError),
 );
-
-/// The name of the variant of an enum whose `Debug` is derived, at this depth, in snake case.
-fn variant_name(error: &impl std::fmt::Debug, depth: usize) -> String {
-    let text = format!("{error:?}");
-    let name = text.split(|c: char| !c.is_alphanumeric()).nth(depth).unwrap_or_default();
-    let mut words = String::new();
-    for (k, c) in name.char_indices() {
-        if c.is_uppercase() && k > 0 {
-            words.push('_');
-        }
-        words.extend(c.to_lowercase());
-    }
-    words
-}
 
 #[cfg(test)]
 mod tests {

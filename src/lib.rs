@@ -33,7 +33,9 @@ pub mod parallel;
 mod numeric;
 pub mod mesh;
 pub mod skin;
+#[cfg(feature = "robots")]
 pub mod robot;
+#[cfg(feature = "robots")]
 pub mod remesh;
 pub mod calib;
 pub mod cut;
@@ -46,9 +48,11 @@ pub mod signal;
 pub mod image;
 pub mod contact;
 pub mod io;
+#[cfg(feature = "plot")]
 pub mod plot;
 pub mod report;
 mod error;
+#[cfg(feature = "plot")]
 pub mod page;
 pub mod pipeline;
 

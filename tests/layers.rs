@@ -15,7 +15,7 @@ const MODULES: &[&str] = &[
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.
 const DOORS: &[(&str, &[&str])] = &[
-    ("glam rayon thiserror", &[""]),
+    ("glam rayon strum thiserror", &[""]),
     ("libm", &["calib", "numeric"]),
     ("rand_pcg", &["numeric"]),
     ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),

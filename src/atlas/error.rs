@@ -5,7 +5,8 @@ use glam::DVec2;
 use crate::{cut::PlaceId, map::MapError};
 
 /// Why a level has no image.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum AtlasError {

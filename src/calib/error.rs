@@ -6,7 +6,8 @@ use crate::skin::{SkinError, TaxelId};
 use crate::sparse::SparseError;
 
 /// Why observations cannot be used, or give no skin.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum CalibError {

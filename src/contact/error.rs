@@ -6,7 +6,8 @@ use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId};
 
 /// Why a map cannot be searched, or a contact not be answered.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum ContactError {
     /// The map breaks a rule.

@@ -3,7 +3,8 @@
 use crate::{id::VertexId, mesh::MeshError, skin::TaxelId};
 
 /// Why a surface cannot be cut as asked.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum CutError {

@@ -7,7 +7,8 @@ use crate::skin::{TaxelError, TaxelId};
 use crate::sparse::SparseError;
 
 /// Why a mesh cannot be flattened.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum FlattenError {
     /// The triangles are not an oriented manifold.

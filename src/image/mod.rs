@@ -216,7 +216,8 @@ fn blank(part: &AtlasPart, tiles: &[Tile], channels: usize) -> TactileImage {
 }
 
 /// Why values and pixels do not fit.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum ImageError {

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use crate::io::file::{Source, file_kind};
+use crate::io::file::Source;
+#[cfg(feature = "robots")]
+use crate::io::file::file_kind;
 use crate::io::mesh::{Reader, reader_of};
+#[cfg(feature = "robots")]
 use crate::io::robot::{Packages, RobotSurface, robot_draft, robot_of};
 use crate::io::{IoError, ReadParts};
 use crate::skin::Draft;
@@ -24,7 +27,7 @@ use crate::skin::Draft;
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 ///
-/// Every number of the draft is finite and every corner exists; nothing else has been judged.
+/// `ply`, `dae` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
 ///
 /// ```
 /// use dermatome::io::read_draft;
@@ -64,11 +67,12 @@ pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result
 }
 
 fn kind_of(path: &Path) -> Result<Reader, IoError> {
-    if file_kind(path) != "urdf" {
-        return reader_of(path);
+    #[cfg(feature = "robots")]
+    if file_kind(path) == "urdf" {
+        return Ok(|source, _| {
+            let robot = robot_of(&source)?;
+            robot_draft(source.path(), &robot, RobotSurface::Auto, &Packages::from_env())
+        });
     }
-    Ok(|source, _| {
-        let robot = robot_of(&source)?;
-        robot_draft(source.path(), &robot, RobotSurface::Auto, &Packages::from_env())
-    })
+    reader_of(path)
 }

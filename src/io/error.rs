@@ -8,7 +8,8 @@ use crate::map::MapError;
 pub(super) type Result<T, E = IoError> = std::result::Result<T, E>;
 
 /// What is wrong with a file: which, where in it, what was found, what is needed.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum IoError {

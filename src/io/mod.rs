@@ -57,6 +57,7 @@ mod image;
 mod mesh;
 mod observations;
 mod readings;
+#[cfg(feature = "robots")]
 mod robot;
 mod table;
 
@@ -74,12 +75,14 @@ pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};
 pub use observations::{builder::ObservationRemark, read_observations, write_observations};
 pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
+#[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::by_taxel::{read_acuities, read_boundary, read_gains, read_seams};
 pub use table::calibration::{
     read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
 };
 pub use table::contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places};
+#[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_motion};

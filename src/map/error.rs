@@ -10,7 +10,8 @@ use crate::pyramid::{LevelId, PyramidError};
 use crate::skin::SkinError;
 
 /// Why data is not a map.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum MapError {

@@ -11,7 +11,8 @@ pub(crate) fn too_many(vertices: usize, faces: usize) -> Option<MeshError> {
 }
 
 /// Why a list of triangles is not an oriented manifold mesh.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum MeshError {

@@ -62,9 +62,11 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, 
 }
 
 /// More edges than this has no hole that [`fill_shorter`] closes: time grows with their cube.
+#[cfg(feature = "robots")]
 const MOST_EDGES: usize = 100;
 
 /// Closes the holes whose rims are shorter than `length` (m).
+#[cfg(feature = "robots")]
 pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshError> {
     let mut fillings = fillings(mesh, FillHoles::UpTo(MOST_EDGES))?;
     fillings.retain(|filling| loop_length(mesh, &filling.hole) < length);

@@ -18,14 +18,18 @@ pub(crate) use along_curve::AlongCurve;
 pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::adjacency::Rings;
-pub(crate) use connectivity::edges::{Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of};
+#[cfg(feature = "plot")]
+pub(crate) use connectivity::edges::edges;
+pub(crate) use connectivity::edges::{Edges, VertexCorners, boundary_edges, boundary_loops, loops_of};
 pub(crate) use connectivity::halfedge::Halfedge;
 pub(crate) use connectivity::halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals};
 pub(crate) use connectivity::topology::{Part, Topology, face_components, separate};
 pub use error::MeshError;
 pub(crate) use error::too_many;
 pub use fill_holes::FillHoles;
-pub(crate) use fill_holes::{fill_holes, fill_shorter, fillings};
+#[cfg(feature = "robots")]
+pub(crate) use fill_holes::fill_shorter;
+pub(crate) use fill_holes::{fill_holes, fillings};
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{
     angle, cotangent, is_rigid, is_rotation, loop_length, rectangle_around, rotation_defect, surface_normals,

@@ -3,7 +3,8 @@
 use crate::{map::MapError, pyramid::LevelId, skin::SkinError, sparse::SparseError};
 
 /// Why a picture cannot be drawn.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum PlotError {

@@ -3,7 +3,8 @@
 use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId, skin::TaxelError};
 
 /// Why a patch has no pyramid, or data is not a valid pyramid.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum PyramidError {
     /// The triangles are not an oriented manifold.

@@ -43,7 +43,8 @@ const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const MOST: f64 = 4e6;
 
 /// Why a surface cannot be meshed anew.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RemeshError {

@@ -4,7 +4,8 @@ use crate::contact::ContactError;
 use crate::skin::{SkinError, TaxelId};
 
 /// Why readings cannot be used with a map, or not be simulated.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SignalError {

@@ -7,7 +7,8 @@ use crate::skin::{LinkId, TaxelError};
 
 /// Why a draft is not a valid skin. Vertices and faces are numbered as the sheet of the draft, or
 /// the patch of the skin, numbers them.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SkinError {

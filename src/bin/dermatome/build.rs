@@ -53,8 +53,8 @@ pub(crate) struct Args {
     magnify_over: Option<MagnifyOver>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 256 pixels a taxel]
-    #[arg(long, value_name = "MM", value_parser = side_mm, help_heading = "Images")]
-    pixel_mm: Option<f64>,
+    #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, help_heading = "Images")]
+    pixel: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
     #[arg(long)]
     keep_going: bool,
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         seam_side: args.flatten.seam_side,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
-        pixel: args.pixel_mm,
+        pixel: args.pixel,
         magnify_over: args.magnify_over.unwrap_or_default(),
         keep_going: args.keep_going,
     };

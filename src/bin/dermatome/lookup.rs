@@ -88,8 +88,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
     readings: Option<PathBuf>,
     /// Radius of the discs on which taxels feel, in mm, for --readings
-    #[arg(long, value_name = "R", default_value = "2", value_parser = radius, requires = "readings")]
-    taxel_radius_mm: f64,
+    #[arg(long = "taxel-radius-mm", value_name = "R", default_value = "2", value_parser = radius, requires = "readings")]
+    taxel_radius: f64,
 }
 
 /// What is asked of each contact, if not the nearest point of the skin.
@@ -211,7 +211,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
-        let disc = args.taxel_radius_mm;
+        let disc = args.taxel_radius;
         Readings::create(path, &robot.map, Spreader { disc, max_distance: args.max_distance })
     });
     let (unit, frame) = (args.unit(), args.frame());

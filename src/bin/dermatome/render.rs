@@ -345,8 +345,8 @@ pub(crate) struct PixelArgs {
     #[arg(long, value_parser = one_of(&INTERPOLATIONS), default_value = "linear")]
     pub(super) interpolate: Interpolation,
     /// Side of a pixel [default: that of the map]
-    #[arg(long, value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
-    pixel_mm: Option<f64>,
+    #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
+    pixel: Option<f64>,
     /// Height and width of every image, in pixels; the map is drawn as large as fits
     #[arg(long, num_args = 2, value_names = ["H", "W"])]
     size: Option<Vec<u32>>,
@@ -367,7 +367,7 @@ const INTERPOLATIONS: [Choice<Interpolation>; 3] = [
 
 impl PixelArgs {
     pub(crate) fn atlas_options(&self) -> AtlasOptions {
-        let resolution = match (&self.size, self.pixel_mm) {
+        let resolution = match (&self.size, self.pixel) {
             (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
             (None, Some(side)) => Resolution::Pixel(side),
             (None, None) => Resolution::Map,

@@ -35,14 +35,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 500)]
     taxels: usize,
     /// Distance of lattice neighbours
-    #[arg(long, value_name = "MM", default_value = "5", value_parser = length_mm)]
-    spacing_mm: f64,
+    #[arg(long = "spacing-mm", value_name = "MM", default_value = "5", value_parser = length_mm)]
+    spacing: f64,
     /// Radius of the sphere that carries the taxels
-    #[arg(long, value_name = "MM", default_value = "100", value_parser = length_mm)]
-    radius_mm: f64,
+    #[arg(long = "radius-mm", value_name = "MM", default_value = "100", value_parser = length_mm)]
+    radius: f64,
     /// Noise of displacements, per axis
-    #[arg(long, value_name = "MM", default_value = "1", value_parser = length_mm)]
-    noise_mm: f64,
+    #[arg(long = "noise-mm", value_name = "MM", default_value = "1", value_parser = length_mm)]
+    noise: f64,
     /// Noise of relative rotations, per axis; poses only
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
     rotation_noise_deg: f64,
@@ -50,17 +50,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "K", default_value_t = 0)]
     anchors: usize,
     /// Noise of absolute contacts, per axis
-    #[arg(long, value_name = "MM", default_value = "1", value_parser = length_mm)]
-    anchor_noise_mm: f64,
+    #[arg(long = "anchor-noise-mm", value_name = "MM", default_value = "1", value_parser = length_mm)]
+    anchor_noise: f64,
     /// Absolute contacts have normals too, with this noise per tangent axis
     #[arg(long, value_name = "DEG", requires = "contacts")]
     normal_noise_deg: Option<f64>,
     /// How deep the elastic skin is pressed in at absolute contacts
-    #[arg(long, value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
-    indentation_mm: f64,
+    #[arg(long = "indentation-mm", value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
+    indentation: f64,
     /// Noise of the end effector's position, per axis
-    #[arg(long, value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
-    arm_noise_mm: f64,
+    #[arg(long = "arm-noise-mm", value_name = "MM", default_value = "0", value_parser = length_mm, help_heading = "Arm")]
+    arm_noise: f64,
     /// Noise of the end effector's orientation, per axis
     #[arg(long, value_name = "DEG", default_value_t = 0.0, help_heading = "Arm")]
     arm_noise_deg: f64,
@@ -115,15 +115,15 @@ impl Args {
         SimulateOptions {
             model: self.model,
             taxels: self.taxels,
-            spacing: self.spacing_mm,
-            radius: self.radius_mm,
-            noise: self.noise_mm,
+            spacing: self.spacing,
+            radius: self.radius,
+            noise: self.noise,
             rotation_noise: self.rotation_noise_deg.to_radians(),
             anchors: self.anchors,
-            anchor_noise: self.anchor_noise_mm,
+            anchor_noise: self.anchor_noise,
             normal_noise: self.normal_noise_deg.map(f64::to_radians),
-            indentation: self.indentation_mm,
-            arm_noise: self.arm_noise_mm,
+            indentation: self.indentation,
+            arm_noise: self.arm_noise,
             arm_rotation_noise: self.arm_noise_deg.to_radians(),
             outliers: self.outliers,
             seed,

@@ -32,17 +32,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1)]
     touches: usize,
     /// Radius of the sphere
-    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
-    sphere_mm: f64,
+    #[arg(long = "sphere-mm", value_name = "MM", default_value = "15", value_parser = length_mm)]
+    sphere: f64,
     /// How deep the sphere is pressed in
-    #[arg(long, value_name = "MM", default_value = "2", value_parser = length_mm)]
-    depth_mm: f64,
+    #[arg(long = "depth-mm", value_name = "MM", default_value = "2", value_parser = length_mm)]
+    depth: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
     #[arg(long, value_name = "KPA", default_value_t = 20.0)]
     stiffness_kpa: f64,
     /// How far the sphere rolls during a press
-    #[arg(long, value_name = "MM", default_value = "20", value_parser = length_mm)]
-    roll_mm: f64,
+    #[arg(long = "roll-mm", value_name = "MM", default_value = "20", value_parser = length_mm)]
+    roll: f64,
     /// How long a press takes
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     press_s: f64,
@@ -53,8 +53,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "HZ", default_value_t = 100.0)]
     rate_hz: f64,
     /// Radius of the disc on which a taxel feels
-    #[arg(long, value_name = "MM", default_value = "2", value_parser = length_mm)]
-    taxel_mm: f64,
+    #[arg(long = "taxel-mm", value_name = "MM", default_value = "2", value_parser = length_mm)]
+    taxel: f64,
     /// What a taxel reads
     #[arg(long, value_parser = one_of(&READS), default_value = "force")]
     reads: Quantity,
@@ -135,16 +135,16 @@ fn finest(map: &SkinMap) -> Skin {
 impl Args {
     fn options(&self, seed: u64) -> TouchOptions {
         TouchOptions {
-            radius: self.sphere_mm,
-            depth: self.depth_mm,
+            radius: self.sphere,
+            depth: self.depth,
             stiffness: self.stiffness_kpa * 1e6,
             presses: self.presses,
             touches: self.touches,
-            roll: self.roll_mm,
+            roll: self.roll,
             duration: self.press_s,
             pause: self.pause_s,
             rate: self.rate_hz,
-            taxel_radius: self.taxel_mm,
+            taxel_radius: self.taxel,
             quantity: self.reads,
             noise: self.noise_kpa * 1e3,
             drift: self.drift_kpa * 1e3,

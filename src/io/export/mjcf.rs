@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 
 use crate::io::error::Result;
 use crate::io::export::part::{Part, by_link, distinct, narrowed};
-use crate::io::file::xml::attribute;
+use crate::io::file::xml_attribute;
 use crate::io::file::{unfit, write_file};
 
 /// `MuJoCo` refuses meshes of fewer.
@@ -41,12 +41,13 @@ pub(super) fn write(path: &Path, parts: &[Part<'_>]) -> Result<()> {
     }
     let names = parts.iter().map(|part| part.patch.name.clone());
     let names = distinct(names.clone().chain(names.map(|name| format!("{name} hull"))));
-    let names: Vec<String> = names.iter().map(|name| attribute(path, name)).collect::<Result<_>>()?;
+    let names: Vec<String> = names.iter().map(|name| xml_attribute(path, name)).collect::<Result<_>>()?;
     let (names, hulls) = names.split_at(parts.len());
     let of_links = by_link(parts);
     let links = of_links.values().map(|of_link| of_link[0].link.clone());
     let links = distinct([WORLD.to_owned()].into_iter().chain(links));
-    let links: Vec<String> = links[1..].iter().map(|link| attribute(path, link)).collect::<Result<_>>()?;
+    let links: Vec<String> =
+        links[1..].iter().map(|link| xml_attribute(path, link)).collect::<Result<_>>()?;
     write_file(path, |out| {
         writeln!(out, "<mujoco model=\"skin\">\n  <!--{NOTE}  -->\n  <asset>")?;
         for ((part, name), hull) in parts.iter().zip(names).zip(hulls) {

@@ -7,6 +7,7 @@ mod mjcf;
 mod part;
 mod probes;
 mod table;
+#[cfg(feature = "robots")]
 mod urdf;
 mod usd;
 
@@ -67,6 +68,7 @@ pub fn export_map(path: &Path, map: &SkinMap, options: &ExportOptions) -> Result
     }
     let parts = parts_of(path, map, options.level)?;
     match (&*kind, &options.robot) {
+        #[cfg(feature = "robots")]
         ("urdf", Some(robot)) => urdf::write(path, robot, &parts),
         ("urdf", None) => Err(unfit(path, "the robot", "none", "its description, which gets the sensors")),
         (_, Some(robot)) => {

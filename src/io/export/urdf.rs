@@ -8,8 +8,8 @@ use glam::{DMat3, DVec3};
 
 use crate::io::error::Result;
 use crate::io::export::part::{Part, Vertex};
-use crate::io::file::xml::{Xml, attribute, children};
-use crate::io::file::{Source, invalid, write_file};
+use crate::io::file::xml::{Xml, children};
+use crate::io::file::{Source, invalid, write_file, xml_attribute};
 use crate::io::robot::robot_of;
 
 /// Writes the robot that the file `robot` describes with a sensor for each part, in the form that the reader of robots
@@ -32,7 +32,7 @@ pub(super) fn write(path: &Path, robot: &Path, parts: &[Part<'_>]) -> Result<()>
     }
     let sensors: Vec<(String, String)> = parts
         .iter()
-        .map(|part| Ok((attribute(path, &part.patch.name)?, attribute(path, &part.link)?)))
+        .map(|part| Ok((xml_attribute(path, &part.patch.name)?, xml_attribute(path, &part.link)?)))
         .collect::<Result<_>>()?;
     // Before the tag that ends <robot>; a mark of the byte order is not part of the text.
     let (text, bytes) = (source.text()?, source.bytes());

@@ -4,6 +4,7 @@
 
 pub(super) mod lines;
 pub(super) mod replace;
+#[cfg(feature = "robots")]
 pub(super) mod xml;
 
 use std::fs::{self, File};
@@ -155,6 +156,25 @@ pub(crate) fn percent_coded(name: &str, is_odd: impl Fn(char) -> bool) -> String
         false => String::from(c),
     };
     name.chars().map(coded).collect()
+}
+
+/// A text as the value of an attribute, between double quotes, in a file that is about to be written.
+///
+/// # Errors
+/// If it has a character that XML has no way to write.
+pub(crate) fn xml_attribute(path: &Path, text: &str) -> Result<String, IoError> {
+    let mut value = String::new();
+    for c in text.chars() {
+        match c {
+            '&' | '<' | '"' | '\t' | '\n' | '\r' => value.push_str(&format!("&#{};", u32::from(c))),
+            '\0'..' ' | '\u{fffe}' | '\u{ffff}' => {
+                let element = format!("the name {}", excerpt(text));
+                return Err(unfit(path, element, "a control character", "a name that XML can hold"));
+            }
+            c => value.push(c),
+        }
+    }
+    Ok(value)
 }
 
 /// A piece of a file as an error repeats it: on one line, and not too long.

@@ -1,13 +1,12 @@
 //! XML: the elements of a file, and where in it they stand.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::io::IoError;
 use crate::io::error::Result;
-use crate::io::file::{Source, excerpt, finite, unfit};
+use crate::io::file::{Source, excerpt, finite};
 
 /// More elements and texts are refused; a robot of 100,000 links has some millions.
 const MOST_NODES: u32 = 1 << 23;
@@ -88,25 +87,6 @@ impl<'a> Xml<'a> {
         };
         numbers.map(Some).ok_or_else(refuse)
     }
-}
-
-/// A text as the value of an attribute, between double quotes, in a file that is about to be written.
-///
-/// # Errors
-/// If it has a character that XML has no way to write.
-pub(crate) fn attribute(path: &Path, text: &str) -> Result<String> {
-    let mut value = String::new();
-    for c in text.chars() {
-        match c {
-            '&' | '<' | '"' | '\t' | '\n' | '\r' => value.push_str(&format!("&#{};", u32::from(c))),
-            '\0'..' ' | '\u{fffe}' | '\u{ffff}' => {
-                let element = format!("the name {}", excerpt(text));
-                return Err(unfit(path, element, "a control character", "a name that XML can hold"));
-            }
-            c => value.push(c),
-        }
-    }
-    Ok(value)
 }
 
 /// The first child of a name.

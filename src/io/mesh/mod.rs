@@ -1,12 +1,14 @@
 //! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] say which
 //! extension is read and written, and what each format keeps.
 
+#[cfg(feature = "robots")]
 mod dae;
 mod icub;
 mod npz;
 mod obj;
 mod off;
 pub(super) mod parts;
+#[cfg(feature = "robots")]
 mod ply;
 mod robotskin;
 pub(super) mod skin_csv;
@@ -34,14 +36,21 @@ pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
         "obj" => |source, parts| obj::read(&source, parts),
         "npz" => |source, _| npz::read(&source),
         "json" => |source, _| robotskin::read(&source),
+        #[cfg(feature = "robots")]
         "dae" => |source, _| dae::read(&source),
         "off" => |source, _| off::read(&source),
+        #[cfg(feature = "robots")]
         "ply" => |source, _| ply::read(&source),
         "stl" => |source, _| stl::read(&source),
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let known = "glb, gltf, json, obj, off, ply, stl, dae, urdf, csv, npz, txt";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, csv, npz, txt";
+            let known = if cfg!(feature = "robots") {
+                robots
+            } else {
+                "glb, gltf, json, obj, off, stl, csv, npz, txt"
+            };
             return Err(IoError::UnknownKind { path: path.into(), known });
         }
     })
@@ -101,6 +110,7 @@ fn writer_of(path: &Path) -> Result<Writer, IoError> {
         "json" => robotskin::write,
         "obj" => obj::write,
         "off" => off::write,
+        #[cfg(feature = "robots")]
         "ply" => ply::write,
         "stl" => stl::write,
         _ => {

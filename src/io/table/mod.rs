@@ -8,6 +8,7 @@ pub(super) mod by_taxel;
 pub(super) mod calibration;
 pub(super) mod cells;
 pub(super) mod contacts;
+#[cfg(feature = "robots")]
 pub(super) mod joints;
 pub(super) mod lookups;
 pub(super) mod motion;

@@ -18,7 +18,7 @@ pub(crate) fn error(error: impl Into<Error>) -> PyErr {
         Error::Io(IoError::Read { .. } | IoError::Write { .. }) => "FileError",
         _ => "DataError",
     };
-    exception(class, &error.to_string(), &error.kind())
+    exception(class, &error.to_string(), error.kind())
 }
 
 /// An argument that cannot be used.
