@@ -114,6 +114,25 @@ fn small_holes_are_closed() {
     assert_eq!((loops(&mesh), made), (3, [3, 2, 1]), "holes of 3 and 4 mm around");
 }
 
+/// Narrow ribs, whose edges cannot change, do not make the flat area next to them coarser.
+#[test]
+fn details_do_not_change_the_spacing_elsewhere() {
+    let position = |i: u32, j: u32| {
+        let (rib, flat) = (f64::from(i.min(80)), f64::from(i.saturating_sub(80)));
+        DVec3::new(
+            0.004 * rib + 0.04 * flat,
+            0.01 * f64::from(j),
+            if i < 80 { 0.006 * f64::from(i % 2) } else { 0.0 },
+        )
+    };
+    let made = remesh(&shapes::sheet(90, 41, position), 0.01).unwrap();
+    let flat = made.triangles.iter().filter(|t| t.iter().all(|&v| made.positions[v].x > 0.34));
+    let lengths = flat.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let lengths: Vec<f64> = lengths.map(|[a, b]| made.positions[a].distance(made.positions[b])).collect();
+    let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    assert!((mean / 0.01 - 1.0).abs() < 0.06, "edges of {mean} m, not 0.01");
+}
+
 #[test]
 fn the_same_surface_gives_the_same_mesh_with_any_threads() {
     let mesh = shapes::torus(60, 30, 0.1, 0.04);
@@ -162,10 +181,17 @@ fn what_is_within_is_left_out() {
         triangles: ball.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(),
         ..sheet(&shapes::ball(8, 2.0))
     };
+    let short = Sheet { ids: Some(vec![dermatome::skin::TaxelId(1)]), ..outer.clone() };
+    // An unused vertex that is not a number, another far away.
+    let mut broken = inverted.clone();
+    broken.positions.extend([DVec3::NAN, DVec3::splat(1e200)]);
     for (sheets, kept) in [
         (vec![outer.clone()], vec![count(&outer)]),
         (vec![ball.clone(), inverted.clone()], vec![count(&inverted)]),
         (vec![outer.clone(), inner.clone(), within.clone()], vec![count(&outer)]),
+        // A sheet that is refused later stays, and changes nothing for those after it.
+        (vec![short.clone(), inverted.clone(), ball.clone()], vec![count(&short), count(&inverted)]),
+        (vec![broken.clone(), ball.clone()], vec![count(&broken)]),
     ] {
         let all: usize = sheets.iter().map(count).sum();
         let mut draft = Draft { sheets, ..Draft::default() };

@@ -94,7 +94,8 @@ impl fmt::Display for GoodnessOfFit {
             _ if (ratio - 1.0).abs() < NEGLIGIBLE => "the stated noise is believable",
             _ if self.is_too_large() => "the observations disagree by more than the stated noise: it is understated, or some are wrong",
             Some(p) if p > 1.0 - DOUBTFUL => "the observations agree better than the stated noise predicts: it is overstated, or they are not independent",
-            _ => "the stated noise is believable",
+            Some(p) if p >= DOUBTFUL => "the stated noise is believable",
+            Some(_) => "the squared residuals are not finite numbers, so the noise cannot be judged",
         })
     }
 }

@@ -20,7 +20,7 @@ pub enum CalibError {
     #[error("edge {edge} joins taxel {id} to itself")]
     SelfEdge { edge: DisplacementId, id: TaxelId },
     #[error(
-        "edge {edge} ({from} to {to}) holds a number that is not finite or a quaternion that is not of unit length"
+        "edge {edge} ({from} to {to}) contains a number that is not finite or a quaternion that is not of unit length"
     )]
     InvalidEdge { edge: DisplacementId, from: TaxelId, to: TaxelId },
     #[error(
@@ -35,8 +35,10 @@ pub enum CalibError {
         count: usize,
         of: usize,
     },
-    /// A contact holds a number that is not finite, a normal without direction, or indefinite
-    /// information.
+    #[error("the information matrix of edge {edge} ({from} to {to}) is not symmetric")]
+    AsymmetricEdge { edge: DisplacementId, from: TaxelId, to: TaxelId },
+    /// A contact has a number that is not finite, a normal without direction, or information that is indefinite or
+    /// not symmetric.
     #[error("contact {contact} of taxel {id} is not valid: {reason}")]
     InvalidContact { contact: ContactObservationId, id: TaxelId, reason: &'static str },
     /// An edge or contact does not fit the model: rotations without poses, or the other way round.
@@ -55,7 +57,7 @@ pub enum CalibError {
     #[error("taxel {id} is fixed, but has no initial value to be fixed at")]
     FixedNowhere { id: TaxelId },
     #[error(
-        "the initial value of taxel {id} holds a number that is not finite or a quaternion that is not of unit length"
+        "the initial value of taxel {id} contains a number that is not finite or a quaternion that is not of unit length"
     )]
     InvalidInitial { id: TaxelId },
     #[error("{option} is {}; needed: {needed}", plain(*.found))]

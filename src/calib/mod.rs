@@ -70,7 +70,7 @@ pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
 
 pub(in crate::calib) use observations::{Component, Poses, components};
-pub(in crate::calib) use solve::gauge::{FreeBody, GaugeFreedom, RigidMotion};
+pub(in crate::calib) use solve::gauge::{FreeBody, RigidMotion, free_components, free_under};
 pub(in crate::calib) use solve::levenberg_marquardt::{Iterate, LinearSystem, Solver};
 pub(in crate::calib) use solve::loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting};
 pub(in crate::calib) use solve::normal_equations::{BlockLayout, Problem};
@@ -105,13 +105,12 @@ pub fn calibrate(observations: &Observations, options: &CalibOptions) -> Result<
     let clock = Instant::now();
     let start = initial_poses(observations, options.initialization)?;
     let problem = Problem::new(observations, options.residual)?;
-    let gauge = GaugeFreedom::new(&problem, &start);
-    let mut solver = Solver { problem: &problem, gauge: &gauge, options, iterations: Vec::new() };
+    let mut solver = Solver { problem: &problem, options, iterations: Vec::new() };
     let solution = estimate(&mut solver, start)?;
     let fit = goodness_of_fit(&solver, &solution);
     let iterations = solver.iterations;
     let Solution { iterate, weights, losses, termination, .. } = &solution;
-    let free = gauge.free_under(&problem, &iterate.poses, weights);
+    let free = free_under(&problem, &iterate.poses, weights);
     let marginals =
         options.covariances.then(|| marginals(&problem, &free, &iterate.poses, weights)).transpose()?;
     Ok(Calibration {

@@ -6,8 +6,11 @@
 /// Series below the mean, continued fraction above it (abramowitz1964, 6.5.29 and 6.5.31).
 pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     let (a, x) = (0.5 * degrees, 0.5 * x);
-    if !(x > 0.0 && a > 0.0) {
+    if x <= 0.0 || a <= 0.0 {
         return 1.0;
+    }
+    if !x.is_finite() {
+        return if x.is_nan() { x } else { 0.0 };
     }
     let front = (a * x.ln() - x - libm::lgamma(a)).exp();
     if x < a + 1.0 { 1.0 - front * lower_series(a, x) } else { front * upper_fraction(a, x) }
@@ -82,6 +85,8 @@ mod tests {
             let (found, expected) = (chi_square_tail(x, 2.0), (-0.5 * x).exp());
             assert!((found - expected).abs() < 1e-14, "Q({x}) = {found}, not {expected}");
         }
+        assert_eq!(chi_square_tail(f64::INFINITY, 2.0), 0.0);
+        assert!(chi_square_tail(f64::NAN, 2.0).is_nan());
     }
 
     #[test]

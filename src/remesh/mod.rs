@@ -2,8 +2,8 @@
 //!
 //! Triangles of CAD say how a surface bends, and nothing about taxels. [`remesh`] covers the same surface with
 //! nearly equilateral triangles, a given spacing apart, as taxels are arranged (cannata): edges that are too long
-//! are split, those that are too short collapsed, the others turned until vertices have six neighbours, and
-//! vertices moved amid their neighbours and back to the surface, round after round (botsch2004).
+//! are split, those that are too short collapsed, the others flipped until vertices have six neighbours, and
+//! vertices moved into the middle of their neighbours and back to the surface, round after round (botsch2004).
 //!
 //! Sharp edges (of more than 40 degrees) and rims stay: their vertices move along them alone, and their corners
 //! not at all. Those nearer to each other than half the spacing are details, and may merge. Holes that no three
@@ -12,10 +12,9 @@
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that the
 //! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
 //!
-//! In reading order: `surface` (the nearest point), `editable` (the mesh that changes), `rounds`; `outer` finds
-//! what of a link can be touched.
+//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`); `outer` finds which faces of
+//! a link can be touched.
 
-mod editable;
 mod outer;
 mod rounds;
 mod surface;
@@ -24,10 +23,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bvh::BvhError;
-use crate::id::{IdVec, VertexId};
-use crate::mesh::{MeshError, TriMesh, fill_shorter};
-use crate::remesh::editable::{Editable, NONE, next};
-use crate::remesh::rounds::{Kind, Rounds};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::{Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_shorter};
+use crate::remesh::rounds::{Freedom, Rounds, sharp_neighbours};
 use crate::remesh::surface::Surface;
 use crate::skin::{Patch, Skin, TaxelId};
 
@@ -40,7 +38,7 @@ const SHARP: f64 = 0.766_044_443_118_978;
 const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Most taxels of a patch.
-const MOST: f64 = 4e6;
+const MAX_TAXELS: f64 = 4e6;
 
 /// Why a surface cannot be meshed anew.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
@@ -55,7 +53,7 @@ pub enum RemeshError {
     #[error("a spacing of {spacing} m; a finite length above 0 is needed")]
     Spacing { spacing: f64 },
     /// A spacing that is far too small for the surface.
-    #[error("a spacing of {spacing} m makes some {taxels:.0} taxels; at most {MOST} are made")]
+    #[error("a spacing of {spacing} m makes some {taxels:.0} taxels; at most {MAX_TAXELS} are made")]
     TooFine { spacing: f64, taxels: f64 },
     /// Taxels that follow several links, whose weights a new mesh would not have.
     #[error("its taxels follow several links; those of a patch that is meshed anew follow one")]
@@ -91,74 +89,71 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     }
     let mut mesh = mesh.clone();
     fill_shorter(&mut mesh, 3.0 * spacing)?;
-    let mut editable = Editable::new(&mesh)?;
-    check_count(&mesh, &editable, spacing)?;
-    let segments = mark_sharp(&mut editable);
-    let kinds = kinds(&editable);
+    let (halfedges, _) = HalfedgeMesh::new(&mesh)?;
+    check_count(&mesh, &halfedges, spacing)?;
+    let sharp = sharp_edges(&mesh, &halfedges);
+    let segments = halfedges.halfedges().filter(|&h| halfedges.is_edge(h) && sharp[h.face()][h.side()]);
+    let segments: Vec<[VertexId; 2]> = segments.map(|h| [halfedges.origin(h), halfedges.target(h)]).collect();
     let lines = Surface::of_segments(&mesh.positions, &segments);
-    let surface = Surface::new(mesh)?;
-    let near = vec![None; kinds.len()];
+    let freedom = freedoms(&mesh, &halfedges, &sharp);
+    let surface = Surface::new(mesh.clone())?;
     let mut rounds = Rounds {
-        mesh: editable,
-        kinds,
+        mesh: halfedges,
+        sharp,
         surface: &surface,
         lines: lines.as_ref(),
         spacing,
         target: spacing,
-        near,
-        around: Vec::new(),
+        near: freedom.map(|_| None),
+        freedom,
+        positions: mesh.positions,
     };
     rounds.run();
-    Ok(rounds.mesh.finish())
+    Ok(TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions })
 }
 
 /// Refuses a spacing that would make too many vertices, on the surface or along its edges.
-fn check_count(mesh: &TriMesh, editable: &Editable, spacing: f64) -> Result<(), RemeshError> {
+fn check_count(mesh: &TriMesh, halfedges: &HalfedgeMesh, spacing: f64) -> Result<(), RemeshError> {
     // A taxel has two of the triangles around it.
     let on_surface = mesh.area() / (0.75_f64.sqrt() * spacing * spacing);
-    let edges = (0..editable.halfedges()).filter(|&h| editable.edge(h));
-    let along_edges = edges.map(|h| editable.length(h)).sum::<f64>() / spacing;
+    let edges = halfedges.halfedges().filter(|&h| halfedges.is_edge(h));
+    let length = |h: Halfedge| mesh.positions[h.start(mesh)].distance(mesh.positions[h.end(mesh)]);
+    let along_edges = edges.map(length).sum::<f64>() / spacing;
     let taxels = on_surface.max(0.1 * along_edges);
-    if taxels <= MOST { Ok(()) } else { Err(RemeshError::TooFine { spacing, taxels }) }
+    if taxels <= MAX_TAXELS { Ok(()) } else { Err(RemeshError::TooFine { spacing, taxels }) }
 }
 
-/// Marks sharp edges and rims, and returns them.
-fn mark_sharp(mesh: &mut Editable) -> Vec<[VertexId; 2]> {
-    let mut segments = Vec::new();
-    for h in 0..mesh.halfedges() {
-        if !mesh.edge(h) {
-            continue;
-        }
-        let twin = mesh.twin(h);
-        let is_sharp = twin == NONE || {
-            let [a, b] = [h, twin].map(|h| mesh.cross(h / 3).normalize_or_zero());
+/// Whether each halfedge is on a sharp edge or a rim.
+fn sharp_edges(mesh: &TriMesh, halfedges: &HalfedgeMesh) -> IdVec<FaceId, [bool; 3]> {
+    let normals = mesh.triangles.ids().map(|face| mesh.face_cross(face).normalize_or_zero());
+    let normals: IdVec<FaceId, DVec3> = normals.collect();
+    let is_sharp = |h: Halfedge| {
+        let twin = halfedges.twin(h);
+        twin == Halfedge::NONE || {
+            let [a, b] = [h, twin].map(|h| normals[h.face()]);
             a.dot(b) < SHARP && a != DVec3::ZERO && b != DVec3::ZERO
-        };
-        if is_sharp {
-            mesh.set_sharp(h, true);
-            segments.push([mesh.origin(h), mesh.origin(next(h))].map(VertexId::from));
-        }
-    }
-    segments
-}
-
-/// Where each vertex may go: one amid two sharp edges of about one direction along them, others with sharp
-/// edges nowhere.
-fn kinds(mesh: &Editable) -> Vec<Kind> {
-    let kind = |v: u32| {
-        let mut ways = Vec::new();
-        mesh.each_neighbour(v, |w, is_sharp| {
-            if is_sharp {
-                ways.push((mesh.at(w) - mesh.at(v)).normalize_or_zero());
-            }
-        });
-        match ways[..] {
-            [] => Kind::Free,
-            [a, b] if -a.dot(b) > CORNER => Kind::Line,
-            _ => Kind::Corner,
         }
     };
-    (0..mesh.positions.len()).map(|v| kind(VertexId::new(v).raw())).collect()
+    mesh.triangles.ids().map(|face| [0, 1, 2].map(|side| is_sharp(Halfedge::new(face, side)))).collect()
+}
+
+/// A vertex between two sharp edges of about one direction may move along them; others with sharp edges are fixed.
+fn freedoms(
+    mesh: &TriMesh,
+    halfedges: &HalfedgeMesh,
+    sharp: &IdVec<FaceId, [bool; 3]>,
+) -> IdVec<VertexId, Freedom> {
+    let freedom = |v: VertexId| {
+        let directions: Vec<DVec3> = sharp_neighbours(halfedges, sharp, v)
+            .map(|w| (mesh.positions[w] - mesh.positions[v]).normalize_or_zero())
+            .collect();
+        match directions[..] {
+            [] => Freedom::Surface,
+            [a, b] if -a.dot(b) > CORNER => Freedom::Line,
+            _ => Freedom::Fixed,
+        }
+    };
+    mesh.positions.ids().map(freedom).collect()
 }
 
 /// A skin that was meshed anew.

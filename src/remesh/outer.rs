@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::bvh::{Ray, TriangleTree};
 use crate::id::FaceId;
+use crate::mesh::triangle_cross;
 use crate::numeric::DisjointSets;
 use crate::remesh::SHARP;
 use crate::skin::{Draft, LinkId, Sheet};
@@ -14,23 +15,25 @@ use crate::skin::{Draft, LinkId, Sheet};
 /// Directions in which a point of a surface is looked for from far away.
 const DIRECTIONS: u32 = 64;
 
-/// Directions less steep than this against the surface say nothing: the cosine of 84 degrees.
+/// Directions less steep than this against the surface are not tried: the cosine of 84 degrees.
 const STEEP: f64 = 0.1;
 
-/// A point is outside if this part of the directions on one of its sides is free. *Heuristic*: in the middle of
+/// A point is outside if this share of the directions on one of its sides is free. *Heuristic*: in the middle of
 /// a tube twice as long as wide a tenth is, at the bottom of a pocket as deep as wide a third.
 const FREE: f64 = 0.25;
 
-/// Points of a region that are tried, at most, and for all regions of a sheet together some: a region has as many
-/// as its part of the area says, at least one. It is outside if half of them are.
+/// Most points of a region that are tried, and about how many for all regions of a sheet together: a region has its
+/// share by area, at least one. It is outside if half of them are.
 const POINTS: usize = 16;
 const ALL_POINTS: f64 = 1000.0;
 
-/// How far from the surface rays start, as a part of the size of the link.
+/// How far from the surface rays start, over the size of the link.
 const OFF: f64 = 1e-5;
 
 /// Keeps the faces that can be seen from outside of their link, whatever the other links hide; returns how
-/// many were dropped. Faces that no sharp edge parts stay together.
+/// many were dropped. Faces that are connected without crossing a sharp edge stay together.
+///
+/// Faces with a corner out of range or not finite are kept; they are refused when the sheet is assembled.
 pub fn keep_outer(draft: &mut Draft) -> usize {
     let mut links: BTreeMap<Option<LinkId>, Vec<usize>> = BTreeMap::new();
     for (k, sheet) in draft.sheets.iter().enumerate() {
@@ -44,11 +47,12 @@ pub fn keep_outer(draft: &mut Draft) -> usize {
             kept[k] = is_outer;
         }
     }
-    let dropped = kept.iter().flatten().filter(|kept| !**kept).count();
+    let count = |draft: &Draft| draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum::<usize>();
+    let all = count(draft);
     // Sheets without triangles stay whole.
     let mut kept = kept.into_iter().flatten();
     draft.retain(|sheet, _| sheet.triangles.is_empty() || kept.next().unwrap_or(true));
-    dropped
+    all - count(draft)
 }
 
 /// All triangles of a link.
@@ -61,15 +65,14 @@ struct Body {
 }
 
 impl Body {
-    /// `None` if there is nothing to search; what is wrong with it is said when it is assembled.
+    /// `None` if there is nothing to search.
     fn new<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Option<Self> {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-        for sheet in sheets {
-            let first = u32::try_from(positions.len()).ok()?;
-            positions.extend_from_slice(&sheet.positions);
-            for t in &sheet.triangles {
-                let is_known = t.iter().all(|&v| (v as usize) < sheet.positions.len());
-                triangles.push(is_known.then(|| t.map(|v| first + v))?);
+        for (sheet, triangle) in sheets.flat_map(|sheet| sheet.triangles.iter().map(move |t| (sheet, t))) {
+            if let Some(corners) = corners(sheet, triangle) {
+                let first = u32::try_from(positions.len()).ok()?;
+                positions.extend(corners);
+                triangles.push([first, first + 1, first + 2]);
             }
         }
         let tree = TriangleTree::new(&positions, triangles.iter().copied()).ok()?;
@@ -80,30 +83,24 @@ impl Body {
 
     /// Which faces of one of its sheets are outside.
     fn outer(&self, sheet: &Sheet) -> Vec<bool> {
-        let crosses: Vec<DVec3> = sheet
-            .triangles
-            .iter()
-            .map(|t| {
-                let [a, b, c] = t.map(|v| sheet.positions[v as usize]);
-                (b - a).cross(c - a)
-            })
-            .collect();
+        let cross = |t| corners(sheet, t).map_or(DVec3::ZERO, triangle_cross);
+        let crosses: Vec<DVec3> = sheet.triangles.iter().map(cross).collect();
         let total: f64 = crosses.iter().map(|cross| cross.length()).sum();
         let mut is_outer = vec![false; sheet.triangles.len()];
         for region in regions(sheet, &crosses) {
             let area: f64 = region.iter().map(|&face| crosses[face].length()).sum();
             let points = (1..POINTS).take_while(|&k| k as f64 * total < ALL_POINTS * area).count() + 1;
             let step = region.len().div_ceil(points);
-            // The largest faces say most.
+            // The largest faces first.
             let mut largest = region.clone();
             largest.sort_by(|&f, &g| {
                 crosses[g].length_squared().total_cmp(&crosses[f].length_squared()).then(f.cmp(&g))
             });
             let tried: Vec<usize> = largest.into_iter().step_by(step).collect();
             let seen = tried.iter().filter(|&&face| {
-                let centre =
-                    sheet.triangles[face].iter().map(|&v| sheet.positions[v as usize]).sum::<DVec3>() / 3.0;
-                self.is_seen(centre, crosses[face].normalize_or_zero())
+                corners(sheet, &sheet.triangles[face]).is_none_or(|[a, b, c]| {
+                    self.is_seen((a + b + c) / 3.0, crosses[face].normalize_or_zero())
+                })
             });
             let is_seen = 2 * seen.count() >= tried.len();
             region.into_iter().for_each(|face| is_outer[face] = is_seen);
@@ -121,7 +118,7 @@ impl Body {
                 let ray = Ray::new(start, **direction, 2.0 * self.size);
                 ray.is_none_or(|ray| self.tree.first_hit(&ray, |face| self.corners(face)).is_none())
             };
-            // No more directions are tried than say that it is.
+            // No more directions are tried than are needed.
             let needed = (1..=directions.len()).find(|&k| k as f64 >= FREE * directions.len() as f64);
             needed.is_some_and(|needed| directions.iter().filter(is_free).take(needed).count() == needed)
         })
@@ -130,6 +127,12 @@ impl Body {
     fn corners(&self, face: u32) -> [DVec3; 3] {
         self.triangles[face as usize].map(|v| self.positions[v as usize])
     }
+}
+
+/// The corners of a triangle, if all exist and are finite.
+fn corners(sheet: &Sheet, triangle: &[u32; 3]) -> Option<[DVec3; 3]> {
+    let [a, b, c] = triangle.map(|v| sheet.positions.get(v as usize).copied().filter(|p| p.is_finite()));
+    Some([a?, b?, c?])
 }
 
 /// Directions all around, as even as the seeds of a sunflower.

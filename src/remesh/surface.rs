@@ -14,7 +14,7 @@ pub(super) struct Surface {
 }
 
 /// The nearest point, and a packet of the tree from which the next search nearby may start.
-pub(super) struct Place {
+pub(super) struct Projection {
     pub(super) point: DVec3,
     pub(super) near: Option<u32>,
 }
@@ -35,28 +35,28 @@ impl Surface {
         Self::new(TriMesh { positions: positions.clone(), triangles }).ok()
     }
 
-    /// The point nearest to `q` of a triangle that does not face away from `normal`: the other side of a thin
-    /// wall is not meant. Triangles of no area face every way.
-    pub(super) fn nearest(&self, q: DVec3, normal: DVec3, near: Option<u32>) -> Option<Place> {
+    /// The point nearest to `q` on the triangles that do not face away from `normal`: the other side of a thin
+    /// wall does not count. Triangles without area face every direction.
+    pub(super) fn nearest(&self, q: DVec3, normal: DVec3, near: Option<u32>) -> Option<Projection> {
         let start = near.map_or(Start::Root, Start::Packet);
-        let search = Search { surface: self, q, normal, best: None };
+        let search = NearestFace { surface: self, q, normal, best: None };
         let (search, packet) = self.tree.nearest(q, start, search);
         let (face, closest) = search.best?;
         let corners = self.mesh.corners(face);
         let point = corners.iter().zip(closest.barycentric).map(|(&p, weight)| p * weight).sum();
-        Some(Place { point, near: packet })
+        Some(Projection { point, near: packet })
     }
 }
 
 #[derive(Clone, Copy)]
-struct Search<'a> {
+struct NearestFace<'a> {
     surface: &'a Surface,
     q: DVec3,
     normal: DVec3,
     best: Option<(FaceId, Closest)>,
 }
 
-impl Nearest for Search<'_> {
+impl Nearest for NearestFace<'_> {
     #[inline(always)]
     fn squared(&self) -> f64 {
         self.best.as_ref().map_or(f64::INFINITY, |(_, best)| best.squared)

@@ -235,6 +235,10 @@ impl Sheet {
     /// with an array of another length, which is refused later, stays whole.
     fn retained(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         if self.wrong_length().is_some() {
+            let count = if self.triangles.is_empty() { self.positions.len() } else { self.triangles.len() };
+            for k in 0..count {
+                keep(self, k);
+            }
             return self.clone();
         }
         if self.triangles.is_empty() {

@@ -95,9 +95,22 @@ impl<const N: usize> Information<N> {
         Some(std::array::from_fn(|i| std::array::from_fn(|j| m[i][j] * scale[i] * scale[j])))
     }
 
+    /// Whether it is symmetric but for a file's rounding.
+    pub(super) fn is_symmetric(&self) -> bool {
+        let m = &self.0;
+        (0..N).all(|i| {
+            (0..i).all(|j| {
+                let scale = (m[i][i] * m[j][j]).sqrt().max(m[i][j].abs());
+                // Numbers that are not finite are refused as indefinite.
+                let difference = (m[i][j] - m[j][i]).abs();
+                difference.is_nan() || difference <= ROUNDING * scale
+            })
+        })
+    }
+
     /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
     pub(crate) fn is_positive_semidefinite(&self) -> bool {
-        // A diagonally dominant matrix needs no eigenvalues; most files hold nothing else.
+        // A diagonally dominant matrix needs no eigenvalues; most files contain nothing else.
         let is_dominant = |i: usize| {
             let sum = self.0[i].iter().map(|x| x.abs()).sum::<f64>();
             sum.is_finite() && 2.0 * self.0[i][i] >= sum
@@ -126,7 +139,7 @@ impl<const N: usize> Information<N> {
             return if value > 0.0 { N } else { 0 };
         }
         let Some(c) = self.correlations() else { return 0 };
-        // Weak correlations leave every direction that is observed (Gershgorin); most files hold
+        // Weak correlations leave every direction that is observed (Gershgorin); most files contain
         // nothing else.
         let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK * c[i][i];
         if (0..N).all(is_weak) {

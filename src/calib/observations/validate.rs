@@ -54,12 +54,12 @@ impl Observations {
         if from == to {
             return Err(CalibError::SelfEdge { edge, id: from });
         }
-        let (fits, finite, definite) = match &displacement.measurement {
+        let (fits, finite, (symmetric, definite)) = match &displacement.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
-                (self.model == Model::Positions, offset.is_finite(), information.is_positive_semidefinite())
+                (self.model == Model::Positions, offset.is_finite(), judged(information))
             }
             DisplacementMeasurement::Relative(m) => {
-                (self.model == Model::Poses, m.pose.is_valid(), m.information.is_positive_semidefinite())
+                (self.model == Model::Poses, m.pose.is_valid(), judged(&m.information))
             }
         };
         if !fits {
@@ -68,6 +68,9 @@ impl Observations {
         }
         if !finite {
             return Err(CalibError::InvalidEdge { edge, from, to });
+        }
+        if !symmetric {
+            return Err(CalibError::AsymmetricEdge { edge, from, to });
         }
         if !definite {
             let eigenvalue = match &displacement.measurement {
@@ -88,14 +91,14 @@ impl Observations {
         let observation = ObservationId::Contact(contact);
         let id = self.check_index(observation, touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
-        const NOT_A_POSE: &str = "it holds a number that is not finite or a quaternion not of unit length";
-        let definite = match &touched.measurement {
+        const NOT_A_POSE: &str = "it contains a number that is not finite or a quaternion not of unit length";
+        let (symmetric, definite) = match &touched.measurement {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
                 if !position.is_finite() {
                     return invalid("its position is not finite");
                 }
-                information.is_positive_semidefinite()
+                judged(information)
             }
             ContactMeasurement::Pose { offset, seen } => {
                 if self.model == Model::Positions {
@@ -105,9 +108,12 @@ impl Observations {
                 if !seen.pose.is_valid() || !offset.is_valid() {
                     return invalid(NOT_A_POSE);
                 }
-                seen.information.is_positive_semidefinite()
+                judged(&seen.information)
             }
         };
+        if !symmetric {
+            return invalid("its information matrix is not symmetric");
+        }
         if !definite {
             return invalid("its information matrix is not positive semi-definite");
         }
@@ -164,6 +170,11 @@ impl Observations {
         }
         clipped
     }
+}
+
+/// Whether information is symmetric, and positive semi-definite.
+fn judged<const N: usize>(information: &Information<N>) -> (bool, bool) {
+    (information.is_symmetric(), information.is_positive_semidefinite())
 }
 
 /// Whether information was indefinite; then it is clipped.

@@ -3,8 +3,8 @@
 
 use super::{Solution, automatic, robust_fit};
 use crate::calib::{
-    CalibError, CalibOptions, DisplacementMeasurement, GaugeFreedom, Loss, LossFunctions, Poses, Problem,
-    SimulateOptions, Solver, compare, simulate, solve::initial::initial_poses,
+    CalibError, CalibOptions, DisplacementMeasurement, Loss, LossFunctions, Poses, Problem, SimulateOptions,
+    Solver, compare, simulate, solve::initial::initial_poses,
 };
 
 type Stage = fn(&mut Solver<'_>, Poses, &LossFunctions) -> Result<Solution, CalibError>;
@@ -27,8 +27,7 @@ fn rmse_mm(stage: Stage, outliers: f64, stated: f64, seed: u64) -> f64 {
     let options = CalibOptions::default();
     let problem = Problem::new(&observations, options.residual).unwrap();
     let start = initial_poses(&observations, options.initialization).unwrap();
-    let gauge = GaugeFreedom::new(&problem, &start);
-    let mut solver = Solver { problem: &problem, gauge: &gauge, options: &options, iterations: Vec::new() };
+    let mut solver = Solver { problem: &problem, options: &options, iterations: Vec::new() };
     let losses = LossFunctions::new(&problem.dimensions, Loss::Truncated);
     let found = stage(&mut solver, start, &losses).unwrap();
     compare(&found.iterate.poses, &simulation.truth).unwrap().rigid * 1e3

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use crate::calib::robust::solution::Solution;
-use crate::calib::{GoodnessOfFit, Loss, Solver, Verdict};
+use crate::calib::{GoodnessOfFit, Loss, Solver, Verdict, free_components};
 use crate::numeric::chi_square_tail;
 
 pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> GoodnessOfFit {
@@ -29,7 +29,7 @@ pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> Goodn
     }
     let moving = seen.enumerate().filter(|(v, seen)| **seen && problem.rows[*v].is_some()).count();
     let unknown = moving * observations.model.unknowns();
-    let free = solver.gauge.free(problem, &solution.iterate.poses, |c| is_inlier(verdicts.contacts[c]));
+    let free = free_components(problem, &solution.iterate.poses, |c| is_inlier(verdicts.contacts[c]));
     let unknown = unknown - free.iter().map(|f| f.free_motions).sum::<usize>().min(unknown);
     let degrees_of_freedom = sums.measurements.saturating_sub(unknown);
     let is_judged = matches!(solution.losses.loss, Loss::Squared | Loss::Truncated);

@@ -84,7 +84,7 @@ impl Solution {
         let mu = (2.0 * worst - 1.0).recip().max(FIRST_CONTROL);
         let schedule = Weighting::Graduated { losses, mu };
         let (mut iterate, termination) = solver.minimise(schedule, plain.iterate.poses)?;
-        if termination == Termination::OutOfIterations {
+        if !termination.is_converged() {
             iterate.cost = losses.cost(&iterate.chi2);
             return Ok(Self::judged(iterate, losses, termination));
         }

@@ -4,8 +4,6 @@
 //! The gauge taxel of each such component gets stiffness along the free motions, which the cost
 //! does not feel. Covariances are taken to the centroid gauge afterwards (`marginals`).
 
-use std::borrow::Cow;
-
 use glam::{DMat3, DVec3};
 
 use crate::calib::{
@@ -59,42 +57,9 @@ pub(crate) struct FreeBody {
     pub(crate) rejected_contacts: usize,
 }
 
-/// The gauge freedom of all components, for whichever contacts count.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct GaugeFreedom {
-    /// The components that are free although all contacts count.
-    by_all: Vec<FreeBody>,
-}
-
-impl GaugeFreedom {
-    pub(crate) fn new(problem: &Problem<'_>, poses: &Poses) -> Self {
-        Self { by_all: free_components(problem, poses, |_| true) }
-    }
-
-    /// The components that are free when the contacts that `counts` picks count.
-    pub(crate) fn free(
-        &self,
-        problem: &Problem<'_>,
-        poses: &Poses,
-        counts: impl Fn(ContactObservationId) -> bool,
-    ) -> Cow<'_, [FreeBody]> {
-        if problem.observations.contacts.ids().all(&counts) {
-            Cow::Borrowed(&self.by_all)
-        } else {
-            Cow::Owned(free_components(problem, poses, counts))
-        }
-    }
-
-    /// The components that are free under these weights: rejected contacts would anchor in rounding
-    /// errors.
-    pub(crate) fn free_under(
-        &self,
-        problem: &Problem<'_>,
-        poses: &Poses,
-        weights: &PerObservation,
-    ) -> Cow<'_, [FreeBody]> {
-        self.free(problem, poses, |contact| weights.contacts[contact] > SMALLEST_WEIGHT)
-    }
+/// The components that are free at `poses` under these weights: rejected contacts would anchor in rounding errors.
+pub(crate) fn free_under(problem: &Problem<'_>, poses: &Poses, weights: &PerObservation) -> Vec<FreeBody> {
+    free_components(problem, poses, |contact| weights.contacts[contact] > SMALLEST_WEIGHT)
 }
 
 /// The centroid of a component, and the typical distance from it, in m.
@@ -124,8 +89,9 @@ pub(crate) fn induced_motion(
     }
 }
 
-/// The components that the contacts that `counts` picks do not determine.
-fn free_components(
+/// The components that the contacts that `counts` picks do not determine. It depends on `poses`: contacts at one
+/// point leave rotations free, and the same contacts may not once their taxels have moved apart.
+pub(crate) fn free_components(
     problem: &Problem<'_>,
     poses: &Poses,
     counts: impl Fn(ContactObservationId) -> bool,

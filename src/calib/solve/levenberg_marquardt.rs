@@ -7,7 +7,7 @@
 use std::fmt;
 
 use crate::calib::{
-    BlockLayout, CalibError, CalibOptions, FreeBody, GaugeFreedom, PerObservation, Poses, Problem, Weighting,
+    BlockLayout, CalibError, CalibOptions, FreeBody, PerObservation, Poses, Problem, Weighting, free_under,
 };
 use crate::parallel::checkpoint;
 use crate::sparse::{BlockMatrix, SparseError};
@@ -19,7 +19,7 @@ pub struct Iteration {
     pub cost: f64,
     /// Largest change of an unknown, in m or rad.
     pub step: f64,
-    /// The damping that held the step back, over the diagonal of the system (Levenberg and
+    /// The damping that shortened the step, over the diagonal of the system (Levenberg and
     /// Marquardt); 0 for a Gauss-Newton step.
     pub damping: f64,
     /// The control of the graduated loss, which approaches the truncated loss as it grows; `None`
@@ -156,7 +156,6 @@ impl<'p> LinearSystem<'p> {
 /// The optimiser for one problem, with the log of its iterations.
 pub(crate) struct Solver<'s> {
     pub(crate) problem: &'s Problem<'s>,
-    pub(crate) gauge: &'s GaugeFreedom,
     pub(crate) options: &'s CalibOptions,
     pub(crate) iterations: Vec<Iteration>,
 }
@@ -178,7 +177,7 @@ impl Solver<'_> {
         for _ in 0..self.options.max_iterations {
             checkpoint();
             let weights = weighting.weights(&iterate.chi2);
-            let free = self.gauge.free_under(problem, &iterate.poses, &weights);
+            let free = free_under(problem, &iterate.poses, &weights);
             let system = LinearSystem::new(problem, &free, &iterate.poses, &weights);
             let Some((next, iteration)) = control.advance(problem, &weighting, &system, &iterate)? else {
                 // At a minimum rounding alone can keep every step from lowering the cost.
@@ -190,12 +189,14 @@ impl Solver<'_> {
             let decrease = iterate.cost - next.cost;
             iterate = next;
             self.iterations.push(iteration);
+            if !iterate.cost.is_finite() {
+                return Ok((iterate, Termination::Overflow));
+            }
             let is_converged = match &mut weighting {
                 Weighting::Graduated { mu, .. } => {
                     *mu *= GRADUATION;
                     *mu > LAST_CONTROL
                 }
-                _ if !iterate.cost.is_finite() => return Ok((iterate, Termination::Overflow)),
                 Weighting::Fixed(_) if iteration.damping == 0.0 => {
                     convergence.is_reached_by_newton(decrease, iterate.cost)
                 }

@@ -1,4 +1,5 @@
-//! A manifold that changes: stars of vertices are replaced by fewer triangles, in place.
+//! A manifold that changes: stars of vertices are replaced by fewer triangles, in place, and edges are split,
+//! flipped and collapsed. Topology alone: positions are kept by whoever changes it.
 
 use glam::DVec3;
 
@@ -76,9 +77,53 @@ impl HalfedgeMesh {
         self.alive[face]
     }
 
+    /// All faces, dead ones included.
+    pub(crate) fn face_ids(&self) -> impl Iterator<Item = FaceId> + use<> {
+        (0..self.faces.len()).map(FaceId::new)
+    }
+
     /// Number of faces, dead ones included.
     pub(crate) fn face_count(&self) -> usize {
         self.faces.len()
+    }
+
+    /// The halfedges of the faces there are now, dead ones included.
+    pub(crate) fn halfedges(&self) -> impl Iterator<Item = Halfedge> + use<> {
+        self.face_ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side)))
+    }
+
+    /// Whether `h` stands for its edge: one of the two halfedges of each edge of a living face does.
+    pub(crate) fn is_edge(&self, h: Halfedge) -> bool {
+        let twin = self.twin(h);
+        self.alive[h.face()] && (twin == Halfedge::NONE || h.raw() < twin.raw())
+    }
+
+    pub(crate) fn origin(&self, h: Halfedge) -> VertexId {
+        self.faces[h.face()].corners[h.side()]
+    }
+
+    pub(crate) fn target(&self, h: Halfedge) -> VertexId {
+        self.origin(h.next())
+    }
+
+    /// The corner of the face of `h` that is not on it.
+    pub(crate) fn apex(&self, h: Halfedge) -> VertexId {
+        self.origin(h.previous())
+    }
+
+    /// The ends of an inner edge, and the corners across it on the side of `h` and on the other.
+    pub(crate) fn diamond(&self, h: Halfedge) -> [VertexId; 4] {
+        [self.origin(h), self.target(h), self.apex(h), self.apex(self.twin(h))]
+    }
+
+    /// The halfedges that leave `v`, one for each of its faces, counter-clockwise.
+    pub(crate) fn leaving(&self, v: VertexId) -> impl Iterator<Item = Halfedge> {
+        let mut ring = self.ring(v);
+        std::iter::from_fn(move || {
+            let h = ring.halfedge();
+            ring.next()?;
+            (h != Halfedge::NONE).then_some(h)
+        })
     }
 
     /// The halfedge on the other side of `h`, or [`Halfedge::NONE`].
@@ -139,13 +184,13 @@ impl HalfedgeMesh {
             for (side, from, to) in [(0, i, k), (1, k, j)] {
                 let here = Halfedge::new(face, side);
                 if to == from + 1 {
-                    self.join(ring[usize::from(from)], here, outside[usize::from(from)]);
+                    self.join(here, outside[usize::from(from)]);
                 } else if let Some(below) = triangles.iter().position(|t| (t[0], t[2]) == (from, to)) {
-                    self.join(ring[usize::from(from)], here, Halfedge::new(star[below].face(), 2));
+                    self.join(here, Halfedge::new(star[below].face(), 2));
                 }
             }
             if i == 0 && usize::from(j) == last {
-                self.join(ring[last], Halfedge::new(face, 2), outside[last]);
+                self.join(Halfedge::new(face, 2), outside[last]);
             }
         }
         self.leaving[vertex] = Halfedge::NONE;
@@ -158,8 +203,9 @@ impl HalfedgeMesh {
         }
     }
 
-    /// Makes `here`, which leaves `from`, and `there` twins.
-    fn join(&mut self, from: VertexId, here: Halfedge, there: Halfedge) {
+    /// Makes `here` and `there` twins.
+    fn join(&mut self, here: Halfedge, there: Halfedge) {
+        let from = self.origin(here);
         self.faces[here.face()].twins[here.side()] = there;
         if there != Halfedge::NONE {
             self.faces[there.face()].twins[there.side()] = here;
@@ -168,6 +214,99 @@ impl HalfedgeMesh {
         // it.
         if there == Halfedge::NONE || !self.on_boundary[from] {
             self.leaving[from] = here;
+        }
+    }
+
+    /// Splits the edge of `h` at a new vertex `m`, the last one, and its faces with it: `p q c` with the edge `p q`
+    /// becomes `p m c`, and `m q c` is appended.
+    pub(crate) fn split(&mut self, h: Halfedge) {
+        let twin = self.twin(h);
+        let m = self.leaving.push(Halfedge::NONE);
+        self.on_boundary.push(twin == Halfedge::NONE);
+        self.degree.push(2);
+        let halves = [h, twin].map(|side| {
+            if side == Halfedge::NONE {
+                return [Halfedge::NONE; 2];
+            }
+            let [p, q, c] = [side, side.next(), side.previous()].map(|side| self.origin(side));
+            let [across, back] = [side.next(), side.previous()].map(|side| self.twin(side));
+            let (face, twins) = (side.face(), [Halfedge::NONE; 3]);
+            self.faces[face] = Face { corners: [p, m, c], twins };
+            let added = self.faces.push(Face { corners: [m, q, c], twins });
+            self.alive.push(true);
+            self.join(Halfedge::new(face, 2), back);
+            self.join(Halfedge::new(added, 1), across);
+            self.join(Halfedge::new(face, 1), Halfedge::new(added, 2));
+            self.degree[c] += 1;
+            self.degree[m] += 1;
+            [face, added].map(|face| Halfedge::new(face, 0))
+        });
+        // The halves of the twin run the other way.
+        let [[first, second], [third, fourth]] = halves;
+        for (here, there) in [(first, fourth), (second, third), (third, second), (fourth, first)] {
+            if here != Halfedge::NONE {
+                self.join(here, there);
+            }
+        }
+    }
+
+    /// Whether the inner edge of `h` can be flipped: its ends keep enough neighbours, and the new edge is none yet.
+    pub(crate) fn can_flip(&self, h: Halfedge) -> bool {
+        let [a, b, c, d] = self.diamond(h);
+        self.degree[a] > 3 && self.degree[b] > 3 && !self.has_edge(c, d)
+    }
+
+    /// Turns the inner edge of `h` in its two faces, so that it joins the other two corners.
+    pub(crate) fn flip(&mut self, h: Halfedge) {
+        let twin = self.twin(h);
+        let [a, b, c, d] = self.diamond(h);
+        let [bc, ca, ad, db] =
+            [h.next(), h.previous(), twin.next(), twin.previous()].map(|side| self.twin(side));
+        for (face, corners) in [(h.face(), [c, a, d]), (twin.face(), [d, b, c])] {
+            self.faces[face] = Face { corners, twins: [Halfedge::NONE; 3] };
+        }
+        let [first, second] = [h, twin].map(|h| [0, 1, 2].map(|side| Halfedge::new(h.face(), side)));
+        for (here, there) in
+            [(first[0], ca), (first[1], ad), (second[0], db), (second[1], bc), (first[2], second[2])]
+        {
+            self.join(here, there);
+        }
+        [a, b].into_iter().for_each(|v| self.degree[v] -= 1);
+        [c, d].into_iter().for_each(|v| self.degree[v] += 1);
+    }
+
+    /// Whether the edge of `h` can shrink to a point without changing the topology of the surface.
+    pub(crate) fn can_collapse(&self, h: Halfedge) -> bool {
+        let (twin, a, b) = (self.twin(h), self.origin(h), self.target(h));
+        if twin != Halfedge::NONE && self.on_boundary[a] && self.on_boundary[b] {
+            return false;
+        }
+        let apexes = [h, twin].map(|side| (side != Halfedge::NONE).then(|| self.apex(side)));
+        let is_thin = |v: &VertexId| self.degree[*v] <= if self.on_boundary[*v] { 2 } else { 3 };
+        // Only the apexes may be neighbours of both.
+        !apexes.iter().flatten().any(is_thin)
+            && self.ring(a).all(|v| v == b || apexes.contains(&Some(v)) || !self.has_edge(v, b))
+    }
+
+    /// Shrinks the edge of `h` to its target, where [`HalfedgeMesh::can_collapse`]; its origin is removed.
+    pub(crate) fn collapse(&mut self, h: Halfedge) {
+        let (twin, a, b) = (self.twin(h), self.origin(h), self.target(h));
+        let star: Vec<Halfedge> = self.leaving(a).collect();
+        for leaving in star {
+            self.faces[leaving.face()].corners[leaving.side()] = b;
+        }
+        self.leaving[a] = Halfedge::NONE;
+        self.degree[b] += self.degree[a];
+        self.degree[b] -= 2;
+        for side in [h, twin].into_iter().filter(|&side| side != Halfedge::NONE) {
+            self.degree[b] -= 1;
+            let apex = self.apex(side);
+            self.degree[apex] -= 1;
+            let [p, q] = [side.next(), side.previous()].map(|side| self.twin(side));
+            self.alive[side.face()] = false;
+            for (here, there) in [(p, q), (q, p)].into_iter().filter(|(here, _)| *here != Halfedge::NONE) {
+                self.join(here, there);
+            }
         }
     }
 
@@ -263,6 +402,71 @@ mod tests {
             let (halfedges, rings) = HalfedgeMesh::new(&mesh).unwrap();
             assert_eq!(halfedges.rings(), rings);
             assert_eq!(halfedges.triangles(), mesh.triangles);
+        }
+    }
+
+    /// The mesh has the twins, rings and degrees of one made anew from its faces.
+    fn check(mesh: &HalfedgeMesh, name: &str) {
+        let left = mesh.compact().mesh;
+        let positions = left.leaving.map(|_| DVec3::ZERO);
+        let adjacency = Adjacency::new(&TriMesh { positions, triangles: left.triangles() }).unwrap();
+        for v in left.leaving.ids() {
+            assert_eq!(
+                left.ring(v).collect::<Vec<_>>(),
+                {
+                    let ring = adjacency.ring(v);
+                    let start = left.ring(v).next().and_then(|w| ring.iter().position(|&x| x == w)).unwrap();
+                    [&ring[start..], &ring[..start]].concat()
+                },
+                "{name}: ring of {v}"
+            );
+            assert_eq!(left.degree[v] as usize, adjacency.ring(v).len(), "{name}: degree of {v}");
+            assert_eq!(left.on_boundary[v], adjacency.is_boundary(v), "{name}: {v} on the boundary");
+        }
+        for h in left.halfedges() {
+            assert_eq!(left.twin(h), adjacency.twin(h).unwrap_or(Halfedge::NONE), "{name}: twin of {h:?}");
+        }
+    }
+
+    /// Every edge is split, flipped and collapsed where it can be, each alone and one after the other.
+    #[test]
+    fn changed_edges_leave_a_manifold() {
+        for (name, mesh) in [
+            ("triangle", shapes::triangle()),
+            // Vertices of degree 3, and of degree 2 at the rim.
+            ("fan", shapes::fan(3)),
+            ("lattice", shapes::lattice(4, 3, 1.0)),
+            ("tube", shapes::tube(5, 3, 1.0, 2.0)),
+            ("torus", shapes::torus(5, 4, 2.0, 0.5)),
+            ("tetrahedron", shapes::tetrahedron()),
+        ] {
+            let (whole, _) = HalfedgeMesh::new(&mesh).unwrap();
+            let is_inner = |mesh: &HalfedgeMesh, h| mesh.is_edge(h) && mesh.twin(h) != Halfedge::NONE;
+            let changes: [(&str, &dyn Fn(&mut HalfedgeMesh, Halfedge)); 3] = [
+                ("split", &|mesh, h| drop(mesh.is_edge(h).then(|| mesh.split(h)))),
+                ("flipped", &|mesh, h| {
+                    if is_inner(mesh, h) && mesh.can_flip(h) {
+                        mesh.flip(h);
+                    }
+                }),
+                ("collapsed", &|mesh, h| {
+                    if mesh.is_alive(h.face()) && mesh.can_collapse(h) {
+                        mesh.collapse(h);
+                    }
+                }),
+            ];
+            let mut all = whole.clone();
+            for (change, apply) in changes {
+                for h in whole.halfedges() {
+                    let mut one = whole.clone();
+                    apply(&mut one, h);
+                    check(&one, &format!("{name}, {h:?} {change}"));
+                }
+                for h in all.halfedges() {
+                    apply(&mut all, h);
+                    check(&all, &format!("{name}, all {change}"));
+                }
+            }
         }
     }
 
