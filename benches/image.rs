@@ -1,9 +1,5 @@
 //! Frames drawn on caps of 642, 4336 (in 13 patches) and 100 000 taxels of 6 mm at 1 mm a pixel, on
-//! all levels. `frame` restricts and draws a frame in which all taxels change, `one_percent` one in
-//! which a hundredth of those of each patch does, neighbours of each other, `one_contact` as many in
-//! all, on one patch, `one_percent_apart` every hundredth; the share of the pixels that this changes is
-//! printed. `draw` only draws, `draw_L0` level 0 alone; `natural` and `field` draw in
-//! these ways. The same of maps whose files DERMATOME_MAPS names, separated as in PATH, by the name
+//! all levels. `frame` restricts and draws a frame, `draw` only draws, `draw_L0` level 0 alone. The same of maps whose files DERMATOME_MAPS names, separated as in PATH, by the name
 //! of their folder. `rasterise` is an atlas of a million triangles in 2048 x 2048 pixels.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 
@@ -12,7 +8,7 @@ use std::{env, f64::consts::TAU, hint::black_box, time::Duration};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     atlas::{Atlas, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer, TactileImage},
+    image::{RenderOptions, Renderer},
     io::read_map,
     map::SkinMap,
     mesh::shapes,
@@ -34,40 +30,15 @@ fn caps(patches: u32, taxels: u32) -> SkinMap {
     build(&skin, &BuildOptions::default()).unwrap()
 }
 
-/// Which taxels change.
-#[derive(Clone, Copy)]
-enum Change {
-    All,
-    /// The first hundredth of the taxels of each patch, neighbours of each other.
-    OfEach,
-    /// As many as a hundredth of all taxels, the first of the first patch.
-    OfOne,
-    /// Every hundredth taxel.
-    Apart,
-}
-
-/// Two frames that differ in these taxels.
-fn frames(map: &SkinMap, change: Change) -> [Frame; 2] {
-    let mut one = Frame::new(map, 1);
-    for (x, k) in one.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
-        *x = (f64::from(k) * 0.37).sin();
-    }
-    let mut other = one.clone();
-    let all = other.values.iter().map(|patch| patch[0].len()).sum::<usize>();
-    let patches = match change {
-        Change::OfOne => 1,
-        Change::All | Change::OfEach | Change::Apart => other.values.len(),
-    };
-    for values in other.values.iter_mut().take(patches).map(|patch| &mut patch[0]) {
-        let (count, step) = match change {
-            Change::All => (values.len(), 1),
-            Change::OfEach => (values.len().div_ceil(100), 1),
-            Change::OfOne => (all.div_ceil(100), 1),
-            Change::Apart => (values.len(), 100),
-        };
-        values.iter_mut().take(count).step_by(step).for_each(|x| *x += 1.0);
-    }
-    [one, other]
+/// Two frames that differ in all taxels.
+fn frames(map: &SkinMap) -> [Frame; 2] {
+    [0.0, 1.0].map(|rise| {
+        let mut frame = Frame::new(map, 1);
+        for (x, k) in frame.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).zip(0..) {
+            *x = (f64::from(k) * 0.37).sin() + rise;
+        }
+        frame
+    })
 }
 
 fn draw(c: &mut Criterion) {
@@ -87,39 +58,21 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
     let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
     let mut group = c.benchmark_group("image");
     group.throughput(Throughput::Elements(taxels as u64)).measurement_time(Duration::from_secs(2));
-    let renderer = |interpolation, level| {
-        let options = RenderOptions { interpolation, level };
+    let renderer = |level| {
+        let options = RenderOptions { level, ..RenderOptions::default() };
         Renderer::new(map, &atlas, &channels, &options).unwrap()
     };
-    for (what, change) in [
-        ("frame", Change::All),
-        ("one_percent", Change::OfEach),
-        ("one_contact", Change::OfOne),
-        ("one_percent_apart", Change::Apart),
-    ] {
-        let (mut restrictor, mut renderer) =
-            (Restrictor::new(map, &channels), renderer(Interpolation::Linear, None));
-        let frames = frames(map, change);
-        let drawn = [0, 1].map(|k| renderer.render(restrictor.restrict(&frames[k])).to_vec());
-        println!("image/{what}/{name}: {:.1} % of the pixels change", 100.0 * changed(&drawn));
-        let mut k = 0;
-        group.bench_function(BenchmarkId::new(what, name), |b| {
-            b.iter(|| {
-                k += 1;
-                black_box(renderer.render(restrictor.restrict(&frames[k % 2])));
-            });
+    let (mut restrictor, mut whole) = (Restrictor::new(map, &channels), renderer(None));
+    let (frames, mut k) = (frames(map), 0);
+    group.bench_function(BenchmarkId::new("frame", name), |b| {
+        b.iter(|| {
+            k += 1;
+            black_box(whole.render(restrictor.restrict(&frames[k % 2])));
         });
-    }
-    let levels = frames(map, Change::All).map(|f| Restrictor::new(map, &channels).restrict(&f).clone());
-    for (what, interpolation, level) in [
-        ("draw", Interpolation::Linear, None),
-        ("draw_L0", Interpolation::Linear, Some(LevelId::new(0))),
-        ("natural", Interpolation::Natural, None),
-    ] {
-        if interpolation == Interpolation::Natural && taxels > 10_000 {
-            continue;
-        }
-        let mut renderer = renderer(interpolation, level);
+    });
+    let levels = frames.map(|f| restrictor.restrict(&f).clone());
+    for (what, level) in [("draw", None), ("draw_L0", Some(LevelId::new(0)))] {
+        let mut renderer = renderer(level);
         let mut k = 0;
         group.bench_function(BenchmarkId::new(what, name), |b| {
             b.iter(|| {
@@ -129,18 +82,6 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
         });
     }
     group.finish();
-}
-
-/// Share of the covered pixels that differ.
-fn changed([one, other]: &[Vec<TactileImage>; 2]) -> f64 {
-    let (mut changed, mut all) = (0.0, 0.0);
-    for (a, b) in one.iter().zip(other) {
-        for ((x, y), _) in a.values.iter().zip(&b.values).zip(&a.coverage).filter(|(_, c)| **c == 1) {
-            all += 1.0;
-            changed += f64::from(u8::from(x != y));
-        }
-    }
-    changed / all
 }
 
 fn rasterise(c: &mut Criterion) {

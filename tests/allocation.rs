@@ -73,7 +73,7 @@ fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
     let channels: Vec<Channel> = conditioner.channels().to_vec();
     let mut restrictor = Restrictor::new(map, &channels);
     let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));
-    let all = [Interpolation::Linear, Interpolation::Nearest, Interpolation::Natural];
+    let all = [Interpolation::Linear, Interpolation::Nearest];
     let mut renderers = all.map(|interpolation| {
         let options = RenderOptions { interpolation, level: None };
         Renderer::new(map, &atlas, &channels, &options).unwrap()

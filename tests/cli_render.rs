@@ -123,9 +123,7 @@ fn folders_and_archives_hold_all_levels() {
     render(&["-o", "png", "--pictures", "png", "--level", "0"]).code(2).stderr(contains("--range"));
     render(&["-o", "png", "--pictures", "png", "--range", "0,5", "--level", "0"]).success();
     assert_eq!(fs::read_dir(folder.path().join("png")).unwrap().count(), 5);
-    for kind in ["nearest", "natural"] {
-        render(&["-o", &format!("{kind}.npz"), "--interpolate", kind, "--contrast"]).success();
-    }
+    render(&["-o", "nearest.npz", "--interpolate", "nearest", "--contrast"]).success();
     render(&["-o", "edges.npz", "--edges"]).success();
     let run = render(&["-o", "packed.npz", "--pack", "--size", "40", "60", "--json"]).success();
     let fill = json(&run.get_output().stdout)["fill"]["L0"].as_f64().unwrap();
@@ -261,7 +259,7 @@ fn patches_without_readings_are_masked() {
     // Ids of the shoulder alone.
     fs::write(folder.path().join("r.csv"), table(1001..=1050, 3).replace("pressure[Pa]", "force[N]"))
         .unwrap();
-    for how in ["", "--pack", "--interpolate natural", "--contrast", "--edges"] {
+    for how in ["", "--pack", "--interpolate nearest", "--contrast", "--edges"] {
         let words = format!("render map/map.glb r.csv -o out.npz --pixel-mm 4 {how}");
         notes(&folder, &words, &["50 taxels have readings"]);
     }

@@ -14,7 +14,7 @@ use dermatome::{
     skin::{PatchId, Skin},
 };
 
-const ALL: [Interpolation; 3] = [Interpolation::Linear, Interpolation::Nearest, Interpolation::Natural];
+const ALL: [Interpolation; 2] = [Interpolation::Linear, Interpolation::Nearest];
 const QUANTITIES: [Quantity; 2] = [Quantity::Intensive, Quantity::Extensive];
 
 fn patch() -> PatchId {

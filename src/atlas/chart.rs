@@ -129,28 +129,6 @@ impl Chart {
         self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
     }
 
-    /// The face that each pixel shows if the chart's rectangle shows these triangles of points, in
-    /// pixels of the chart, instead: calls `visit(column, row, triangle)` row by row.
-    pub(crate) fn each_pixel_in(
-        &self,
-        points: &[DVec2],
-        triangles: &[[usize; 3]],
-        mut visit: impl FnMut(u16, u16, usize),
-    ) {
-        #[expect(clippy::cast_possible_truncation, reason = "places of the chart lie in its frame")]
-        let snapped = points.iter().map(|p| (*p * PIXEL as f64).round()).map(|p| [p.x as i64, p.y as i64]);
-        let triangles = triangles.iter().map(|t| t.map(PlaceId::new)).collect();
-        let size = self.frame.size_px.map(|n| n as usize);
-        let spans = rasterize(&snapped.collect(), &triangles, size);
-        for row in 0..u16::try_from(size[1]).unwrap_or(u16::MAX) {
-            for span in spans.row(row.into()) {
-                for column in span.column..span.column + span.length {
-                    visit(column, row, span.face.index());
-                }
-            }
-        }
-    }
-
     /// The place of a pixel's centre on the turned map; `column` and `row` are those of the chart.
     fn centre_at(&self, column: f64, row: f64) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);

@@ -2,8 +2,8 @@
 //!
 //! A pixel is a weighted sum of the values of a few vertices: [`Interpolation`] says which. In the
 //! linear case the sum is a plane over each face, so a frame costs one plane for each face and then
-//! one addition and one multiplication for each pixel. [`Renderer`] keeps what it drew and draws anew
-//! only the faces around the values that changed.
+//! one addition and one multiplication for each pixel. A frame is always drawn whole: where something
+//! touches a real skin, most readings change in every frame.
 //!
 //! Intensive channels keep their values: a constant pressure is a constant image. Extensive channels
 //! are drawn per area and keep their total: with the weights `w` of the pixels, each of area `A`,
@@ -11,14 +11,12 @@
 //! the sum of all amounts, whatever the size of the pixels. An amount that no pixel shows is given
 //! to the nearest one.
 //!
-//! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `natural`,
-//! neighbours where values are missing; `surface`, all of a chart; `layer`, what changed;
-//! `batch`, many frames.
+//! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `surface`, all of a chart;
+//! `layer`, one channel of it; `batch`, many frames.
 
 mod batch;
 mod face_weights;
 mod layer;
-mod natural;
 mod runs;
 mod surface;
 
@@ -63,8 +61,8 @@ pub struct TactileImage {
 
 /// Draws frames of values into images.
 ///
-/// After the first frame it allocates nothing unless taxels come or go. It draws only what changed
-/// since the frame before, and what it draws does not depend on the frames before. One thread.
+/// After the first frame it allocates nothing unless taxels come or go. What it draws does not depend on
+/// the frames before; channels of which no value changed keep their pixels. One thread.
 ///
 /// ```
 /// use dermatome::{

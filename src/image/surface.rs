@@ -1,7 +1,4 @@
-//! The pixels of one chart and the values that each follows from: a plane for each face, or a sparse
-//! matrix for a given set of live vertices.
-
-use std::collections::HashSet;
+//! The pixels of one chart and the values that each follows from: a plane for each face, or one vertex.
 
 use glam::DVec2;
 
@@ -9,10 +6,8 @@ use crate::atlas::Chart;
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::image::face_weights::FaceWeights;
-use crate::image::natural::{Neighbours, Scratch};
 use crate::image::runs::{Run, Runs};
 use crate::map::MapLevel;
-use crate::numeric::Csr;
 
 /// How a pixel follows from the values around it. Only live vertices, those with a value, take
 /// part.
@@ -25,11 +20,6 @@ pub enum Interpolation {
     /// The value of the live corner with the largest weight: on equilateral faces the Voronoi cells
     /// of the vertices. NaN without any live corner.
     Nearest,
-    /// Natural neighbours of the live vertices on the map (sibson1981): the area of a vertex
-    /// without a value is taken over by its neighbours, so that no pixel of the chart is NaN. Linear
-    /// fields are reproduced within the convex hull of the live vertices; a pixel outside of it has
-    /// the value of the nearest one.
-    Natural,
 }
 
 /// One chart in an image: what does not change from frame to frame.
@@ -44,20 +34,9 @@ pub(super) struct PixelSurface {
     pub(super) vertices: usize,
     /// Where the places of the map lie, in pixels of the chart: right, and down.
     at: IdVec<PlaceId, DVec2>,
-    /// The vertex of each place; `None` where each is itself.
-    unsplit: Option<IdVec<PlaceId, VertexId>>,
-    /// The faces that cover pixels, their pixels, and those around each vertex.
+    /// The faces that cover pixels, and their pixels.
     pub(super) faces: Vec<FaceWeights>,
     pub(super) runs: Runs,
-    pub(super) around: Csr<u32>,
-}
-
-/// Sparse rows: pixels in terms of vertices.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Rows {
-    /// Index of each row's pixel in the image.
-    pub(super) pixels: Vec<u32>,
-    pub(super) entries: Csr<(u32, f64)>,
 }
 
 /// How pixels follow from the live vertices.
@@ -68,20 +47,6 @@ pub(super) enum Pattern {
     Faces,
     /// Runs of pixels that have the value of one vertex.
     Cells(Runs),
-    /// Any weights.
-    Rows(Rows),
-}
-
-impl Rows {
-    fn push(&mut self, pixel: u32, row: impl IntoIterator<Item = (u32, f64)>) {
-        self.pixels.push(pixel);
-        self.entries.push(row.into_iter().filter(|(_, w)| *w != 0.0));
-    }
-
-    #[inline]
-    pub(super) fn value(&self, row: usize, x: &[f64]) -> f64 {
-        self.entries[row].iter().map(|&(v, w)| w * x[v as usize]).sum()
-    }
 }
 
 impl PixelSurface {
@@ -118,12 +83,8 @@ impl PixelSurface {
             }
         }
         let vertices = level.level.mesh.positions.len();
-        let corners = faces.iter().zip(0_u32..);
-        let corners = corners.flat_map(|(face, k)| face.corners.map(move |v| (v.index(), k)));
-        let around = Csr::from_pairs(vertices, corners);
         let runs = Runs::new(&all, faces.len());
-        let (chart, unsplit) = (chart.clone(), level.unsplit().cloned());
-        Self { chart, width, pixel_area, interpolation, vertices, at, unsplit, faces, runs, around }
+        Self { chart: chart.clone(), width, pixel_area, interpolation, vertices, at, faces, runs }
     }
 
     /// The pattern for these live vertices.
@@ -131,7 +92,6 @@ impl PixelSurface {
         match self.interpolation {
             Interpolation::Linear => Pattern::Faces,
             Interpolation::Nearest => Pattern::Cells(self.cells(live)),
-            Interpolation::Natural => Pattern::Rows(self.natural(live)),
         }
     }
 
@@ -156,9 +116,6 @@ impl PixelSurface {
                 for run in &cells.all {
                     (0..run.length).for_each(|k| visit(run.at + u32::from(k), &[(run.source, 1.0)]));
                 }
-            }
-            Pattern::Rows(rows) => {
-                rows.pixels.iter().zip(rows.entries.iter()).for_each(|(&pixel, row)| visit(pixel, row));
             }
         }
     }
@@ -197,56 +154,6 @@ impl PixelSurface {
             }
         }
         Runs::new(&all, live.len())
-    }
-
-    fn natural(&self, live: &[bool]) -> Rows {
-        /// What is smaller is 0 to the triangulation.
-        const ZERO: f64 = 1e-40;
-        let at = |place: PlaceId| {
-            let p = self.at[place];
-            DVec2::select(p.abs().cmplt(DVec2::splat(ZERO)), DVec2::ZERO, p)
-        };
-        // Where a map is cut, a vertex of the seam is a site at each of its places.
-        let vertex = |place: PlaceId| self.unsplit.as_ref().map_or(place.opened(), |unsplit| unsplit[place]);
-        let mut places: Vec<PlaceId> = self.at.ids().filter(|&place| live[vertex(place).index()]).collect();
-        // Of places at one position the first counts.
-        let mut positions = HashSet::with_capacity(places.len());
-        places.retain(|&place| positions.insert(at(place).to_array().map(f64::to_bits)));
-        if places.is_empty() {
-            return Rows::default();
-        }
-        let sites: Vec<DVec2> = places.iter().map(|&place| at(place)).collect();
-        let neighbours = Neighbours::new(sites.clone());
-        let columns = self.chart.frame.size_px[0] as usize;
-        let mut triangle_of = vec![u32::MAX; columns * self.chart.frame.size_px[1] as usize];
-        self.chart.each_pixel_in(&sites, &neighbours.triangles, |column, row, triangle| {
-            let pixel = usize::from(row) * columns + usize::from(column);
-            triangle_of[pixel] = u32::try_from(triangle).unwrap_or(u32::MAX);
-        });
-        let mut scratch = Scratch::default();
-        let (mut rows, mut near, mut named) = (Rows::default(), 0, Vec::new());
-        for (pixel, _, [column, row]) in self.pixels() {
-            let p = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-            match triangle_of[usize::from(row) * columns + usize::from(column)] {
-                u32::MAX => {
-                    near = neighbours.nearest(p, near);
-                    rows.push(pixel, [(vertex(places[near]).raw(), 1.0)]);
-                }
-                triangle => {
-                    neighbours.weights(p, triangle as usize, &mut scratch);
-                    named.clear();
-                    for &(s, w) in &scratch.weights {
-                        let v = vertex(places[s as usize]).raw();
-                        match named.iter_mut().find(|x: &&mut (u32, f64)| x.0 == v) {
-                            Some(known) => known.1 += w,
-                            None => named.push((v, w)),
-                        }
-                    }
-                    rows.push(pixel, named.iter().copied());
-                }
-            }
-        }
-        rows
     }
 
     /// The covered pixel whose centre is nearest to a vertex; the first of equal ones. `None` if

@@ -7,8 +7,7 @@ readings: exit 1 with a sentence if they disagree.
 The readings are a table with the columns `time` and `ID` or `ID.CHANNEL[UNIT]`. The values of every level, every pixel and
 the features are computed again from the matrices of map.glb alone: accessors `up` and `direct`, `_AREA` and `TEXCOORD_0`.
 Where charts are packed, the static channels of the frames say which face each pixel shows; they are held against
-`POSITION`. Of natural neighbours only images of readings that are linear on the map are held against anything: they must be
-linear inside of the convex hull of the live taxels (`--write-linear` writes such readings).
+`POSITION`.
 """
 import argparse
 import csv
@@ -172,51 +171,6 @@ def draw(values, corners, weights, pixel, extensive, how):
     return image, clear
 
 
-def hull_contains(points, at):
-    """Which of `at` lie in the convex hull of `points`."""
-    points = points[np.lexsort(points.T[::-1])]
-    chains = []
-    for ordered in (points, points[::-1]):
-        chain = []
-        for point in ordered:
-            while len(chain) > 1 and signed(chain[-2], chain[-1], point) <= 0:
-                chain.pop()
-            chain.append(point)
-        chains += chain[:-1]
-    corners = np.array(chains)
-    inside = np.ones(len(at), bool)
-    for a, b in zip(corners, np.roll(corners, -1, 0)):
-        inside &= signed(a, b, at) > 0
-    return inside
-
-
-def places(level):
-    """Vertices on the map, in m."""
-    (x, y), (w, h) = level.extras["map"]["origin"], level.extras["map"]["size"]
-    return np.stack([x + level.texture[:, 0] * w, y + (1 - level.texture[:, 1]) * h], -1)
-
-
-def check_natural(levels, values, image, mask):
-    """Readings that are linear on the map are drawn as they are, dead taxels or not."""
-    finest = levels[0]
-    height, width = mask.shape
-    rows, columns = np.nonzero(mask)
-    (x, y), (w, h) = finest.extras["map"]["origin"], finest.extras["map"]["size"]
-    at = np.stack([x + (columns + 0.5) / width * w, y + (1 - (rows + 0.5) / height) * h], -1)
-    live = ~np.isnan(values[0])
-    if np.isnan(image[:, rows, columns]).any():
-        return "a covered pixel has no value"
-    inside = hull_contains(places(finest)[live], at)
-    system = np.column_stack([places(finest)[live], np.ones(live.sum())])
-    plane = np.linalg.lstsq(system, values[:, live].T, rcond=None)[0]
-    spread = np.ptp(values[:, live])
-    if np.abs(system @ plane - values[:, live].T).max() > 1e-6 * spread:
-        return "the readings are not linear on the map: write them with --write-linear"
-    wanted = (np.column_stack([at, np.ones(len(at))]) @ plane).T
-    off = np.abs(image[:, rows, columns] - wanted)[:, inside].max() / spread
-    return None if off < 2e-6 else f"a linear field is drawn {off} of its range off"
-
-
 def check_level(key, levels, k, values, arrays, options):
     """The values and the image of level `k`; values[c] is (T, n)."""
     extensive, how = options.extensive, options.interpolate
@@ -259,11 +213,6 @@ def check_level(key, levels, k, values, arrays, options):
             totals = np.nansum(found, 1) * pixel
             if not np.allclose(totals, np.nansum(wanted[:, c], 1), rtol=1e-6, atol=1e-9 * max(scale, 1e-30) * wanted.shape[2]):
                 return "the image does not keep the total"
-        if how == "natural":
-            wrong = check_natural(levels, wanted[:, c], image[:, c], mask) if k == 0 and not extensive else None
-            if wrong:
-                return wrong
-            continue
         drawn, clear = draw(wanted[:, c], corners, weights, pixel, extensive, how)
         if how == "nearest":
             found, drawn = found[:, clear], drawn[:, clear]
@@ -361,24 +310,8 @@ def check_frames(folder, arrays, patches, values, options):
     return None
 
 
-def write_linear(patches, path):
-    """Readings of two frames that are linear on the map of each patch, and every tenth taxel dead."""
-    header, frames = ["time"], [["0"], ["0.1"]]
-    for levels in patches.values():
-        at = places(levels[0])
-        x, y = ((at - at.min(0)) / np.ptp(at, 0)).T
-        for taxel, name in enumerate(levels[0].ids):
-            header.append(f"{name}.pressure[Pa]")
-            for frame, value in zip(frames, [100 + 900 * x[taxel], 500 * x[taxel] - 700 * y[taxel]]):
-                frame.append("nan" if taxel % 10 == 3 else repr(float(value)))
-    with open(path, "w", newline="") as file:
-        csv.writer(file).writerows([header, *frames])
-
-
 def main(options):
     patches = read_levels(options.map)
-    if options.write_linear:
-        return write_linear(patches, options.readings)
     times, readings, channels = read_readings(options.readings)
     arrays = dict(np.load(options.recording))
     if not np.array_equal(arrays["timestamps"], times):
@@ -431,9 +364,8 @@ if __name__ == "__main__":
     parser.add_argument("map")
     parser.add_argument("readings")
     parser.add_argument("recording", nargs="?")
-    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest", "natural"])
+    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest"])
     parser.add_argument("--packed", action="store_true", help="the frames are packed and have static channels")
-    parser.add_argument("--write-linear", action="store_true", help="write the readings instead, linear on the map")
     parser.add_argument("--extensive", action="store_true", help="the readings are amounts, as forces")
     parser.add_argument("--frames", help="a folder with an EXR sequence of the same recording")
     parser.add_argument("--npy", nargs=3, metavar=("FILE", "PATCH", "LEVEL"), help="one image of the same recording")

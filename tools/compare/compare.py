@@ -379,10 +379,10 @@ def images():
     matrices = {name: pixel_matrices(path) for name, path in maps.items()}
     times = {}
     for _ in range(3):
-        subprocess.run(["cargo", "bench", "--bench", "image", "--", f"image/(frame|draw_L0|one_percent)/({'|'.join(maps)})"], cwd=ROOT,
+        subprocess.run(["cargo", "bench", "--bench", "image", "--", f"image/(frame|draw_L0)/({'|'.join(maps)})"], cwd=ROOT,
                        check=True, capture_output=True)
         for name, (draw, carry, finest) in matrices.items():
-            for what in ["frame", "draw_L0", "one_percent"]:
+            for what in ["frame", "draw_L0"]:
                 folder = TARGET / f"criterion/image/{what}/{name}/new/estimates.json"
                 ns = json.loads(folder.read_text())["median"]["point_estimate"]
                 times.setdefault((name, what, "ours"), []).append(ns / 1e3)
@@ -392,13 +392,11 @@ def images():
                 for what, call in [("frame", lambda: d @ (r @ x)), ("draw_L0", lambda: f @ x)]:
                     times.setdefault((name, what, kind), []).append(1e6 * median([timed(call)[0] for _ in range(300)]))
     for name, (draw, carry, finest) in matrices.items():
-        one = median(times[name, "one_percent", "ours"])
         for what, m in [("all levels", draw), ("level 0", finest)]:
             key = "frame" if m is draw else "draw_L0"
             own, double, single = (median(times[name, key, kind]) for kind in ["ours", np.float64, np.float32])
             row(name, str(carry.shape[1]), str(m.shape[0]), what, f"{own:.1f}", f"{double:.1f}", f"{single:.1f}",
                 f"{double / own:.2f}", f"{single / own:.2f}")
-        row(name, str(carry.shape[1]), str(draw.shape[0]), "all levels, 1 % changed", f"{one:.1f}", "", "", "", "")
 
 
 def write_cover():

@@ -1,9 +1,8 @@
 //! Planar triangulations of point sets and regions. The only crate of dermatome that uses spade
 //! and robust.
 //!
-//! Natural neighbours on a map are found in it (`image`), the holes of a map are filled with it
-//! (`flatten`), and taxels without triangles get them from the stars of their tangent planes
-//! (`skin::triangulate`).
+//! The holes of a map are filled with it (`flatten`), and taxels without triangles get them from the stars
+//! of their tangent planes (`skin::triangulate`).
 //!
 //! A crate of its own, so that an edit elsewhere does not compile spade's generic code again.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
@@ -17,7 +16,7 @@ mod triangulate;
 
 pub use region::triangulate_region;
 pub use star::star;
-pub use triangulate::{smallest_first, triangulate};
+pub use triangulate::smallest_first;
 
 /// On which side of the line from `a` to `b` the point `c` lies, exactly: 1 on the left, so that the three
 /// run counter-clockwise, -1 on the right, 0 on the line; NaN if one is not finite

@@ -57,7 +57,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::triangulate;
+    use crate::triangulate::{Site, sites};
+
+    fn triangulate(points: &[DVec2]) -> Result<Vec<[usize; 3]>, DelaunayError> {
+        let whole = DelaunayTriangulation::<Site>::bulk_load(sites(points)?)
+            .map_err(|e| DelaunayError::Refused { reason: e.to_string() })?;
+        Ok(whole.inner_faces().map(|face| face.vertices().map(|v| v.data().point)).collect())
+    }
 
     proptest! {
         #[test]

@@ -355,14 +355,9 @@ pub(crate) struct PixelArgs {
     pack: bool,
 }
 
-const INTERPOLATIONS: [Choice<Interpolation>; 3] = [
+const INTERPOLATIONS: [Choice<Interpolation>; 2] = [
     ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
     ("nearest", Interpolation::Nearest, "The nearest taxel"),
-    (
-        "natural",
-        Interpolation::Natural,
-        "Natural neighbours: taxels without a reading are replaced by those around them",
-    ),
 ];
 
 impl PixelArgs {

@@ -414,7 +414,7 @@ impl PyMap {
     ///     Number of channels of the readings, C.
     /// extensive : bool, or a sequence of one for each channel
     ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
-    /// interpolate : {"linear", "nearest", "natural"}
+    /// interpolate : {"linear", "nearest"}
     ///     How values are drawn between the taxels.
     /// size : tuple of int, optional
     ///     Height and width of the images, in pixels.

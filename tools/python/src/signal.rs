@@ -133,11 +133,7 @@ impl PyRenderer {
         if !(1..=MOST_NUMBERS).contains(&count) {
             return Err(bad("channels", count, "1 or more"));
         }
-        let known = [
-            ("linear", Interpolation::Linear),
-            ("nearest", Interpolation::Nearest),
-            ("natural", Interpolation::Natural),
-        ];
+        let known = [("linear", Interpolation::Linear), ("nearest", Interpolation::Nearest)];
         let interpolation = word("interpolate", args.interpolate, &known)?;
         let resolution = match (args.size, args.pixel) {
             (None, None) => Resolution::Map,

@@ -37,7 +37,7 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
         dome_map.renderer(channels=2, extensive=[True, True, False])
 
 
-@pytest.mark.parametrize("interpolate", ["linear", "nearest", "natural"])
+@pytest.mark.parametrize("interpolate", ["linear", "nearest"])
 @pytest.mark.parametrize("size", [None, (12, 12), (200, 200)])
 @pytest.mark.parametrize("level", [0, 1])
 def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level, size):

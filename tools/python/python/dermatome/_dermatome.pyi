@@ -186,7 +186,7 @@ class Map:
         patch: str | None = None,
         channels: int = 1,
         extensive: bool | Sequence[bool] | None = None,
-        interpolate: Literal["linear", "nearest", "natural"] = "linear",
+        interpolate: Literal["linear", "nearest"] = "linear",
         size: tuple[int, int] | None = None,
         pixel: float | None = None,
         pack: bool = False,
