@@ -364,7 +364,7 @@ fn bad_descriptions_are_refused_with_their_line() {
         (link("a", "<torus/>"), &["mesh, box, cylinder or sphere"]),
         (String::new(), &["no <link>"]),
         ("<link/>".into(), &["an attribute name"]),
-        ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacro FILE"]),
+        ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacrodoc"]),
         ("<x:macro xmlns:x='http://ros.org/wiki/xacro'/>".into(), &["a macro of xacro"]),
         ("<link".into(), &["line"]),
     ];
@@ -588,4 +588,86 @@ fn the_outside_is_meshed_anew() {
     refuses(folder.path(), "info r.urdf --spacing 10m", &["smaller --spacing"]);
     refuses(folder.path(), "info r.urdf --spacing 1e-9", &["change --spacing"]);
     refuses(folder.path(), "info r.urdf --spacing 0", &["above 0"]);
+}
+
+/// What the skin does not need stops nothing: it is left out with a note.
+#[test]
+fn what_the_skin_does_not_need_stops_nothing() {
+    let two = |shape: &str, more: &str| {
+        format!("{}{}{}", link("a", BALL), link("b", shape), joint("a", "b", "revolute", more))
+    };
+    for (elements, note) in [
+        (two("<mesh filename='none.stl'/>", ""), "none.stl"),
+        (two("<mesh filename='none.mesh'/>", ""), "none.mesh"),
+        (two("<ellipsoid size='1 1 1'/>", ""), "capsule or sphere"),
+        (two("<box size='0 1 1'/>", ""), "three lengths"),
+        (two(BALL, "<limit lower='1' upper='-1'/>"), "lower limits below"),
+        (two("<capsule radius='0.1' length='0.2'/>", "<mimic joint='x'/>"), "not there"),
+    ] {
+        let folder = robot(&elements);
+        notes(folder.path(), "info r.urdf", &[note]);
+    }
+    let folder = robot(&two("<mesh filename='none.stl'/>", ""));
+    notes(folder.path(), "info r.urdf --without b --quiet", &[]);
+    refuses(folder.path(), "info r.urdf --without a", &["none.stl", "--without"]);
+    refuses(folder.path(), "info r.urdf --without c", &["c in --without"]);
+    let late = format!("<!-- made by -->\n<?xml version='1.0'?><robot name='r'>{}</robot>", link("a", BALL));
+    fs::write(folder.path().join("late.urdf"), late.replace("by", "b\u{e9}")).unwrap();
+    read_robot(&folder.path().join("late.urdf")).unwrap();
+    fs::write(folder.path().join("late.urdf"), [late.as_bytes(), b"<!-- \xff -->"].concat()).unwrap();
+    read_robot(&folder.path().join("late.urdf")).unwrap();
+}
+
+/// A joint that follows another with an offset rests there in the skin, too.
+#[test]
+fn joints_that_follow_rest_at_their_offset() {
+    let folder = robot(&format!(
+        "{}{}{}{}{}",
+        link("a", BALL),
+        link("b", BALL),
+        link("c", BALL),
+        joint("a", "b", "continuous", "<axis xyz='0 0 1'/>"),
+        joint("b", "c", "continuous", "<axis xyz='0 0 1'/><mimic joint='to_b' offset='0.2'/>"),
+    ));
+    let pose = world_pose(&draft_of(folder.path()).links, LinkId::new(2));
+    assert!(pose.abs_diff_eq(DAffine3::from_rotation_z(0.2), 1e-15), "{pose}");
+}
+
+/// Bodies, classes, included files, frames and geoms of `MuJoCo`.
+#[test]
+fn models_of_mujoco_are_robots() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.xml");
+    let model = "<mujoco model='m'><compiler autolimits='false'/><default><default class='x'>\
+        <joint type='slide' axis='0 1 0' ref='0.5'/><geom type='box' size='1 2 3' contype='0' conaffinity='0'/>\
+        </default></default><worldbody><geom type='plane' size='1 1 1'/><include file='b.xml'/></worldbody></mujoco>";
+    let body = "<mujocoinclude><body name='b' childclass='x' pos='1 0 0'><joint name='s'/>\
+        <joint name='h' class='main' pos='0 0 1' axis='1 0 0' range='-90 90' limited='true'/>\
+        <frame pos='0 0 2'><geom/><geom class='main' group='3' size='0.5'/></frame>\
+        <geom class='main' type='capsule' fromto='0 0 0 0 0 4' size='0.5'/></body></mujocoinclude>";
+    fs::write(&path, model).unwrap();
+    fs::write(folder.path().join("b.xml"), body).unwrap();
+    let robot = read_robot(&path).unwrap();
+    let names: Vec<&str> = robot.links.iter().map(|link| &*link.name).collect();
+    assert_eq!(names, ["world", "b/s", "b"]);
+    assert_eq!(robot.joints[1].limits, Some([-1.0, 1.0].map(|x| x * std::f64::consts::FRAC_PI_2)));
+    let pose = robot.poses(&[0.75, std::f64::consts::FRAC_PI_2])[LinkId::new(2)];
+    assert!(
+        pose.transform_point3(DVec3::Z).abs_diff_eq(DVec3::new(1.0, 0.25, 1.0), 1e-12),
+        "the anchor stays"
+    );
+    assert!(pose.transform_vector3(DVec3::Y).abs_diff_eq(DVec3::Z, 1e-12));
+    let of = |surface| robot_draft(&path, &robot, surface, &Packages::default()).unwrap().sheets.len();
+    assert_eq!((of(RobotSurface::Visual), of(RobotSurface::Collision)), (1, 2), "the box alone is only seen");
+    for (elements, found) in [
+        ("<worldbody><replicate count='2'/></worldbody>", "makes bodies"),
+        ("<compiler coordinate='global'/><worldbody/>", "global"),
+        ("<worldbody><include file='r.xml'/><include file='r.xml'/></worldbody>", "again"),
+        ("<worldbody><body><geom type='mesh' mesh='m'/></body></worldbody>", "no <mesh>"),
+        ("<worldbody/>", "no <body>"),
+    ] {
+        fs::write(&path, format!("<mujoco>{elements}</mujoco>")).unwrap();
+        let error = read_robot(&path).unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
+    }
 }

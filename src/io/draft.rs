@@ -24,6 +24,7 @@ use crate::skin::Draft;
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
 /// | `dae` | COLLADA: every use of a mesh in the scene is a sheet | positions |
 /// | `urdf` | a robot: every shape of a link, or its tactile sensors ([`read_robot`](crate::io::read_robot)) | links, ids of taxels |
+/// | `xml`, `mjcf` | the same of `MuJoCo`, whose root is `<mujoco>`; or a URDF | links |
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 ///
@@ -66,9 +67,15 @@ pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result
     kind_of(name)?(Source::from_bytes(name, bytes)?, parts)
 }
 
+/// Whether a file is a robot description, as its extension says.
+#[cfg(feature = "robots")]
+pub fn is_robot(path: &Path) -> bool {
+    matches!(file_kind(path).as_str(), "urdf" | "xml" | "mjcf")
+}
+
 fn kind_of(path: &Path) -> Result<Reader, IoError> {
     #[cfg(feature = "robots")]
-    if file_kind(path) == "urdf" {
+    if is_robot(path) {
         return Ok(|source, _| {
             let robot = robot_of(&source)?;
             robot_draft(source.path(), &robot, RobotSurface::Auto, &Packages::from_env())

@@ -1,6 +1,6 @@
 //! Robots: links that hang from each other by joints, and the shapes and sensors on them that can carry skin.
 //!
-//! A [`Robot`] says what a robot description (URDF) says, before any of its mesh files is opened: see
+//! A [`Robot`] says what a robot description (URDF, MJCF) says, before any of its mesh files is opened: see
 //! [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
 //! [`Draft`](crate::skin::Draft) of a skin of it. [`Robot::poses`] and
 //! [`Robot::motion`] say where its links are, [`Robot::add_taxels`] which of them are taxels; `primitive` makes the
@@ -12,6 +12,7 @@ mod primitive;
 use glam::{DAffine3, DVec3};
 
 use crate::id::IdVec;
+use crate::mesh::TriMesh;
 use crate::skin::{Link, LinkId, Remark, Sheet};
 
 pub(crate) use poses::taxel_sheet;
@@ -45,6 +46,8 @@ pub struct Joint {
     pub kind: JointKind,
     /// The direction that it turns around or moves along, of unit length, in the frame of its link.
     pub axis: DVec3,
+    /// A point of the axis that it turns around, in the frame of its link, in m.
+    pub anchor: DVec3,
     /// Its least and greatest value, in rad or m.
     pub limits: Option<[f64; 2]>,
     /// The joint that it follows.
@@ -64,6 +67,8 @@ pub enum JointKind {
     Prismatic,
     /// It moves freely in all six directions; its value is a pose, which joint values do not give.
     Floating,
+    /// It turns freely around its anchor; its value is a rotation, which joint values do not give.
+    Ball,
     /// It slides in the plane across its axis; its value is a pose, which joint values do not give.
     Planar,
 }
@@ -77,6 +82,7 @@ impl JointKind {
             Self::Continuous => "continuous",
             Self::Prismatic => "prismatic",
             Self::Floating => "floating",
+            Self::Ball => "ball",
             Self::Planar => "planar",
         }
     }
@@ -130,7 +136,7 @@ pub enum Role {
     Collision,
 }
 
-/// What a shape is. Lengths are in m; boxes, cylinders and spheres have their centre at the origin.
+/// What a shape is. Lengths are in m; shapes without a mesh have their centre at the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Geometry {
     /// A file of triangles.
@@ -151,6 +157,23 @@ pub enum Geometry {
         radius: f64,
         /// Its length.
         length: f64,
+    },
+    /// A cylinder along z with half a sphere at either end.
+    Capsule {
+        /// Its radius.
+        radius: f64,
+        /// Its length without the ends.
+        length: f64,
+    },
+    /// An ellipsoid.
+    Ellipsoid {
+        /// Half its extent along x, y and z.
+        radii: DVec3,
+    },
+    /// Triangles of the description itself.
+    Triangles {
+        /// The mesh; a mirroring pose turns it over.
+        mesh: TriMesh,
     },
     /// A sphere.
     Sphere {

@@ -6,22 +6,43 @@ use glam::{DAffine3, DMat3};
 
 use crate::id::IdVec;
 use crate::robot::{Joint, JointKind, Robot};
-use crate::skin::{Link, LinkId, Motion, MotionFrame, Sheet, SkinError, TaxelId, link_names};
+use crate::skin::{
+    Link, LinkId, Motion, MotionFrame, Remark, RemarkKind, Sheet, SkinError, TaxelId, link_names,
+};
 
 impl Joint {
     /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
     pub fn moved(&self, value: f64) -> DAffine3 {
         match self.kind {
             JointKind::Revolute | JointKind::Continuous => {
-                DAffine3::from_mat3(DMat3::from_axis_angle(self.axis, value))
+                let turn = DMat3::from_axis_angle(self.axis, value);
+                DAffine3::from_mat3_translation(turn, self.anchor - turn * self.anchor)
             }
             JointKind::Prismatic => DAffine3::from_translation(self.axis * value),
-            JointKind::Fixed | JointKind::Floating | JointKind::Planar => DAffine3::IDENTITY,
+            JointKind::Fixed | JointKind::Floating | JointKind::Ball | JointKind::Planar => {
+                DAffine3::IDENTITY
+            }
         }
     }
 }
 
 impl Robot {
+    /// Its links where every joint is at 0, and joints that follow others where that puts them.
+    pub fn rest(&self) -> IdVec<LinkId, Link> {
+        let mut links = self.links.clone();
+        for (joint, value) in self.joints.iter().zip(self.joint_values(&[])) {
+            let pose = &mut links[joint.link].pose;
+            *pose *= joint.moved(value);
+        }
+        links
+    }
+
+    /// Adds a remark on a link whose description is read only in part.
+    pub(crate) fn pass_over(&mut self, link: LinkId, what: String) {
+        let patch = self.links[link].name.clone();
+        self.remarks.push(Remark { patch, kind: RemarkKind::PassedOver { what } });
+    }
+
     /// The values of all joints, in rad or m, where some of them, by their places in [`Robot::joints`], are given:
     /// the others are at 0, and those that follow another where that puts them, whatever is given.
     ///

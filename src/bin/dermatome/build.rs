@@ -33,7 +33,7 @@ use crate::options::{
 /// Arguments of `build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt; several files, or
     /// folders of meshes, are one skin
     #[arg(required = true, value_hint = clap::ValueHint::AnyPath)]

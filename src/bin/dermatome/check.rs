@@ -19,7 +19,7 @@ use crate::options::{Common, ReadArgs};
 /// are nothing wrong. That taxels are bare is a note on standard error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     file: PathBuf,
     /// Print all elements of every finding as JSON.

@@ -18,7 +18,7 @@ use crate::options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs};
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     skin: PathBuf,
     /// File for the levels, as in a map file but without maps: .glb

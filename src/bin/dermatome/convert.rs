@@ -14,7 +14,7 @@ use crate::{
 /// Arguments of `convert`; the extensions determine the formats.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     #[arg(value_name = "IN")]
     input: PathBuf,

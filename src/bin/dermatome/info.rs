@@ -17,10 +17,10 @@ use crate::options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     file: PathBuf,
-    /// Values of the joints of a .urdf, in rad and m [default: 0], for the poses of its links in --json:
+    /// Values of the joints of a robot, in rad and m [default: 0], for the poses of its links in --json:
     /// NAME=VALUE,..., or a table of one row with a column for each joint
     #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints)]
     joints: Option<JointsArg>,
@@ -128,7 +128,7 @@ fn joint_json(robot: &Robot, joint: &Joint) -> Value {
     });
     json!({
         "name": joint.name, "type": joint.kind.name(), "link": robot.links[joint.link].name,
-        "axis": joint.axis.to_array(), "limits": joint.limits, "mimic": mimic,
+        "axis": joint.axis.to_array(), "anchor": joint.anchor.to_array(), "limits": joint.limits, "mimic": mimic,
     })
 }
 

@@ -72,10 +72,10 @@ pub(crate) struct Args {
     question: QuestionArgs,
     /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw (in the world and in m; other links
     /// keep their pose relative to their parent) and, if they move, time in s; a .glb with an animation; or
-    /// a .urdf, with --joints. Contacts are matched by their `time`
+    /// a robot (.urdf, .xml), with --joints. Contacts are matched by their `time`
     #[arg(long, value_name = "P.csv")]
     pose: Option<PathBuf>,
-    /// Values of the joints of the .urdf of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
+    /// Values of the joints of the robot of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
     /// a column for each joint and, if they move, time in s
     #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
     joints: Option<JointsArg>,
@@ -183,7 +183,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let motion = match args.pose.as_deref().filter(|path| RobotArgs::describes(path)) {
         Some(path) => Some(robot.joint_motion(path, args.joints.as_ref(), common)?),
         None if args.joints.is_some() => {
-            return Err(advise("--joints are those of a robot", "give --pose its .urdf"));
+            return Err(advise("--joints are those of a robot", "give --pose its .urdf or .xml"));
         }
         None => robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?,
     };

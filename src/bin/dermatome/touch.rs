@@ -16,7 +16,7 @@ use crate::options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of};
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or
+    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     skin: PathBuf,
     /// File for the readings: .csv with a column for each taxel, or .npz

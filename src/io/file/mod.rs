@@ -10,6 +10,7 @@ pub(super) mod xml;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use crate::io::{Feature, IoError};
 
@@ -28,6 +29,8 @@ pub(crate) struct Source {
     path: PathBuf,
     bytes: Vec<u8>,
     is_file: bool,
+    /// The text, if the bytes are not UTF-8; the text of XML, if its declaration comes late.
+    decoded: [OnceLock<String>; 2],
 }
 
 impl Source {
@@ -46,13 +49,13 @@ impl Source {
         let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
         // The limit holds for a file that grows meanwhile, too.
         File::open(path).and_then(|f| f.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
-        Ok(Self { path: path.into(), bytes, is_file: true })
+        Ok(Self { path: path.into(), bytes, is_file: true, decoded: Default::default() })
     }
 
     /// Bytes of memory, whose kind follows from the extension of `name`.
     pub(crate) fn from_bytes(name: &Path, bytes: Vec<u8>) -> Result<Self, IoError> {
         check_length(name, bytes.len() as u64)?;
-        Ok(Self { path: name.into(), bytes, is_file: false })
+        Ok(Self { path: name.into(), bytes, is_file: false, decoded: Default::default() })
     }
 
     /// Whether it lies in a folder, where it may name other files.
@@ -72,15 +75,45 @@ impl Source {
         self.bytes
     }
 
-    /// The content as text, without a byte order mark.
+    /// The content as text, without a byte order mark. Text that is not UTF-8 is decoded: UTF-16 by its byte order
+    /// mark, XML that declares ISO-8859-1, else with U+FFFD for what is not known.
+    ///
+    /// # Errors
+    /// If it is neither, and has bytes that no text has.
     pub(crate) fn text(&self) -> Result<&str, IoError> {
-        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
-            let at = e.valid_up_to();
-            let line = 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count();
-            let found = format!("byte 0x{:02x}", self.bytes[at]);
-            self.invalid(format!("line {line}, byte {at} of the file"), found, "text in UTF-8")
-        })?;
+        let text = match std::str::from_utf8(&self.bytes) {
+            Ok(text) => text,
+            Err(e) => {
+                let at = e.valid_up_to();
+                let refuse = || {
+                    let line = 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count();
+                    let found = format!("byte 0x{:02x}", self.bytes[at]);
+                    self.invalid(format!("line {line}, byte {at} of the file"), found, "text in UTF-8")
+                };
+                let text = decoded(&self.bytes).ok_or_else(refuse)?;
+                self.decoded[0].get_or_init(|| text)
+            }
+        };
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+    }
+
+    /// The content as XML: a declaration after comments is left out, as other readers do.
+    pub(crate) fn xml_text(&self) -> Result<&str, IoError> {
+        let text = self.text()?;
+        let mut rest = text.trim_start();
+        while let Some((_, after)) = rest.strip_prefix("<!--").and_then(|inner| inner.split_once("-->")) {
+            rest = after.trim_start();
+        }
+        let declaration = rest.starts_with("<?xml ").then(|| rest.find("?>")).flatten();
+        Ok(match declaration {
+            Some(length) if rest.len() < text.len() => self.decoded[1].get_or_init(|| {
+                let (before, after) = text.split_at(text.len() - rest.len());
+                let is_break = |c: &char| *c == '\n';
+                let breaks: String = after[..length].chars().filter(is_break).collect();
+                [before, &breaks, &after[length + 2..]].concat()
+            }),
+            _ => text,
+        })
     }
 
     /// The name of the file without folder and extension: what a sheet without a name is called.
@@ -100,6 +133,26 @@ impl Source {
     pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<Feature>) -> IoError {
         IoError::Unsupported { path: self.path.clone(), element: element.into(), feature: feature.into() }
     }
+}
+
+/// The text of bytes that are not UTF-8, if they can be text.
+fn decoded(bytes: &[u8]) -> Option<String> {
+    let wide = match bytes {
+        [0xff, 0xfe, rest @ ..] => Some((rest, u16::from_le_bytes as fn([u8; 2]) -> u16)),
+        [0xfe, 0xff, rest @ ..] => Some((rest, u16::from_be_bytes as fn([u8; 2]) -> u16)),
+        _ => None,
+    };
+    if let Some((rest, unit)) = wide {
+        let units: Vec<u16> = rest.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+        return String::from_utf16(&units).ok();
+    }
+    if bytes.contains(&0) {
+        return None;
+    }
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(100)]).to_ascii_lowercase();
+    let is_latin = head.starts_with("<?xml") && head.contains("iso-8859-1\"");
+    let latin = || bytes.iter().map(|&byte| char::from(byte)).collect();
+    Some(if is_latin { latin() } else { String::from_utf8_lossy(bytes).into_owned() })
 }
 
 pub(crate) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> IoError + Copy + '_ {

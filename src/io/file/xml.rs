@@ -24,7 +24,7 @@ pub(crate) struct Xml<'a> {
 
 impl<'a> Xml<'a> {
     pub(crate) fn parse(source: &'a Source) -> Result<Self> {
-        let text = source.text()?;
+        let text = source.xml_text()?;
         if text.len() > MOST_BYTES {
             let needed = format!("at most {MOST_BYTES} bytes of XML");
             return Err(source.invalid("file", format!("{} bytes", text.len()), needed));

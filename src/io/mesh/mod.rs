@@ -45,7 +45,7 @@ pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, csv, npz, txt";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt";
             let known = if cfg!(feature = "robots") {
                 robots
             } else {

@@ -1,8 +1,7 @@
 //! The surfaces of a robot, as a draft of its skin.
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -41,10 +40,12 @@ const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
 /// Coordinates of meshes are taken as they are, whatever direction a file calls up; a factor of scale that is
 /// negative turns the triangles over, so that they stay outside.
 ///
+/// A mesh that cannot be found or read is left out with a remark.
+///
 /// # Errors
-/// If a mesh cannot be found or read, or there is nothing to make a skin of.
+/// If there is nothing to make a skin of.
 pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: &Packages) -> Result<Draft> {
-    let mut draft = Draft { links: robot.links.clone(), remarks: robot.remarks.clone(), ..Draft::default() };
+    let mut draft = Draft { links: robot.rest(), remarks: robot.remarks.clone(), ..Draft::default() };
     let has = |role| robot.shapes.iter().any(|shape| shape.role == role);
     let role = match surface {
         RobotSurface::Auto if robot.sensors.is_empty() && has(Role::Visual) => Role::Visual,
@@ -69,7 +70,14 @@ pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: 
         };
         return Err(bare(path, what));
     }
-    let meshes = read_meshes(path, &shapes, packages)?;
+    let mut meshes = BTreeMap::new();
+    let mut absent: BTreeMap<String, IoError> = BTreeMap::new();
+    for (url, mesh) in read_meshes(path, &shapes, packages) {
+        match mesh {
+            Ok(draft) => drop(meshes.insert(url, draft)),
+            Err(error) => drop(absent.insert(url, error)),
+        }
+    }
     let mut of_link: HashMap<LinkId, usize> = HashMap::new();
     shapes.iter().for_each(|shape| *of_link.entry(shape.link).or_default() += 1);
     let mut numbers: HashMap<LinkId, usize> = HashMap::new();
@@ -81,13 +89,21 @@ pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: 
         let mut sheet = Welded::of(shape, &meshes).sheet;
         (sheet.name, sheet.link) = (name, Some(shape.link));
         if sheet.triangles.is_empty() {
-            let what = "its mesh has no triangles".to_owned();
+            let error = match &shape.geometry {
+                Geometry::Mesh { url, .. } => absent.get(url),
+                _ => None,
+            };
+            let what =
+                error.map_or_else(|| "its mesh has no triangles".into(), |e| format!("it is left out: {e}"));
             draft.remarks.push(Remark { patch: sheet.name, kind: RemarkKind::PassedOver { what } });
         } else {
             draft.sheets.push(sheet);
         }
     }
-    Ok(draft)
+    match absent.into_values().next() {
+        Some(error) if draft.sheets.is_empty() => Err(error),
+        _ => Ok(draft),
+    }
 }
 
 fn bare(path: &Path, what: &str) -> IoError {
@@ -96,23 +112,22 @@ fn bare(path: &Path, what: &str) -> IoError {
 }
 
 /// The drafts of the mesh files of some shapes, by their URLs.
-fn read_meshes(path: &Path, shapes: &[&Shape], packages: &Packages) -> Result<BTreeMap<String, Draft>> {
-    let mut files: BTreeMap<&str, (PathBuf, String)> = BTreeMap::new();
+fn read_meshes(path: &Path, shapes: &[&Shape], packages: &Packages) -> Vec<(String, Result<Draft>)> {
+    let mut elements: BTreeMap<&str, String> = BTreeMap::new();
     for shape in shapes {
-        let Geometry::Mesh { url, .. } = &shape.geometry else { continue };
-        if let Entry::Vacant(place) = files.entry(url) {
-            let element = format!("line {}, <mesh>", shape.line);
-            let file = packages.find(path, &element, url)?;
-            check(path, &element, &file)?;
-            place.insert((file, element));
+        if let Geometry::Mesh { url, .. } = &shape.geometry {
+            elements.entry(url).or_insert_with(|| format!("line {}, <mesh>", shape.line));
         }
     }
-    let files: Vec<_> = files.into_iter().collect();
-    let read = |(url, (file, _)): (&str, (PathBuf, String))| {
-        Ok((url.to_owned(), reader_of(&file)?(Source::open(&file)?, ReadParts::default())?))
+    let read = |(url, element): (&str, String)| {
+        let mesh = packages.find(path, &element, url).and_then(|file| {
+            check(path, &element, &file)?;
+            reader_of(&file)?(Source::open(&file)?, ReadParts::default())
+        });
+        (url.to_owned(), mesh)
     };
-    // The first error in the order of the URLs, whatever the threads do.
-    files.into_par_iter().map(read).collect::<Vec<Result<_>>>().into_iter().collect()
+    let elements: Vec<_> = elements.into_iter().collect();
+    elements.into_par_iter().map(read).collect()
 }
 
 /// Refuses a mesh of an unknown kind, or one that is too large.
@@ -174,7 +189,7 @@ impl Welded {
     }
 
     fn add(&mut self, [a, b, c]: [DVec3; 3], pose: DAffine3, scale: DVec3) {
-        let is_mirrored = scale.x * scale.y * scale.z < 0.0;
+        let is_mirrored = scale.x * scale.y * scale.z * pose.matrix3.determinant() < 0.0;
         let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
         let corners = corners.map(|p| {
             // Adding zero makes -0 and 0 the same place.

@@ -6,7 +6,7 @@ use roxmltree::Node;
 use crate::io::error::Result;
 use crate::io::file::excerpt;
 use crate::io::file::xml::{Named, Xml, child, children};
-use crate::robot::{Geometry, JointKind, Mimic, Role, Shape, taxel_sheet};
+use crate::robot::{Geometry, JointKind, Mimic, Robot, Role, Shape, taxel_sheet};
 use crate::skin::{LinkId, Sheet, TaxelId};
 
 /// A joint whose links and leader are places in the file.
@@ -18,8 +18,8 @@ pub(super) struct RawJoint {
     pub(super) axis: DVec3,
     pub(super) limits: Option<[f64; 2]>,
     pub(super) mimic: Option<Mimic>,
-    /// The name of a joint to follow that is not there.
-    pub(super) lost: Option<String>,
+    /// What it says and is not read.
+    pub(super) passed_over: Vec<String>,
 }
 
 pub(super) fn read_joint<'i>(
@@ -39,8 +39,12 @@ pub(super) fn read_joint<'i>(
         xml.invalid(node, format!("type={}", excerpt(kind)), needed)
     })?;
     let mimic = child(node, "mimic").map(|mimic| read_mimic(xml, mimic, joints)).transpose()?;
-    let (mimic, lost) = mimic.map_or((None, None), |mimic| {
-        mimic.map_or_else(|name| (None, Some(name)), |mimic| (Some(mimic), None))
+    let mut passed_over = Vec::new();
+    let lost = |leader| format!("it follows a joint {leader:?} that is not there; it has a value of its own");
+    let mimic = mimic.and_then(|mimic| mimic.map_err(|leader| passed_over.push(lost(leader))).ok());
+    let limits = limits(xml, node, kind).unwrap_or_else(|e| {
+        passed_over.push(format!("its limits are left out: {e}"));
+        None
     });
     Ok(RawJoint {
         parent: link("parent")?,
@@ -48,9 +52,9 @@ pub(super) fn read_joint<'i>(
         pose: origin(xml, node)?,
         kind,
         axis: axis(xml, node, kind)?,
-        limits: limits(xml, node, kind)?,
+        limits,
         mimic,
-        lost,
+        passed_over,
     })
 }
 
@@ -107,12 +111,12 @@ fn pose<'i>(xml: &Xml<'i>, node: Node<'_, 'i>) -> Result<DAffine3> {
     Ok(DAffine3::from_mat3_translation(turn, xyz))
 }
 
-/// Adds the shapes of a link.
+/// Adds the shapes of a link. One that is not read is left out with a remark.
 pub(super) fn read_shapes<'i>(
     xml: &Xml<'i>,
     link: Node<'_, 'i>,
     id: LinkId,
-    shapes: &mut Vec<Shape>,
+    robot: &mut Robot,
 ) -> Result<()> {
     for (name, role) in [("visual", Role::Visual), ("collision", Role::Collision)] {
         for node in children(link, name) {
@@ -120,8 +124,12 @@ pub(super) fn read_shapes<'i>(
             let Some(geometry) = child(node, "geometry") else { continue };
             let Some(kind) = geometry.children().find(Node::is_element) else { continue };
             let pose = origin(xml, node)?;
-            let geometry = read_geometry(xml, kind)?;
-            shapes.push(Shape { link: id, role, pose, geometry, line: xml.line(kind) });
+            match read_geometry(xml, kind) {
+                Ok(geometry) => {
+                    robot.shapes.push(Shape { link: id, role, pose, geometry, line: xml.line(kind) });
+                }
+                Err(e) => robot.pass_over(id, format!("a shape is left out: {e}")),
+            }
         }
     }
     Ok(())
@@ -146,7 +154,8 @@ fn read_geometry<'i>(xml: &Xml<'i>, node: Node<'_, 'i>) -> Result<Geometry> {
         }
         "cylinder" => Geometry::Cylinder { radius: length("radius")?, length: length("length")? },
         "sphere" => Geometry::Sphere { radius: length("radius")? },
-        _ => return Err(xml.invalid(node, "an unknown shape", "mesh, box, cylinder or sphere")),
+        "capsule" => Geometry::Capsule { radius: length("radius")?, length: length("length")? },
+        _ => return Err(xml.invalid(node, "an unknown shape", "mesh, box, cylinder, capsule or sphere")),
     })
 }
 

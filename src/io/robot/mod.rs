@@ -1,4 +1,4 @@
-//! Robot descriptions (URDF): links, joints, shapes and tactile sensors.
+//! Robot descriptions (URDF, and MJCF in `mjcf`): links, joints, shapes and tactile sensors.
 //!
 //! [`read_robot`] reads the description alone, `draft` the meshes that it names; `elements` reads what stands in
 //! a link or a joint, `packages` finds files.
@@ -8,11 +8,12 @@
 
 mod draft;
 mod elements;
+mod mjcf;
 mod packages;
 
 use std::path::Path;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use roxmltree::Node;
 
 use crate::io::error::Result;
@@ -26,10 +27,9 @@ pub use draft::{RobotSurface, robot_draft};
 pub use packages::Packages;
 
 /// What turns a file of macros into a robot description.
-const EXPAND: &str =
-    "a robot description without macros: `xacro FILE > robot.urdf` expands them (`pip install xacro`)";
+const EXPAND: &str = "a robot description without macros: `xacrodoc -d FOLDER_OF_PACKAGES FILE -o robot.urdf` expands them (`pip install xacrodoc`)";
 
-/// Reads a robot description: a `.urdf` file. Its mesh files are not opened.
+/// Reads a robot description: a `.urdf` file, or a `.xml` of `MuJoCo`. Its mesh files are not opened.
 ///
 /// ```
 /// use dermatome::io::read_robot;
@@ -62,12 +62,13 @@ pub fn read_robot(path: &Path) -> Result<Robot> {
 pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     let xml = Xml::parse(source)?;
     let root = xml.root();
-    if root.tag_name().name() != "robot" {
-        return Err(xml.invalid(
-            root,
-            "another kind of XML",
-            "a robot description, whose first element is <robot>",
-        ));
+    match root.tag_name().name() {
+        "robot" => {}
+        "mujoco" | "mujocoinclude" => return mjcf::robot_of(source),
+        _ => {
+            let needed = "a robot description, whose first element is <robot> or <mujoco>";
+            return Err(xml.invalid(root, "another kind of XML", needed));
+        }
     }
     refuse_macros(&xml)?;
     let links = Named::read(&xml, children(root, "link"))?;
@@ -93,21 +94,20 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
                 link: ids[link],
                 kind: raw.kind,
                 axis: raw.axis,
+                anchor: DVec3::ZERO,
                 limits: raw.limits,
                 mimic: None,
             });
-            if let Some(leader) = &raw.lost {
-                let what =
-                    format!("it follows a joint {leader:?} that is not there; it has a value of its own");
-                let (patch, kind) = (joints.names[joint].to_owned(), RemarkKind::PassedOver { what });
-                robot.remarks.push(Remark { patch, kind });
-            }
+            robot.remarks.extend(raw.passed_over.iter().map(|what| {
+                let kind = RemarkKind::PassedOver { what: what.clone() };
+                Remark { patch: joints.names[joint].to_owned(), kind }
+            }));
         }
         robot.links.push(Link { name: links.names[link].to_owned(), parent, pose });
     }
     add_mimics(&xml, &joints, &raw, &places, &mut robot.joints)?;
     for (&node, &link) in links.nodes.iter().zip(&ids) {
-        read_shapes(&xml, node, link, &mut robot.shapes)?;
+        read_shapes(&xml, node, link, &mut robot)?;
     }
     for node in children(root, "sensor") {
         robot.sensors.extend(read_sensor(&xml, node, |name| Some(ids[links.find(name)?]))?);

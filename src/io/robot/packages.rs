@@ -38,14 +38,21 @@ impl Packages {
                 rest if rest.contains('/') => return self.in_package(path, element, url, rest),
                 file => file,
             },
-            Some(("file", file)) => file,
+            Some(("file", file)) => {
+                file.strip_prefix("localhost").filter(|file| file.starts_with('/')).unwrap_or(file)
+            }
             None => url,
             Some(_) => {
                 let needed = "package://NAME/PATH, file:///PATH, or a path";
                 return Err(invalid(path, element, url, needed));
             }
         };
-        let file = path.parent().unwrap_or(Path::new("")).join(file);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let decoded = folder.join(percent_decoded(file));
+        let file = folder.join(file);
+        if url.contains("://") && decoded.is_file() {
+            return Ok(decoded);
+        }
         let missing = || IoError::MeshFile {
             path: path.into(),
             element: element.into(),
@@ -92,7 +99,8 @@ impl Packages {
         let above = path.ancestors().skip(1).map(Path::to_path_buf);
         let mut folders: Vec<PathBuf> = Vec::new();
         for folder in above.chain(self.paths.iter().cloned()) {
-            let own = folder.file_name().is_some_and(|own| own == name).then(|| folder.clone());
+            let is_own = folder.file_name().is_some_and(|own| own == name) || is_package(&folder, name);
+            let own = is_own.then(|| folder.clone());
             for folder in own.into_iter().chain([folder.join(name)]).filter(|folder| folder.is_dir()) {
                 if !folders.contains(&folder) {
                     folders.push(folder);
@@ -101,4 +109,24 @@ impl Packages {
         }
         folders
     }
+}
+
+/// Whether the `package.xml` of a folder names this package.
+fn is_package(folder: &Path, name: &str) -> bool {
+    let text = std::fs::read_to_string(folder.join("package.xml")).unwrap_or_default();
+    let own = text.split_once("<name>").and_then(|(_, rest)| rest.split_once("</name>"));
+    own.is_some_and(|(own, _)| own.trim() == name)
+}
+
+/// A path of a URL, in which `%` and two hexadecimal digits are a byte.
+fn percent_decoded(path: &str) -> String {
+    let mut pieces = path.split('%');
+    let mut bytes = pieces.next().unwrap_or_default().as_bytes().to_vec();
+    for piece in pieces {
+        match piece.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => bytes.extend([&[byte], &piece.as_bytes()[2..]].concat()),
+            None => bytes.extend([b"%", piece.as_bytes()].concat()),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
 }

@@ -284,9 +284,9 @@ fn io_help(error: &IoError) -> String {
         IoError::UnknownKind { path, known } => {
             return match converter(path) {
                 _ if file_kind(path) == "xacro" => {
-                    "expand its macros first: `pip install xacro`, `xacro IN.xacro > OUT.urdf`".into()
+                    "expand its macros first: `pip install xacrodoc`, `xacrodoc -d FOLDER_OF_PACKAGES IN.xacro -o OUT.urdf`, with NAME:=VALUE for each argument it has".into()
                 }
-                _ if matches!(file_kind(path).as_str(), "sdf" | "mjcf") => {
+                _ if file_kind(path) == "sdf" => {
                     "give a .urdf of the robot, or the mesh files that it names".into()
                 }
                 Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
@@ -294,9 +294,9 @@ fn io_help(error: &IoError) -> String {
             };
         }
         IoError::MeshFile { package: Some(package), .. } => {
-            return format!("say where that package is: --package {package}=DIR; --links NAME leaves out links");
+            return format!("say where that package is: --package {package}=DIR; --without LINK leaves out a link");
         }
-        IoError::MeshFile { .. } => "put the file there, or correct its name; --links NAME leaves out links",
+        IoError::MeshFile { .. } => "put the file there, or correct its name; --without LINK leaves out a link",
         IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several"
         }

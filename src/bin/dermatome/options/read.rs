@@ -33,7 +33,7 @@ pub(crate) struct ReadArgs {
     seams: Option<Weld>,
     /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
     /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
-    /// each is listed [default for .stl, .dae and .urdf]
+    /// each is listed [default for .stl, .dae, .urdf and .xml]
     #[arg(long)]
     repair: bool,
     /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
@@ -73,7 +73,8 @@ impl ReadArgs {
     /// parts), and their formats have no other way to say which faces are one sheet.
     pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {
         let weld = self.seams.or(self.weld).unwrap_or_default();
-        let is_cad = |path: &Path| matches!(file_kind(path).as_str(), "stl" | "dae" | "urdf");
+        let is_cad =
+            |path: &Path| matches!(file_kind(path).as_str(), "stl" | "dae" | "urdf" | "xml" | "mjcf");
         let is_cad = paths.iter().any(|path| is_cad(path.as_ref()));
         let (gap, repair, outside) = (self.gap, self.repair || is_cad, self.outside);
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }

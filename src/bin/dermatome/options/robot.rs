@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
-use dermatome::io::{Packages, RobotSurface, file_kind, read_joint_values, read_robot, robot_draft};
+use dermatome::io::{Packages, RobotSurface, is_robot, read_joint_values, read_robot, robot_draft};
 use dermatome::robot::{JointKind, Robot};
 use dermatome::skin::Draft;
 use glob::Pattern;
@@ -14,7 +14,7 @@ use crate::options::{Choice, Common, one_of, pattern};
 
 /// Which parts of a robot are its skin.
 #[derive(Debug, Clone, clap::Args)]
-#[command(next_help_heading = "Robots (.urdf)")]
+#[command(next_help_heading = "Robots (.urdf, .xml)")]
 pub(crate) struct RobotArgs {
     /// What of a robot is its skin [default: sensors, or visual if it has none, or
     /// collision]
@@ -24,6 +24,10 @@ pub(crate) struct RobotArgs {
     /// given more than once [default: all links]
     #[arg(long, value_name = "NAME", value_parser = pattern)]
     links: Vec<Pattern>,
+    /// Leave out the skin of the links of this name, in which * and ? stand for any characters; may be given more
+    /// than once
+    #[arg(long, value_name = "NAME", value_parser = pattern)]
+    without: Vec<Pattern>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
     /// normals along z; * and ? stand for any characters, may be given more than once. They are the skin then
     #[arg(long, value_name = "NAME", value_parser = pattern, conflicts_with = "surface")]
@@ -43,17 +47,20 @@ const SURFACES: [Choice<RobotSurface>; 3] = [
 impl RobotArgs {
     /// Whether a file is a robot description.
     pub(crate) fn describes(path: &Path) -> bool {
-        file_kind(path) == "urdf"
+        is_robot(path)
     }
 
     /// Refuses options that a file of another kind has no use for.
     pub(super) fn refuse_unused(&self, path: &Path) -> anyhow::Result<()> {
-        let patterns = [&self.links, &self.taxels];
+        let patterns = [&self.links, &self.without, &self.taxels];
         if self.surface.is_none() && patterns.iter().all(|p| p.is_empty()) && self.packages.is_empty() {
             return Ok(());
         }
         let what = format!("{} is no robot description", path.display());
-        Err(advise(what, "leave out --mesh, --links, --taxels and --package, or give a .urdf"))
+        Err(advise(
+            what,
+            "leave out --mesh, --links, --without, --taxels and --package, or give a .urdf or an .xml of MuJoCo",
+        ))
     }
 
     /// Reads a robot, with the shapes and sensors of the links that are chosen.
@@ -71,13 +78,19 @@ impl RobotArgs {
         }
         robot.add_taxels(|name| self.taxels.iter().any(|pattern| pattern.matches(name)));
         let names = || robot.links.iter().map(|link| &*link.name);
-        if let Some(none) = self.links.iter().find(|pattern| !names().any(|name| pattern.matches(name))) {
-            let what = format!("{} has no link of the name {none} in --links", path.display());
+        let all = [("--links", &self.links), ("--without", &self.without)];
+        let all =
+            all.into_iter().flat_map(|(option, patterns)| patterns.iter().map(move |own| (option, own)));
+        for (option, none) in all.filter(|(_, pattern)| !names().any(|name| pattern.matches(name))) {
+            let what = format!("{} has no link of the name {none} in {option}", path.display());
             return Err(advise(what, "`dermatome info` lists its links; * stands for any characters"));
         }
-        if !self.links.is_empty() {
+        {
             let links = &robot.links;
-            let is_chosen = |name: &str| self.links.iter().any(|pattern| pattern.matches(name));
+            let fits =
+                |patterns: &[Pattern], name: &str| patterns.iter().any(|pattern| pattern.matches(name));
+            let is_chosen =
+                |name: &str| (self.links.is_empty() || fits(&self.links, name)) && !fits(&self.without, name);
             robot.shapes.retain(|shape| is_chosen(&links[shape.link].name));
             robot.sensors.retain(|sheet| sheet.link.is_some_and(|link| is_chosen(&links[link].name)));
         }
