@@ -1,9 +1,10 @@
-//! Drafts: skins as files hold them, before anything is repaired or refused.
+//! Drafts: skins as files have them, before anything is repaired or refused.
 
 use glam::{DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, too_many};
+use crate::skin::columns::columns;
 use crate::skin::{
     Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId,
 };
@@ -12,7 +13,7 @@ use crate::skin::{
 /// larger, so that its unit shows down to a fingertip of 5 mm.
 const LARGEST_PART: f64 = 5.0;
 
-/// A skin as a file holds it, before anything is repaired or refused.
+/// A skin as a file has it, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Draft {
     /// The links; empty where the format has none.
@@ -27,77 +28,50 @@ pub struct Draft {
     pub materials: Vec<String>,
 }
 
-/// Defines [`Sheet`] with its columns, of which each has one entry a taxel, and what is done with all of them.
-macro_rules! sheet {
-    ($($(#[$doc:meta])* $column:ident: $type:ty,)*) => {
-        /// One sheet of triangles with their taxels, as written.
-        ///
-        /// The optional arrays should be as long as `positions`, those of the texture and the materials as
-        /// `triangles`. Nothing is guaranteed before the draft is assembled: arrays may be shorter, corners
-        /// out of range, positions not finite, vertices unused or duplicated, winding mixed.
-        #[derive(Debug, Clone, Default, PartialEq)]
-        pub struct Sheet {
-            /// Name of the patch.
-            pub name: String,
-            /// The link it is fixed to.
-            pub link: Option<LinkId>,
-            /// Positions in the link's frame, in m.
-            pub positions: Vec<DVec3>,
-            /// Corner indices into `positions`.
-            pub triangles: Vec<[u32; 3]>,
-            /// Texture coordinates of the corners of each triangle, if the reader was asked for them.
-            pub texture: Option<Vec<[DVec2; 3]>>,
-            /// The material of each triangle, if the reader was asked for it; [`u32::MAX`] where there is
-            /// none.
-            pub materials: Option<Vec<u32>>,
-            $($(#[$doc])* pub $column: Option<Vec<$type>>,)*
-        }
-
-        impl Sheet {
-            /// The taxels `kept`, in that order, without triangles.
-            pub(crate) fn select(&self, kept: &[usize]) -> Self {
-                Self {
-                    name: self.name.clone(),
-                    link: self.link,
-                    positions: kept.iter().map(|&k| self.positions[k]).collect(),
-                    $($column: self.$column.as_ref().map(|all| kept.iter().map(|&k| all[k]).collect()),)*
-                    ..Self::default()
-                }
-            }
-
-            /// The names and lengths of the columns there are.
-            fn lengths(&self) -> impl Iterator<Item = (&'static str, usize)> {
-                let all = [$((stringify!($column), self.$column.as_ref().map(Vec::len))),*];
-                all.into_iter().filter_map(|(what, n)| Some((what, n?)))
-            }
-        }
-    };
-}
-
-sheet! {
-    /// The numbers of the vertices in the file, where they are not their places in `positions`.
-    numbers: u32,
+columns! {
+    /// One sheet of triangles with their taxels, as written.
+    ///
+    /// The optional arrays should be as long as `positions`, those of the texture and the materials as
+    /// `triangles`. Nothing is guaranteed before the draft is assembled: arrays may be shorter, corners
+    /// out of range, positions not finite, vertices unused or duplicated, winding mixed.
+    Sheet {
+        /// Name of the patch.
+        name: String,
+        /// The link it is fixed to.
+        link: Option<LinkId>,
+        /// Corner indices into `positions`.
+        triangles: Vec<[u32; 3]>,
+        /// Texture coordinates of the corners of each triangle, if the reader was told to read them.
+        texture: Option<Vec<[DVec2; 3]>>,
+        /// The material of each triangle, if the reader was told to read it; [`u32::MAX`] where there is
+        /// none.
+        materials: Option<Vec<u32>>,
+    }
+    /// Positions in the link's frame, in m.
+    positions: Vec<DVec3>,
+    /// The numbers of the vertices in the file, where they are not their indices in `positions`.
+    numbers: Option<Vec<u32>>,
     /// Vendor ids.
-    ids: TaxelId,
+    ids: Option<Vec<TaxelId>>,
     /// Normals in the link's frame.
-    normals: DVec3,
+    normals: Option<Vec<DVec3>>,
     /// The x axes of the taxels' frames in the link's frame, which are projected to the tangent
     /// planes when the sheet is assembled; zero where there is none.
-    tangents: DVec3,
+    tangents: Option<Vec<DVec3>>,
     /// Receptive areas, in m^2.
-    areas: f64,
+    areas: Option<Vec<f64>>,
     /// Taxels per m^2.
-    densities: f64,
+    densities: Option<Vec<f64>>,
     /// How much distortion of the map counts at each taxel, at least 0.
-    weights: f64,
+    weights: Option<Vec<f64>>,
     /// What each slot holds.
-    presence: Presence,
+    presence: Option<Vec<Presence>>,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
-    modules: u32,
+    modules: Option<Vec<u32>>,
     /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
-    covariances: Covariance,
+    covariances: Option<Vec<Covariance>>,
     /// The links that each taxel follows; `None`: the sheet's.
-    joints: Joints,
+    joints: Option<Vec<Joints>>,
 }
 
 impl Draft {
@@ -218,6 +192,11 @@ impl Sheet {
         if count == 0 { 0.0 } else { (0..3).map(side).fold(0.0, f64::max) }
     }
 
+    /// The taxels `kept`, in that order, without triangles.
+    pub(crate) fn select(&self, kept: &[usize]) -> Self {
+        Self { name: self.name.clone(), link: self.link, ..self.selected(kept.iter().copied()) }
+    }
+
     /// The first optional array that has not one entry per vertex, and its length.
     pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
         let of_faces = [
@@ -228,13 +207,14 @@ impl Sheet {
         if let Some(wrong) = given.find(|&(_, n)| n != self.triangles.len()) {
             return Some(wrong);
         }
-        self.lengths().find(|&(_, n)| n != self.positions.len())
+        self.wrong_column(self.positions.len())
     }
 
     /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay; a sheet
     /// with an array of another length, which is refused later, stays whole.
     fn retained(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         if self.wrong_length().is_some() {
+            // Called all the same: what `keep` counts must not shift in the sheets after this one.
             let count = if self.triangles.is_empty() { self.positions.len() } else { self.triangles.len() };
             for k in 0..count {
                 keep(self, k);

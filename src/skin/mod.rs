@@ -27,7 +27,7 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: `link`, `motion`, `taxels`, `patch` (the data); `draft`, `error`, `remark`,
+//! In reading order: `link`, `motion`, `columns`, `taxels`, `patch` (the data); `draft`, `error`, `remark`,
 //! `sentence`; `weld`, `normals` (what assembling and checking share); `triangulate`; `assemble`; `check`.
 //!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
@@ -37,6 +37,7 @@
 mod assemble;
 mod triangulate;
 mod check;
+mod columns;
 mod draft;
 mod error;
 mod link;

@@ -2,7 +2,7 @@
 //! mesh.
 //!
 //! Every step that drops, reorders or moves taxels goes through [`Taxels::select`] and
-//! [`Taxels::posed`], so that a property cannot be forgotten on the way.
+//! [`Taxels::posed`], so that no property is lost.
 
 use std::fmt;
 
@@ -12,6 +12,7 @@ use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, surface_normals};
 use crate::numeric::Covariance;
 use crate::skin::LinkId;
+use crate::skin::columns::{Column, columns};
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -78,35 +79,35 @@ impl Presence {
     }
 }
 
-/// What is known of the taxels of a patch.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Taxels {
+columns! {
+    /// What is known of the taxels of a patch.
+    Taxels {}
     /// Vendor ids; not unique.
-    pub ids: IdVec<VertexId, TaxelId>,
+    ids: IdVec<VertexId, TaxelId>,
     /// Unit normals in the link's frame, outward.
-    pub normals: IdVec<VertexId, DVec3>,
+    normals: IdVec<VertexId, DVec3>,
     /// Unit tangents in the link's frame, perpendicular to the normals to within 1e-5; `None`:
     /// unknown. A taxel's frame is its tangent `t`, `n x t` and its normal `n`: right-handed.
     ///
     /// Calibrated poses and files give them; a map without them gets the direction in which its
     /// `u` grows most.
-    pub tangents: Option<IdVec<VertexId, DVec3>>,
+    tangents: Option<IdVec<VertexId, DVec3>>,
     /// Receptive areas in m^2, positive.
-    pub areas: IdVec<VertexId, f64>,
+    areas: IdVec<VertexId, f64>,
     /// Taxels per m^2, positive; `None`: as the spacing says.
-    pub densities: Option<IdVec<VertexId, f64>>,
+    densities: Option<IdVec<VertexId, f64>>,
     /// How much distortion of the map counts at each taxel, at least 0; only ratios matter. `None`:
     /// the same everywhere.
-    pub weights: Option<IdVec<VertexId, f64>>,
+    weights: Option<IdVec<VertexId, f64>>,
     /// How many times finer than elsewhere the fields are at each taxel, and how many times longer
     /// lengths on the map, from 0.001 to 1000; only ratios matter. `None`: the same everywhere.
-    pub acuities: Option<IdVec<VertexId, f64>>,
+    acuities: Option<IdVec<VertexId, f64>>,
     /// What each slot holds.
-    pub presence: IdVec<VertexId, Presence>,
+    presence: IdVec<VertexId, Presence>,
     /// How uncertain the positions are, in the link's frame; `None`: unknown.
-    pub covariances: Option<IdVec<VertexId, Covariance>>,
+    covariances: Option<IdVec<VertexId, Covariance>>,
     /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
-    pub joints: Option<IdVec<VertexId, Joints>>,
+    joints: Option<IdVec<VertexId, Joints>>,
 }
 
 /// Up to four links that a point follows, and how much: it moves to the mean of where they take it, by
@@ -159,68 +160,70 @@ impl From<&TriMesh> for Taxels {
 }
 
 impl Taxels {
-    /// Checks the length of every array and the values in it.
+    /// Checks the length of every array and the values in it: the only check of taxels that are assembled,
+    /// built or read.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
-        let lengths = [
-            ("ids", self.ids.len()),
-            ("normals", self.normals.len()),
-            ("tangents", self.tangents.as_ref().map_or(vertices, |values| values.len())),
-            ("areas", self.areas.len()),
-            ("presence", self.presence.len()),
-            ("covariances", self.covariances.as_ref().map_or(vertices, |values| values.len())),
-            ("joints", self.joints.as_ref().map_or(vertices, |values| values.len())),
-        ];
-        if let Some(&(what, found)) = lengths.iter().find(|(_, found)| *found != vertices) {
+        if let Some((what, found)) = self.wrong_column(vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
         }
         self.check_demands(vertices)?;
-        if let Some((vertex, &found)) = self.areas.enumerate().find(|&(_, &a)| !is_positive(a)) {
+        // A column that is added is checked here, or named as one that may hold anything.
+        let Self {
+            normals,
+            tangents,
+            areas,
+            covariances,
+            joints,
+            ids: _,
+            presence: _,
+            densities: _,
+            weights: _,
+            acuities: _,
+        } = self;
+        if let Some((vertex, found)) = first(areas.enumerate(), |x| is_positive(*x)) {
             return Err(TaxelError::Area { vertex, found });
         }
-        for (vertex, n) in self.normals.enumerate() {
+        for (vertex, n) in normals.enumerate() {
             let found = n.length();
             if found.is_nan() || (found - 1.0).abs() > UNIT_TOLERANCE {
                 return Err(TaxelError::Normal { vertex, found });
             }
         }
-        for (vertex, t) in self.tangents.iter().flat_map(IdVec::enumerate) {
-            let (length, along) = (t.length(), t.dot(self.normals[vertex]));
+        for (vertex, t) in tangents.iter().flat_map(IdVec::enumerate) {
+            let (length, along) = (t.length(), t.dot(normals[vertex]));
             let is_tangent = (length - 1.0).abs() <= UNIT_TOLERANCE && along.abs() <= UNIT_TOLERANCE;
             if !is_tangent {
                 return Err(TaxelError::Tangent { vertex, length, along });
             }
         }
-        let mut joints = self.joints.iter().flat_map(IdVec::enumerate);
-        if let Some((vertex, &found)) = joints.find(|(_, joints)| scaled_joints(joints).is_none()) {
+        let joints = joints.iter().flat_map(IdVec::enumerate);
+        if let Some((vertex, found)) = first(joints, |all| scaled_joints(all).is_some()) {
             return Err(TaxelError::Joints { vertex, found });
         }
-        let mut covariances = self.covariances.iter().flat_map(IdVec::enumerate);
-        match covariances.find(|(_, c)| !is_covariance(c)) {
-            Some((vertex, &found)) => Err(TaxelError::Covariance { vertex, found }),
+        match first(covariances.iter().flat_map(IdVec::enumerate), is_covariance) {
+            Some((vertex, found)) => Err(TaxelError::Covariance { vertex, found }),
             None => Ok(()),
         }
     }
 
-    /// Checks what regions ask of fields and maps: densities, weights and acuities.
+    /// Checks what regions demand of fields and maps: densities, weights and acuities.
     pub(crate) fn check_demands(&self, vertices: usize) -> Result<(), TaxelError> {
         let Self { densities, weights, acuities, .. } = self;
         for (what, values) in [("densities", densities), ("weights", weights), ("acuities", acuities)] {
-            if let Some(found) = values.as_ref().map(|values| values.len()).filter(|found| *found != vertices)
-            {
+            if let Some(found) = values.entries().filter(|found| *found != vertices) {
                 return Err(TaxelError::Length { what, found, needed: vertices });
             }
         }
-        let first = |values: &Option<IdVec<VertexId, f64>>, is_wrong: fn(f64) -> bool| {
-            let mut all = values.iter().flat_map(IdVec::enumerate);
-            all.find(|(_, x)| is_wrong(**x)).map(|(vertex, &found)| (vertex, found))
+        let wrong = |values: &Option<IdVec<VertexId, f64>>, is_right: fn(f64) -> bool| {
+            first(values.iter().flat_map(IdVec::enumerate), |x| is_right(*x))
         };
-        if let Some((vertex, found)) = first(densities, |x| !is_positive(x)) {
+        if let Some((vertex, found)) = wrong(densities, is_positive) {
             return Err(TaxelError::Density { vertex, found });
         }
-        if let Some((vertex, found)) = first(acuities, |x| !(1e-3..=1e3).contains(&x)) {
+        if let Some((vertex, found)) = wrong(acuities, |x| (1e-3..=1e3).contains(&x)) {
             return Err(TaxelError::Acuity { vertex, found });
         }
-        if let Some((vertex, found)) = first(weights, |x| !is_weight(x)) {
+        if let Some((vertex, found)) = wrong(weights, is_weight) {
             return Err(TaxelError::Weight { vertex, found });
         }
         match weights {
@@ -244,18 +247,7 @@ impl Taxels {
     /// Panics if one of them does not exist.
     #[must_use]
     pub(crate) fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
-        Self {
-            ids: origins.map(|&v| self.ids[v]),
-            normals: origins.map(|&v| self.normals[v]),
-            tangents: self.tangents.as_ref().map(|t| origins.map(|&v| t[v])),
-            areas: origins.map(|&v| self.areas[v]),
-            densities: self.densities.as_ref().map(|d| origins.map(|&v| d[v])),
-            weights: self.weights.as_ref().map(|w| origins.map(|&v| w[v])),
-            acuities: self.acuities.as_ref().map(|a| origins.map(|&v| a[v])),
-            presence: origins.map(|&v| self.presence[v]),
-            covariances: self.covariances.as_ref().map(|c| origins.map(|&v| c[v])),
-            joints: self.joints.as_ref().map(|all| origins.map(|&v| all[v])),
-        }
+        self.selected(origins.iter().map(|v| v.index()))
     }
 
     /// The taxels in another frame, by a rigid pose.
@@ -271,6 +263,14 @@ impl Taxels {
             ..self.clone()
         }
     }
+}
+
+/// The first value that is not right, and its vertex.
+fn first<'a, T: Copy + 'a>(
+    mut values: impl Iterator<Item = (VertexId, &'a T)>,
+    is_right: impl Fn(&T) -> bool,
+) -> Option<(VertexId, T)> {
+    values.find(|(_, x)| !is_right(x)).map(|(vertex, &found)| (vertex, found))
 }
 
 /// Whether a number can be an area or a density.
@@ -309,7 +309,7 @@ pub enum TaxelError {
         found: f64,
     },
     #[error(
-        "the tangent of vertex {vertex} has length {length} and the part {along} along the normal; \
+        "the tangent of vertex {vertex} has length {length} and the component {along} along the normal; \
          1 and 0 are needed"
     )]
     Tangent { vertex: VertexId, length: f64, along: f64 },
@@ -331,4 +331,23 @@ pub enum TaxelError {
         <[f64; 6]>::from(*found)
     )]
     Covariance { vertex: VertexId, found: Covariance },
+}
+
+impl TaxelError {
+    /// The same error with the number that its vertex has elsewhere.
+    pub(super) fn renumbered(mut self, number: impl Fn(VertexId) -> VertexId) -> Self {
+        match &mut self {
+            Self::Area { vertex, .. }
+            | Self::Normal { vertex, .. }
+            | Self::Tangent { vertex, .. }
+            | Self::Density { vertex, .. }
+            | Self::Weight { vertex, .. }
+            | Self::Acuity { vertex, .. }
+            | Self::Joints { vertex, .. }
+            | Self::UnknownJoint { vertex, .. }
+            | Self::Covariance { vertex, .. } => *vertex = number(*vertex),
+            Self::Length { .. } | Self::NoWeight { .. } => {}
+        }
+        self
+    }
 }
