@@ -149,7 +149,7 @@ pub struct PatchMap {
     pub name: String,
     /// The link it is fixed to.
     pub link: LinkId,
-    /// How many of the last triangles of level 0 close pin-holes: they are no skin.
+    /// How many of the last triangles of level 0 fill holes: they are not skin.
     pub filled: usize,
     /// What is known of the taxels, the vertices of level 0.
     pub taxels: Taxels,
@@ -164,6 +164,9 @@ impl PatchMap {
     /// Where there are fewer maps than levels, the coarsest levels are left out. Taxels without
     /// tangents get the direction in which `u` of level 0 grows most, in their
     /// tangent plane; where it has none there, the mean of their neighbours'.
+    ///
+    /// # Panics
+    /// If a map has not one position per vertex of its level, or a triangle names a vertex that does not exist.
     pub fn new(
         patch: &Patch,
         pyramid: Pyramid,

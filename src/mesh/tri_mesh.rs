@@ -94,7 +94,7 @@ impl TriMesh {
         areas
     }
 
-    /// The same, but next to nothing at a vertex between faces without area, which still needs a field.
+    /// As `vertex_areas`, but never 0: a vertex of degenerate faces gets a tiny positive area.
     pub(crate) fn positive_vertex_areas(&self) -> IdVec<VertexId, f64> {
         let mut areas = self.vertex_areas();
         let least = areas.iter().sum::<f64>() / self.positions.len() as f64 * f64::EPSILON;

@@ -24,7 +24,7 @@ pub(crate) fn narrow(x: f64) -> f32 {
     x as f32
 }
 
-/// The second digit of a positive `x`: 10 for 347.
+/// The place value of the second digit of a positive `x`: 10 for 347, 1 for 34.
 #[cfg(feature = "plot")]
 pub(crate) fn second_digit(x: f64) -> f64 {
     10_f64.powf(x.log10().floor() - 1.0)

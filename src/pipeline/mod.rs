@@ -105,7 +105,7 @@ pub struct Progress {
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
-/// All patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
+/// If the skin is not valid ([`Skin::validate`]); all patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
 /// if that is all of them.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with_progress(skin, options, &|_| ()).map(|built| Arc::unwrap_or_clone(built.map))
@@ -161,6 +161,7 @@ pub fn build_with_progress(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Built, Error> {
     let start = Instant::now();
+    skin.validate()?;
     let seams = given_seams(skin, &options.cut)?;
     let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
     let coarsened = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {

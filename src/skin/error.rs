@@ -22,12 +22,12 @@ pub enum SkinError {
         "patch {patch:?}: {} more than two faces, the first joins vertices {} and {}; \
          a skin is a sheet, with one or two faces at each edge",
         count(edges.len(), "edge has", "edges have"),
-        edges[0][0], edges[0][1]
+        ends(edges)[0], ends(edges)[1]
     )]
     NonManifoldEdges { patch: String, edges: Vec<[VertexId; 2]> },
     #[error(
         "patch {patch:?}: repair stopped after {rounds} rounds of dropping faces, and {} more than two faces still, \
-         the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), edges[0][0], edges[0][1]
+         the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), ends(edges)[0], ends(edges)[1]
     )]
     RepairGaveUp { patch: String, rounds: usize, edges: Vec<[VertexId; 2]> },
     #[error(
@@ -40,6 +40,8 @@ pub enum SkinError {
         /// The faces of the shortest strip through it that is turned over once around, in order.
         faces: Vec<FaceId>,
     },
+    #[error("patch {patch:?}: {found} faces are said to fill holes, but it has {faces}")]
+    Filled { patch: String, found: usize, faces: usize },
     #[error("two patches are named {patch:?}; names must differ")]
     DuplicateName { patch: String },
     #[error("patch {patch:?} has {found} components; a patch must have one")]
@@ -81,6 +83,11 @@ pub enum SkinError {
     NoArea { faces: usize },
     #[error("there is no triangle in it: a skin needs taxels joined by triangles")]
     NoTriangles,
+}
+
+/// The ends of the first edge.
+fn ends(edges: &[[VertexId; 2]]) -> [VertexId; 2] {
+    edges.first().copied().unwrap_or_default()
 }
 
 fn joined(errors: &[SkinError]) -> String {

@@ -1,5 +1,6 @@
 //! How links move: poses at given times, and between them.
 
+use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
@@ -25,7 +26,7 @@ pub enum MotionFrame {
 pub struct Motion {
     /// What it is called; may be empty.
     pub name: String,
-    tracks: IdVec<LinkId, Option<Track>>,
+    tracks: BTreeMap<LinkId, Track>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -72,24 +73,23 @@ impl Motion {
 
     /// The first and the last time of all poses, in s; `None` if there are no poses.
     pub fn times(&self) -> Option<[f64; 2]> {
-        let tracks = self.tracks.iter().flatten();
-        let times = tracks.flat_map(|track| [&track.translation.times, &track.rotation.times]);
+        let times = self.tracks.values().flat_map(|track| [&track.translation.times, &track.rotation.times]);
         let ends = times.filter_map(|times| Some([*times.first()?, *times.last()?]));
         ends.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
     }
 
     /// The pose of a link at a time, in s, if it has poses.
     pub(crate) fn pose(&self, link: LinkId, time: f64) -> Option<(MotionFrame, DAffine3)> {
-        let track = self.tracks.get(link)?.as_ref()?;
+        let track = self.tracks.get(&link)?;
         Some((track.frame, track.at(time)?))
     }
 
     /// The links that move, by what frame, and at what times (s) they have which poses.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = (LinkId, &Track)> {
-        self.tracks.enumerate().filter_map(|(link, track)| Some((link, track.as_ref()?)))
+        self.tracks.iter().map(|(&link, track)| (link, track))
     }
 
-    /// The same poses of other links: those that `links` has in their places.
+    /// The poses with each link replaced by the one that `links` has for it; without links that it lacks.
     pub(super) fn of_links(&self, links: &IdVec<LinkId, LinkId>) -> Self {
         let mut motion = Self { name: self.name.clone(), ..Self::default() };
         let known = self.tracks().filter_map(|(link, track)| Some((*links.get(link)?, track)));
@@ -99,7 +99,7 @@ impl Motion {
 
     /// Multiplies all lengths by `metres`.
     pub(super) fn scale(&mut self, metres: f64) {
-        for track in self.tracks.iter_mut().flatten() {
+        for track in self.tracks.values_mut() {
             let Curve { values, slopes, .. } = &mut track.translation;
             values.iter_mut().chain(slopes.as_flattened_mut()).for_each(|vector| *vector *= metres);
         }
@@ -107,10 +107,7 @@ impl Motion {
 
     /// Gives a link a track of finite values, with rotations of unit length at its times.
     pub(crate) fn insert(&mut self, link: LinkId, track: Track) {
-        while self.tracks.len() <= link.index() {
-            self.tracks.push(None);
-        }
-        self.tracks[link] = Some(track);
+        self.tracks.insert(link, track);
     }
 }
 
@@ -194,12 +191,13 @@ mod tests {
     #[test]
     fn poses_between_times_are_interpolated_and_ends_are_held() {
         let mut motion = Motion::default();
-        let link = LinkId::new(2);
+        // No memory for the links before it.
+        let link = LinkId::from(4_000_000_000);
         let keys =
             [(2.0, pose(1.0, 1.0)), (1.0, pose(0.0, 0.0)), (2.0, pose(5.0, 0.0)), (4.0, pose(7.0, 0.5))];
         motion.set(link, MotionFrame::World, &keys).unwrap();
         assert_eq!(motion.times(), Some([1.0, 4.0]));
-        let track = motion.tracks[link].as_ref().unwrap();
+        let track = &motion.tracks[&link];
         for (time, expected) in [
             (0.0, pose(0.0, 0.0)),
             (1.0, pose(0.0, 0.0)),

@@ -24,7 +24,7 @@ pub struct Patch {
     /// Taxel positions in the link's frame and triangles seen from outside: manifold, one
     /// component, no vertex without a face.
     pub mesh: TriMesh,
-    /// How many of the last triangles close pin-holes: they are no skin, and no taxel lies in them.
+    /// How many of the last triangles fill holes: they are not skin, and no taxel lies in them.
     pub filled: usize,
     /// What is known of each vertex of the mesh.
     pub taxels: Taxels,
@@ -37,13 +37,17 @@ impl Patch {
     }
 
     /// Checks every promise that concerns this patch alone.
-    fn validate(&self) -> Result<(), SkinError> {
+    pub(super) fn validate(&self) -> Result<(), SkinError> {
         let patch = || self.name.clone();
         let adjacency =
             Adjacency::new(&self.mesh).map_err(|source| SkinError::Mesh { patch: patch(), source })?;
         let found = adjacency.topology().components;
         if found != 1 {
             return Err(SkinError::Components { patch: patch(), found });
+        }
+        let (found, faces) = (self.filled, self.mesh.triangles.len());
+        if found > faces {
+            return Err(SkinError::Filled { patch: patch(), found, faces });
         }
         self.taxels
             .validate(self.mesh.positions.len())
@@ -111,18 +115,22 @@ pub(crate) fn check_patches<'a>(
         if link.index() >= links.len() {
             return Err(SkinError::UnknownLink { patch: name.to_owned(), link });
         }
-        let mut joints = taxels.joints.iter().flat_map(IdVec::enumerate);
-        let unknown = joints
-            .find_map(|(v, all)| Some((v, all.iter().find(|j| j.1 > 0.0 && j.0.index() >= links.len())?.0)));
-        if let Some((vertex, link)) = unknown {
-            let source = TaxelError::UnknownJoint { vertex, link, links: links.len() };
-            return Err(SkinError::Taxels { patch: name.to_owned(), source });
-        }
+        check_joints(name, taxels, links.len())?;
         if !names.insert(name) {
             return Err(SkinError::DuplicateName { patch: name.to_owned() });
         }
     }
     Ok(())
+}
+
+/// Checks that the taxels of a patch follow links that exist.
+pub(super) fn check_joints(patch: &str, taxels: &Taxels, links: usize) -> Result<(), SkinError> {
+    let mut joints = taxels.joints.iter().flat_map(IdVec::enumerate);
+    let unknown =
+        joints.find_map(|(v, all)| Some((v, all.iter().find(|j| j.1 > 0.0 && j.0.index() >= links)?.0)));
+    let Some((vertex, link)) = unknown else { return Ok(()) };
+    let source = TaxelError::UnknownJoint { vertex, link, links };
+    Err(SkinError::Taxels { patch: patch.to_owned(), source })
 }
 
 /// Checks that links come after their parents and have rigid poses. Names may be empty or repeat: a

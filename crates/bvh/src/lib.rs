@@ -6,7 +6,8 @@
 //! | points | the nearest few, all in a sphere | [`PointTree`] |
 //! | triangles | the nearest one, all in a sphere, the first on a ray | [`TriangleTree`] |
 //!
-//! Coordinates are `f64` of any size and any origin. Inside, boxes are `f32`, rounded outwards: they only
+//! Coordinates are `f64` of any origin, and of any size as long as the squares of distances stay finite (up to about
+//! 1e154). Inside, boxes are `f32`, rounded outwards: they only
 //! decide what is looked at. What is found is decided in `f64`, so answers are exact, and the same on
 //! every processor.
 //!

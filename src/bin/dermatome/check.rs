@@ -3,7 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::id::VertexId;
-use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check};
+use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, check};
 
 use serde_json::{Value, json};
 
@@ -38,18 +38,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     read_map_if_any(&args.file)?;
     let options = args.read.options(&[&args.file]);
     let findings = check(&draft, &options);
-    let (notes, mut findings): (Vec<_>, Vec<_>) =
-        findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
+    let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note!(common, "{found}"));
-    let mut is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
-    if !is_refused && let Err(reason) = assemble(&draft, &options) {
-        is_refused = true;
-        findings.push(Finding {
-            patch: String::new(),
-            kind: FindingKind::NoSkin { reason },
-            elements: Elements::Whole,
-        });
-    }
+    let is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
     if args.json {
         print_json("dermatome.check/1", &as_json(&findings, &draft))?;
     } else if findings.is_empty() {

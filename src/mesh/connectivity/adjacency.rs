@@ -105,7 +105,7 @@ fn search<'a>(
 /// Writes the neighbours of a vertex, whose faces are `links`, into `ring`, counter-clockwise; whether they are one
 /// fan that fills it. `pair` takes every halfedge that leaves the vertex with its twin.
 ///
-/// A walk from face to face, which needs no search, would wait for memory at each.
+/// Faster than walking from face to face, which would miss the cache at every step.
 fn order_fan(links: &[Link], ring: &mut [VertexId], pair: impl Fn(Halfedge, Halfedge)) -> bool {
     let is_open = ring.len() > links.len();
     let with_next = search(links, |link| link.next);

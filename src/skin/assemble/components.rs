@@ -20,7 +20,7 @@ pub(super) struct Components<'a> {
     pub in_file: IdVec<VertexId, VertexId>,
     /// Unit normals of the taxels, zero where there is none; `None` without normals.
     pub normals: Option<IdVec<VertexId, DVec3>>,
-    /// The same of the tangents.
+    /// Unit tangents, likewise.
     pub tangents: Option<IdVec<VertexId, DVec3>>,
     mesh: TriMesh,
     /// The component of each face; `None` for a face that was dropped.
@@ -95,10 +95,6 @@ impl<'a> Components<'a> {
 
     /// Reports which taxels have no face (any more), and how many vertices were welded.
     fn report_taxels(&self, taxel: &IdVec<VertexId, VertexId>, remarks: &mut Vec<RemarkKind>) {
-        let mut in_file = vec![false; taxel.len()];
-        for &v in self.sheet.triangles.iter().flatten() {
-            in_file[v as usize] = true;
-        }
         let mut used = IdVec::<VertexId, bool>::filled(false, self.mesh.positions.len());
         for (face, t) in self.mesh.triangles.enumerate() {
             if self.component[face].is_some() {
@@ -108,9 +104,9 @@ impl<'a> Components<'a> {
         let mut merged = 0_usize;
         let mut left_out = Vec::new();
         for (v, &first) in taxel.enumerate() {
-            if used[first] && in_file[v.index()] {
+            if used[first] {
                 merged += usize::from(first != v);
-            } else if !used[first] {
+            } else {
                 left_out.push(v);
             }
         }

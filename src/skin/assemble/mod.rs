@@ -138,7 +138,7 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
         let faces = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
         return Err(if faces > 0 { SkinError::NoArea { faces } } else { SkinError::NoTriangles });
     }
-    skin.validate()?;
+    // Links were checked first, each patch when it was made.
     Ok(Assembled { skin, remarks })
 }
 
@@ -187,14 +187,19 @@ impl Assembly {
         self.remark(sheet.title(), kinds.drain(..));
         let first = self.skin.patches.len();
         for component in components.split() {
-            let link = sheet.link.unwrap_or_else(|| self.origin());
-            let (name, holes) = (self.names.next(sheet.title()), options.fill_holes);
-            match patch_of(&components, component, name, link, holes, &mut self.next_id, &mut kinds) {
+            let mut next_id = self.next_id;
+            match patch_of(&components, component, links, options.fill_holes, &mut next_id, &mut kinds) {
                 Ok(patch) => {
-                    self.remark(&patch.name, kinds.drain(..));
-                    self.skin.patches.push(patch);
+                    self.next_id = next_id;
+                    let link = sheet.link.unwrap_or_else(|| self.origin());
+                    let name = self.names.next(sheet.title());
+                    self.remark(&name, kinds.drain(..));
+                    self.skin.patches.push(Patch { name, link, ..patch });
                 }
-                Err(reason) => self.errors.push((sheet.title().to_owned(), reason)),
+                Err(reason) => {
+                    kinds.clear();
+                    self.errors.push((sheet.title().to_owned(), reason));
+                }
             }
         }
         let renamed = renamed(sheet, &(*self.skin.patches)[first..]);

@@ -7,25 +7,25 @@ use crate::id::{IdVec, VertexId};
 use crate::mesh::{Edges, FillHoles, TriMesh, fill_holes, surface_normals};
 use crate::skin::assemble::components::{Component, Components};
 use crate::skin::normals::{NormalConsensus, NormalQuality};
+use crate::skin::patch::check_joints;
 use crate::skin::remark::note;
 use crate::skin::taxels::is_positive;
-use crate::skin::{
-    LinkId, OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelError, TaxelId, Taxels, tangents_along,
-};
+use crate::skin::{OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelId, Taxels, tangents_along};
 
 /// Turns `component` outward, fills the `holes` that are wanted and gives its
-/// taxels what the file says about them.
+/// taxels what the file says about them. The patch has the name and link of its sheet,
+/// and follows only some of this many `links`.
 ///
 /// Holes are filled before normals and areas are computed, since these come from the faces.
 pub(super) fn patch_of(
     components: &Components<'_>,
     mut component: Component,
-    name: String,
-    link: LinkId,
+    links: usize,
     holes: FillHoles,
     next_id: &mut u32,
     remarks: &mut Vec<RemarkKind>,
 ) -> Result<Patch, SkinError> {
+    let name = components.sheet.title().to_owned();
     let normals = components.normals.as_ref().map(|normals| {
         let given = component.vertices.map(|&v| normals[v]);
         let quality = NormalConsensus::of(&component.mesh, &given).quality();
@@ -58,16 +58,16 @@ pub(super) fn patch_of(
         covariances: file.covariances.map(IdVec::from),
         joints: file.joints.map(IdVec::from),
     };
-    taxels.check_demands(in_file.len()).map_err(|error| {
-        let source = match error {
-            TaxelError::Density { vertex, found } => TaxelError::Density { vertex: in_file[vertex], found },
-            TaxelError::Weight { vertex, found } => TaxelError::Weight { vertex: in_file[vertex], found },
-            other => other,
-        };
-        SkinError::Taxels { patch: name.clone(), source }
-    })?;
     let filled = mesh.triangles.len() - own;
-    Ok(Patch { name, link, mesh, filled, taxels })
+    let patch = Patch { name, link: components.sheet.link.unwrap_or_default(), mesh, filled, taxels };
+    let valid = patch.validate().and_then(|()| check_joints(&patch.name, &patch.taxels, links));
+    valid.map_err(|error| match error {
+        SkinError::Taxels { patch, source } => {
+            SkinError::Taxels { patch, source: source.renumbered(|v| in_file[v]) }
+        }
+        other => other,
+    })?;
+    Ok(patch)
 }
 
 /// The tangents of the file in the tangent planes of the normals chosen; `None` where most of them

@@ -28,7 +28,7 @@ pub(in crate::skin) fn has_no_area(corners: [DVec3; 3]) -> bool {
     slenderness(corners) <= FLATTEST
 }
 
-/// What became of the faces without area, by their place in the mesh.
+/// What became of the faces without area, by their index in the mesh.
 #[derive(Debug, Default)]
 pub(super) struct Cleared {
     /// Faces at the boundary that were dropped.
@@ -102,9 +102,11 @@ impl DirectedEdges {
         for (face, &t) in mesh.triangles.enumerate() {
             edges.insert(face, t);
         }
-        for &(from, to) in edges.faces.keys() {
-            if !edges.faces.contains_key(&(to, from)) {
-                (edges.on_boundary[from], edges.on_boundary[to]) = (true, true);
+        for &[a, b, c] in &mesh.triangles {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                if edges.face(to, from).is_none() {
+                    (edges.on_boundary[from], edges.on_boundary[to]) = (true, true);
+                }
             }
         }
         edges

@@ -87,7 +87,7 @@ finding_kinds! { n;
     Error NoTriangles => "{}", SkinError::NoTriangles;
     /// Taxels without triangles, which are joined when they are read.
     Note Bare => "its taxels have no triangles: reading it as a skin joins them";
-    /// Taxels without triangles that cannot be joined.
+    /// What assembling refuses it for, where no other finding is an error.
     Error NoSkin { reason: SkinError } => "{reason}";
     /// Taxels without triangles fall into pieces when they are joined.
     Warning BarePieces { patches: Vec<String> } =>
@@ -170,8 +170,6 @@ finding_kinds! { n;
     Warning AreaNotPositive => "{} a receptive area that is not positive", count(n, "vertex has", "vertices have");
     Error DensityNotPositive => "{} a density that is not positive", count(n, "vertex has", "vertices have");
     Error WeightUnusable => "{} a weight that is negative or not a number", count(n, "vertex has", "vertices have");
-    Error NoWeight =>
-        "the weight is 0 at {}", if n == 1 { "the only vertex".to_owned() } else { format!("all {n} vertices") };
 }
 
 /// The possessive of one thing or of several.

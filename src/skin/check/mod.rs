@@ -28,10 +28,10 @@ pub use finding::{Elements, Finding, FindingKind, Severity};
 /// taxels that can be distinguished. Vertices that a file splits along seams of its normals or
 /// textures are healthy too, and so are slots marked as absent that have no face.
 ///
-/// With an error among the findings ([`Severity::Error`]) the draft is refused by
-/// [`crate::skin::assemble`] with the same `options`, which also refuses some drafts without: those
-/// whose covariances, joints or poses of links are not valid. Takes time near-linear in the size of the
-/// draft, and never panics.
+/// With an error among the findings ([`Severity::Error`]), and only then, the draft is refused by
+/// [`crate::skin::assemble`] with the same `options`; with [`AssembleOptions::keep_going`] the sheets of the errors
+/// may be left out instead. What no finding describes more closely is [`FindingKind::NoSkin`]. Takes time
+/// near-linear in the size of the draft, and never panics.
 ///
 /// Bare taxels are judged by what assembling them with `options` gives.
 ///
@@ -70,6 +70,13 @@ pub fn check(draft: &Draft, options: &AssembleOptions) -> Vec<Finding> {
         whole.add(FindingKind::NoTriangles, Elements::Whole);
     }
     whole.findings.append(&mut findings);
+    let is_error = |found: &Finding| found.severity() == Severity::Error;
+    if !draft.is_bare()
+        && !whole.findings.iter().any(is_error)
+        && let Err(reason) = assemble(draft, options)
+    {
+        whole.findings.push(Finding::whole("", FindingKind::NoSkin { reason }));
+    }
     whole.findings
 }
 

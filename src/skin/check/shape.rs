@@ -11,7 +11,7 @@ use crate::skin::check::finding::{Report, Subject};
 use crate::skin::normals::{NormalConsensus, NormalQuality};
 use crate::skin::weld::welded_mesh::duplicate_faces;
 
-/// A sliver is lower than this share of its longest side. Sound calibrated covers have faces down
+/// A sliver is lower than this share of its longest side. Valid calibrated covers have faces down
 /// to 0.04.
 const SLIVER: f64 = 0.02;
 
@@ -55,7 +55,7 @@ pub(super) fn check_winding(subject: &Subject<'_>, report: &mut Report<'_>) {
     report.add_faces(kind, fewer.map(|f| subject.surface.file_faces[f]));
 }
 
-/// Notes faces wound against the normals, and normals that are not worth the name.
+/// Notes faces wound against the normals, and normals that are zero, not finite, or disagree with the faces.
 pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     let winding = &subject.winding;
     let mesh = &subject.surface.mesh;

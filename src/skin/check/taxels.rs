@@ -106,8 +106,5 @@ pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     }
     if let Some(weights) = &sheet.weights {
         note(FindingKind::WeightUnusable, &|v| !is_weight(weights[v]));
-        if weights.iter().all(|w| *w == 0.0) {
-            note(FindingKind::NoWeight, &|_| true);
-        }
     }
 }

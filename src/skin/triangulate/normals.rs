@@ -79,7 +79,7 @@ impl PointNormals {
             let (mut normal, thickness) = planes(points, &same_side);
             refused = defect(&file, &normal);
             if refused == Some(UnreliableNormals::Unrelated) && bend_with(&file, points, neighbours) {
-                // The planes are fitted across the part; the normals know better.
+                // Where a fitted plane and the file's normal disagree, the normal is taken.
                 let is_known = |v: VertexId| file[v] != DVec3::ZERO;
                 for v in file.ids().filter(|&v| is_known(v)) {
                     normal[v] = file[v];
@@ -161,6 +161,8 @@ fn planes(points: &UniquePoints<'_>, neighbours: &Neighbours) -> (IdVec<VertexId
     }
     (normal, thickness)
 }
+
+/// Why the file's normals cannot be used; `None` if they can.
 fn defect(file: &IdVec<VertexId, DVec3>, planes: &IdVec<VertexId, DVec3>) -> Option<UnreliableNormals> {
     let mut units = 0_usize;
     let (mut agreement, mut differs) = (0.0, false);

@@ -132,7 +132,8 @@ const CELLS: usize = 8;
 /// For every taxel the first that coincides with it. `normals` may be zero, and `unit` is the
 /// length of 1, in m.
 ///
-/// The relation does not depend on the order of the taxels, and is transitive.
+/// Taxels that coincide through others count as coincident. Of more than `CELLS` taxels within the reach of
+/// one, only the nearest are compared, and each cell by one taxel: there the order of the taxels can matter.
 fn first_at_place(
     positions: &IdVec<VertexId, DVec3>,
     normals: &IdVec<VertexId, DVec3>,

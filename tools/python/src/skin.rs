@@ -461,15 +461,7 @@ pub(crate) fn check<'py>(
     let options =
         Reading { gap, weld, repair, outside: None, fill_holes: None, keep_going: false }.options()?;
     draft.scale(unit.map_or(Ok(1.0), self::unit)?);
-    let findings = run(py, 0, move |_| {
-        let mut findings = findings_of(&draft, &options);
-        let is_refused = findings.iter().any(|found| found.severity() == Severity::Error);
-        if !is_refused && let Err(reason) = assemble(&draft, &options) {
-            let kind = FindingKind::NoSkin { reason };
-            findings.push(Finding { patch: String::new(), kind, elements: Elements::Whole });
-        }
-        findings
-    })?;
+    let findings = run(py, 0, move |_| findings_of(&draft, &options))?;
     let all = PyList::empty(py);
     for found in findings {
         let object = PyDict::new(py);
