@@ -64,7 +64,9 @@ mod table;
 pub(crate) use self::gltf::as_in_map_file;
 pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
-pub use draft::{draft_from_bytes, is_robot, read_draft, read_draft_with};
+#[cfg(feature = "robots")]
+pub use draft::is_robot;
+pub use draft::{draft_from_bytes, read_draft, read_draft_with};
 pub use error::{Feature, IoError};
 pub use export::{ExportOptions, export_map};
 pub use file::file_kind;

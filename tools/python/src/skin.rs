@@ -7,8 +7,7 @@ use dermatome::{
     io::{IoError, ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
     remesh::{keep_outer, remesh_skin},
     skin::{
-        AssembleOptions, Draft, Elements, Finding, FindingKind, Link, Patch, Presence, Remark, Severity,
-        Sheet, TaxelId, assemble, check as findings_of,
+        AssembleOptions, Draft, Link, Patch, Presence, Remark, Sheet, TaxelId, assemble, check as findings_of,
     },
 };
 use glam::{DAffine3, DVec3};

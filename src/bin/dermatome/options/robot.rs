@@ -81,7 +81,8 @@ impl RobotArgs {
         let all = [("--links", &self.links), ("--without", &self.without)];
         let all =
             all.into_iter().flat_map(|(option, patterns)| patterns.iter().map(move |own| (option, own)));
-        for (option, none) in all.filter(|(_, pattern)| !names().any(|name| pattern.matches(name))) {
+        let unmatched = |(_, pattern): &(_, &glob::Pattern)| !names().any(|name| pattern.matches(name));
+        if let Some((option, none)) = all.into_iter().find(unmatched) {
             let what = format!("{} has no link of the name {none} in {option}", path.display());
             return Err(advise(what, "`dermatome info` lists its links; * stands for any characters"));
         }
