@@ -428,6 +428,8 @@ mod tests {
         }
     }
 
+    type Change<'a> = &'a dyn Fn(&mut HalfedgeMesh, Halfedge);
+
     /// Every edge is split, flipped and collapsed where it can be, each alone and one after the other.
     #[test]
     fn changed_edges_leave_a_manifold() {
@@ -442,7 +444,7 @@ mod tests {
         ] {
             let (whole, _) = HalfedgeMesh::new(&mesh).unwrap();
             let is_inner = |mesh: &HalfedgeMesh, h| mesh.is_edge(h) && mesh.twin(h) != Halfedge::NONE;
-            let changes: [(&str, &dyn Fn(&mut HalfedgeMesh, Halfedge)); 3] = [
+            let changes: [(&str, Change<'_>); 3] = [
                 ("split", &|mesh, h| {
                     if mesh.is_edge(h) {
                         mesh.split(h);

@@ -121,8 +121,9 @@ impl PySkin {
 
 /// Whether a file is of CAD, whose triangles need repair more often than not.
 fn is_stl(path: &std::path::Path) -> bool {
-    path.extension()
-        .is_some_and(|kind| ["stl", "dae", "urdf"].iter().any(|cad| kind.eq_ignore_ascii_case(cad)))
+    path.extension().is_some_and(|kind| {
+        ["stl", "dae", "urdf", "xml", "mjcf"].iter().any(|cad| kind.eq_ignore_ascii_case(cad))
+    })
 }
 
 #[pymethods]
