@@ -7,12 +7,13 @@ mod common;
 use std::{fs, path::Path};
 
 use common::{dermatome, listing, notes, refuses};
-use dermatome::io::{write_map, write_skin};
+use dermatome::io::{IoError, Outputs, ReadParts, draft_from_bytes, write_map, write_skin};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
-use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pipeline::{BuildOptions, build, build_file};
 use dermatome::skin::Skin;
 use predicates::{prelude::PredicateBooleanExt, str::contains};
+use rayon::prelude::*;
 use tempfile::TempDir;
 
 /// A folder with a skin `cap.obj`, its map `map.glb` and contacts `c.csv`.
@@ -53,6 +54,94 @@ fn a_lookup_writes_tables_and_replaces_no_input() {
     assert_eq!(listing(folder.path()), ["c.csv", "cap.obj", "map.glb", "p.csv"]);
     dermatome(folder.path(), "lookup map.glb c.csv -o t.CSV").assert().success();
     dermatome(folder.path(), "lookup map.glb c.csv -o /dev/null").assert().success();
+}
+
+/// Nor files that an input names, or tables of options.
+#[test]
+fn meshes_of_a_robot_and_tables_of_joints_are_not_replaced() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let link = |name: &str, more: &str| format!("<link name='{name}'>{more}</link>");
+    let visual = "<visual><geometry><mesh filename='cap.obj'/></geometry></visual>";
+    let joint = "<joint name='j' type='revolute'><parent link='a'/><child link='cap'/><axis xyz='0 0 1'/>\
+                 <limit lower='-1' upper='1'/></joint>";
+    let robot = format!("<robot name='r'>{}{}{joint}</robot>", link("a", ""), link("cap", visual));
+    fs::write(at("r.urdf"), robot).unwrap();
+    fs::write(at("j.csv"), "j\n0.5\n").unwrap();
+    for (words, input) in [
+        ("convert r.urdf cap.obj", "cap.obj"),
+        ("lookup map.glb c.csv --pose r.urdf --joints j.csv -o j.csv", "j.csv"),
+    ] {
+        let before = fs::read(at(input)).unwrap();
+        refuses(folder.path(), words, &["would replace an input", input, "write to another file"]);
+        assert!(fs::read(at(input)).unwrap() == before, "{input}");
+    }
+    let error = draft_from_bytes(&at("r.urdf"), fs::read(at("r.urdf")).unwrap(), ReadParts::default());
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("cap.obj") && error.contains("not in a file itself"), "{error}");
+}
+
+/// A reader that leaves, as `| head` does, ends neither the run nor its other outputs.
+#[test]
+fn a_closed_pipe_loses_no_other_output() {
+    let folder = folder();
+    let rows = (0..2000).map(|k| format!("0,0,-0.1,{k},1\n")).collect::<String>();
+    fs::write(folder.path().join("c.csv"), format!("x,y,z,time,force\n{rows}")).unwrap();
+    for (words, output) in [
+        ("lookup map.glb c.csv --readings r.csv", "r.csv"),
+        ("render map.glb r.csv -o - --contacts k.csv --threshold 0.1", "k.csv"),
+        ("simulate -o - --truth t.csv", "t.csv"),
+    ] {
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"));
+        command.current_dir(folder.path()).args(words.split_whitespace());
+        let mut run = command.stdout(std::process::Stdio::piped()).spawn().unwrap();
+        drop(run.stdout.take());
+        assert!(run.wait().unwrap().success(), "{words}");
+        assert!(folder.path().join(output).is_file(), "{words}");
+    }
+}
+
+/// Each transaction is its own, also where threads of one pool work for several.
+#[test]
+fn builds_side_by_side_write_all_files() {
+    let folder = folder();
+    let outs: Vec<_> = (0..6).map(|k| folder.path().join(format!("out{k}"))).collect();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    let build = |out: &std::path::PathBuf| {
+        let skin = folder.path().join("cap.obj");
+        build_file(&skin, out, &BuildOptions::default()).map(|_| (out.join("map.glb").exists(), listing(out)))
+    };
+    let built: Vec<_> = pool.install(|| outs.par_iter().map(build).collect());
+    for built in built {
+        assert_eq!(built.unwrap(), (true, vec!["map.exr".to_owned(), "map.glb".to_owned()]));
+    }
+}
+
+/// A transaction that is dropped leaves nothing, and one that is published neither replaces an input nor, with
+/// it, anything else.
+#[test]
+fn outputs_appear_together_or_not_at_all() {
+    let folder = folder();
+    let skin = Skin::from_mesh("cap", shapes::cap(30, 0.1, 0.6));
+    let at = |name: &str| folder.path().join(name);
+    let before = listing(folder.path());
+    for ending in [|_: &Outputs| (), |outputs: &Outputs| outputs.discard(|| ())] {
+        let outputs = Outputs::default();
+        write_skin(outputs.file(at("a.csv")), &skin).unwrap();
+        write_skin(outputs.nested().file(at("b.ply")), &skin).unwrap();
+        ending(&outputs);
+        drop(outputs);
+        assert_eq!(listing(folder.path()), before);
+    }
+    let outputs = Outputs::default();
+    let old = fs::read(at("cap.obj")).unwrap();
+    write_skin(outputs.file(at("a.ply")), &skin).unwrap();
+    write_skin(outputs.file(at("cap.obj")), &skin).unwrap();
+    outputs.add_input(&at("cap.obj"));
+    assert!(outputs.has_files() && write_skin(outputs.file(at("cap.obj")), &skin).is_err());
+    assert!(matches!(outputs.publish(), Err(IoError::ReplacesInput { .. })));
+    drop(outputs);
+    assert_eq!((fs::read(at("cap.obj")).unwrap(), listing(folder.path())), (old, before));
 }
 
 #[test]

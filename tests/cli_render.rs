@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{self, Stdio};
 use std::time::Duration;
 
-use common::{dermatome, json, notes, npy, refuses};
+use common::{dermatome, json, listing, notes, npy, refuses};
 use predicates::{prelude::*, str::contains};
 
 /// A folder with the map of a sheet of 12 x 10 taxels, ids from 1 on, and a recording of five frames:
@@ -281,6 +281,13 @@ fn a_sequence_that_breaks_off_says_how_far_it_came() {
     assert!(size(0) > 1000 && size(1) > 1000, "two whole frames");
     let names = fs::read_dir(folder.path().join("seq")).unwrap();
     assert_eq!(names.count(), 3, "two frames and the folder, no temporary file");
+    // A shorter run leaves nothing of a longer one behind.
+    dermatome(folder.path(), "render map/map.glb r.csv -o all").assert().success();
+    fs::write(folder.path().join("all/sheet.L0.txt"), "of another program").unwrap();
+    let said = ["files are removed: frames of an earlier run"];
+    notes(folder.path(), "render map/map.glb r.csv -o all --to 1", &said);
+    let left = listing(&folder.path().join("all"));
+    assert!(left.iter().all(|name| !name.contains(".000002")) && left.contains(&"sheet.L0.txt".to_owned()));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::io::file::Source;
 use crate::io::file::file_kind;
 use crate::io::mesh::{Reader, reader_of};
 #[cfg(feature = "robots")]
-use crate::io::robot::{Packages, RobotSurface, robot_draft, robot_of};
+use crate::io::robot::{Packages, RobotSurface, draft_of, robot_of};
 use crate::io::{IoError, ReadParts};
 use crate::skin::Draft;
 
@@ -78,7 +78,8 @@ fn kind_of(path: &Path) -> Result<Reader, IoError> {
     if is_robot(path) {
         return Ok(|source, _| {
             let robot = robot_of(&source)?;
-            robot_draft(source.path(), &robot, RobotSurface::Auto, &Packages::from_env())
+            let packages = source.is_file().then(Packages::from_env);
+            draft_of(source.path(), &robot, RobotSurface::Auto, packages.as_ref())
         });
     }
     reader_of(path)

@@ -18,6 +18,8 @@ pub enum IoError {
     /// The file cannot be written; an older one is left as it was.
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
+    #[error("the result would replace an input, {}", path.display())]
+    ReplacesInput { path: PathBuf },
     /// The content breaks a rule of its format.
     #[error("{}: {element}: found {found}; needed: {needed}", path.display())]
     Invalid {

@@ -3,7 +3,6 @@
 use std::fs::File;
 use std::io::{self, Write};
 use std::ops::Range;
-use std::path::Path;
 
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
@@ -20,7 +19,7 @@ use crate::atlas::{ImageRows, LevelImage, SampleType, Samples};
 use crate::image::TactileImage;
 use crate::io::IoError;
 use crate::io::error::Result;
-use crate::io::file::{percent_coded, replace_file, unfit};
+use crate::io::file::{OutPath, percent_coded, replace_file, unfit};
 use crate::map::ImageFrame;
 use crate::numeric::order_by;
 use crate::signal::{Channel, Quantity};
@@ -54,7 +53,8 @@ const MAX_SIDE: u32 = 1 << 24;
 ///
 /// # Errors
 /// If there is no image, an image has no pixels, two have the same name, or the file cannot be written.
-pub fn write_images(path: &Path, images: &[LevelImage]) -> Result<(), IoError> {
+pub fn write_images(path: impl Into<OutPath>, images: &[LevelImage]) -> Result<(), IoError> {
+    let path = &path.into();
     let note = |image: &LevelImage| {
         let ImageFrame { origin, size, .. } = image.frame();
         let map = json!({ "origin": origin.to_array(), "size": size.to_array() });
@@ -67,12 +67,12 @@ pub fn write_images(path: &Path, images: &[LevelImage]) -> Result<(), IoError> {
 }
 
 /// [`write_images`], with the JSON text of each part's attribute.
-pub(super) fn write_parts(path: &Path, images: &[&dyn ImageRows], notes: &[String]) -> Result<()> {
+pub(super) fn write_parts(path: &OutPath, images: &[&dyn ImageRows], notes: &[String]) -> Result<()> {
     let fail = |source: io::Error| match source.kind() {
         io::ErrorKind::InvalidInput => {
             unfit(path, "an image", source.to_string(), "images that fit their layout")
         }
-        _ => IoError::Write { path: path.to_owned(), source },
+        _ => IoError::Write { path: path.into(), source },
     };
     let parts: Vec<_> =
         images.iter().map(|&image| Part::new(image)).collect::<Result<_, _>>().map_err(fail)?;
@@ -246,7 +246,12 @@ pub struct FrameContent<'a> {
 /// # Errors
 /// If the image has other channels or two of the same name, the pixels show something else, or the
 /// file cannot be written.
-pub fn write_frame(path: &Path, image: &TactileImage, content: &FrameContent<'_>) -> Result<(), IoError> {
+pub fn write_frame(
+    path: impl Into<OutPath>,
+    image: &TactileImage,
+    content: &FrameContent<'_>,
+) -> Result<(), IoError> {
+    let path = &path.into();
     let FrameContent { channels, time, shown } = *content;
     let pixels = image.coverage.len();
     if image.channels != channels.len() || image.values.len() != pixels * channels.len() {

@@ -26,7 +26,7 @@
 //!   ([`IoError::Invalid`]); nothing panics, nothing is repaired in silence.
 //!
 //! What every writer keeps:
-//! - A file is replaced whole or not at all ([`replace_file`]).
+//! - A file is replaced whole or not at all, several files together ([`Outputs`]).
 //! - What a format cannot hold is refused before anything is written ([`IoError::Unfit`]).
 //! - The same input gives the same bytes.
 //!
@@ -70,12 +70,15 @@ pub use draft::{draft_from_bytes, read_draft, read_draft_with};
 pub use error::{Feature, IoError};
 pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
-pub use file::replace::{StagedFiles, abandon_files, replace_file};
+pub use file::outputs::{OutPath, Outputs, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
 pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};
-pub use observations::{builder::ObservationRemark, read_observations, write_observations};
+pub use observations::{
+    builder::ObservationRemark, observations_from_stream, observations_to_stream, read_observations,
+    write_observations,
+};
 pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};

@@ -40,7 +40,7 @@ use crate::atlas::{fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, pairs_by_patch};
 use crate::flatten::{FlattenOptions, flatten_pyramid, patch_scales};
 use crate::id::{IdVec, VertexId};
-use crate::io::{IoError, StagedFiles, read_draft, write_images, write_map};
+use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
 use crate::pipeline::cut_open::cut_open;
 use crate::pipeline::written::measure_as_written;
@@ -338,11 +338,15 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
     let skin = assemble(&draft, &assemble_options)?.skin;
     fs::create_dir_all(folder).map_err(|source| IoError::Write { path: folder.into(), source })?;
     let built = build_with_progress(&skin, options, &|_| ())?;
-    let mut files = StagedFiles::default();
-    files.stage_all::<Error>(&[&|| Ok(write_map(&folder.join("map.glb"), &built.map)?), &|| {
-        Ok(write_images(&folder.join("map.exr"), &skin_images(&built.map)?)?)
-    }])?;
-    files.publish()?;
+    let outputs = Outputs::default();
+    let [map_file, images_file] = ["map.glb", "map.exr"].map(|name| outputs.file(folder.join(name)));
+    let (map, images) = rayon::join(
+        || write_map(map_file, &built.map),
+        || Ok::<_, Error>(write_images(images_file, &skin_images(&built.map)?)?),
+    );
+    map?;
+    images?;
+    outputs.publish()?;
     Ok(built)
 }
 

@@ -1,5 +1,7 @@
 //! Drafts: skins as files have them, before anything is repaired or refused.
 
+use std::path::PathBuf;
+
 use glam::{DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
@@ -26,6 +28,8 @@ pub struct Draft {
     pub remarks: Vec<Remark>,
     /// The names of the materials that [`Sheet::materials`] counts.
     pub materials: Vec<String>,
+    /// Other files that it was read from, as the meshes of a robot and the buffers of a glTF file.
+    pub files: Vec<PathBuf>,
 }
 
 columns! {
@@ -118,6 +122,7 @@ impl Draft {
         self.animations.extend(other.animations.into_iter().map(|motion| motion.of_links(&links)));
         self.remarks.extend(other.remarks);
         self.materials.extend(other.materials);
+        self.files.extend(other.files);
     }
 
     /// Keeps the triangles for which `keep` holds, of sheets that have some, and the taxels of the

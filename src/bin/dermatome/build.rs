@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::atlas::skin_images;
-use dermatome::io::{write_images, write_map};
+use dermatome::io::{Outputs, write_images, write_map};
 use dermatome::map::SkinMap;
 use dermatome::page::Page;
 use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress};
@@ -25,7 +25,7 @@ use crate::console::notes::{
 use crate::console::print::{json, plain, print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
-use crate::files::outputs::{self, Outputs, cannot_write, write_bytes};
+use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
     AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm,
 };
@@ -76,14 +76,23 @@ const MAGNIFY_OVER: [Choice<MagnifyOver>; 2] = [
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let folder = &match (&args.output, &args.skin[..]) {
         (Some(folder), _) => folder.clone(),
+        // `.` has no name of its own.
+        (None, [skin]) if skin.file_name().is_none() => {
+            let whole = skin.canonicalize().map_err(|source| cannot_write(skin, source))?;
+            whole.with_extension("map")
+        }
         (None, [skin]) => skin.with_extension("map"),
         (None, _) => return Err(advise("several files are one skin", "name its folder with -o DIR")),
     };
     let inputs = skin_files(&args.skin)?;
     let files: Vec<PathBuf> =
         FILES.into_iter().chain([REPORT, PAGE, TIMINGS]).map(|name| folder.join(name)).collect();
-    outputs::guard(files.iter().map(PathBuf::as_path), &common.inputs)?;
-    outputs::guard(files.iter().map(PathBuf::as_path), &inputs)?;
+    if args.skin.iter().any(|path| path.is_dir() && outputs::is_same(path, folder)) {
+        let what = format!("the map would go among the files of the skin, in {}", folder.display());
+        return Err(advise(what, "name another folder with -o DIR"));
+    }
+    outputs::add_inputs(&inputs, &common.outputs);
+    outputs::guard(&files, &common.outputs)?;
     let mut options = BuildOptions {
         cut: args.flatten.cut()?,
         seam_side: args.flatten.seam_side,
@@ -110,9 +119,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let on_progress = |progress| progress::show(&bar, progress);
     let built = build_with_progress(&skin, &options, &on_progress)
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
-    let mut outputs = Outputs::default();
     let title = title(&args.skin, folder);
-    let [rasterise, write] = write_files(&built.map, &title, folder, &mut outputs, &bar)?;
+    let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;
     bar.finish_and_clear();
 
     let report = Report {
@@ -132,9 +140,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let texts = [(REPORT, json(SCHEMA, &report)?), (TIMINGS, json("dermatome.timings/1", &timings)?)];
     for (name, text) in texts {
-        outputs.stage_bytes(&folder.join(name), text.as_bytes())?;
+        write_bytes(&common.outputs.file(folder.join(name)), text.as_bytes()).map_err(Error::from)?;
     }
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     note_seams(&report.patches, common);
     note_built(&built, common);
     note_overlaps(&report.patches, &options.flatten, common);
@@ -154,26 +162,29 @@ fn write_files(
     map: &Arc<SkinMap>,
     title: &str,
     folder: &Path,
-    outputs: &mut Outputs,
+    outputs: &Outputs,
     bar: &ProgressBar,
 ) -> Result<[f64; 2], Error> {
     progress::step(bar, "writing", 0, map.patches.len());
     let (start, rasterised) = (Instant::now(), OnceLock::new());
-    let [map_file, images_file] = FILES;
-    let write_map = || Ok(write_map(&folder.join(map_file), map)?);
+    let [map_file, images_file, page_file] =
+        [FILES[0], FILES[1], PAGE].map(|name| outputs.file(folder.join(name)));
+    let write_map = || write_map(map_file, map);
     let write_images = || {
         let images = skin_images(map)?;
         rasterised.get_or_init(|| start.elapsed());
-        Ok(write_images(&folder.join(images_file), &images)?)
+        Ok::<_, Error>(write_images(images_file, &images)?)
     };
     let write_page = || {
         if taxels(map) > MOST_SHOWN {
             return Ok(());
         }
         let page = Page::new(map, title)?.to_html()?;
-        Ok(write_bytes(&folder.join(PAGE), page.as_bytes())?)
+        Ok::<_, Error>(write_bytes(&page_file, page.as_bytes())?)
     };
-    outputs.stage_all(&[&write_map, &write_images, &write_page])?;
+    let (map_written, (images_written, page_written)) =
+        rayon::join(write_map, || rayon::join(write_images, write_page));
+    map_written.map_err(Error::from).and(images_written).and(page_written)?;
     let rasterised = rasterised.into_inner().unwrap_or_default();
     Ok([rasterised, start.elapsed() - rasterised].map(|time| time.as_secs_f64()))
 }

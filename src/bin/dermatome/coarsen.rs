@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use crate::console::print::{plain, print_json, print_table};
 use crate::files::input::read_skin;
-use crate::files::outputs::{self, Outputs};
+use crate::files::outputs;
 use crate::options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs};
 
 /// Arguments of `coarsen`.
@@ -53,9 +53,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let made: Vec<_> = skin.patches.par_iter().map(coarsen).collect();
     let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
-    let mut outputs = Outputs::default();
-    outputs.stage(|| write_pyramids(&args.output, &skin, &pyramids))?;
-    outputs.publish(common)?;
+    write_pyramids(common.outputs.file(&args.output), &skin, &pyramids).map_err(Error::from)?;
+    outputs::publish(common)?;
     let (summary, rows) = summarise(&skin, &pyramids)?;
     if args.json {
         print_json("dermatome.coarsen/1", &summary)?;

@@ -7,7 +7,7 @@ use dermatome::io::{IoError, write_skin};
 
 use crate::{
     console::{errors::advise, notes::remark_lost},
-    files::{input::read_skin, outputs::Outputs},
+    files::{input::read_skin, outputs},
     options::{Common, PatchArgs, ReadArgs},
 };
 
@@ -29,14 +29,13 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(&[&args.input]), common)?;
-    let mut outputs = Outputs::default();
-    outputs.stage(|| write_skin(&args.output, &skin)).map_err(|e| match e {
-        Error::Io(IoError::UnknownKind { .. }) => {
+    write_skin(common.outputs.file(&args.output), &skin).map_err(|e| match e {
+        IoError::UnknownKind { .. } => {
             advise(e, "write .glb, .obj, .ply or .stl, which other programs convert")
         }
-        e => e.into(),
+        e => Error::from(e).into(),
     })?;
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     remark_lost(&args.output, &skin, common);
     Ok(ExitCode::SUCCESS)
 }

@@ -11,7 +11,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::notes::note;
 use crate::files::input::select_patches;
-use crate::files::outputs::{Outputs, kind};
+use crate::files::outputs::{self, kind};
 use crate::options::{Common, pattern};
 
 /// Arguments of `export`.
@@ -52,18 +52,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         note!(common, "patch {name} follows several links; it is exported at rest, on the link {link}");
     }
     let options = ExportOptions { level: LevelId::from(args.level), robot: args.robot.clone() };
-    let mut outputs = Outputs::default();
-    outputs.stage(|| export_map(&args.output, &map, &options)).map_err(|e| {
+    export_map(common.outputs.file(&args.output), &map, &options).map_err(|e| {
         let help = match &e {
-            Error::Io(IoError::UnknownKind { .. }) => "name a file of one of these kinds",
-            Error::Io(IoError::Unfit { .. }) => {
-                "give another --level, or leave such patches out with --patch"
-            }
-            Error::Io(IoError::Invalid { .. }) => "correct --robot, or leave patches out with --patch",
-            _ => return e.into(),
+            IoError::UnknownKind { .. } => "name a file of one of these kinds",
+            IoError::Unfit { .. } => "give another --level, or leave such patches out with --patch",
+            IoError::Invalid { .. } => "correct --robot, or leave patches out with --patch",
+            _ => return Error::from(e).into(),
         };
         advise(e, help)
     })?;
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -3,6 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::Context;
+use dermatome::Error;
 use dermatome::io::write_flat;
 use dermatome::mesh::FillHoles;
 use dermatome::pipeline::{BuildOptions, build_finest};
@@ -15,7 +16,7 @@ use crate::console::notes::{note_area_ratio, note_distortion, note_overlaps, not
 use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::read_skin;
-use crate::files::outputs::Outputs;
+use crate::files::outputs;
 use crate::options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs};
 
 /// Arguments of `flatten`.
@@ -75,11 +76,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     // What closes pin-holes is no skin.
     let skin_faces = mesh.triangles.len() - patch.filled;
     mesh.triangles = mesh.triangles.into_iter().take(skin_faces).collect();
-    let mut outputs = Outputs::default();
     for path in &args.output {
-        outputs.stage(|| write_flat(path, &mesh, &finest.opened_uv()))?;
+        write_flat(common.outputs.file(path), &mesh, &finest.opened_uv()).map_err(Error::from)?;
     }
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     let report = measure(&map);
     note_seams(&report, common);
     note_overlaps(&report, &options.flatten, common);

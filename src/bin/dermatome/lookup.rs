@@ -8,7 +8,6 @@ mod readings;
 mod refusals;
 mod robot;
 
-use std::io::{IsTerminal, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -19,8 +18,8 @@ use dermatome::signal::Spreader;
 use glob::Pattern;
 
 use crate::console::errors::advise;
-use crate::console::print::Terminal;
-use crate::files::outputs::{self, Outputs, is_stream};
+use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
+use crate::files::outputs::{self, is_stream};
 use crate::lookup::answers::{Answers, Question};
 use crate::lookup::back::Back;
 use crate::lookup::contacts::{Contacts, FrameArg, LARGEST, Meaning};
@@ -77,7 +76,7 @@ pub(crate) struct Args {
     pose: Option<PathBuf>,
     /// Values of the joints of the robot of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
     /// a column for each joint and, if they move, time in s
-    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_hint = clap::ValueHint::FilePath, value_parser = joints, requires = "pose")]
     joints: Option<JointsArg>,
     /// Pose the links by this animation of the map, or of the .glb of --pose
     #[arg(long, value_name = "NAME")]
@@ -194,13 +193,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         fields: matches!(question, Question::Fields(_) | Question::Within(_)) || args.readings.is_some(),
     };
     let index = ContactIndex::with_options(&robot.map, &options).map_err(Error::from)?;
-    let mut outputs = Outputs::default();
     if args.question.from_map {
         let frame = (args.frame(), player);
         let mut back = Back::open(&args.contacts, args.unit(), &robot, index, frame, common)?;
-        let written = write(&args.output, &mut outputs, &mut |path, output| back.answer(path, output));
+        let written = write(&args.output, common, &mut |path, output| back.answer(path, output));
         back.refusals.explain(written)?;
-        outputs.publish(common)?;
+        outputs::publish(common)?;
         back.note(common);
         back.refusals.finish()?;
         return Ok(ExitCode::SUCCESS);
@@ -211,8 +209,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
         used.extend(["force", "radius", "time"]);
-        let disc = args.taxel_radius;
-        Readings::create(path, &robot.map, Spreader { disc, max_distance: args.max_distance })
+        let spreader = Spreader { disc: args.taxel_radius, max_distance: args.max_distance };
+        Readings::create(common.outputs.file(path), &robot.map, spreader)
     });
     let (unit, frame) = (args.unit(), args.frame());
     let meaning = Meaning { unit, frame };
@@ -221,9 +219,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut answers =
         Answers::new(&robot, index, question, args.max_distance, player).with_readings(readings);
     let written =
-        write(&args.output, &mut outputs, &mut |path, output| answers.answer(&mut contacts, path, output));
+        write(&args.output, common, &mut |path, output| answers.answer(&mut contacts, path, output));
     contacts.refusals.explain(written)?;
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     contacts.note_unused(common);
     answers.note(&contacts, &args.doubts(), common);
     contacts.refusals.finish()?;
@@ -233,12 +231,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// Lets `answer` write the table of answers.
 fn write(
     path: &Path,
-    outputs: &mut Outputs,
+    common: &Common,
     answer: &mut dyn FnMut(&Path, &mut (dyn std::io::Write + Send)) -> Result<(), IoError>,
 ) -> anyhow::Result<()> {
-    Ok(outputs.stage(|| match is_stream(path) {
-        true if stdout().is_terminal() => answer(Path::new("standard output"), &mut Terminal(stdout())),
-        true => answer(Path::new("standard output"), &mut stdout()),
-        false => replace_file(path, |output| answer(path, output)),
-    })?)
+    let written = if is_stream(path) {
+        answer(STANDARD_OUTPUT.as_ref(), &mut StandardOutput::new(&common.outputs))
+    } else {
+        replace_file(common.outputs.file(path), |output| answer(path, output))
+    };
+    Ok(written.map_err(Error::from)?)
 }

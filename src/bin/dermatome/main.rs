@@ -36,7 +36,7 @@ use crate::options::Common;
 /// The extension of a file determines its format. `-` is standard input for the observations of
 /// `calibrate`, the contacts of `lookup` and the readings of `render` and `plot`, and standard output
 /// for `lookup`, `plot`, `render` and `simulate`. Lengths may have a unit, as in 5mm, 2cm or 0.1m.
-/// Exit codes: 0 success; 1 `check` found problems, or `build --keep-going` left out patches; 2 bad
+/// Exit codes: 0 success; 1 `build` would refuse what `check` read, or `build --keep-going` left out patches; 2 bad
 /// usage or bad input, `calibrate` did not converge, or `lookup` refused rows; 128 plus the number of
 /// the signal that stopped the run, 130 after ^C.
 #[derive(Debug, Parser)]
@@ -56,7 +56,7 @@ enum Command {
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
-    /// List the problems of a skin: exit code 1 if there are any.
+    /// List the problems of a skin: exit code 1 if `build` would refuse it.
     Check(check::Args),
     /// Build the pyramid of receptive fields, without maps.
     Coarsen(coarsen::Args),
@@ -96,21 +96,24 @@ pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let command = help::with_ends(with_negative_numbers(Cli::command()));
     let parsed = command.clone().try_get_matches_from(args);
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
-    let (mut cli, given) = match parsed {
+    let (cli, given) = match parsed {
         Ok(parsed) => parsed,
         Err(e) => return errors::usage(&e),
     };
     let color = cli.common.color;
     if let Some((subcommand, given)) = given.subcommand()
         && let Some(subcommand) = command.find_subcommand(subcommand)
+        && let Err(e) = outputs::check_command_line(subcommand, given, &cli.common.outputs)
     {
-        match outputs::check_command_line(subcommand, given) {
-            Ok(inputs) => cli.common.inputs = inputs,
-            Err(e) => return errors::report(&e, color),
-        }
+        return errors::report(&e, color);
     }
-    match run(&cli) {
+    let ran = run(&cli);
+    let is_complete = !cli.common.outputs.has_files();
+    cli.common.outputs.discard(|| ());
+    match ran {
         Ok(code) => code,
+        // The reader of the only output has what it needs (`| head`).
+        Err(e) if is_complete && errors::is_closed_pipe(&e) => ExitCode::SUCCESS,
         Err(e) => signals::stopped().map_or_else(|| errors::report(&e, color), ExitCode::from),
     }
 }
@@ -135,7 +138,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
             "give fewer --threads, or allow more memory and processes (ulimit -v, -u)",
         )
     })?;
-    signals::catch_signals();
+    signals::catch_signals(&common.outputs);
     // On a thread of the pool: from outside, every parallel loop waits until the pool wakes up.
     pool.install(|| run_command(cli))
 }

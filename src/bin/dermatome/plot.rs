@@ -15,7 +15,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
-use crate::files::outputs::{self, Outputs, is_stream};
+use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern};
 use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel, range};
 
@@ -123,15 +123,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             plot_skin(&skin, &options).map_err(Error::from)?
         }
     };
-    let mut files = Outputs::default();
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
         let bytes = match kind {
             Kind::Svg => picture.to_svg().into_bytes(),
             Kind::Png => picture.to_png().map_err(Error::from)?,
         };
-        files.stage_bytes(path, &bytes)?;
+        write_bytes(&common.outputs.file(path), &bytes).map_err(Error::from)?;
     }
-    files.publish(common)?;
+    outputs::publish(common)?;
     if args.outputs.iter().any(|path| is_stream(path)) {
         print(&picture.to_svg())?;
     }

@@ -19,7 +19,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
 use crate::console::progress;
-use crate::files::outputs::{self, Outputs, is_stream};
+use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
 use crate::options::{Choice, Common, one_of, side_mm};
 use crate::readings::{FramesArgs, Pass, ReadingsArgs, Tally};
@@ -120,7 +120,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     pass.remark(&from, common);
     let options = RenderOptions { interpolation: args.pixels.interpolate, level };
     let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
-    let mut contacts = args.contacts.open(&map, &read, &args.readings_args)?;
     let content = Content {
         map: &map,
         atlas: (!args.images.values_only).then_some(&atlas),
@@ -128,7 +127,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         level,
         has_static: args.images.is_static,
     };
-    let mut output = Output::open(&args.output, kind, &args.colours, &content)?;
+    let mut output = Output::open(&args.output, kind, &args.colours, &content, &common.outputs)?;
+    let mut contacts = args.contacts.open(&map, &read, &args.readings_args, common)?;
     let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &atlas, channels.len());
     space.check(pass.frames().unwrap_or(0))?;
@@ -154,13 +154,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if let Ok(tally) = &tally {
         args.frames.check_any(tally.read, tally.frames)?;
     }
-    let mut outputs = Outputs::default();
-    outputs.stage(|| output.finish())?;
-    let found = contacts.map(|contacts| outputs.stage(|| contacts.finish())).transpose()?;
+    output.finish(common)?;
+    let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
     if matches!(kind, Kind::Folder(_)) {
-        outputs::wrote([args.output.as_path()], common);
+        outputs::wrote(std::slice::from_ref(&args.output), common);
     }
-    outputs.publish(common)?;
+    outputs::publish(common)?;
     if tally.is_err() && signals::stopped().is_some() {
         note_count(common, written, "frames", "written; the stream was stopped");
     }

@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
+use clap::builder::Resettable;
 use dermatome::Error;
 use dermatome::io::{IoError, read_map};
 use dermatome::map::SkinMap;
 use dermatome::page::{LiveServer, Page};
 
-use crate::console::notes::note;
+use crate::console::notes::{note, note_count};
 use crate::console::print::{plain, print};
 use crate::console::progress;
-use crate::files::outputs::{self, Outputs, is_stream};
+use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::Common;
 use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel};
 
@@ -21,6 +22,8 @@ use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel};
 /// The skin unfolds into its map; what the pointer touches lights on both. A recording plays, with its
 /// contacts.
 #[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("played").args(["readings", "live"]).multiple(true))]
+#[command(mut_group("ReadingsArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("played")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
@@ -37,7 +40,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.html")]
     output: Option<PathBuf>,
     /// The channel that is shown [default: the first]
-    #[arg(long, value_name = "NAME", requires = "readings")]
+    #[arg(long, value_name = "NAME", requires = "played")]
     channel: Option<String>,
     /// Title of the page [default: the name of the map's folder or file]
     #[arg(long, value_name = "TEXT")]
@@ -53,7 +56,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if !is_stream(output) && outputs::kind(output) != "html" {
         return Err(Error::from(IoError::UnknownKind { path: output.clone(), known: ".html" }).into());
     }
-    outputs::guard([output.as_path()], &common.inputs)?;
+    outputs::guard(std::slice::from_ref(output), &common.outputs)?;
     args.frames.check()?;
     let map = read_map(&args.map).map_err(Error::from)?;
     let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
@@ -61,18 +64,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if args.live {
         return serve(args, &map, page, common);
     }
-    if let Some(readings) = &args.readings {
-        record(args, readings, &map, &mut page, common)?;
-    }
+    let recorded = match &args.readings {
+        Some(readings) => record(args, readings, &map, &mut page, common)?,
+        None => Ok(()),
+    };
     let html = page.to_html()?;
     if is_stream(output) {
         print(&html)?;
-        return Ok(ExitCode::SUCCESS);
+        return recorded.map(|()| ExitCode::SUCCESS);
     }
-    let mut outputs = Outputs::default();
-    outputs.stage_bytes(output, html.as_bytes())?;
-    outputs.publish(common)?;
-    Ok(ExitCode::SUCCESS)
+    write_bytes(&common.outputs.file(output), html.as_bytes()).map_err(Error::from)?;
+    outputs::publish(common)?;
+    recorded.map(|()| ExitCode::SUCCESS)
 }
 
 /// Shows readings while they come.
@@ -94,26 +97,35 @@ fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow:
     Ok(ExitCode::SUCCESS)
 }
 
-/// Plays readings into a page.
+/// Plays readings into a page; the inner error is that of a stream that ended badly after some frames, which
+/// are kept: they will not come again.
 fn record(
     args: &Args,
     path: &Path,
     map: &SkinMap,
     page: &mut Page<'_>,
     common: &Common,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<anyhow::Result<()>> {
     let pass = Pass::open(&args.readings_args, args.frames, path, map)?;
     let channels = pass.channels().to_vec();
     let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
     pass.remark(&path.display().to_string(), common);
     let bar = progress::frames(common, pass.frames(), is_stream(path));
+    let mut recorded = 0;
     let tally = pass.run(|_, frame| {
         page.record(frame, &channels, shown)?;
+        recorded += 1;
         bar.inc(1);
         Ok(())
     });
     bar.finish_and_clear();
-    let tally = tally?;
+    let tally = match tally {
+        Err(error) if recorded > 0 && is_stream(path) => {
+            note_count(common, recorded, "frames", "kept of the stream, which ended badly");
+            return Ok(Err(error));
+        }
+        tally => tally?,
+    };
     args.frames.check_any(tally.read, tally.frames)?;
     tally.remark(args.readings_args.baseline, common);
     if channels.len() > 1 && args.channel.is_none() {
@@ -124,7 +136,7 @@ fn record(
             plain(&channels[0].name)
         );
     }
-    Ok(())
+    Ok(Ok(()))
 }
 
 /// `forearm` for `forearm.map/map.glb` and for `forearm.glb`.

@@ -1,15 +1,18 @@
 //! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
-use std::path::{Path, PathBuf};
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::calib::{Model, SimulateOptions, Simulation, simulate};
-use dermatome::id::IdVec;
-use dermatome::io::{write_observations, write_triangles, write_truth};
+use dermatome::id::{IdVec, VertexId};
+use dermatome::io::{observations_to_stream, write_observations, write_triangles, write_truth};
+use dermatome::skin::TaxelId;
 
-use crate::console::notes::{note, note_dropped};
-use crate::files::outputs::{self, Outputs};
+use crate::console::notes::note;
+use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
+use crate::files::outputs::{self, is_stream};
 use crate::options::{Choice, Common, length_mm, one_of};
 
 /// Arguments of `simulate`.
@@ -80,28 +83,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     tables().try_for_each(outputs::check_table)?;
     let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);
-    let mut outputs = Outputs::default();
-    let mut observations = simulation.observations.clone();
-    if let Some(path) = &args.contacts {
-        let edges = std::mem::take(&mut observations.edges);
-        outputs.stage(|| write_observations(path, &observations))?;
-        (observations.edges, observations.contacts) = (edges, IdVec::default());
-    }
-    if let Some(path) = &args.truth {
-        outputs.stage(|| write_truth(path, &ids, &simulation.truth))?;
-    }
-    if let Some(path) = &args.triangles {
-        outputs.stage(|| write_triangles(path, &ids, &simulation.mesh.triangles))?;
-    }
-    if args.output == Path::new("-") {
-        write_observations(&args.output, &observations).map_err(Error::from)?;
-    } else {
-        outputs.stage(|| write_observations(&args.output, &observations))?;
-    }
-    if let Some(path) = &args.truth {
-        note_dropped(outputs.drop_triangles(path), common);
-    }
-    outputs.publish(common)?;
+    args.write(&simulation, &ids, common)?;
     let Simulation { observations, mesh, outliers, .. } = &simulation;
     let (edges, contacts) = (observations.edges.len(), observations.contacts.len());
     let (wrong, triangles) = (outliers.len(), mesh.triangles.len());
@@ -111,6 +93,36 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 }
 
 impl Args {
+    fn write(
+        &self,
+        simulation: &Simulation,
+        ids: &IdVec<VertexId, TaxelId>,
+        common: &Common,
+    ) -> Result<(), Error> {
+        let file = |path: &PathBuf| common.outputs.file(path);
+        let mut observations = simulation.observations.clone();
+        if let Some(path) = &self.contacts {
+            let edges = std::mem::take(&mut observations.edges);
+            write_observations(file(path), &observations)?;
+            (observations.edges, observations.contacts) = (edges, IdVec::default());
+        }
+        if let Some(path) = &self.triangles {
+            write_triangles(file(path), ids, &simulation.mesh.triangles)?;
+        }
+        if let Some(path) = &self.truth {
+            write_truth(file(path), ids, &simulation.truth)?;
+            outputs::drop_triangles(path, common)?;
+        }
+        if is_stream(&self.output) {
+            let mut out = BufWriter::new(StandardOutput::new(&common.outputs));
+            observations_to_stream(&mut out, STANDARD_OUTPUT.as_ref(), &observations)?;
+            out.flush().map_err(|e| outputs::cannot_write(STANDARD_OUTPUT.as_ref(), e))?;
+        } else {
+            write_observations(file(&self.output), &observations)?;
+        }
+        outputs::publish(common)
+    }
+
     fn options(&self, seed: u64) -> SimulateOptions {
         SimulateOptions {
             model: self.model,

@@ -10,7 +10,7 @@ use dermatome::skin::{Patch, Skin};
 
 use crate::console::notes::note;
 use crate::files::input::{read_map_if_any, read_skin};
-use crate::files::outputs::{self, Outputs};
+use crate::files::outputs;
 use crate::options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of};
 
 /// Arguments of `touch`.
@@ -91,20 +91,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
     let mut touches = Vec::new();
-    let mut outputs = Outputs::default();
-    outputs.stage(|| {
-        let taxels = skin.patches.iter().map(|patch| &patch.taxels);
-        let mut writer = ReadingsWriter::create(&args.output, taxels, simulation.channel())?;
-        while let Some((frame, now)) = simulation.next_frame() {
-            writer.write(frame)?;
-            touches.extend_from_slice(now);
-        }
-        writer.finish()
-    })?;
-    if let Some(path) = &args.truth {
-        outputs.stage(|| write_touches(path, &skin, &touches))?;
+    let taxels = skin.patches.iter().map(|patch| &patch.taxels);
+    let output = common.outputs.file(&args.output);
+    let mut writer = ReadingsWriter::create(output, taxels, simulation.channel()).map_err(Error::from)?;
+    while let Some((frame, now)) = simulation.next_frame() {
+        writer.write(frame).map_err(Error::from)?;
+        touches.extend_from_slice(now);
     }
-    outputs.publish(common)?;
+    writer.finish().map_err(Error::from)?;
+    if let Some(path) = &args.truth {
+        write_touches(common.outputs.file(path), &skin, &touches).map_err(Error::from)?;
+    }
+    outputs::publish(common)?;
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
     note!(

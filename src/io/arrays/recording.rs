@@ -1,8 +1,6 @@
 //! A recording as arrays: images and the values of every level, with all that numpy needs to read
 //! them without the map.
 
-use std::path::{Path, PathBuf};
-
 use serde_json::{Map, Value, json};
 
 use crate::atlas::{Atlas, AtlasPart};
@@ -10,8 +8,7 @@ use crate::image::TactileImage;
 use crate::io::IoError;
 use crate::io::arrays::npy::{ElementType, Elements};
 use crate::io::arrays::write::{ArrayId, ArrayWriter};
-use crate::io::file::replace::{StagedFiles, write_file};
-use crate::io::file::{file_kind, unfit};
+use crate::io::file::{OutPath, file_kind, unfit, write_file};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 use crate::signal::{Channel, LevelFrame};
@@ -74,7 +71,7 @@ pub struct RecordingLayout<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct RecordingWriter {
-    path: PathBuf,
+    path: OutPath,
     writer: ArrayWriter,
     times: Option<ArrayId>,
     images: Vec<ArrayId>,
@@ -97,9 +94,14 @@ impl RecordingWriter {
     /// # Errors
     /// If the file is of another kind or cannot be created, or the layout has not one image for a
     /// `.npy`.
-    pub fn create(path: &Path, map: &SkinMap, layout: &RecordingLayout<'_>) -> Result<Self, IoError> {
+    pub fn create(
+        path: impl Into<OutPath>,
+        map: &SkinMap,
+        layout: &RecordingLayout<'_>,
+    ) -> Result<Self, IoError> {
+        let path = &path.into();
         let mut this = Self {
-            path: path.into(),
+            path: path.clone(),
             writer: ArrayWriter::create(path)?,
             times: None,
             images: Vec::new(),
@@ -251,13 +253,12 @@ impl RecordingWriter {
         if file_kind(&self.path) == "npy" {
             return writer.finish();
         }
-        let path = self.path.with_extension("features.json");
-        let mut files = StagedFiles::default();
-        files.stage(|| {
-            writer.finish()?;
-            write_file(&path, |file| Ok(serde_json::to_writer_pretty(file, &features)?))
-        })?;
-        files.publish()
+        self.path.together(|path| {
+            writer.finish_at(path)?;
+            write_file(&path.beside(path.with_extension("features.json")), |file| {
+                Ok(serde_json::to_writer_pretty(file, &features)?)
+            })
+        })
     }
 }
 

@@ -8,14 +8,13 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
 
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::io::IoError;
 use crate::io::arrays::npy::{ElementType, Elements, count, header};
-use crate::io::file::replace::{Replacement, replace_file, spool_for};
-use crate::io::file::{cannot_write, file_kind, percent_coded, unfit};
+use crate::io::file::outputs::{Replacement, replace_file, spool_for};
+use crate::io::file::{OutPath, cannot_write, file_kind, percent_coded, unfit};
 
 /// Bytes of a block: enough that a disk writes and reads in long runs.
 const BLOCK_BYTES: usize = 8 << 20;
@@ -25,7 +24,7 @@ const COPY_BYTES: usize = 1 << 20;
 
 /// Writes growing arrays, and in an `.npz` others that do not grow.
 pub(crate) struct ArrayWriter {
-    path: PathBuf,
+    path: OutPath,
     target: Target,
     arrays: Vec<Array>,
     frames: u64,
@@ -57,14 +56,14 @@ pub(crate) struct ArrayId(usize);
 
 impl ArrayWriter {
     /// Starts a `.npy` or an `.npz`.
-    pub(crate) fn create(path: &Path) -> Result<Self, IoError> {
+    pub(crate) fn create(path: &OutPath) -> Result<Self, IoError> {
         let target = match file_kind(path).as_str() {
             "npy" => Target::Npy { file: Replacement::open(path)?, header_bytes: 0 },
             "npz" => Target::Npz { spool: None },
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".npy, .npz" }),
         };
         Ok(Self {
-            path: path.into(),
+            path: path.clone(),
             target,
             arrays: Vec::new(),
             frames: 0,
@@ -175,16 +174,22 @@ impl ArrayWriter {
     }
 
     /// Puts the file in its place.
-    pub(crate) fn finish(mut self) -> Result<(), IoError> {
+    pub(crate) fn finish(self) -> Result<(), IoError> {
+        let path = self.path.clone();
+        self.finish_at(&path)
+    }
+
+    /// As [`Self::finish`]; an `.npz` goes to `path`.
+    pub(crate) fn finish_at(mut self, path: &OutPath) -> Result<(), IoError> {
         if matches!(self.target, Target::Npy { .. }) {
             self.write_block()?;
         }
-        let Self { path, target, arrays, frames, blocks, block_frames, .. } = self;
-        let fail = cannot_write(&path);
+        let Self { target, arrays, frames, blocks, block_frames, .. } = self;
+        let fail = cannot_write(path);
         match target {
             Target::Npy { file, header_bytes } => {
                 let Some(Array { elements, shape, .. }) = arrays.first() else {
-                    return Err(unfit(&path, "the file", "no array", "one array"));
+                    return Err(unfit(path, "the file", "no array", "one array"));
                 };
                 let final_header = header(*elements, &shape_of(frames, shape), header_bytes);
                 let mut out = file.file();
@@ -194,7 +199,7 @@ impl ArrayWriter {
             Target::Npz { spool } => {
                 let gather =
                     Gather { arrays: &arrays, frames, blocks, block_frames: block_frames.unwrap_or(1) };
-                write_archive(&path, |archive| gather.write(archive, spool.as_ref()))
+                write_archive(path, |archive| gather.write(archive, spool.as_ref()))
             }
         }
     }
@@ -291,7 +296,7 @@ fn entry_name(name: &str) -> String {
 
 /// Writes an archive; the file is replaced whole or not at all.
 pub(crate) fn write_archive(
-    path: &Path,
+    path: &OutPath,
     write: impl FnOnce(&mut Archive<'_, '_>) -> io::Result<()>,
 ) -> Result<(), IoError> {
     let fail = |source| IoError::Write { path: path.into(), source };
@@ -345,6 +350,7 @@ impl<W: Seek> Seek for Latch<W> {
 #[cfg(test)]
 mod tests {
     use std::fs;
+    use std::path::Path;
 
     use npyz::NpyFile;
     use zip::ZipArchive;
@@ -353,7 +359,7 @@ mod tests {
 
     /// `frames` frames of `(frame, frame + 1/2, ...)`, each with a `u8` and text beside it.
     fn record(path: &Path, frames: u32, width: usize) -> Result<(), IoError> {
-        let mut writer = ArrayWriter::create(path)?;
+        let mut writer = ArrayWriter::create(&path.into())?;
         let values = writer.growing("values", ElementType::F32, &[2, width])?;
         let more = match file_kind(path).as_str() {
             "npz" => Some(writer.growing("valid", ElementType::U8, &[])?),
@@ -438,7 +444,7 @@ mod tests {
         for name in ["a.npy", "a.npz"] {
             let path = folder.path().join(name);
             fs::write(&path, "older").unwrap();
-            let mut writer = ArrayWriter::create(&path).unwrap();
+            let mut writer = ArrayWriter::create(&(&path).into()).unwrap();
             let values = writer.growing("values", ElementType::F32, &[1 << 20]).unwrap();
             for _ in 0..5 {
                 writer.push(values, Elements::F32(&vec![1.0; 1 << 20])).unwrap();
@@ -453,14 +459,14 @@ mod tests {
     #[test]
     fn a_row_of_the_wrong_length_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = ArrayWriter::create(&folder.path().join("a.npz")).unwrap();
+        let mut writer = ArrayWriter::create(&(&folder.path().join("a.npz")).into()).unwrap();
         let values = writer.growing("values", ElementType::F32, &[3]).unwrap();
         writer.push(values, Elements::F32(&[1.0])).unwrap();
         let message = writer.end_frame().unwrap_err().to_string();
         assert!(message.contains("values") && message.contains("12 bytes"), "{message}");
         assert!(writer.push(values, Elements::U8(&[1])).is_err());
         assert!(writer.constant("c", &[2], Elements::U8(&[1])).is_err());
-        assert!(ArrayWriter::create(Path::new("a.csv")).is_err());
+        assert!(ArrayWriter::create(&"a.csv".into()).is_err());
     }
 
     /// A full disk is an error, and the archive that cannot be finished is silent.

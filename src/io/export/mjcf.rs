@@ -4,14 +4,12 @@
 //! it feels what touches that one. The hull of the skin stands for the body that the file does not know.
 
 use std::io::{self, Write};
-use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
 use crate::io::error::Result;
 use crate::io::export::part::{Part, by_link, distinct, narrowed};
-use crate::io::file::xml_attribute;
-use crate::io::file::{unfit, write_file};
+use crate::io::file::{OutPath, unfit, write_file, xml_attribute};
 
 /// `MuJoCo` refuses meshes of fewer.
 const LEAST_VERTICES: usize = 4;
@@ -30,7 +28,7 @@ const NOTE: &str = "
   first geom of each patch into the body of the robot and leave out its hull.
 ";
 
-pub(super) fn write(path: &Path, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     for part in parts {
         let count = part.vertices().len();
         if count < LEAST_VERTICES {

@@ -11,11 +11,11 @@ mod table;
 mod urdf;
 mod usd;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::io::IoError;
 use crate::io::export::part::parts_of;
-use crate::io::file::{file_kind, unfit};
+use crate::io::file::{OutPath, file_kind, unfit};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 
@@ -60,7 +60,8 @@ pub struct ExportOptions {
 /// If the map breaks a rule of [`SkinMap::validate`], has no tangents, or a patch does not have the level; if the robot
 /// cannot be read, has no link of the name of a patch's link, or has a sensor of a patch's name; if a name or a size
 /// does not fit the format, or the file cannot be written.
-pub fn export_map(path: &Path, map: &SkinMap, options: &ExportOptions) -> Result<(), IoError> {
+pub fn export_map(path: impl Into<OutPath>, map: &SkinMap, options: &ExportOptions) -> Result<(), IoError> {
+    let path = &path.into();
     let kind = file_kind(path);
     if !["xml", "usda", "csv", "npz", "json", "urdf"].contains(&&*kind) {
         let known = ".xml, .usda, .csv, .npz, .json, .urdf";

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::atlas::{Chart, largest};
 use crate::io::error::Result;
 use crate::io::export::part::{Part, narrowed};
-use crate::io::file::{unfit, write_file};
+use crate::io::file::{OutPath, unfit, write_file};
 use crate::map::SkinMap;
 use crate::numeric::narrow;
 
@@ -51,7 +51,7 @@ struct Canvas {
     probe_radius: Vec<Vec<f32>>,
 }
 
-pub(super) fn write(path: &Path, map: &SkinMap, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, map: &SkinMap, parts: &[Part<'_>]) -> Result<()> {
     let patches = parts.iter().map(|part| patch(path, map, part)).collect::<Result<_>>()?;
     let level = parts.first().map_or(0, |part| part.level.index());
     let file = File { schema: "dermatome.probes/1", level, patches };

@@ -1,18 +1,17 @@
 //! Tables of taxels and fields: as text, and as arrays of numpy.
 
-use std::path::Path;
-
 use glam::DVec3;
 
 use crate::io::arrays::npy::Elements;
 use crate::io::arrays::write::ArrayWriter;
 use crate::io::error::Result;
 use crate::io::export::part::{Part, Vertex};
+use crate::io::file::OutPath;
 use crate::io::table::writer::write_table;
 
 const COLUMNS: &str = "patch,link,taxel_id,x,y,z,nx,ny,nz,tx,ty,tz,u,v,area,presence";
 
-pub(super) fn write_csv(path: &Path, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write_csv(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     write_table(path, COLUMNS, |table| {
         for (part, v) in vertices(parts) {
             table.cell(&part.patch.name);
@@ -29,7 +28,7 @@ pub(super) fn write_csv(path: &Path, parts: &[Part<'_>]) -> Result<()> {
     })
 }
 
-pub(super) fn write_npz(path: &Path, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write_npz(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     let count = vertices(parts).count();
     let names: Vec<String> = parts.iter().map(|part| part.patch.name.clone()).collect();
     let links: Vec<String> = parts.iter().map(|part| part.link.clone()).collect();

@@ -4,16 +4,15 @@
 
 use std::fmt::{Display, Formatter};
 use std::io::{self, Write};
-use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
 use crate::io::error::Result;
 use crate::io::export::part::{Part, by_link, distinct, narrowed};
-use crate::io::file::write_file;
+use crate::io::file::{OutPath, write_file};
 use crate::numeric::narrow;
 
-pub(super) fn write(path: &Path, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     let links = by_link(parts);
     let xforms = distinct(links.values().map(|of_link| identifier(&of_link[0].link)));
     write_file(path, |out| {

@@ -1,9 +1,9 @@
 //! What every reader and writer needs of a file, whatever its format: [`Source`] is a file that is read
-//! whole, [`lines`] reads line by line, [`replace`] writes a file whole or not at all,
+//! whole, [`lines`] reads line by line, [`outputs`] writes files whole or not at all,
 //! [`xml`] has the elements of a file.
 
 pub(super) mod lines;
-pub(super) mod replace;
+pub(super) mod outputs;
 #[cfg(feature = "robots")]
 pub(super) mod xml;
 
@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 use crate::io::{Feature, IoError};
 
 pub(super) use lines::{LONGEST, LineLocation, Lines, finite};
-pub(super) use replace::{cannot_write, replace_file, write_file, write_to};
+pub(super) use outputs::{OutPath, cannot_write, replace_file, write_file, write_to};
 
 /// Largest file that is read whole, in bytes. Every element of a file takes at least one byte, so
 /// below this size no count of elements passes the 32 bits of an id.

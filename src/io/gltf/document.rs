@@ -170,6 +170,11 @@ impl Document {
             .map_err(|e| self.invalid(element, format!("base64 with {e}"), "valid base64"))
     }
 
+    /// The files that buffers were read from.
+    pub(super) fn other_files(&self) -> Vec<PathBuf> {
+        self.files.borrow().keys().cloned().collect()
+    }
+
     /// The file a relative URI names: in the folder of the document or below, never elsewhere.
     fn resolve(&self, element: &str, uri: &str) -> Result<PathBuf> {
         let needed = "a file in the folder of the document";

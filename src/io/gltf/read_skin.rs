@@ -53,6 +53,7 @@ pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
             }
         }
     }
+    draft.files = document.other_files();
     if draft.sheets.is_empty() {
         let found = match (document.root().meshes.len(), tree.placements.len()) {
             (0, _) => "no mesh".into(),

@@ -15,7 +15,7 @@ use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
-use crate::io::file::{replace_file, unfit};
+use crate::io::file::{OutPath, replace_file, unfit};
 use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
 use crate::io::gltf::writer::{Form, Hung, SceneWriter};
 use crate::io::gltf::{FrameExtras, LevelExtras, RowsExtras};
@@ -46,7 +46,8 @@ use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 /// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
 /// of the map over or a texture coordinate leaves the unit square, or if the file cannot be
 /// written. Errors name patch, level and face or vertex.
-pub fn write_map(path: &Path, map: &SkinMap) -> Result<(), IoError> {
+pub fn write_map(path: impl Into<OutPath>, map: &SkinMap) -> Result<(), IoError> {
+    let path = &path.into();
     replace_file(path, |file| write(file, path, map))
 }
 
@@ -84,7 +85,8 @@ fn write(output: &mut dyn Write, path: &Path, map: &SkinMap) -> Result<()> {
 /// # Errors
 /// If the skin or a pyramid breaks a rule, there is not one pyramid per patch, a pyramid does not
 /// fit its patch, or the file cannot be written.
-pub fn write_pyramids(path: &Path, skin: &Skin, pyramids: &[Pyramid]) -> Result<(), IoError> {
+pub fn write_pyramids(path: impl Into<OutPath>, skin: &Skin, pyramids: &[Pyramid]) -> Result<(), IoError> {
+    let path = &path.into();
     if pyramids.len() != skin.patches.len() {
         let (element, found) =
             (format!("{} patches", skin.patches.len()), format!("{} pyramids", pyramids.len()));

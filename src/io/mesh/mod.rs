@@ -21,7 +21,7 @@ use glam::DVec2;
 use crate::id::{IdVec, VertexId};
 use crate::io::arrays::npy::Elements;
 use crate::io::arrays::write::ArrayWriter;
-use crate::io::file::{Source, file_kind, replace_file, unfit, write_file};
+use crate::io::file::{OutPath, Source, file_kind, replace_file, unfit, write_file};
 use crate::io::mesh::parts::ReadParts;
 use crate::io::{IoError, gltf};
 use crate::mesh::TriMesh;
@@ -79,7 +79,8 @@ pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
 /// # Errors
 /// If the skin breaks a promise of its type, a number in it does not fit the format, or the file
 /// cannot be written; an older file stays as it was.
-pub fn write_skin(path: &Path, skin: &Skin) -> Result<(), IoError> {
+pub fn write_skin(path: impl Into<OutPath>, skin: &Skin) -> Result<(), IoError> {
+    let path = &path.into();
     if file_kind(path) == "csv" {
         check(path, skin)?;
         return skin_csv::write(path, skin);
@@ -133,7 +134,12 @@ fn check(path: &Path, skin: &Skin) -> Result<(), IoError> {
 ///
 /// # Errors
 /// If the mesh is broken, the map does not fit it, or the file cannot be written.
-pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+pub fn write_flat(
+    path: impl Into<OutPath>,
+    mesh: &TriMesh,
+    uv: &IdVec<VertexId, DVec2>,
+) -> Result<(), IoError> {
+    let path = &path.into();
     let write = match file_kind(path).as_str() {
         "npz" => write_npz,
         "obj" => write_obj,
@@ -147,7 +153,7 @@ pub fn write_flat(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> R
     write(path, mesh, uv)
 }
 
-fn write_obj(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+fn write_obj(path: &OutPath, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
     write_file(path, |file| {
         for p in &mesh.positions {
             writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z)?;
@@ -163,7 +169,7 @@ fn write_obj(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result
     })
 }
 
-fn write_npz(path: &Path, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
+fn write_npz(path: &OutPath, mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Result<(), IoError> {
     let positions: Vec<f64> = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
     let corners: Vec<i64> = mesh.triangles.iter().flatten().map(|v| i64::from(v.raw())).collect();
     let map: Vec<f64> = uv.iter().flat_map(|p| p.to_array()).collect();

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::io::IoError;
 use crate::io::file::lines::LineLocation;
-use crate::io::file::replace::write_to;
+use crate::io::file::outputs::write_to;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::mesh::parts::all_triangles;
 use crate::skin::{Draft, Sheet, Skin};

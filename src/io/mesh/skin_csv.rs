@@ -8,6 +8,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::id::VertexId;
 use crate::io::error::Result;
+use crate::io::file::OutPath;
 use crate::io::file::Source;
 use crate::io::mesh::parts::all_triangles;
 use crate::io::table::calibration::{BY_ROW, Corners, Taxels};
@@ -250,16 +251,18 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) ->
 }
 
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
-pub(crate) fn write(path: &Path, skin: &Skin) -> Result<()> {
-    // Both are complete before the first is renamed.
-    write_table(&triangles_path(path), &BY_ROW.join(","), |triangles| {
-        for corners in all_triangles(skin) {
-            corners.into_iter().for_each(|row| triangles.whole(row as u64));
-            triangles.end_row()?;
-        }
+pub(crate) fn write(path: &OutPath, skin: &Skin) -> Result<()> {
+    path.together(|path| {
         write_table(path, COLUMNS, |taxels| {
             for patch in &skin.patches {
                 write_taxels(taxels, &skin.in_world(patch), &skin.links[patch.link].name)?;
+            }
+            Ok(())
+        })?;
+        write_table(&path.beside(triangles_path(path)), &BY_ROW.join(","), |triangles| {
+            for corners in all_triangles(skin) {
+                corners.into_iter().for_each(|row| triangles.whole(row as u64));
+                triangles.end_row()?;
             }
             Ok(())
         })

@@ -1,12 +1,12 @@
 //! Tables of displacements and of contacts.
 
-use std::{io::BufRead, path::Path};
+use std::io::BufRead;
 
 use crate::calib::{
     ContactMeasurement, ContactObservation, DisplacementMeasurement, Information, Model, Observations,
 };
 use crate::io::error::Result;
-use crate::io::file::{Lines, excerpt, invalid, unfit};
+use crate::io::file::{Lines, OutPath, excerpt, invalid, unfit};
 use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of};
 use crate::io::table::cells::{Cells, Separator};
 use crate::io::table::writer::write_table;
@@ -171,7 +171,7 @@ fn of_sigma(row: Row<'_>, column: usize) -> Result<f64> {
     information_of(row.number(column)?).ok_or_else(|| row.invalid(column, needed()))
 }
 
-pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
+pub(super) fn write(observations: &Observations, path: &OutPath) -> Result<()> {
     let Observations { taxels, edges, contacts, .. } = observations;
     if edges.is_empty() && !contacts.is_empty() {
         return write_contacts(observations, path);
@@ -200,7 +200,7 @@ pub(super) fn write(observations: &Observations, path: &Path) -> Result<()> {
     })
 }
 
-fn write_contacts(observations: &Observations, path: &Path) -> Result<()> {
+fn write_contacts(observations: &Observations, path: &OutPath) -> Result<()> {
     let has_normal =
         |c: &ContactObservation| matches!(c.measurement, ContactMeasurement::PositionNormal { .. });
     let with_normals = observations.contacts.iter().any(has_normal);

@@ -6,20 +6,20 @@ mod g2o;
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write, stdin, stdout};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
 use crate::calib::{ContactMeasurement, ContactObservation, Displacement, Observations};
 use crate::id::VertexId;
 use crate::io::IoError;
-use crate::io::file::{Lines, cannot_read, cannot_write, file_kind, invalid, replace_file};
+use crate::io::file::{Lines, OutPath, cannot_read, file_kind, invalid, replace_file};
 use crate::io::observations::builder::{ObservationRemark, ReadObservations};
 use crate::skin::TaxelId;
 
 /// What files of observations may end in.
 const KINDS: &str = ".g2o, .csv";
 
-/// Reads observations: `.g2o`, or a table `.csv`; `-` is standard input, of either kind.
+/// Reads observations: `.g2o`, or a table `.csv`.
 ///
 /// The header of a table names its columns, in any order. A table of displacements has
 /// `i,j,dx,dy,dz`; one of contacts `i,x,y,z`, or `i,x,y,z,nx,ny,nz` with normals and, if known,
@@ -45,7 +45,25 @@ pub fn read_observations(
     path: &Path,
     more: &[PathBuf],
 ) -> Result<(Observations, Vec<ObservationRemark>), IoError> {
-    let (mut observations, mut remarks) = read(path)?;
+    with_more(read(path)?, more)
+}
+
+/// As [`read_observations`], with the first ones from a stream of either kind; errors call it `name`.
+///
+/// # Errors
+/// As [`read_observations`].
+pub fn observations_from_stream(
+    input: impl BufRead + 'static,
+    name: &Path,
+    more: &[PathBuf],
+) -> Result<(Observations, Vec<ObservationRemark>), IoError> {
+    with_more(read_lines(Box::new(input), name, None)?, more)
+}
+
+fn with_more(
+    (mut observations, mut remarks): ReadObservations,
+    more: &[PathBuf],
+) -> Result<ReadObservations, IoError> {
     for path in more {
         let (other, others_remarks) = read(path)?;
         append(&mut observations, other, path)?;
@@ -55,17 +73,20 @@ pub fn read_observations(
 }
 
 fn read(path: &Path) -> Result<ReadObservations, IoError> {
-    let is_stream = path == Path::new("-");
-    let is_table = match file_kind(path).as_str() {
-        "g2o" => Some(false),
-        "csv" => Some(true),
-        _ if is_stream => None,
-        _ => return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
-    };
-    let path = if is_stream { Path::new("standard input") } else { path };
-    let open = || File::open(path).map_err(cannot_read(path));
-    let input: Box<dyn BufRead> =
-        if is_stream { Box::new(stdin().lock()) } else { Box::new(BufReader::new(open()?)) };
+    let kind = file_kind(path);
+    if !matches!(kind.as_str(), "g2o" | "csv") {
+        return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS });
+    }
+    let file = File::open(path).map_err(cannot_read(path))?;
+    read_lines(Box::new(BufReader::new(file)), path, Some(kind == "csv"))
+}
+
+/// Reads a table, g2o text, or whichever of them the first line looks like.
+fn read_lines(
+    input: Box<dyn BufRead>,
+    path: &Path,
+    is_table: Option<bool>,
+) -> Result<ReadObservations, IoError> {
     let mut lines = Lines::new(input, path, Some(b'#'));
     lines.advance()?;
     let has_header = || Ok::<_, IoError>(lines.current()?.is_some_and(|(line, _)| csv::is_header(line)));
@@ -74,7 +95,7 @@ fn read(path: &Path) -> Result<ReadObservations, IoError> {
 
 /// Writes observations, in numbers that read back to the same bits: `.g2o`, or as a table `.csv`
 /// displacements alone, `i,j,dx,dy,dz`, or contacts alone, `i,x,y,z[,nx,ny,nz,sigma_n]`, with their
-/// information; `-` is standard output, in g2o.
+/// information.
 ///
 /// A table has no initial values and no taxels but those of its rows.
 ///
@@ -82,18 +103,25 @@ fn read(path: &Path) -> Result<ReadObservations, IoError> {
 /// [`IoError::Write`]; [`IoError::Unfit`] for contacts with normals, which g2o has no line for, and
 /// in a table for contacts next to displacements, fixed taxels and rotations;
 /// [`IoError::UnknownKind`].
-pub fn write_observations(path: &Path, observations: &Observations) -> Result<(), IoError> {
-    if path == Path::new("-") {
-        let path = Path::new("standard output");
-        let mut out = BufWriter::new(stdout().lock());
-        g2o::write(&mut out, observations, path)?;
-        return out.flush().map_err(cannot_write(path));
-    }
+pub fn write_observations(path: impl Into<OutPath>, observations: &Observations) -> Result<(), IoError> {
+    let path = &path.into();
     match file_kind(path).as_str() {
         "g2o" => replace_file(path, |out| g2o::write(out, observations, path)),
         "csv" => csv::write(observations, path),
-        _ => Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS }),
+        _ => Err(IoError::UnknownKind { path: path.into(), known: KINDS }),
     }
+}
+
+/// Writes observations to a stream as g2o text; errors call it `name`.
+///
+/// # Errors
+/// As [`write_observations`].
+pub fn observations_to_stream(
+    output: &mut dyn Write,
+    name: &Path,
+    observations: &Observations,
+) -> Result<(), IoError> {
+    g2o::write(output, observations, name)
 }
 
 /// Appends the observations of the file `path`, as contacts come in a table of their own.

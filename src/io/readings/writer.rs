@@ -2,14 +2,14 @@
 //!
 //! [`ReadingsReader`]: crate::io::ReadingsReader
 
-use std::{collections::HashSet, path::Path};
+use std::collections::HashSet;
 
 use crate::id::VertexId;
 use crate::io::IoError;
 use crate::io::arrays::npy::{ElementType, Elements};
 use crate::io::arrays::write::{ArrayId, ArrayWriter};
-use crate::io::file::replace::Replacement;
-use crate::io::file::{file_kind, unfit};
+use crate::io::file::outputs::Replacement;
+use crate::io::file::{OutPath, file_kind, unfit};
 use crate::io::table::writer::TableWriter;
 use crate::signal::{Channel, Frame};
 use crate::skin::{PatchId, Presence, Taxels};
@@ -39,10 +39,11 @@ impl ReadingsWriter {
     /// # Errors
     /// If the file is of another kind or cannot be created, or no taxel is present.
     pub fn create<'a>(
-        path: &Path,
+        path: impl Into<OutPath>,
         patches: impl IntoIterator<Item = &'a Taxels>,
         channel: &Channel,
     ) -> Result<Self, IoError> {
+        let path = &path.into();
         let (mut all, mut present) = (Vec::new(), Vec::new());
         for (patch, of_patch) in patches.into_iter().enumerate() {
             for (taxel, presence) in of_patch.presence.enumerate() {

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use crate::io::error::Result;
-use crate::io::file::{Source, cannot_read, file_kind, invalid};
+use crate::io::file::{Source, cannot_read, excerpt, file_kind, invalid};
 use crate::io::mesh::reader_of;
 use crate::io::robot::Packages;
 use crate::io::{IoError, ReadParts};
@@ -45,6 +45,16 @@ const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
 /// # Errors
 /// If there is nothing to make a skin of.
 pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: &Packages) -> Result<Draft> {
+    draft_of(path, robot, surface, Some(packages))
+}
+
+/// [`robot_draft`]; without packages no other file is opened.
+pub(in crate::io) fn draft_of(
+    path: &Path,
+    robot: &Robot,
+    surface: RobotSurface,
+    packages: Option<&Packages>,
+) -> Result<Draft> {
     let mut draft = Draft { links: robot.rest(), remarks: robot.remarks.clone(), ..Draft::default() };
     let has = |role| robot.shapes.iter().any(|shape| shape.role == role);
     let role = match surface {
@@ -74,8 +84,13 @@ pub fn robot_draft(path: &Path, robot: &Robot, surface: RobotSurface, packages: 
     let mut absent: BTreeMap<String, IoError> = BTreeMap::new();
     for (url, mesh) in read_meshes(path, &shapes, packages) {
         match mesh {
-            Ok(draft) => drop(meshes.insert(url, draft)),
-            Err(error) => drop(absent.insert(url, error)),
+            Ok(mut mesh) => {
+                draft.files.append(&mut mesh.files);
+                meshes.insert(url, mesh);
+            }
+            Err(error) => {
+                absent.insert(url, error);
+            }
         }
     }
     let mut of_link: HashMap<LinkId, usize> = HashMap::new();
@@ -112,7 +127,7 @@ fn bare(path: &Path, what: &str) -> IoError {
 }
 
 /// The drafts of the mesh files of some shapes, by their URLs.
-fn read_meshes(path: &Path, shapes: &[&Shape], packages: &Packages) -> Vec<(String, Result<Draft>)> {
+fn read_meshes(path: &Path, shapes: &[&Shape], packages: Option<&Packages>) -> Vec<(String, Result<Draft>)> {
     let mut elements: BTreeMap<&str, String> = BTreeMap::new();
     for shape in shapes {
         if let Geometry::Mesh { url, .. } = &shape.geometry {
@@ -120,9 +135,18 @@ fn read_meshes(path: &Path, shapes: &[&Shape], packages: &Packages) -> Vec<(Stri
         }
     }
     let read = |(url, element): (&str, String)| {
-        let mesh = packages.find(path, &element, url).and_then(|file| {
+        let find = || match packages {
+            Some(packages) => packages.find(path, &element, url),
+            None => {
+                let needed = "shapes without files, since the robot is not in a file itself";
+                Err(invalid(path, &*element, format!("the file {}", excerpt(url)), needed))
+            }
+        };
+        let mesh = find().and_then(|file| {
             check(path, &element, &file)?;
-            reader_of(&file)?(Source::open(&file)?, ReadParts::default())
+            let mut mesh = reader_of(&file)?(Source::open(&file)?, ReadParts::default())?;
+            mesh.files.push(file);
+            Ok(mesh)
         });
         (url.to_owned(), mesh)
     };

@@ -23,6 +23,7 @@ use crate::io::robot::elements::{RawJoint, read_joint, read_sensor, read_shapes}
 use crate::robot::{Joint, Mimic, Robot};
 use crate::skin::{Link, LinkId, Remark, RemarkKind};
 
+pub(in crate::io) use draft::draft_of;
 pub use draft::{RobotSurface, robot_draft};
 pub use packages::Packages;
 

@@ -9,7 +9,7 @@ use crate::calib::{Calibration, Observations, Pose, Verdict};
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
-use crate::io::file::Source;
+use crate::io::file::{OutPath, Source};
 use crate::io::table::writer::write_table;
 use crate::io::table::{Columns, Row, Table};
 use crate::skin::TaxelId;
@@ -22,7 +22,8 @@ use crate::skin::TaxelId;
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
-pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), IoError> {
+pub fn write_calibration(path: impl Into<OutPath>, calibration: &Calibration) -> Result<(), IoError> {
+    let path = &path.into();
     const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz";
     let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
     write_table(path, HEADER, |table| {
@@ -44,10 +45,11 @@ pub fn write_calibration(path: &Path, calibration: &Calibration) -> Result<(), I
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_truth(
-    path: &Path,
+    path: impl Into<OutPath>,
     ids: &IdVec<VertexId, TaxelId>,
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
+    let path = &path.into();
     const HEADER: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw";
     write_table(path, HEADER, |table| {
         for (id, pose) in ids.iter().zip(truth) {
@@ -66,10 +68,11 @@ pub fn write_truth(
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_triangles(
-    path: &Path,
+    path: impl Into<OutPath>,
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
+    let path = &path.into();
     write_table(path, &BY_ID.join(","), |table| {
         for corners in triangles {
             corners.iter().filter_map(|&v| ids.get(v)).for_each(|id| table.whole(id.0));
@@ -88,10 +91,11 @@ pub fn write_triangles(
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_inliers(
-    path: &Path,
+    path: impl Into<OutPath>,
     observations: &Observations,
     calibration: &Calibration,
 ) -> Result<(), IoError> {
+    let path = &path.into();
     let fits = &calibration.diagnostics;
     let id = |v: VertexId| observations.taxels[v].id.0;
     let edges = observations.edges.iter().zip(&fits.edges);

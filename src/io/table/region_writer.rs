@@ -1,10 +1,11 @@
 //! Contacts of recordings: those found in them, written frame by frame, and those simulated.
 
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 use crate::io::IoError;
+use crate::io::file::OutPath;
 use crate::io::file::file_kind;
-use crate::io::file::replace::Replacement;
+use crate::io::file::outputs::Replacement;
 use crate::io::table::writer::{TableWriter, write_table};
 use crate::map::SkinMap;
 use crate::signal::{ContactEvent, ContactRegion, Touch};
@@ -32,7 +33,8 @@ impl RegionWriter {
     ///
     /// # Errors
     /// If the file is no `.csv`, or cannot be created.
-    pub fn create(path: &Path, map: &Arc<SkinMap>) -> Result<Self, IoError> {
+    pub fn create(path: impl Into<OutPath>, map: &Arc<SkinMap>) -> Result<Self, IoError> {
+        let path = &path.into();
         if file_kind(path) != "csv" {
             return Err(IoError::UnknownKind { path: path.into(), known: ".csv" });
         }
@@ -93,7 +95,8 @@ impl RegionWriter {
 ///
 /// # Panics
 /// If a touch names a patch that `skin` does not have.
-pub fn write_touches(path: &Path, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
+pub fn write_touches(path: impl Into<OutPath>, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
+    let path = &path.into();
     const HEADER: &str = "frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z";
     write_table(path, HEADER, |table| {
         for touch in touches {

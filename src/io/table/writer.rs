@@ -8,8 +8,8 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::io::error::Result;
-use crate::io::file::replace::Replacement;
-use crate::io::file::{cannot_write, replace_file};
+use crate::io::file::outputs::Replacement;
+use crate::io::file::{OutPath, cannot_write, replace_file};
 
 /// Bytes of rows that are kept before they are written.
 const KEPT: usize = 1 << 16;
@@ -118,7 +118,7 @@ impl<W: Write> TableWriter<W> {
 
 impl TableWriter<Replacement> {
     /// Begins a table that appears in the place of its file when it is [finished](Self::publish).
-    pub(crate) fn create(path: &Path, names: &str) -> Result<Self> {
+    pub(crate) fn create(path: &OutPath, names: &str) -> Result<Self> {
         Ok(Self::new(path, Replacement::open(path)?, names))
     }
 
@@ -130,7 +130,7 @@ impl TableWriter<Replacement> {
 
 /// Writes a table as a file, whole or not at all.
 pub(crate) fn write_table(
-    path: &Path,
+    path: &OutPath,
     names: &str,
     rows: impl FnOnce(&mut TableWriter<&mut BufWriter<&File>>) -> Result<()>,
 ) -> Result<()> {

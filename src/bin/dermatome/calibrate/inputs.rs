@@ -1,16 +1,21 @@
 //! What `calibrate` reads before the solve.
 
-use std::{collections::HashMap, path::PathBuf};
+use std::collections::HashMap;
+use std::io::{BufReader, stdin};
+use std::path::PathBuf;
 
 use dermatome::Error;
 use dermatome::calib::{Observations, Pose};
 use dermatome::id::VertexId;
-use dermatome::io::{IoError, ObservationRemark, read_observations, read_triangles, read_truth};
+use dermatome::io::{
+    IoError, ObservationRemark, observations_from_stream, read_observations, read_triangles, read_truth,
+};
 use dermatome::skin::TaxelId;
 
 use crate::calibrate::args::Args;
 use crate::console::errors::advise;
 use crate::console::notes::note;
+use crate::files::outputs::is_stream;
 use crate::options::{Common, Unit};
 
 /// What is read before the solve, so that no broken file wastes one.
@@ -28,7 +33,11 @@ pub(super) struct Truth {
 
 impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
-        let read = read_observations(&args.observations, &args.contacts);
+        let read = if is_stream(&args.observations) {
+            observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &args.contacts)
+        } else {
+            read_observations(&args.observations, &args.contacts)
+        };
         let (mut observations, remarks) = read.map_err(Error::from)?;
         remarks.iter().for_each(|remark| note!(common, "{remark}"));
         // What is assumed is a length in metres, which must not become one in the unit of the file.

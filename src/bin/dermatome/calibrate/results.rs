@@ -11,8 +11,8 @@ use dermatome::skin::Skin;
 use crate::calibrate::args::Args;
 use crate::calibrate::inputs::Inputs;
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_count, note_dropped, note_remarks, remark_lost};
-use crate::files::outputs::{self, Outputs};
+use crate::console::notes::{note, note_count, note_remarks, remark_lost};
+use crate::files::outputs;
 use crate::options::Common;
 
 #[derive(Debug, Clone, Copy)]
@@ -62,35 +62,35 @@ pub(super) fn write(
     args: &Args,
     common: &Common,
 ) -> anyhow::Result<()> {
-    let mut outputs = Outputs::default();
+    let file = |path: &Path| common.outputs.file(path);
     let mut skin = None;
     for &(path, kind) in paths {
         match kind {
             Kind::Table => {
-                outputs.stage(|| write_calibration(path, found))?;
-                note_dropped(outputs.drop_triangles(path), common);
+                write_calibration(file(path), found).map_err(Error::from)?;
+                outputs::drop_triangles(path, common)?;
             }
             Kind::Graph => {
                 let mut solved = inputs.observations.clone();
                 for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {
                     taxel.initial = Some(*pose);
                 }
-                outputs.stage(|| write_observations(path, &solved))?;
+                write_observations(file(path), &solved).map_err(Error::from)?;
             }
             Kind::Skin => {
                 let made = match &skin {
                     Some(made) => made,
                     None => skin.insert(mesh(found, inputs, common)?),
                 };
-                outputs.stage(|| write_skin(path, made))?;
+                write_skin(file(path), made).map_err(Error::from)?;
                 remark_lost(path, made, common);
             }
         }
     }
     if let Some(path) = &args.inliers {
-        outputs.stage(|| write_inliers(path, &inputs.observations, found))?;
+        write_inliers(file(path), &inputs.observations, found).map_err(Error::from)?;
     }
-    outputs.publish(common)
+    Ok(outputs::publish(common)?)
 }
 
 /// Makes the skin, and prints what was left out or assumed.

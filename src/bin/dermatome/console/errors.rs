@@ -100,11 +100,8 @@ fn paint(text: &str, code: &str, color: ColorChoice) -> String {
     if is_painted { format!("\u{1b}[1;{code}m{text}\u{1b}[0m") } else { text.to_owned() }
 }
 
-/// Prints an error; a closed pipe (`| head`) is not one.
+/// Prints an error.
 pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
-    if error.chain().any(is_broken_pipe) {
-        return ExitCode::SUCCESS;
-    }
     let label = |text: &str, code| paint(text, code, color);
     let mut reasons: Vec<String> = Vec::new();
     for cause in error.chain().filter(|cause| !cause.is::<Advice>()).map(ToString::to_string) {
@@ -124,8 +121,10 @@ pub(crate) fn report(error: &anyhow::Error, color: ColorChoice) -> ExitCode {
     ExitCode::from(BAD_INPUT)
 }
 
-fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
-    cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+/// Whether the reader of an output closed it.
+pub(crate) fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    let kind = |cause: &(dyn std::error::Error + 'static)| Some(cause.downcast_ref::<io::Error>()?.kind());
+    error.chain().any(|cause| kind(cause) == Some(io::ErrorKind::BrokenPipe))
 }
 
 /// What a user can do about an error, as a sentence.
@@ -300,6 +299,7 @@ fn io_help(error: &IoError) -> String {
         IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several"
         }
+        IoError::ReplacesInput { .. } => "write to another file",
         _ => CORRECT,
     }
     .to_owned()

@@ -170,11 +170,8 @@ pub(crate) fn note_area_ratio(patches: &[PatchReport], cut: &Cut, common: &Commo
 }
 
 /// Names triangles that are removed with the older table of taxels that they belonged to.
-pub(crate) fn note_dropped(triangles: Option<&Path>, common: &Common) {
-    if let Some(triangles) = triangles {
-        let what = "belonged to the table that is replaced, and is removed";
-        note!(common, "{} {what}", triangles.display());
-    }
+pub(crate) fn note_dropped(triangles: &Path, common: &Common) {
+    note!(common, "{} belonged to the table that is replaced, and is removed", triangles.display());
 }
 
 /// Prints which finest maps are poor, in one line with the option that mends them, and which are not at

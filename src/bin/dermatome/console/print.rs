@@ -1,10 +1,10 @@
 //! Results as a person or a program reads them.
 
 use std::fmt::Display;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, IsTerminal, Stdout, Write};
 
 use dermatome::Error;
-use dermatome::io::IoError;
+use dermatome::io::{IoError, Outputs};
 use dermatome::report::{LevelReport, PatchReport};
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::from(IoError::Write { path: "standard output".into(), source }).into())
+            Err(Error::from(IoError::Write { path: STANDARD_OUTPUT.into(), source }).into())
         }
         _ => Ok(()),
     }
@@ -72,19 +72,46 @@ pub(crate) fn is_harmless(c: char) -> bool {
     !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)
 }
 
-/// Standard output, where a terminal does not obey what names of files may hold.
-pub(crate) struct Terminal(pub(crate) io::Stdout);
+/// What errors call standard output.
+pub(crate) const STANDARD_OUTPUT: &str = "standard output";
 
-impl io::Write for Terminal {
+/// Standard output for a table or frames. A terminal does not obey what names of files may hold. A pipe that
+/// its reader closed (`| head`) is an error only while the run writes no other file.
+pub(crate) struct StandardOutput<'a> {
+    out: Stdout,
+    is_terminal: bool,
+    others: &'a Outputs,
+}
+
+impl<'a> StandardOutput<'a> {
+    pub(crate) fn new(others: &'a Outputs) -> Self {
+        let out = io::stdout();
+        Self { is_terminal: out.is_terminal(), out, others }
+    }
+
+    fn unless_closed(&self, result: io::Result<()>) -> io::Result<()> {
+        result.or_else(|e| match e.kind() {
+            ErrorKind::BrokenPipe if self.others.has_files() => Ok(()),
+            _ => Err(e),
+        })
+    }
+}
+
+impl Write for StandardOutput<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let text = String::from_utf8_lossy(bytes);
-        let shown = |c: char| if c == '\n' || is_harmless(c) { c } else { '?' };
-        self.0.write_all(text.chars().map(shown).collect::<String>().as_bytes())?;
-        Ok(bytes.len())
+        let written = if self.is_terminal {
+            let shown = |c: char| if c == '\n' || is_harmless(c) { c } else { '?' };
+            let text: String = String::from_utf8_lossy(bytes).chars().map(shown).collect();
+            self.out.write_all(text.as_bytes())
+        } else {
+            self.out.write_all(bytes)
+        };
+        self.unless_closed(written).map(|()| bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
+        let flushed = self.out.flush();
+        self.unless_closed(flushed)
     }
 }
 

@@ -69,6 +69,7 @@ pub(crate) fn read_good_patches(
     let mut drafts = paths.iter().map(|path| read.read(path, chosen.wants_materials()));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
+    outputs::add_inputs(&draft.files, &common.outputs);
     chosen.keep_faces(&mut draft, path)?;
     if read.outer {
         let dropped = keep_outer(&mut draft);

@@ -7,7 +7,7 @@ pub(crate) mod signals;
 /// On other systems a stopped run leaves its temporary files.
 #[cfg(not(unix))]
 pub(crate) mod signals {
-    pub(crate) fn catch_signals() {}
+    pub(crate) fn catch_signals(_: &dermatome::io::Outputs) {}
 
     pub(crate) fn stopped() -> Option<u8> {
         None

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Command, ValueHint};
 use dermatome::Error;
-use dermatome::io::{IoError, StagedFiles, replace_file, triangles_path};
+use dermatome::io::{IoError, OutPath, Outputs, replace_file, triangles_path};
 
 use crate::console::errors::advise;
+use crate::console::notes::note_dropped;
 use crate::console::print::{line, say};
 use crate::options::Common;
 
@@ -18,10 +19,14 @@ pub(crate) fn is_stream(path: &Path) -> bool {
 }
 
 /// Refuses, before any work, outputs that cannot be written, or that would replace an input or each
-/// other; returns the inputs.
+/// other; tells `files` the inputs.
 ///
 /// An output is an argument whose value is called `OUT`; all other paths are inputs.
-pub(crate) fn check_command_line(command: &Command, given: &ArgMatches) -> anyhow::Result<Vec<PathBuf>> {
+pub(crate) fn check_command_line(
+    command: &Command,
+    given: &ArgMatches,
+    files: &Outputs,
+) -> anyhow::Result<()> {
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     for argument in command.get_arguments() {
         let name = argument.get_value_names().and_then(|names| names.first());
@@ -48,8 +53,8 @@ pub(crate) fn check_command_line(command: &Command, given: &ArgMatches) -> anyho
             "give every output a name of its own",
         ));
     }
-    guard(outputs.iter().map(PathBuf::as_path), &inputs)?;
-    Ok(inputs)
+    add_inputs(&inputs, files);
+    Ok(guard(&outputs, files)?)
 }
 
 /// Refuses a place where no file can be written.
@@ -79,20 +84,15 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), Error> {
     fs::create_dir_all(path).map_err(|source| cannot_write(path, source))
 }
 
-/// Refuses outputs that would take the place of an input.
-pub(crate) fn guard<'a>(
-    outputs: impl IntoIterator<Item = &'a Path>,
-    inputs: &[PathBuf],
-) -> anyhow::Result<()> {
-    let inputs: Vec<PathBuf> = inputs.iter().filter(|input| !is_stream(input)).flat_map(files).collect();
-    let mut outputs = outputs.into_iter().filter(|out| !is_stream(out)).flat_map(files);
-    match outputs.find_map(|out| inputs.iter().find(|input| is_same(input, &out))) {
-        None => Ok(()),
-        Some(input) => Err(advise(
-            format!("the result would replace an input, {}", input.display()),
-            "write to another file",
-        )),
-    }
+/// From now on these files are not replaced.
+pub(crate) fn add_inputs(inputs: &[PathBuf], outputs: &Outputs) {
+    inputs.iter().filter(|path| !is_stream(path)).flat_map(files).for_each(|path| outputs.add_input(&path));
+}
+
+/// Refuses files that would take the place of an input.
+pub(crate) fn guard(files_to_write: &[PathBuf], outputs: &Outputs) -> Result<(), Error> {
+    let mut files = files_to_write.iter().filter(|path| !is_stream(path)).flat_map(files);
+    Ok(files.try_for_each(|path| outputs.check(&path))?)
 }
 
 /// The files that belong to a name: a table of taxels has one of triangles.
@@ -137,67 +137,33 @@ fn place(path: &Path) -> PathBuf {
 }
 
 /// Prints what was written where, on standard error.
-pub(crate) fn wrote<'a>(paths: impl IntoIterator<Item = &'a Path>, common: &Common) {
-    let files = paths.into_iter().filter(|path| !is_stream(path));
-    let names: Vec<String> = files.map(|path| path.display().to_string()).collect();
+pub(crate) fn wrote(files: &[PathBuf], common: &Common) {
+    let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
     if !names.is_empty() && !common.quiet {
         say(line(&format!("wrote {}", names.join(", "))));
     }
 }
 
-/// Complete files in temporary places, before they are moved to their own.
-#[derive(Default)]
-pub(crate) struct Outputs {
-    files: StagedFiles,
-    /// Tables of triangles of the tables that are replaced.
-    stale: Vec<PathBuf>,
+/// Removes, when all is published, the triangles of an older table at `path`: readers would join
+/// them to the new taxels. Triangles that are written too stay.
+pub(crate) fn drop_triangles(path: &Path, common: &Common) -> Result<(), Error> {
+    let triangles = triangles_path(path);
+    if triangles.is_file() {
+        common.outputs.remove(&triangles)?;
+        note_dropped(&triangles, common);
+    }
+    Ok(())
 }
 
-impl Outputs {
-    /// Lets `write` complete files, which do not appear in their places before [`Self::publish`].
-    pub(crate) fn stage<T>(&mut self, write: impl FnOnce() -> Result<T, IoError>) -> Result<T, Error> {
-        self.files.stage(write).map_err(Error::from)
-    }
-
-    /// As [`Self::stage`], where several write side by side.
-    pub(crate) fn stage_all(
-        &mut self,
-        writers: &[&(dyn Fn() -> Result<(), Error> + Sync)],
-    ) -> Result<(), Error> {
-        self.files.stage_all(writers)
-    }
-
-    pub(crate) fn stage_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
-        self.stage(|| write_bytes(path, bytes))
-    }
-
-    /// Removes, when all is published, the triangles of an older table at `path`: readers would join
-    /// them to the new taxels. Triangles that are staged stay. Returns the name of those removed.
-    pub(crate) fn drop_triangles(&mut self, path: &Path) -> Option<&Path> {
-        let triangles = triangles_path(path);
-        if !triangles.is_file() || self.files.paths().any(|staged| is_same(staged, &triangles)) {
-            return None;
-        }
-        self.stale.push(triangles);
-        self.stale.last().map(PathBuf::as_path)
-    }
-
-    /// Puts all files in their places, and prints which.
-    pub(crate) fn publish(self, common: &Common) -> anyhow::Result<()> {
-        guard(self.files.paths(), &common.inputs)?;
-        let names: Vec<PathBuf> = self.files.paths().map(Path::to_owned).collect();
-        self.files.publish().map_err(Error::from)?;
-        for path in &self.stale {
-            fs::remove_file(path).map_err(|e| cannot_write(path, e))?;
-        }
-        wrote(names.iter().map(PathBuf::as_path), common);
-        Ok(())
-    }
+/// Puts all files in their places, and prints which.
+pub(crate) fn publish(common: &Common) -> Result<(), Error> {
+    wrote(&common.outputs.publish()?, common);
+    Ok(())
 }
 
 /// Writes a file whole or not at all.
-pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), IoError> {
-    let fail = |source| IoError::Write { path: path.to_owned(), source };
+pub(crate) fn write_bytes(path: &OutPath, bytes: &[u8]) -> Result<(), IoError> {
+    let fail = |source| IoError::Write { path: path.to_path_buf(), source };
     replace_file(path, |file| io::Write::write_all(file, bytes).map_err(fail))
 }
 

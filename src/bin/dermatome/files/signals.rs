@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::{fs, process, thread};
 
-use dermatome::io::abandon_files;
+use dermatome::io::Outputs;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
@@ -27,16 +27,17 @@ static STREAM: Mutex<Option<SyncSender<Piece>>> = Mutex::new(None);
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
 
 /// From now on a signal ends the live stream, or this run.
-pub(crate) fn catch_signals() {
+pub(crate) fn catch_signals(outputs: &Outputs) {
     // Without a handler a stopped run only leaves its files, so go on.
     // A file beyond the limit of its size is then an error of its writer.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     let Ok(mut signals) = Signals::new(signals()) else { return };
+    let outputs = outputs.clone();
     let _ = thread::Builder::new().spawn(move || {
         for signal in signals.forever() {
             let Some(stream) = STREAM.lock().unwrap_or_else(PoisonError::into_inner).take() else {
-                abandon_files();
-                process::exit(STOPPED + signal);
+                outputs.discard(|| process::exit(STOPPED + signal));
+                return;
             };
             SIGNAL.store(signal, Ordering::SeqCst);
             // Wakes a run that waits. Where pieces wait for the run, it looks at the signal itself.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dermatome::contact::{ContactIndex, Query};
-use dermatome::io::{IoError, ReadingsWriter};
+use dermatome::io::{IoError, OutPath, ReadingsWriter};
 use dermatome::map::SkinMap;
 use dermatome::signal::{Channel, Frame, Press, Spreader};
 
@@ -44,7 +44,7 @@ impl Counts {
 
 impl Readings {
     /// Begins a .csv or .npz.
-    pub(super) fn create(path: &Path, map: &SkinMap, spreader: Spreader) -> Result<Self, IoError> {
+    pub(super) fn create(path: OutPath, map: &SkinMap, spreader: Spreader) -> Result<Self, IoError> {
         let taxels = map.patches.iter().map(|patch| &patch.taxels);
         let writer = ReadingsWriter::create(path, taxels, &Channel::new("force", "N"))?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })

@@ -7,9 +7,8 @@ mod read;
 mod robot;
 mod values;
 
-use std::path::PathBuf;
-
 use clap::ValueEnum;
+use dermatome::io::Outputs;
 
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::FlattenArgs;
@@ -37,9 +36,9 @@ pub(crate) struct Common {
     /// When to use colours.
     #[arg(long, global = true, hide_short_help = true, default_value = "auto", value_name = "WHEN")]
     pub(crate) color: ColorChoice,
-    /// The files that this run reads.
+    /// The files that this run writes, and those that it reads.
     #[arg(skip)]
-    pub(crate) inputs: Vec<PathBuf>,
+    pub(crate) outputs: Outputs,
 }
 
 impl Common {

@@ -7,6 +7,7 @@ use dermatome::io::{IoError, RegionWriter};
 use dermatome::map::SkinMap;
 use dermatome::signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions};
 
+use crate::options::Common;
 use crate::readings::{ReadingsArgs, find_channel, positive};
 
 /// Which contacts are found.
@@ -48,6 +49,7 @@ impl ContactsArgs {
         map: &Arc<SkinMap>,
         channels: &[Channel],
         readings: &ReadingsArgs,
+        common: &Common,
     ) -> anyhow::Result<Option<Contacts>> {
         let Some(path) = &self.contacts else { return Ok(None) };
         let channel = self.channel.as_deref().map_or(Ok(0), |name| find_channel(channels, name))?;
@@ -66,7 +68,7 @@ impl ContactsArgs {
             ..defaults
         };
         let tracker = ContactTracker::new(map, &channels[channel], &options).map_err(Error::from)?;
-        let writer = RegionWriter::create(path, map).map_err(Error::from)?;
+        let writer = RegionWriter::create(common.outputs.file(path), map).map_err(Error::from)?;
         Ok(Some(Contacts { tracker, writer, onsets: 0 }))
     }
 }

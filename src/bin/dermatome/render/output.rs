@@ -1,6 +1,6 @@
 //! Where `render` puts its frames: a folder of pictures, arrays, or a pipe.
 
-use std::io::{Stdout, Write, stdout};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use dermatome::Error;
 use dermatome::atlas::{Atlas, LevelImage};
 use dermatome::image::TactileImage;
 use dermatome::io::{
-    FrameContent, IoError, RecordingLayout, RecordingWriter, replace_file, write_frame, write_raw_frame,
+    FrameContent, IoError, OutPath, Outputs, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
 };
 use dermatome::map::SkinMap;
 use dermatome::plot::{ImageOptions, image_png};
@@ -17,8 +17,10 @@ use dermatome::pyramid::LevelId;
 use dermatome::signal::{Channel, LevelFrame};
 
 use crate::console::errors::advise;
-use crate::console::print::is_harmless;
-use crate::files::outputs::{self, is_stream};
+use crate::console::notes::note_count;
+use crate::console::print::{STANDARD_OUTPUT, StandardOutput, is_harmless};
+use crate::files::outputs::{self, is_stream, make_folder, write_bytes};
+use crate::options::Common;
 use crate::readings::range;
 
 /// What a folder holds.
@@ -110,39 +112,105 @@ pub(super) struct Content<'a> {
     pub(super) has_static: bool,
 }
 
-pub(super) enum Output {
-    Folder { folder: PathBuf, shown: Vec<LevelImage>, written: usize },
-    Pictures { folder: PathBuf, options: ImageOptions, written: usize },
+pub(super) enum Output<'a> {
+    Folder { sequence: Sequence, shown: Vec<LevelImage> },
+    Pictures { sequence: Sequence, options: ImageOptions },
     Array(Box<RecordingWriter>),
-    Pipe(Stdout),
+    Pipe(StandardOutput<'a>),
 }
 
-impl Output {
+/// Files of a folder, those of a frame together.
+pub(super) struct Sequence {
+    folder: PathBuf,
+    files: Outputs,
+    /// Frames that are written.
+    written: usize,
+    names: BTreeSet<String>,
+    /// Beginnings of the names, before the number of the frame.
+    series: BTreeSet<String>,
+    extension: &'static str,
+}
+
+impl Sequence {
+    fn file(&mut self, image: &str, number: usize) -> OutPath {
+        let series = series_name(image);
+        let name = format!("{series}.{number:06}.{}", self.extension);
+        let path = self.files.file(self.folder.join(&name));
+        self.series.insert(series);
+        self.names.insert(name);
+        path
+    }
+
+    fn publish(&mut self) -> Result<(), IoError> {
+        self.files.publish()?;
+        self.written += 1;
+        Ok(())
+    }
+
+    /// An error in the middle of the sequence, which says what is there.
+    fn after(&self, error: Error) -> anyhow::Error {
+        let frames = if self.written == 1 { "1 frame is" } else { &*format!("{} frames are", self.written) };
+        anyhow::Error::new(error).context(format!("{frames} written; the next one could not be"))
+    }
+
+    /// Removes the frames of an earlier run that this one did not replace.
+    fn finish(self, common: &Common) -> Result<(), Error> {
+        let fail = |source| outputs::cannot_write(&self.folder, source);
+        let mut stale = 0;
+        for entry in self.folder.read_dir().map_err(fail)? {
+            let entry = entry.map_err(fail)?;
+            let Ok(name) = entry.file_name().into_string() else { continue };
+            let series = name.strip_suffix(self.extension).and_then(|name| name.strip_suffix('.'));
+            let series = series.and_then(|name| name.rsplit_once('.'));
+            let is_frame = |(series, number): (&str, &str)| {
+                self.series.contains(series)
+                    && number.len() >= 6
+                    && number.bytes().all(|b| b.is_ascii_digit())
+            };
+            if series.is_some_and(is_frame) && !self.names.contains(&name) && entry.path().is_file() {
+                common.outputs.remove(&entry.path())?;
+                stale += 1;
+            }
+        }
+        note_count(common, stale, "files", "removed: frames of an earlier run that this one does not have");
+        Ok(())
+    }
+}
+
+impl<'a> Output<'a> {
     pub(super) fn open(
         path: &Path,
         kind: Kind,
         colours: &ColourArgs,
         content: &Content<'_>,
+        outputs: &'a Outputs,
     ) -> Result<Self, Error> {
         let Content { map, atlas, channels, level, has_static } = *content;
         if let Kind::Folder(_) = kind {
-            outputs::make_folder(path)?;
+            make_folder(path)?;
         }
-        let folder = path.to_owned();
+        let sequence = |extension| Sequence {
+            folder: path.to_owned(),
+            files: outputs.nested(),
+            written: 0,
+            names: BTreeSet::new(),
+            series: BTreeSet::new(),
+            extension,
+        };
         Ok(match kind {
-            Kind::Pipe => Self::Pipe(stdout()),
+            Kind::Pipe => Self::Pipe(StandardOutput::new(outputs)),
             Kind::Array(_) => {
                 let layout = RecordingLayout { channels, atlas, values: true, level };
-                Self::Array(Box::new(RecordingWriter::create(path, map, &layout)?))
+                Self::Array(Box::new(RecordingWriter::create(outputs.file(path), map, &layout)?))
             }
             Kind::Folder(Pictures::Exr) => {
                 let shown = atlas.filter(|_| has_static).map(|atlas| atlas.images(map, level));
-                Self::Folder { folder, shown: shown.unwrap_or_default(), written: 0 }
+                Self::Folder { sequence: sequence("exr"), shown: shown.unwrap_or_default() }
             }
             Kind::Folder(Pictures::Png) => {
                 let range = colours.range.unwrap_or(ImageOptions::default().range);
                 let options = ImageOptions { range, magnification: colours.zoom };
-                Self::Pictures { folder, options, written: 0 }
+                Self::Pictures { sequence: sequence("png"), options }
             }
         })
     }
@@ -156,64 +224,47 @@ impl Output {
         channels: &[Channel],
     ) -> anyhow::Result<()> {
         match self {
-            Self::Folder { folder, shown, written } => {
+            Self::Folder { sequence, shown } => {
                 for (k, image) in images.iter().enumerate() {
-                    let path = folder.join(frame_file_name(&image.name, number, "exr"));
                     let content = FrameContent { channels, time: levels.time, shown: shown.get(k) };
-                    write_frame(&path, image, &content).map_err(|e| after(*written, Error::from(e)))?;
+                    let file = sequence.file(&image.name, number);
+                    write_frame(file, image, &content).map_err(|e| sequence.after(e.into()))?;
                 }
-                *written += 1;
+                sequence.publish().map_err(|e| sequence.after(e.into()))?;
             }
-            Self::Pictures { folder, options, written } => {
+            Self::Pictures { sequence, options } => {
                 for (image, (k, channel)) in
                     images.iter().flat_map(|image| channels.iter().enumerate().map(move |c| (image, c)))
                 {
                     let several =
                         if channels.len() > 1 { format!(".{}", channel.name) } else { String::new() };
-                    let name = frame_file_name(&format!("{}{several}", image.name), number, "png");
-                    write_picture(&folder.join(name), image, k, options).map_err(|e| after(*written, e))?;
+                    let file = sequence.file(&format!("{}{several}", image.name), number);
+                    let png = image_png(image, k, options).map_err(Error::from);
+                    let written = png.and_then(|png| Ok(write_bytes(&file, &png)?));
+                    written.map_err(|e| sequence.after(e))?;
                 }
-                *written += 1;
+                sequence.publish().map_err(|e| sequence.after(e.into()))?;
             }
             Self::Array(writer) => writer.write(levels, images).map_err(Error::from)?,
-            Self::Pipe(pipe) => write_raw_frame(&mut pipe.lock(), images)
-                .map_err(|source| Error::from(IoError::Write { path: "standard output".into(), source }))?,
+            Self::Pipe(pipe) => write_raw_frame(pipe, images)
+                .map_err(|source| Error::from(IoError::Write { path: STANDARD_OUTPUT.into(), source }))?,
         }
         Ok(())
     }
 
-    /// Completes arrays.
-    pub(super) fn finish(self) -> Result<(), IoError> {
+    /// Completes arrays and sequences.
+    pub(super) fn finish(self, common: &Common) -> Result<(), Error> {
         match self {
-            Self::Array(writer) => writer.finish(),
-            Self::Folder { .. } | Self::Pictures { .. } | Self::Pipe(_) => Ok(()),
+            Self::Array(writer) => Ok(writer.finish()?),
+            Self::Folder { sequence, .. } | Self::Pictures { sequence, .. } => sequence.finish(common),
+            Self::Pipe(_) => Ok(()),
         }
     }
 }
 
-/// One channel of one image as a PNG file.
-fn write_picture(
-    path: &Path,
-    image: &TactileImage,
-    channel: usize,
-    options: &ImageOptions,
-) -> Result<(), Error> {
-    let bytes = image_png(image, channel, options)?;
-    replace_file(path, |file| {
-        file.write_all(&bytes).map_err(|source| IoError::Write { path: path.into(), source })
-    })?;
-    Ok(())
-}
-
-/// An error in the middle of a sequence, which says what is there.
-fn after(written: usize, error: Error) -> anyhow::Error {
-    let frames = if written == 1 { "1 frame is" } else { &*format!("{written} frames are") };
-    anyhow::Error::new(error).context(format!("{frames} written; the next one could not be"))
-}
-
-/// The name of a file of a sequence: `palm.L0.000123.exr` for frame 123 of `palm/L0`. What file
-/// systems do not allow in a name is written as `%` and two hexadecimal digits.
-fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
+/// How the files of an image begin: `palm.L0` for `palm/L0`, as in `palm.L0.000123.exr` for frame 123. What
+/// file systems do not allow in a name is written as `%` and two hexadecimal digits.
+fn series_name(image: &str) -> String {
     let mut name = String::new();
     let image =
         image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"));
@@ -224,7 +275,7 @@ fn frame_file_name(image: &str, frame: usize, extension: &str) -> String {
             name.push(c);
         }
     }
-    format!("{name}.{frame:06}.{extension}")
+    name
 }
 
 #[cfg(test)]
@@ -233,9 +284,9 @@ mod tests {
 
     #[test]
     fn names_of_files_are_allowed_everywhere() {
-        assert_eq!(frame_file_name("palm/L0", 123, "exr"), "palm.L0.000123.exr");
-        assert_eq!(frame_file_name("L2", 1_234_567, "png"), "L2.1234567.png");
-        assert_eq!(frame_file_name("a\u{202e}\u{9b}/L0", 0, "png"), "a%202E%9B.L0.000000.png");
-        assert_eq!(frame_file_name("../a b/c%\u{e9}/L1", 0, "exr"), "..%2Fa b%2Fc%25\u{e9}.L1.000000.exr");
+        assert_eq!(series_name("palm/L0"), "palm.L0");
+        assert_eq!(series_name("L2"), "L2");
+        assert_eq!(series_name("a\u{202e}\u{9b}/L0"), "a%202E%9B.L0");
+        assert_eq!(series_name("../a b/c%\u{e9}/L1"), "..%2Fa b%2Fc%25\u{e9}.L1");
     }
 }
