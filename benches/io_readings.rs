@@ -14,9 +14,12 @@ use dermatome::{
 /// Readings of `frames` frames that differ.
 fn write(path: &Path, skin: &Skin, frames: u32) {
     let mut frame = Frame::new(&SkinMap::flat(shapes::lattice(107, 6, 0.005), 1e-3), 1);
-    let mut writer =
-        ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), &Channel::new("force", "N"))
-            .expect("a file");
+    let mut writer = ReadingsWriter::create(
+        path,
+        skin.patches.iter().map(|p| &p.taxels),
+        &Channel::new("force", "N").unwrap(),
+    )
+    .expect("a file");
     for t in 0..frames {
         frame.time = f64::from(t) * 0.004;
         for (k, x) in (0..).zip(frame.values.iter_mut().flatten().flat_map(|taxels| taxels.iter_mut())) {

@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
     let spreader = Spreader { disc: 0.002, max_distance: None };
-    let channels = [Channel::new("force", "N")];
+    let channels = [Channel::new("force", "N")?];
     let (mut asked, mut located, mut strongest) = (0, 0, (0.0, spreader.frame(&index, 0.0)));
     for k in 0..=FRAMES {
         let time = f64::from(k) / f64::from(FRAMES);

@@ -36,7 +36,7 @@ const SPACING: f64 = 0.004;
 
 /// A pressure in Pa.
 fn pascals() -> Channel {
-    Channel::new("pressure", "Pa")
+    Channel::new("pressure", "Pa").unwrap()
 }
 
 fn given(threshold: f64) -> TrackerOptions {
@@ -495,7 +495,7 @@ fn taxels_that_do_not_rest_at_zero_are_no_contact() {
 fn force_follows_from_the_unit() {
     let map = plane();
     let force = |unit: &str, scale: f64| {
-        let channel = Channel::new("pressure", unit);
+        let channel = Channel::new("pressure", unit).unwrap();
         let mut tracker = ContactTracker::new(&map, &channel, &given(1000.0 * scale)).unwrap();
         tracker.track(&bells(&map, &[(DVec2::new(0.1, 0.1), 3000.0 * scale)]))[0].force
     };

@@ -66,7 +66,7 @@ fn readings_make_a_page_larger_but_keep_it_small() {
         values.iter_mut().for_each(|x| *x = 0.0);
         values[VertexId::new(k % 169)] = 1.0;
         frame.time = 0.1 * k as f64;
-        page.record(&frame, &[Channel::new("force", "N")], 0).unwrap();
+        page.record(&frame, &[Channel::new("force", "N").unwrap()], 0).unwrap();
     }
     let still = Page::new(&map, "palm").unwrap().to_html().unwrap();
     let moving = page.to_html().unwrap();

@@ -42,7 +42,7 @@ fn colours(png: &[u8]) -> Vec<[u8; 3]> {
 
 #[test]
 fn unknown_values_are_hatched_and_zero_is_not() {
-    let (map, channel) = (palm(), Channel::new("pressure", "Pa"));
+    let (map, channel) = (palm(), Channel::new("pressure", "Pa").unwrap());
     let options = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
     let share = |value: f64, is_grey: fn(&[u8; 3]) -> bool| {
         let frame = on_levels(&map, &channel, |k| if k == 0 { 5e3 } else { value });
@@ -59,7 +59,7 @@ fn unknown_values_are_hatched_and_zero_is_not() {
 #[test]
 fn every_level_says_its_largest_value_and_the_same_total() {
     let map = palm();
-    let force = Channel::new("force", "N");
+    let force = Channel::new("force", "N").unwrap();
     let frame = on_levels(&map, &force, |k| if k == 3 { f64::NAN } else { 0.01 * k as f64 });
     let total: f64 = (0..169).filter(|&k| k != 3).map(|k| 0.01 * f64::from(k)).sum();
     let options = PlotOptions { space: Some(Viewpoint::Outside), ..PlotOptions::default() };
@@ -68,7 +68,7 @@ fn every_level_says_its_largest_value_and_the_same_total() {
     assert!(svg.contains("force per area, kPa") && svg.contains("169 taxels, 1 masked"));
     assert_eq!(svg.matches(" in space<").count(), 3);
 
-    let pressure = Channel::new("pressure", "Pa");
+    let pressure = Channel::new("pressure", "Pa").unwrap();
     let frame = on_levels(&map, &pressure, |_| 2500.0);
     let svg = draw(&map, &frame, &pressure, &PlotOptions::default()).unwrap().to_svg();
     assert_eq!(svg.matches("max 2.5 kPa").count(), 3);
@@ -77,7 +77,7 @@ fn every_level_says_its_largest_value_and_the_same_total() {
 
 #[test]
 fn a_scale_on_both_sides_of_zero_has_its_middle_there() {
-    let (map, channel) = (palm(), Channel::new("shear", "Pa"));
+    let (map, channel) = (palm(), Channel::new("shear", "Pa").unwrap());
     let frame = on_levels(&map, &channel, |k| if k % 2 == 0 { 900.0 } else { -950.0 });
     let svg = draw(&map, &frame, &channel, &PlotOptions::default()).unwrap().to_svg();
     for label in [">\u{2212}0.95<", ">0<", ">0.95<"] {
@@ -112,7 +112,7 @@ fn unknown_channels_ranges_and_other_maps_are_refused() {
 /// symmetric if values of both signs matter; a constant has a scale, too.
 #[test]
 fn ranges_are_round_and_hold_the_values() {
-    let (map, channel) = (palm(), Channel::new("strain", ""));
+    let (map, channel) = (palm(), Channel::new("strain", "").unwrap());
     let options = PlotOptions { levels: vec![level_id(0)], ..PlotOptions::default() };
     for (values, ends) in [
         ([0.0, 37_210.0], ["0", "38000"]),

@@ -162,7 +162,7 @@ fn tables_give_the_numbers_that_were_put_in() {
             assert_eq!(found.ids.unwrap(), [5, 7, 9, 11]);
             assert_eq!(found.times, TIMES);
             let force = Channel { name: "force.N".into(), unit: "N".into(), quantity: Quantity::Extensive };
-            assert_eq!(found.channels, [force, Channel::new("heat", "")]);
+            assert_eq!(found.channels, [force, Channel::new("heat", "").unwrap()]);
         }
     }
 }
@@ -227,7 +227,10 @@ fn arrays_of_both_layouts_give_the_numbers_that_were_put_in() {
             let named = read_as("a.npz", &npz(&named, is_deflated), layout).unwrap();
             assert_eq!(named.ids.unwrap(), [5, 7, 12, 0], "ids as texts");
             assert_eq!(found.times, TIMES);
-            assert_eq!(found.channels, [Channel::new("force.N", "mN"), Channel::new("heat", "K")]);
+            assert_eq!(
+                found.channels,
+                [Channel::new("force.N", "mN").unwrap(), Channel::new("heat", "K").unwrap()]
+            );
         }
     }
 }
@@ -317,7 +320,7 @@ fn written_readings_are_read_back() {
     while let (Some((frame, _)), true) = (simulation.next_frame(), frames.len() < 50) {
         frames.push(frame.clone());
     }
-    let channel = Channel::new("force", "N");
+    let channel = Channel::new("force", "N").unwrap();
     let folder = TempDir::new().unwrap();
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
@@ -352,7 +355,7 @@ fn readings_of_taxels_with_the_same_id_are_read_back_in_their_order() {
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
         let taxels = skin.patches.iter().map(|p| &p.taxels);
-        let mut writer = ReadingsWriter::create(&path, taxels, &Channel::new("force", "N")).unwrap();
+        let mut writer = ReadingsWriter::create(&path, taxels, &Channel::new("force", "N").unwrap()).unwrap();
         writer.write(&frame).unwrap();
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();
@@ -404,6 +407,13 @@ fn long_tables_give_frames() {
     }
     let dated = read("a.csv", b"time,5\n1970-01-01T00:01:00Z,1\n1970-01-01 00:01:00.5,2\n").unwrap();
     assert_eq!(dated.times, [60.0, 60.5]);
+    let by_taxel = read("a.csv", b"time,taxel_id,value\n0,1,5\n0.1,1,6\n0,2,7\n0.1,2,8\n");
+    assert!(
+        message(by_taxel.map(|_| ()))
+            .contains("line 4: found the time 0 s after 0.1 s; needed: rows sorted by time")
+    );
+    let tabs = ReadingsReader::stream(Path::new("-"), &b"time\t5\t6\n0\t\t2\n"[..]).unwrap();
+    assert!(drain(tabs).unwrap().frames[0][0].is_nan(), "an empty cell between tabs of a stream");
     let stream = ReadingsReader::stream(Path::new("-"), text.as_bytes());
     assert!(message(stream).contains("in a file"), "its taxels are not known at its beginning");
 }
@@ -759,7 +769,7 @@ fn times_that_go_backwards_are_counted_and_move_no_filter() {
 #[test]
 fn a_split_has_two_channels_for_each() {
     let map = two_patches();
-    let channels = [Channel::new("force.N", "N"), Channel::new("heat", "K")];
+    let channels = [Channel::new("force.N", "N").unwrap(), Channel::new("heat", "K").unwrap()];
     let options = ConditionOptions { split_hz: Some(1.0), ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(&map, &channels, &options).unwrap();
     let names: Vec<&str> = conditioner.channels().iter().map(|c| c.name.as_str()).collect();

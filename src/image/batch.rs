@@ -38,7 +38,8 @@ impl BatchRenderer {
     /// # Panics
     /// As those two.
     pub fn render(&mut self, mut read: impl FnMut(usize, &mut Frame), images: &mut [f32]) {
-        let size = self.renderer.images[0].values.len();
+        // No channel, no pixel: nothing to draw.
+        let size = self.renderer.images[0].values.len().max(1);
         for (images, first) in images.chunks_mut(AT_ONCE * size).zip((0..).step_by(AT_ONCE)) {
             let mut read = |k: usize, frame: &mut Frame| read(first + k, frame);
             if images.len() == AT_ONCE * size && self.render_at_once(&mut read, images) {

@@ -45,7 +45,7 @@ struct ChannelView<'a> {
 /// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
-/// let channels = [Channel::new("pressure", "Pa")];
+/// let channels = [Channel::new("pressure", "Pa")?];
 /// let mut frame = Frame::new(&map, 1);
 /// for reading in frame.values.iter_mut().flatten().flat_map(|channel| channel.iter_mut().skip(1)) {
 ///     *reading = 5e3;

@@ -1,5 +1,7 @@
 //! What one number per taxel means.
 
+use crate::signal::SignalError;
+
 /// How a channel is carried between levels and to pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quantity {
@@ -25,61 +27,88 @@ pub struct Channel {
     pub quantity: Quantity,
 }
 
+/// Units of force, pressure and charge that take prefixes: what one is in N or in Pa, NaN for charges.
+const MEASURES: [(&str, f64, Quantity); 16] = [
+    ("N", 1.0, Quantity::Extensive),
+    ("gf", 9.806_65e-3, Quantity::Extensive),
+    ("lbf", 4.448_221_615_260_5, Quantity::Extensive),
+    ("C", f64::NAN, Quantity::Extensive),
+    ("Pa", 1.0, Quantity::Intensive),
+    ("bar", 1e5, Quantity::Intensive),
+    ("N/m^2", 1.0, Quantity::Intensive),
+    ("N/cm^2", 1e4, Quantity::Intensive),
+    ("N/mm^2", 1e6, Quantity::Intensive),
+    ("gf/cm^2", 98.0665, Quantity::Intensive),
+    ("gf/mm^2", 9806.65, Quantity::Intensive),
+    ("psi", 6_894.757_293_168_361, Quantity::Intensive),
+    ("mmHg", 133.322_387_415, Quantity::Intensive),
+    ("cmH2O", 98.0665, Quantity::Intensive),
+    ("mmH2O", 9.806_65, Quantity::Intensive),
+    ("atm", 101_325.0, Quantity::Intensive),
+];
+
+const PREFIXES: [(&str, f64); 12] = [
+    ("", 1.0),
+    ("p", 1e-12),
+    ("n", 1e-9),
+    ("u", 1e-6),
+    ("\u{b5}", 1e-6),
+    ("\u{3bc}", 1e-6),
+    ("m", 1e-3),
+    ("c", 1e-2),
+    ("d", 1e-1),
+    ("h", 1e2),
+    ("k", 1e3),
+    ("M", 1e6),
+];
+
+/// Other units, all of averages, with or without a prefix; counts, and the temperature in degrees.
+const AVERAGES: &str = "count counts raw LSB digit digits adc bit 1 % K degC \u{b0}C degF V A F Ohm ohm Hz m rad deg s m/s m/s^2 T \
+                        lx N/m Pa*s \u{3a9}";
+
+/// What a unit measures: newtons or pascals in one of it, and how it is carried.
+fn measure(unit: &str) -> Option<(f64, Quantity)> {
+    let bases = || PREFIXES.iter().filter_map(|(prefix, x)| Some((unit.strip_prefix(prefix)?, x)));
+    let known = |(base, x): (&str, &f64)| {
+        MEASURES.iter().find(|(name, ..)| *name == base).map(|(_, y, quantity)| (x * y, *quantity))
+    };
+    let average =
+        |(base, _): (&str, &f64)| !base.is_empty() && AVERAGES.split_whitespace().any(|name| name == base);
+    bases().find_map(known).or_else(|| bases().any(average).then_some((f64::NAN, Quantity::Intensive)))
+}
+
 impl Channel {
-    /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`,
-    /// `lbf`, `C`, with a prefix such as `m` or not), or if it has none and is called `force`,
-    /// `force.N` or `charge`. A temperature is intensive, though its unit be `C`. Without a name it is
-    /// called `force` if it is extensive, else `pressure`.
-    pub fn new(name: &str, unit: &str) -> Self {
+    /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`, `lbf`, `C`,
+    /// with a prefix such as `m` or not), or if it has none and is called `force`, `force.N` or `charge`.
+    /// Without a name it is called `force` if it is extensive, else `pressure`.
+    ///
+    /// # Errors
+    /// [`SignalError::Unit`] if the unit is not known, or is `C` in a channel that is not called `charge`: it may be
+    /// a temperature.
+    pub fn new(name: &str, unit: &str) -> Result<Self, SignalError> {
         let first = name.split('.').next().unwrap_or_default().to_ascii_lowercase();
-        let base =
-            unit.strip_prefix(['p', 'n', 'u', '\u{b5}', '\u{3bc}', 'm', 'c', 'd', 'k']).unwrap_or(unit);
-        let is_amount = match unit {
-            "" => ["force", "charge"].contains(&first.as_str()),
-            _ => ["N", "gf", "lbf", "C"].contains(&base) && !first.starts_with("temp"),
+        let refused = || SignalError::Unit { channel: name.into(), unit: unit.into() };
+        let quantity = match unit {
+            "" if ["force", "charge"].contains(&first.as_str()) => Quantity::Extensive,
+            "" => Quantity::Intensive,
+            "C" if first.starts_with("temp") || first == "thermal" => Quantity::Intensive,
+            "C" if first != "charge" => return Err(refused()),
+            _ => measure(unit).ok_or_else(refused)?.1,
         };
-        let quantity = if is_amount { Quantity::Extensive } else { Quantity::Intensive };
         let name = match (name, quantity) {
             ("", Quantity::Extensive) => "force",
             ("", Quantity::Intensive) => "pressure",
             _ => name,
         };
-        Self { name: name.into(), unit: unit.into(), quantity }
+        Ok(Self { name: name.into(), unit: unit.into(), quantity })
     }
 
     /// What an amount of it, or its value times an area in m^2, is in N; `None` if its unit is neither one
     /// of force nor one of pressure.
     pub(crate) fn newtons(&self) -> Option<f64> {
-        /// Units that take prefixes, and what they are in N or in Pa.
-        const UNITS: [(&str, f64, Quantity); 6] = [
-            ("N", 1.0, Quantity::Extensive),
-            ("gf", 9.80665e-3, Quantity::Extensive),
-            ("lbf", 4.448_221_615_260_5, Quantity::Extensive),
-            ("Pa", 1.0, Quantity::Intensive),
-            ("N/m^2", 1.0, Quantity::Intensive),
-            ("bar", 1e5, Quantity::Intensive),
-        ];
-        const PREFIXES: [(&str, f64); 11] = [
-            ("", 1.0),
-            ("p", 1e-12),
-            ("n", 1e-9),
-            ("u", 1e-6),
-            ("\u{b5}", 1e-6),
-            ("\u{3bc}", 1e-6),
-            ("m", 1e-3),
-            ("c", 1e-2),
-            ("d", 1e-1),
-            ("h", 1e2),
-            ("k", 1e3),
-        ];
-        let prefixed = PREFIXES.iter().filter_map(|(prefix, x)| Some((self.unit.strip_prefix(prefix)?, x)));
-        let known = prefixed.flat_map(|(base, x)| {
-            let same = move |(unit, ..): &&(&str, f64, Quantity)| *unit == base;
-            UNITS.iter().filter(same).map(move |(_, y, quantity)| (x * y, *quantity))
-        });
-        let mega =
-            self.unit.strip_prefix('M').filter(|base| *base == "Pa").map(|_| (1e6, Quantity::Intensive));
-        known.chain(mega).find(|(_, quantity)| *quantity == self.quantity).map(|(newtons, _)| newtons)
+        measure(&self.unit)
+            .filter(|(newtons, of)| !newtons.is_nan() && *of == self.quantity)
+            .map(|(newtons, _)| newtons)
     }
 
     /// The unit of its pixels: amounts are drawn per area of the map, as `N/m^2`; without a unit
@@ -96,7 +125,7 @@ impl Channel {
 impl Default for Channel {
     /// A pressure in no known unit.
     fn default() -> Self {
-        Self::new("", "")
+        Self { name: "pressure".into(), unit: String::new(), quantity: Quantity::Intensive }
     }
 }
 
@@ -104,43 +133,49 @@ impl Default for Channel {
 mod tests {
     use super::*;
 
+    /// Amounts are summed, averages are not, and what is neither is refused, not guessed.
     #[test]
     fn the_unit_says_whether_values_add_up() {
-        for (name, unit, is_amount) in [
-            ("force.N", "N", true),
-            ("load", "mN", true),
-            ("load", "kgf", true),
-            ("force", "", true),
-            ("charge", "pC", true),
-            ("force", "count", false),
-            ("pressure", "Pa", false),
-            ("pressure", "N/m^2", false),
-            ("temperature", "C", false),
-            ("heat", "degC", false),
-            ("", "", false),
+        let (sum, mean) = (Some(Quantity::Extensive), Some(Quantity::Intensive));
+        for (name, unit, expected, newtons) in [
+            ("force.N", "N", sum, Some(1.0)),
+            ("load", "mN", sum, Some(1e-3)),
+            ("load", "kgf", sum, Some(9.80665)),
+            ("force", "", sum, None),
+            ("charge", "pC", sum, None),
+            ("charge", "C", sum, None),
+            ("force", "count", mean, None),
+            ("pressure", "Pa", mean, Some(1.0)),
+            ("pressure", "hPa", mean, Some(100.0)),
+            ("pressure", "MPa", mean, Some(1e6)),
+            ("pressure", "mbar", mean, Some(100.0)),
+            ("pressure", "N/m^2", mean, Some(1.0)),
+            ("pressure", "N/cm^2", mean, Some(1e4)),
+            ("pressure", "N/mm^2", mean, Some(1e6)),
+            ("pressure", "kgf/cm^2", mean, Some(98_066.5)),
+            ("pressure", "psi", mean, Some(6_894.757_293_168)),
+            ("pressure", "mmHg", mean, Some(133.322_387_415)),
+            ("pressure", "cmH2O", mean, Some(98.0665)),
+            ("temperature", "C", mean, None),
+            ("thermal", "C", mean, None),
+            ("heat", "degC", mean, None),
+            ("heat", "mK", mean, None),
+            ("", "", mean, None),
+            ("", "C", None, None),
+            ("heat", "C", None, None),
+            ("load", "stone", None, None),
+            ("load", "m", mean, None),
+            ("load", "k", None, None),
         ] {
-            let found = Channel::new(name, unit).quantity == Quantity::Extensive;
-            assert_eq!(found, is_amount, "{name} in {unit:?}");
+            let found = Channel::new(name, unit);
+            assert_eq!(found.as_ref().ok().map(|channel| channel.quantity), expected, "{name} in {unit:?}");
+            let found = found.ok().and_then(|channel| channel.newtons());
+            let is_same = found.zip(newtons).map_or(found == newtons, |(a, b)| (a / b - 1.0).abs() < 1e-12);
+            assert!(is_same, "{unit}: {found:?}");
         }
-        assert_eq!(Channel::new("", ""), Channel::default());
-        assert_eq!(Channel::new("", "mN"), Channel::new("force", "mN"));
-        assert_eq!(Channel::new("", "kPa"), Channel::new("pressure", "kPa"));
-        for (unit, newtons) in [
-            ("N", Some(1.0)),
-            ("mN", Some(1e-3)),
-            ("kPa", Some(1e3)),
-            ("MPa", Some(1e6)),
-            ("hPa", Some(100.0)),
-            ("mbar", Some(100.0)),
-            ("", None),
-            ("count", None),
-            ("mm", None),
-        ] {
-            let found = Channel::new("load", unit).newtons();
-            assert!(
-                found.zip(newtons).map_or(found == newtons, |(a, b)| (a / b - 1.0).abs() < 1e-12),
-                "{unit}"
-            );
-        }
+        let new = |name, unit| Channel::new(name, unit).unwrap();
+        assert_eq!(new("", ""), Channel::default());
+        assert_eq!(new("", "mN"), new("force", "mN"));
+        assert_eq!(new("", "kPa"), new("pressure", "kPa"));
     }
 }

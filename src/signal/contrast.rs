@@ -54,6 +54,9 @@ impl Contrast {
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
         frame.check(self.steps.len(), self.quantities.len());
         self.out.time = frame.time;
+        if self.out.unmeasured != frame.unmeasured {
+            self.out.unmeasured.clone_from(&frame.unmeasured);
+        }
         for (id, steps) in self.steps.enumerate() {
             for (channel, &quantity) in self.quantities.iter().enumerate() {
                 let copy = |from: &Levels, to: &mut Levels| {

@@ -105,6 +105,11 @@ impl Edges {
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
         frame.check(self.levels.len(), self.quantities.len());
         self.out.time = frame.time;
+        for (out, read) in self.out.unmeasured.iter_mut().zip(&frame.unmeasured) {
+            for (out, read) in out.chunks_exact_mut(2).zip(read).filter(|(out, read)| out[0] != **read) {
+                out.fill(read.clone());
+            }
+        }
         for (id, levels) in self.levels.enumerate() {
             for (channel, &quantity) in self.quantities.iter().enumerate() {
                 let (values, areas) = (&frame.values[id][channel], &frame.areas[id][channel]);

@@ -28,6 +28,11 @@ pub enum SignalError {
          map {known}; readings of the skin that the map was made of are needed"
     )]
     NoneMatched { columns: usize, first: TaxelId, known: TaxelId },
+    #[error(
+        "channel {channel:?} is in {unit:?}, which is no unit that is known; needed: one of force (N, mN, kgf, lbf), \
+         pressure (Pa, kPa, bar, psi, mmHg, cmH2O, N/cm^2, kgf/cm^2), charge (pC), temperature (K, degC) or count"
+    )]
+    Unit { channel: String, unit: String },
     #[error("{option} is {found}; {needed} is needed")]
     Option { option: String, found: f64, needed: String },
     #[error("the skin has no working taxel that could feel a touch")]

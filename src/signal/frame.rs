@@ -12,13 +12,19 @@ pub struct Frame {
     pub time: f64,
     /// The readings, in the unit of their channel.
     pub values: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
+    /// The taxels of each channel whose value was not measured but filled from its neighbours, in their order.
+    pub filled: IdVec<PatchId, Vec<Vec<VertexId>>>,
 }
 
 impl Frame {
     /// A frame of the taxels of `map` without any reading.
     pub fn new(map: &SkinMap, channels: usize) -> Self {
         let patch = |taxels: usize| vec![IdVec::filled(f64::NAN, taxels); channels];
-        Self { time: 0.0, values: map.patches.map(|p| patch(p.taxels.ids.len())) }
+        Self {
+            time: 0.0,
+            values: map.patches.map(|p| patch(p.taxels.ids.len())),
+            filled: map.patches.map(|_| vec![Vec::new(); channels]),
+        }
     }
 }
 
@@ -36,6 +42,9 @@ pub struct LevelFrame {
     /// The area of each field that has readings, in m^2: [`Restrictor`](crate::signal::Restrictor)
     /// leaves out taxels without a reading.
     pub areas: IdVec<PatchId, Vec<ChannelLevels>>,
+    /// The vertices of each level with a value of which nothing was measured: all readings that they have are
+    /// [filled](Frame::filled).
+    pub unmeasured: IdVec<PatchId, Vec<IdVec<LevelId, Vec<VertexId>>>>,
 }
 
 impl LevelFrame {
@@ -46,7 +55,8 @@ impl LevelFrame {
             vec![levels; channels]
         });
         let areas = map.patches.map(|patch| vec![patch.levels.map(|l| l.level.areas.clone()); channels]);
-        Self { time: 0.0, values, areas }
+        let unmeasured = map.patches.map(|patch| vec![patch.levels.map(|_| Vec::new()); channels]);
+        Self { time: 0.0, values, areas, unmeasured }
     }
 
     /// Panics if it does not have this many patches, or a patch not this many channels.

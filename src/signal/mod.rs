@@ -3,7 +3,7 @@
 //!
 //! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
 //! ([`Frame`]) or on every level ([`LevelFrame`]); `match_taxels` puts the columns of a recording to their
-//! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]); `restrict` carries
+//! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]), `fill` closes gaps ([`Filler`]); `restrict` carries
 //! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change ([`Contrast`], [`Edges`]);
 //! `contacts` finds what touches the skin ([`ContactTracker`]).
 //!
@@ -16,6 +16,7 @@ mod contacts;
 mod contrast;
 mod edges;
 mod error;
+mod fill;
 mod frame;
 mod match_taxels;
 mod restrict;
@@ -27,6 +28,7 @@ pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions};
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
+pub use fill::Filler;
 pub use frame::{Frame, LevelFrame};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;

@@ -110,6 +110,30 @@ impl Fields {
     }
 }
 
+impl PatchFields {
+    /// Lists the vertices of each level all of whose readings are filled.
+    fn find_unmeasured(
+        &self,
+        filled: &[VertexId],
+        areas: &IdVec<LevelId, IdVec<VertexId, f64>>,
+        unmeasured: &mut IdVec<LevelId, Vec<VertexId>>,
+    ) {
+        let finest = LevelId::new(0);
+        unmeasured[finest].clear();
+        unmeasured[finest].extend_from_slice(filled);
+        let is_measured = |&(v, w): &(u32, f64)| {
+            let taxel = VertexId::from(v);
+            w != 0.0 && areas[finest][taxel] > 0.0 && filled.binary_search(&taxel).is_err()
+        };
+        for (level, fields) in &self.coarse {
+            unmeasured[*level].clear();
+            let of_level = areas[*level].enumerate().filter(|(_, area)| **area > 0.0);
+            let lost = of_level.filter(|(field, _)| !fields.members[field.index()].iter().any(is_measured));
+            unmeasured[*level].extend(lost.map(|(field, _)| field));
+        }
+    }
+}
+
 impl Restrictor {
     /// A restrictor for frames of these channels.
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
@@ -154,6 +178,14 @@ impl Restrictor {
                 let mut channel = ChannelOut { quantity, values, areas, amounts };
                 let masks_changed = channel.take(read, &patch.areas);
                 channel.collect(&patch.coarse, masks_changed);
+            }
+            // Frames that were not made by a `Filler` may have no lists.
+            for (channel, unmeasured) in self.levels.unmeasured[id].iter_mut().enumerate() {
+                let filled =
+                    frame.filled.get(id).and_then(|of| of.get(channel)).map_or(&[][..], Vec::as_slice);
+                if unmeasured[LevelId::new(0)] != filled {
+                    patch.find_unmeasured(filled, &self.levels.areas[id][channel], unmeasured);
+                }
             }
         }
         &self.levels

@@ -7,7 +7,9 @@ use dermatome::{
     Error,
     io::{IoError, ReadingsLayout, ReadingsReader, read_gains},
     map::SkinMap,
-    signal::{Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Frame, Join, JoinReport},
+    signal::{
+        Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Filler, Frame, Join, JoinReport,
+    },
 };
 
 use crate::console::errors::advise;
@@ -50,7 +52,25 @@ pub(crate) struct ReadingsArgs {
     /// Split each channel into a slow and a fast part at this frequency
     #[arg(long, value_name = "HZ", value_parser = positive)]
     split: Option<f64>,
+    /// What takes the place of missing readings
+    #[arg(long, value_parser = one_of(&FILLS), default_value = "none")]
+    fill: Fill,
 }
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fill {
+    None,
+    Neighbours,
+}
+
+const FILLS: [Choice<Fill>; 2] = [
+    ("none", Fill::None, "Nothing"),
+    (
+        "neighbours",
+        Fill::Neighbours,
+        "The weighted mean of the taxels around each; `valid` in a .npz is 0 there",
+    ),
+];
 
 /// Which frames are taken.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -166,6 +186,7 @@ pub(crate) struct Pass<'a> {
     reader: ReadingsReader,
     join: Join,
     conditioner: Conditioner,
+    filler: Option<Filler>,
     frame: Frame,
 }
 
@@ -198,7 +219,9 @@ impl<'a> Pass<'a> {
             ConditionOptions { baseline: args.baseline, gains, clip: args.clip, split_hz: args.split };
         let conditioner = Conditioner::new(map, &reader.channels, &options).map_err(Error::from)?;
         let frame = Frame::new(map, reader.channels.len());
-        Ok(Pass { args, frames, reader, join, conditioner, frame })
+        let is_filled = args.fill == Fill::Neighbours;
+        let filler = is_filled.then(|| Filler::new(map, conditioner.channels().len()));
+        Ok(Pass { args, frames, reader, join, conditioner, filler, frame })
     }
 
     pub(crate) fn channels(&self) -> &[Channel] {
@@ -242,13 +265,13 @@ impl<'a> Pass<'a> {
         let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
         let FramesArgs { from, to, every } = self.frames;
         let rate = self.args.rate;
-        let mut number = 0;
+        let (mut number, mut filler) = (0, self.filler);
         let has_times = self.reader.has_times;
         // Ends with no error after the last frame that is wanted.
         let mut deliver = |frame: &Frame, frames: &mut usize| -> Result<(), Option<anyhow::Error>> {
             let is_asked = number >= from && (number - from) % every as usize == 0;
             if is_asked && to.is_none_or(|to| number <= to) {
-                pass_on(number, frame)?;
+                pass_on(number, filler.as_mut().map_or(frame, |filler| filler.fill(frame)))?;
                 *frames += 1;
             }
             number += 1;
@@ -304,7 +327,7 @@ fn name_channels(channels: &mut [Channel], known: &[String], units: &[String]) -
         // Readings without a name are called pressure until their unit says what they are.
         let old = if *channel == Channel::default() { "" } else { &channel.name };
         let (name, unit) = (known.get(k).map_or(old, String::as_str), units.get(k).unwrap_or(&channel.unit));
-        *channel = Channel::new(name, unit);
+        *channel = Channel::new(name, unit).map_err(Error::from)?;
     }
     Ok(())
 }

@@ -165,9 +165,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let tally = tally?;
     tally.remark(args.readings_args.baseline, common);
-    if let Some((count, Some(threshold))) = found {
-        let contacts = if count == 1 { "contact" } else { "contacts" };
-        note!(common, "{count} {contacts} above {threshold:.4}");
+    match found {
+        Some((count, Some(threshold))) => {
+            let contacts = if count == 1 { "contact" } else { "contacts" };
+            note!(common, "{count} {contacts} above {threshold:.4}");
+        }
+        Some((_, None)) => note!(
+            common,
+            "no contacts: all {written} frames went into the estimate of the noise, or no reading differs from the \
+             first; give --threshold"
+        ),
+        None => {}
     }
     if args.json {
         print_json("dermatome.render/1", &report(&tally, &channels, &parts, found))?;

@@ -32,7 +32,7 @@ pub struct RecordingLayout<'a> {
 /// Keys of the `.npz`, with `Lk` the level: `PATCH.Lk.image` `(T, C, H, W)` and `PATCH.Lk.values`
 /// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image
 /// shows the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF`
-/// where there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value; `PATCH.ids`;
+/// where there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value that was measured, not [filled](crate::signal::Filler); `PATCH.ids`;
 /// `timestamps` in s; `channels`, their `units` and those of their pixels, `image_units`: images show
 /// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
 /// `PATCH.Lk.metres_per_pixel` where images differ. Packed
@@ -231,11 +231,12 @@ impl RecordingWriter {
         let mut all_valid = Vec::new();
         for LevelValues { patch, level, values, valid } in &self.values {
             all_valid.clear();
-            for channel in &frame.values[*patch] {
+            for (channel, unmeasured) in frame.values[*patch].iter().zip(&frame.unmeasured[*patch]) {
                 let of_level = &channel[*level];
                 self.writer.push(*values, Elements::F64(of_level))?;
                 all_valid.resize(of_level.len(), 1);
                 all_valid.iter_mut().zip(of_level).for_each(|(valid, x)| *valid &= u8::from(!x.is_nan()));
+                unmeasured[*level].iter().for_each(|vertex| all_valid[vertex.index()] = 0);
             }
             self.writer.push(*valid, Elements::U8(&all_valid))?;
         }

@@ -215,7 +215,9 @@ fn read_channels(
         _ => (0..count).map(|k| format!("channel{k}")).collect(),
     });
     let units = texts(units)?.unwrap_or_else(|| vec![String::new(); count]);
-    Ok(names.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit)).collect())
+    let channel = |(name, unit): (&String, &String)| Channel::new(name, unit);
+    let channels = names.iter().zip(&units).map(channel).collect::<Result<_, _>>();
+    channels.map_err(|e| invalid(path, "units", units.join(", "), e.to_string()))
 }
 
 /// Refuses an array of another shape than `(count,)`.

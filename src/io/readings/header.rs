@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::file::lines::{LineLocation, finite};
-use crate::signal::Channel;
+use crate::signal::{Channel, SignalError};
 use crate::skin::TaxelId;
 
 /// What the first line of a text of readings may be, for messages.
@@ -76,6 +76,7 @@ pub(super) fn parse_header<'t>(
             "" | "frame" | "index" => meanings.push(Meaning::Unused),
             _ => meanings.push(columns.reading(word).map_err(|e| match e {
                 Broken::NotAnId => at.invalid_part(column(), excerpt(word), SHAPES),
+                Broken::Channel(error) => at.invalid_part(column(), excerpt(word), error.to_string()),
                 Broken::Unit { first } => {
                     at.invalid_part(column(), excerpt(word), format!("{first:?}, the unit given first"))
                 }
@@ -158,7 +159,13 @@ fn date(word: &str) -> Option<f64> {
     let mut parts = day.splitn(3, '-');
     let (year, month, day) =
         (whole(parts.next()?, 9999)?, whole(parts.next()?, 12)?, whole(parts.next()?, 31)?);
-    if month < 1 || day < 1 {
+    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let longest = match month {
+        2 => 28 + i64::from(is_leap),
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    };
+    if month < 1 || !(1..=longest).contains(&day) {
         return None;
     }
     let time = time.trim_end_matches(['Z', 'z']);
@@ -192,6 +199,7 @@ fn date(word: &str) -> Option<f64> {
 enum Broken {
     NotAnId,
     Unit { first: String },
+    Channel(SignalError),
 }
 
 /// Columns and channels in the order in which they first come.
@@ -239,7 +247,7 @@ impl Columns {
             let first = &self.channels[known].unit;
             return if first == unit { Ok(known) } else { Err(Broken::Unit { first: first.clone() }) };
         }
-        self.channels.push(Channel::new(name, unit));
+        self.channels.push(Channel::new(name, unit).map_err(Broken::Channel)?);
         self.channel_of.insert(name.into(), self.channels.len() - 1);
         Ok(self.channels.len() - 1)
     }
@@ -281,7 +289,17 @@ mod tests {
         assert_eq!(time("1970-01-02T00:00:01.5Z", 1).unwrap(), 86_401.5);
         assert_eq!(time("2026-01-31 12:00:00+01:30", 1).unwrap(), 1_769_855_400.0);
         assert_eq!(time("2024-02-29T23:59:59-0100", 1000).unwrap(), 1_709_254_799.0);
-        for odd in ["1.7e12", "nan", "2026-13-01T00:00", "2026-01-01", "T", "2026-01-01T00:00+x"] {
+        for odd in [
+            "1.7e12",
+            "nan",
+            "2026-13-01T00:00",
+            "2026-02-31T00:00",
+            "2100-02-29T00:00",
+            "2026-04-31T00:00",
+            "2026-01-01",
+            "T",
+            "2026-01-01T00:00+x",
+        ] {
             assert!(time(odd, 1).is_err(), "{odd}");
         }
     }

@@ -1,6 +1,5 @@
 //! Readings as lines of numbers: CySkin's text (`index time value...` below a line of ids) and CSV; and
-//! as a long table, `time,taxel_id,value`, with a row for each reading. Rows of one time that follow each
-//! other are a frame there.
+//! as a long table, `time,taxel_id,value`, with a row for each reading, sorted by time. The rows of one time are a frame there.
 //!
 //! A row is read as soon as its line has ended, so that a pipe delivers frame by frame. Which taxels a
 //! long table has is known at its end only: a file is read twice, and a stream is refused.
@@ -32,7 +31,7 @@ pub(super) struct TextLines {
 
 impl TextLines {
     /// Reads the first line; errors call the text `path`. Cells are between commas if there are any
-    /// in that line, else between semicolons, else in a `.csv` between tabs, else between blanks.
+    /// in that line, else between semicolons, else between tabs if it is a `.csv` or names a time, else between blanks.
     pub(super) fn open(path: &Path, input: Box<dyn Read + Send>, is_csv: bool) -> Result<Self, IoError> {
         let mut lines = Lines::new(BufReader::with_capacity(1 << 16, input), path, Some(b'#'));
         lines.longest = LONGEST_LINE;
@@ -40,7 +39,10 @@ impl TextLines {
         let Some((line, _)) = lines.current()? else {
             return Err(lines.at().invalid("an empty file", SHAPES));
         };
-        let signs = if is_csv { &[',', ';', '\t'][..] } else { &[',', ';'] };
+        // Names stand between tabs in a table of them; the ids of CySkin's text have neither a time nor tabs.
+        let has_tabs =
+            is_csv || line.split('\t').any(|name| name.trim().to_ascii_lowercase().starts_with("time"));
+        let signs = if has_tabs { &[',', ';', '\t'][..] } else { &[',', ';'] };
         let separator = match signs.iter().find(|&&sign| line.contains(sign)) {
             Some(&sign) => Separator::Sign(sign),
             None if is_csv => Separator::Sign(','),
@@ -200,7 +202,7 @@ impl LongReadings {
                     .rows
                     .lines
                     .at()
-                    .invalid("a new taxel", "a file that nobody writes meanwhile"));
+                    .invalid("a new taxel", "a file that does not change while it is read"));
             };
             if std::mem::replace(&mut seen[column], true) {
                 let found = format!("taxel {} again at the time {} s", reading.id, first.time);
@@ -208,6 +210,10 @@ impl LongReadings {
             }
             values[column] = reading.value;
             row = self.rows.next()?;
+        }
+        if let Some(next) = row.filter(|next| next.time < first.time) {
+            let found = format!("the time {} s after {} s", next.time, first.time);
+            return Err(self.rows.lines.at().invalid(found, "rows sorted by time"));
         }
         self.ahead = row;
         Ok(true)
@@ -227,7 +233,7 @@ impl Rows {
         let Some(per_second) = per_second(&names[time]) else { return Ok(None) };
         let name = lines.words.get(value).unwrap_or_default();
         let unit = name.split_once('[').map_or("", |(_, unit)| unit.trim_end_matches(']').trim());
-        let channel = Channel::new("", unit);
+        let channel = Channel::new("", unit).map_err(|e| lines.at().invalid(excerpt(name), e.to_string()))?;
         Ok(Some((Self { time, per_second, id, value, cells: names.len(), lines }, channel)))
     }
 

@@ -29,7 +29,7 @@ use crate::skin::PatchId;
 ///
 /// let map = SkinMap::flat(shapes::lattice(30, 20, 0.004), 1e-3);
 /// let options = TrackerOptions { threshold: Some(100.0), ..TrackerOptions::default() };
-/// let mut tracker = ContactTracker::new(&map, &Channel::new("pressure", "Pa"), &options)?;
+/// let mut tracker = ContactTracker::new(&map, &Channel::new("pressure", "Pa")?, &options)?;
 /// let mut frame = Frame::new(&map, 1);
 /// let pressure = &mut frame.values[PatchId::new(0)][0];
 /// for taxel in [310, 311] {

@@ -150,7 +150,7 @@ impl<'a> TouchSimulation<'a> {
             noise: Random::new(options.seed, stream::NOISE),
             live,
             adjacency,
-            frame: Frame { time: 0.0, values },
+            frame: Frame { time: 0.0, values, ..Frame::default() },
             next: 0,
             turn: None,
             presses: Vec::new(),

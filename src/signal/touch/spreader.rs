@@ -65,7 +65,11 @@ impl Spreader {
     /// A frame of the taxels of an index at a time (s) without any force, NaN for taxels that do not work.
     pub fn frame(&self, index: &ContactIndex, time: f64) -> Frame {
         let force = |p: &Presence| if *p == Presence::Present { 0.0 } else { f64::NAN };
-        Frame { time, values: index.presence().map(|patch| vec![patch.map(force)]).collect() }
+        Frame {
+            time,
+            values: index.presence().map(|patch| vec![patch.map(force)]).collect(),
+            ..Frame::default()
+        }
     }
 
     /// Adds a force to the readings of the taxels that it touches, in N; the sum of what is added is

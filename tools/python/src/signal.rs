@@ -13,7 +13,8 @@ use dermatome::{
     pyramid::LevelId,
     signal::{
         Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
-        Frame, Join, Quantity, Restrictor, SignalError, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        Filler, Frame, Join, Quantity, Restrictor, SignalError, Touch, TouchOptions, TouchSimulation,
+        TrackerOptions,
     },
     skin::{Patch, TaxelId},
 };
@@ -325,7 +326,8 @@ impl PyContactTracker {
             reach,
             lasting: count("lasting", lasting)?,
         };
-        let tracker = ContactTracker::new(map, &Channel::new("", unit), &options).map_err(error)?;
+        let channel = Channel::new("", unit).map_err(error)?;
+        let tracker = ContactTracker::new(map, &channel, &options).map_err(error)?;
         let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
         Ok(Self { tracker: Mutex::new((tracker, Frame::new(map, 1))), join, taxels, map: Arc::clone(map) })
@@ -484,7 +486,7 @@ pub(crate) fn join_readings<'py>(
 
 /// Readings of the taxels of a map, (T, C, N), made comparable: their values and the names of their channels.
 #[pyfunction]
-#[pyo3(signature = (map, values, times, names, baseline, gains, clip=None, split_hz=None))]
+#[pyo3(signature = (map, values, times, names, baseline, gains, clip=None, split_hz=None, fill="none"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
     py: Python<'py>,
@@ -496,7 +498,9 @@ pub(crate) fn condition_readings<'py>(
     gains: Vec<(u32, f64)>,
     clip: Option<[f64; 2]>,
     split_hz: Option<f64>,
+    fill: &str,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
+    let is_filled = word("fill", fill, &[("none", false), ("neighbours", true)])?;
     let map = Arc::clone(&map.get().map);
     let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
     let values = floats("values", values)?;
@@ -508,14 +512,17 @@ pub(crate) fn condition_readings<'py>(
     let (times, values) = (one_each("timestamps", times, shape[0])?, values.as_slice()?.to_vec());
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
     let options = ConditionOptions { baseline: count("baseline", baseline)?, gains, clip, split_hz };
-    let channels: Vec<_> = names.iter().map(|name| Channel::new(name, "")).collect();
+    let channel = |name: &String| Channel { name: name.clone(), ..Channel::default() };
+    let channels: Vec<_> = names.iter().map(channel).collect();
     let made = run(py, 0, move |stop| -> Result<_, SignalError> {
         let mut conditioner = Conditioner::new(&map, &channels, &options)?;
         let names: Vec<_> = conditioner.channels().iter().map(|channel| channel.name.clone()).collect();
         let (mut frame, mut out) = (Frame::new(&map, channels.len()), Vec::new());
         let join = Join::new(&map, None, taxels, Duplicates::Refuse)?;
+        let mut filler = is_filled.then(|| Filler::new(&map, names.len()));
         let mut keep = |frame: &Frame| -> Result<(), SignalError> {
             stop.check();
+            let frame = filler.as_mut().map_or(frame, |filler| filler.fill(frame));
             for channel in 0..names.len() {
                 frame.values.iter().for_each(|patch| out.extend_from_slice(&patch[channel]));
             }
@@ -535,8 +542,8 @@ pub(crate) fn condition_readings<'py>(
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
 #[pyfunction]
-pub(crate) fn is_extensive(name: &str, unit: &str) -> bool {
-    Channel::new(name, unit).quantity == Quantity::Extensive
+pub(crate) fn is_extensive(name: &str, unit: &str) -> PyResult<bool> {
+    Ok(Channel::new(name, unit).map_err(error)?.quantity == Quantity::Extensive)
 }
 
 /// An argument as an array of real numbers, or an error that names it.

@@ -39,6 +39,8 @@ class Readings:
         When each frame was taken, in s; NaN where that is not known.
     channels, units : tuple of str
         Names and units of the channels.
+    measured : (T, C, N) bool array or None
+        Which values were measured and not filled; None: all that are finite.
     """
 
     values: NDArray[np.float64]
@@ -46,6 +48,7 @@ class Readings:
     timestamps: NDArray[np.float64]
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    measured: NDArray[np.bool_] | None = None
 
     @staticmethod
     def read(
@@ -143,6 +146,7 @@ class Readings:
         clip: tuple[float, float] | None = None,
         split: float | None = None,
         rate: float | None = None,
+        fill: str = "none",
     ) -> Readings:
         """Make readings of the taxels of a map comparable, in the order of the arguments.
 
@@ -160,6 +164,9 @@ class Readings:
             Frequency, in Hz, that splits each channel into `NAME.slow` and `NAME.fast`. Needs times.
         rate : float, optional
             Frames per second, for readings without times.
+        fill : {"none", "neighbours"}
+            What takes the place of missing readings: the weighted mean of the taxels around each, within their
+            range. `measured` says which readings are not filled.
 
         Returns
         -------
@@ -185,9 +192,13 @@ class Readings:
         if split is not None and not np.isfinite(times).all():
             raise DataError("split: found readings without times; needed: rate")
         gains = list((gain or {}).items())
-        values, names = condition_readings(map, readings.values, times, list(self.channels), baseline, gains, clip, split)
+        given = (map, readings.values, times, list(self.channels), baseline, gains, clip, split)
+        values, names = condition_readings(*given)
         units = self.units if split is None else tuple(unit for unit in self.units for _ in range(2))
-        return Readings(values, None, times, tuple(names), units)
+        measured = np.isfinite(values)
+        if fill != "none":
+            values, names = condition_readings(*given, fill)
+        return Readings(values, None, times, tuple(names), units, measured if fill != "none" else None)
 
     def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:
         """What a LeRobot dataset keeps of these readings, as `dermatome render` describes it in `features.json`.
@@ -203,7 +214,8 @@ class Readings:
         -------
         dict
             For each patch that reaches up to the level its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
-            the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool tells them apart.
+            the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool says
+            which were measured.
 
         Examples
         --------
@@ -217,13 +229,18 @@ class Readings:
 
         from dermatome.lerobot import key
 
+        def pool(values: Any) -> Any:
+            pooled = [map.pool(values[:, k : k + 1], level, extensive=extensive) for k, extensive in enumerate(self.extensive)]
+            return np.concatenate(pooled, axis=1) if pooled else map.pool(values, level)
+
         values = self.on(map).values
-        pooled = [map.pool(values[:, k : k + 1], level, extensive=extensive) for k, extensive in enumerate(self.extensive)]
-        pooled = np.concatenate(pooled, axis=1) if pooled else map.pool(values, level)
+        pooled = pool(values)
+        measured = pooled if self.measured is None else pool(np.where(self.measured, values, np.nan))
         made, first = {}, 0
         for name, patch in map.patches.items():
             if level < len(patch.levels):
                 part = pooled[:, :, first : first + len(patch.levels[level].positions)]
+                valid = np.isfinite(measured[:, :, first : first + part.shape[2]]).all(axis=1)
                 first += part.shape[2]
                 known = np.isfinite(part)
                 shape = (part.shape[1] * part.shape[2],)
@@ -232,7 +249,7 @@ class Readings:
                     "shape": shape,
                     "names": None,
                     "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
-                    "valid": known.all(axis=1),
+                    "valid": valid,
                 }
         return made
 
