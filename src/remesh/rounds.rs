@@ -283,9 +283,6 @@ impl Rounds<'_> {
     /// Whether the origin of `h` may merge with its target, as far as lines are concerned.
     fn may_merge(&self, h: Halfedge, length: f64) -> bool {
         let [a, b] = [self.mesh.origin(h), self.mesh.target(h)];
-        if self.mesh.on_boundary[a] && self.mesh.twin(h) != Halfedge::NONE {
-            return false;
-        }
         let is_detail = length < DETAIL * self.target;
         match (self.freedom[a], self.freedom[b]) {
             (Freedom::Surface, _) => true,
