@@ -5,10 +5,21 @@ use std::collections::BTreeMap;
 use glam::{DAffine3, DMat3};
 
 use crate::id::IdVec;
+use crate::numeric::argsort;
 use crate::robot::{Joint, JointKind, Robot};
 use crate::skin::{
     Link, LinkId, Motion, MotionFrame, Remark, RemarkKind, Sheet, SkinError, TaxelId, link_names,
 };
+
+/// Most rotation of a joint between two poses of its link, in rad: a rotation is interpolated on the shorter arc.
+const MAX_TURN: f64 = std::f64::consts::FRAC_PI_2;
+
+/// The same where poses in the world are interpolated: the path of the link is then a polygon that is 0.03 % of its
+/// radius off the arc.
+const MAX_TURN_IN_WORLD: f64 = 0.05;
+
+/// Most poses that are put into the time between two rows, whatever the joints do in it.
+const MAX_STEPS: f64 = 64.0;
 
 impl Joint {
     /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
@@ -120,14 +131,16 @@ impl Robot {
     }
 
     /// How the links of a skin or a map move, which are found by their names, where the joints have these values
-    /// at these times (s). A link that hangs there from the same link moves as its joint does between two times.
+    /// at these times (s). Between two times the values of joints are interpolated, not the poses: a joint from 0 to
+    /// 4 rad turns by 4 rad. Poses are exact where a link has the same parent there, else nearly.
     ///
     /// # Errors
     /// If a time or a value is not finite.
     pub fn motion(&self, rows: &[(f64, Vec<f64>)], links: &IdVec<LinkId, Link>) -> Result<Motion, SkinError> {
         let known: std::collections::HashMap<&str, LinkId> =
             self.links.enumerate().map(|(id, link)| (&*link.name, id)).collect();
-        let worlds: Vec<_> = rows.iter().map(|(time, values)| (*time, self.poses(values))).collect();
+        let order = argsort(&rows.iter().map(|(time, _)| *time).collect::<Vec<_>>());
+        let rows: Vec<&(f64, Vec<f64>)> = order.into_iter().map(|row| &rows[row]).collect();
         let names = link_names(links);
         let mut motion = Motion::default();
         for (id, link) in links.enumerate() {
@@ -135,14 +148,40 @@ impl Robot {
             let parent = self.links[own].parent;
             let is_same =
                 parent.map(|parent| &self.links[parent].name) == link.parent.map(|parent| &names[parent]);
-            let (frame, keys): (_, Vec<_>) = if is_same {
-                let relative = |world: &IdVec<LinkId, DAffine3>| {
-                    parent.map_or(world[own], |parent| world[parent].inverse() * world[own])
-                };
-                (MotionFrame::Parent, worlds.iter().map(|(time, world)| (*time, relative(world))).collect())
+            let (frame, max_turn) = if is_same {
+                (MotionFrame::Parent, MAX_TURN)
             } else {
-                (MotionFrame::World, worlds.iter().map(|(time, world)| (*time, world[own])).collect())
+                (MotionFrame::World, MAX_TURN_IN_WORLD)
             };
+            // The links whose joints move it in that frame, from the root.
+            let mut chain: Vec<LinkId> =
+                std::iter::successors(Some(own), |&link| self.links[link].parent.filter(|_| !is_same))
+                    .collect();
+            chain.reverse();
+            let pose = |values: &[f64]| {
+                chain.iter().fold(DAffine3::IDENTITY, |above, &link| {
+                    let moved = self.joint_of(link).map(|joint| self.joints[joint].moved(values[joint]));
+                    above * self.links[link].pose * moved.unwrap_or(DAffine3::IDENTITY)
+                })
+            };
+            let mut keys: Vec<(f64, DAffine3)> = Vec::with_capacity(rows.len());
+            for (k, (time, values)) in rows.iter().enumerate() {
+                keys.push((*time, pose(values)));
+                let Some((end, next)) = rows.get(k + 1) else { break };
+                let turns = chain.iter().filter_map(|&link| self.joint_of(link)).filter(|&joint| {
+                    matches!(self.joints[joint].kind, JointKind::Revolute | JointKind::Continuous)
+                });
+                let turn = turns.map(|joint| (next[joint] - values[joint]).abs()).fold(0.0, f64::max);
+                let steps = (turn / max_turn).ceil().clamp(1.0, MAX_STEPS);
+                let mut step = 1.0;
+                while step < steps && time < end {
+                    let share = step / steps;
+                    let between = |(a, b): (&f64, &f64)| a + share * (b - a);
+                    let values: Vec<f64> = values.iter().zip(next).map(between).collect();
+                    keys.push((between((time, end)), pose(&values)));
+                    step += 1.0;
+                }
+            }
             motion.set(id, frame, &keys)?;
         }
         Ok(motion)
@@ -159,5 +198,47 @@ pub(crate) fn taxel_sheet(name: String, link: LinkId, taxels: &[(TaxelId, DAffin
         normals: Some(taxels.iter().map(|(_, pose)| pose.matrix3.z_axis).collect()),
         tangents: Some(taxels.iter().map(|(_, pose)| pose.matrix3.x_axis).collect()),
         ..Sheet::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn link(name: &str, parent: Option<LinkId>) -> Link {
+        Link { name: name.into(), parent, pose: DAffine3::IDENTITY }
+    }
+
+    /// A joint from 0 to 4 rad turns by 4 rad, not by 4 rad less a turn back; in the frame of its parent exactly, in
+    /// the world nearly.
+    #[test]
+    fn joints_move_evenly_between_rows() {
+        let root = LinkId::new(0);
+        let wheel = LinkId::new(1);
+        let mut robot =
+            Robot { links: vec![link("base", None), link("wheel", Some(root))].into(), ..Robot::default() };
+        robot.joints.push(Joint {
+            name: "axle".into(),
+            link: wheel,
+            kind: JointKind::Continuous,
+            axis: DVec3::Z,
+            limits: None,
+            mimic: None,
+        });
+        let rows = [(1.0, vec![4.0]), (0.0, vec![0.0])];
+        let alone = vec![link("other", None), link("wheel", None)].into();
+        for (links, frame, tolerance) in
+            [(&robot.links, MotionFrame::Parent, 1e-12), (&alone, MotionFrame::World, 1e-3)]
+        {
+            let motion = robot.motion(&rows, links).unwrap();
+            for time in [0.0, 0.2, 0.5, 0.77, 1.0] {
+                let (found_frame, pose) = motion.pose(wheel, time).unwrap();
+                let expected = DAffine3::from_rotation_z(4.0 * time);
+                assert_eq!(found_frame, frame);
+                assert!(pose.abs_diff_eq(expected, tolerance), "{frame:?} at {time} s: {pose}");
+            }
+        }
     }
 }
