@@ -10,6 +10,7 @@ use dermatome::id::IdVec;
 use dermatome::io::{write_map, write_skin};
 use dermatome::map::SkinMap;
 use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
 use dermatome::plot::{self, Paint, PlotError, PlotOptions, Viewpoint};
 use dermatome::skin::{Covariance, Link, LinkId, Patch, Skin};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -222,6 +223,11 @@ fn the_skin_stands_beside_its_maps() {
         assert_eq!(svg.matches("palm, in space").count(), 1);
         assert_eq!(svg.matches("palm, level").count(), if levels.is_empty() { 3 } else { 1 });
         plot::plot_map(&map, &options).unwrap().to_png().unwrap();
+    }
+    // A closed surface is cut: each level has a seam of its own.
+    let ball = build(&Skin::from_mesh("ball", shapes::ball(10, 0.05)), &BuildOptions::default()).unwrap();
+    for paint in [Paint::Area, Paint::Angle, Paint::Fields] {
+        plot_map(&ball, &PlotOptions { levels: vec![level_id(1)], paint, ..from(20.0, 50.0) }).unwrap();
     }
 }
 

@@ -118,11 +118,15 @@ impl MapLevel {
         self.cut.as_ref().map_or(Cow::Borrowed(mesh), |cut| Cow::Owned(cut.mesh(&mesh.positions)))
     }
 
+    /// The edges of its mesh along which the level is cut.
+    pub(crate) fn seam(&self) -> Vec<[VertexId; 2]> {
+        self.cut.as_ref().and_then(|cut| cut.seam(&self.level.mesh).ok()).unwrap_or_default()
+    }
+
     /// Length of the seam along which the level is cut, in m; 0 without one.
     pub(crate) fn seam_length(&self) -> f64 {
-        let mesh = &self.level.mesh;
-        let edges = self.cut.as_ref().and_then(|cut| cut.seam(mesh).ok());
-        edges.map_or(0.0, |edges| seam_length(mesh, &edges))
+        // The sum of no lengths is -0.
+        seam_length(&self.level.mesh, &self.seam()) + 0.0
     }
 
     /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all

@@ -46,10 +46,9 @@ impl<'a> PatchView<'a> {
         self.level(level).or_else(|| self.levels?.iter().last())
     }
 
-    /// The edges along which it is cut, if it has a map.
+    /// The edges between its taxels along which it is cut, if it has a map.
     pub(crate) fn seam(&self) -> Vec<[VertexId; 2]> {
-        let cut = self.level(LevelId::default()).and_then(|finest| finest.cut.as_ref());
-        cut.and_then(|cut| cut.seam(self.mesh).ok()).unwrap_or_default()
+        self.level(LevelId::default()).map(MapLevel::seam).unwrap_or_default()
     }
 
     pub(crate) fn is_live(&self, taxel: VertexId) -> bool {

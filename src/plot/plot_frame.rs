@@ -91,7 +91,7 @@ pub fn plot_frame(
     let colours =
         Colours::new(options.range, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn));
     for (panel, drawn) in rows.iter_mut().flatten().flatten() {
-        panel.slot.caption = caption(&panel.slot.caption, drawn, channel, &about);
+        panel.slot.caption = caption(panel, drawn, channel, &about);
     }
     let (rows, layout) = lay_out(rows, |(panel, _)| &panel.slot, options.width_px)?;
     let slots = slots(&rows, |(panel, _)| &panel.slot);
@@ -224,9 +224,8 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
 }
 
 /// What a panel shows: which level and when, how many values are masked, and the largest.
-fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &About) -> Caption {
+fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &About) -> Caption {
     let Drawn { level, values, densities } = drawn;
-    let is_space = panel.which.contains("space");
     let time = if view.frame.time.is_nan() { String::new() } else { format!(", {:.3} s", view.frame.time) };
     let kind = if *level == LevelId::default() { "taxels" } else { "fields" };
     let known = || values.iter().filter(|x| !x.is_nan());
@@ -242,8 +241,8 @@ fn caption(panel: &Caption, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &A
         measures += &format!(", total {} {}", signed(known().sum()), printable(unit));
     }
     Caption {
-        name: panel.name.clone(),
-        which: format!(", level {level}{}", if is_space { " in space" } else { "" }),
+        name: panel.slot.caption.name.clone(),
+        which: format!(", level {level}{}", if panel.is_in_space() { " in space" } else { "" }),
         about: [format!("{} {kind}{masked}{time}", values.len()), measures.trim_end().to_owned()],
     }
 }

@@ -98,6 +98,10 @@ impl<'a> Panel<'a> {
         }
     }
 
+    pub(crate) fn is_in_space(&self) -> bool {
+        matches!(self.look, Look::InSpace(..))
+    }
+
     pub(crate) fn draw(
         &self,
         view: &View,
@@ -119,7 +123,11 @@ impl<'a> Panel<'a> {
                     _ => Vec::new(),
                 };
                 let dots = if dots.len() <= FINE { &dots[..] } else { &[] };
-                draw_in_space(self.patch, &coloured, camera, view, dots)
+                let seam = match level.filter(|_| coloured.owner == MeshOwner::Level) {
+                    Some(level) => level.seam(),
+                    None => self.patch.seam(),
+                };
+                draw_in_space(self.patch, &coloured, camera, view, seam, dots)
             }
             Look::Between(camera, between) => {
                 let Between { mesh, taxels, finest, level } = &**between;
@@ -131,7 +139,8 @@ impl<'a> Panel<'a> {
                     options.paint != Paint::Fields || level.level.origins.contains(&finest.vertex_of(*place))
                 };
                 let dots = finest.uv.ids().filter(|place| is_shown && is_centre(place));
-                draw_in_space(&patch, &coloured, camera, view, &dots.map(PlaceId::opened).collect::<Vec<_>>())
+                let dots: Vec<VertexId> = dots.map(PlaceId::opened).collect();
+                draw_in_space(&patch, &coloured, camera, view, Vec::new(), &dots)
             }
         })
     }
@@ -165,7 +174,7 @@ impl<'a> Panel<'a> {
                 let coloured =
                     coloured(self.patch.mesh, MeshOwner::Taxels, on_taxels, prolongation.is_none());
                 let dots = if has_dots { self.centres(*level) } else { Vec::new() };
-                draw_in_space(self.patch, &coloured, camera, view, &dots)
+                draw_in_space(self.patch, &coloured, camera, view, self.patch.seam(), &dots)
             }
             Look::Between(..) => Vec::new(),
         }
@@ -193,7 +202,7 @@ fn fault(level: &MapLevel) -> Option<&'static str> {
     }
 }
 
-/// A frame around a map that cannot be trusted.
+/// A frame around a map that has a fault.
 fn warning(view: &View) -> Shape {
     let path = Path::rectangle(view.corner, view.size);
     let stroke = Stroke { colour: WARNING, width: 3.0, opacity: 1.0 };

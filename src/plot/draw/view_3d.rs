@@ -36,13 +36,14 @@ const PIECE_PX: f64 = 2.0;
 /// Most pieces of a line: no picture is wider.
 const MOST_PIECES: f64 = 4096.0;
 
-/// Draws a coloured skin as a camera sees it, with lines along its boundary and its seam, and dots at
-/// some of its taxels.
+/// Draws a coloured skin as a camera sees it, with lines along its boundary and the `seam` of the coloured mesh, and
+/// dots at some of its taxels.
 pub(crate) fn draw_in_space(
     patch: &PatchView<'_>,
     coloured: &ColouredMesh<'_>,
     camera: &Camera,
     view: &View,
+    seam: Vec<[VertexId; 2]>,
     dots: &[VertexId],
 ) -> Vec<Shape> {
     let mesh = coloured.mesh;
@@ -56,7 +57,7 @@ pub(crate) fn draw_in_space(
     let lines = unhidden(&drawn, &drawn.edges, &buffer);
     shapes.extend(triangle_lines(&drawn, lines, &coloured.fill));
     let mut rims = boundary_edges(mesh);
-    rims.extend(patch.seam());
+    rims.extend(seam);
     shapes.push(boundary_line(unhidden(&drawn, &rims, &buffer)));
     if let (Some(radius), false) = (dot_radius(drawn.edge_px), dots.is_empty()) {
         let normals = mesh.vertex_normals();
