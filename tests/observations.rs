@@ -321,8 +321,11 @@ fn contacts_with_normals_have_a_table_of_their_own() {
         ..SimulateOptions::default()
     };
     let mut observations = simulate(&options).unwrap().observations;
-    let refused = write_observations(&folder.path().join("a.g2o"), &observations).unwrap_err();
-    assert!(refused.to_string().contains("a normal"), "{refused}");
+    for refusal in ["a normal", "no initial pose"] {
+        let refused = write_observations(&folder.path().join("a.g2o"), &observations).unwrap_err();
+        assert!(refused.to_string().contains(refusal), "{refused}");
+        observations.taxels.iter_mut().for_each(|taxel| taxel.initial = None);
+    }
     let path = folder.path().join("c.csv");
     observations.edges = Default::default();
     write_observations(&path, &observations).unwrap();

@@ -118,6 +118,17 @@ fn meshes_of_all_kinds_are_scaled_and_mirrored() {
     assert_eq!(names, ["a.1", "a.2"]);
 }
 
+/// A small file that uses one mesh many times is refused before its copies are made.
+#[test]
+fn triangles_of_all_uses_are_limited() {
+    let mesh = "<visual><geometry><mesh filename='m.stl'/></geometry></visual>".repeat(400);
+    let folder = robot(&format!("<link name='a'>{mesh}</link>"));
+    let lattice = Skin::from_mesh("m", shapes::lattice(200, 200, 0.001));
+    write_skin(&folder.path().join("m.stl"), &lattice).unwrap();
+    let error = read_draft(&folder.path().join("r.urdf")).unwrap_err().to_string();
+    assert!(error.contains("30000000 triangles") && error.contains("line 2"), "{error}");
+}
+
 /// A COLLADA file of one mesh, used by these nodes; without any, by none.
 fn dae(skin: &Skin, nodes: &str) -> String {
     let mesh = &skin.patches.iter().next().unwrap().mesh;
@@ -208,6 +219,10 @@ fn nodes_of_collada_place_meshes() {
         let error = read(&dae(&triangle, "").replace(from, to)).unwrap_err().to_string();
         assert!(error.contains(said), "{from} -> {to}: {error}");
     }
+    let commented = dae(&triangle, "").replace("<p>0 0 1 0", "<p>0 0<!-- a comment -->1 0");
+    assert_eq!(read(&commented).unwrap().sheets[0].triangles, [[0, 1, 2]]);
+    let many = format!("<node id='n'>{}</node>", "<instance_node url='#n'/>".repeat(3000));
+    assert!(read(&dae(&triangle, &many)).unwrap_err().to_string().contains("use themselves"));
     let circle = "<node id='n'><instance_node url='#n'/></node>";
     assert!(read(&dae(&triangle, circle)).unwrap_err().to_string().contains("use themselves"));
     // Each node uses the next one twice: 2^30 uses of a mesh.
@@ -246,6 +261,8 @@ fn sensors_give_taxels() {
         ("parent link='a'/><origin", "parent link='b'/><origin", "no <link>"),
         ("idx='7'", "idx='-7'", "a number from 0"),
         ("rows='2'", "rows='2000000000'", "a million taxels"),
+        // With the two of the first sensor.
+        ("rows='2' cols='3'", "rows='1000' cols='1000'", "a million taxels in the file"),
         ("size='0.1 0.2'", "", "size or spacing"),
         ("<array rows='2' cols='3' size='0.1 0.2' offset='1 1'/>", "", "no taxels"),
     ] {

@@ -1,5 +1,6 @@
 //! XML: the elements of a file, and where in it they stand.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
@@ -87,6 +88,14 @@ impl<'a> Xml<'a> {
         };
         numbers.map(Some).ok_or_else(refuse)
     }
+}
+
+/// The text of an element, all pieces of it: a comment may stand between them.
+pub(crate) fn text_of<'a>(node: Node<'a, '_>) -> Cow<'a, str> {
+    let mut pieces = node.children().filter(Node::is_text).filter_map(|piece| piece.text());
+    let first = Cow::Borrowed(pieces.next().unwrap_or_default());
+    // A comment separates words.
+    pieces.fold(first, |all, piece| all + " " + piece)
 }
 
 /// The first child of a name.

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
-use roxmltree::Node;
+use roxmltree::{Node, NodeId};
 
 use crate::io::error::Result;
-use crate::io::file::xml::{Xml, child, children};
+use crate::io::file::xml::{Xml, child, children, text_of};
 use crate::io::file::{Source, excerpt, finite};
 use crate::skin::{Draft, Sheet};
 
@@ -15,7 +15,7 @@ const DEEPEST: usize = 64;
 
 /// Most triangles, and most nodes, of a scene: nodes that use others multiply without end.
 const MOST_TRIANGLES: usize = 50_000_000;
-const MOST_NODES: usize = 1_000_000;
+const MAX_USES: usize = 1_000_000;
 
 /// Reads a COLLADA file: every use of a mesh in the scene becomes a sheet, in m by the unit that the file gives;
 /// without a scene, every mesh. Polygons become fans. Which way is up does not turn it: robot descriptions take
@@ -27,8 +27,15 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         return Err(xml.invalid(root, "another kind of XML", "COLLADA, whose first element is <COLLADA>"));
     }
     let ids = root.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
-    let mut scene =
-        Scene { xml: &xml, ids, metres: metres(&xml)?, sheets: Vec::new(), triangles: 0, nodes: 0 };
+    let mut scene = Scene {
+        xml: &xml,
+        ids,
+        metres: metres(&xml)?,
+        sheets: Vec::new(),
+        triangles: 0,
+        uses: 0,
+        transforms: HashMap::new(),
+    };
     let instance = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
     let first = || child(child(root, "library_visual_scenes")?, "visual_scene");
     match instance.map(|instance| scene.used(instance)).transpose()?.or_else(first) {
@@ -62,7 +69,9 @@ struct Scene<'a, 'i> {
     metres: f64,
     sheets: Vec<Sheet>,
     triangles: usize,
-    nodes: usize,
+    /// Elements of nodes that were visited, each as often as its node is used.
+    uses: usize,
+    transforms: HashMap<NodeId, DAffine3>,
 }
 
 impl<'a, 'i> Scene<'a, 'i> {
@@ -84,18 +93,19 @@ impl<'a, 'i> Scene<'a, 'i> {
     fn add_nodes(&mut self, visual: Node<'a, 'i>) -> Result<()> {
         let mut open = vec![(visual, DAffine3::IDENTITY, 0)];
         while let Some((node, pose, depth)) = open.pop() {
-            self.nodes += 1;
-            if depth > DEEPEST || self.nodes > MOST_NODES {
-                let needed = format!("at most {DEEPEST} nodes in each other, and {MOST_NODES} in all");
-                return Err(self.xml.invalid(node, "more nodes, or nodes that use themselves", needed));
-            }
             let first = open.len();
             for part in node.children().filter(Node::is_element) {
+                // Each use counts before it is looked into.
+                self.uses += 1;
+                if depth > DEEPEST || self.uses > MAX_USES {
+                    let needed = format!("at most {DEEPEST} nodes in each other, and {MAX_USES} uses in all");
+                    return Err(self.xml.invalid(node, "more nodes, or nodes that use themselves", needed));
+                }
                 match part.tag_name().name() {
-                    "node" => open.push((part, pose * transform(self.xml, part)?, depth + 1)),
+                    "node" => open.push((part, pose * self.transform(part)?, depth + 1)),
                     "instance_node" => {
                         let used = self.used(part)?;
-                        open.push((used, pose * transform(self.xml, used)?, depth + 1));
+                        open.push((used, pose * self.transform(used)?, depth + 1));
                     }
                     "instance_geometry" => {
                         self.add_geometry(self.used(part)?, pose, node.attribute("name"))?
@@ -109,6 +119,16 @@ impl<'a, 'i> Scene<'a, 'i> {
             open[first..].reverse();
         }
         Ok(())
+    }
+
+    /// The transform of a node, which is read once however often the node is used.
+    fn transform(&mut self, node: Node<'a, 'i>) -> Result<DAffine3> {
+        if let Some(known) = self.transforms.get(&node.id()) {
+            return Ok(*known);
+        }
+        let transform = transform(self.xml, node)?;
+        self.transforms.insert(node.id(), transform);
+        Ok(transform)
     }
 
     fn at(&self, node: Node<'_, '_>) -> String {
@@ -270,7 +290,8 @@ fn numbers<T>(
     parse: impl Fn(&str) -> Option<T>,
     needed: &str,
 ) -> Result<Vec<T>> {
-    let words = node.text().unwrap_or_default().split_ascii_whitespace();
+    let text = text_of(node);
+    let words = text.split_ascii_whitespace();
     words.map(|word| parse(word).ok_or_else(|| xml.invalid(node, excerpt(word), needed))).collect()
 }
 

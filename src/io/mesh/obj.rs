@@ -44,6 +44,7 @@ struct Reader {
     texture: Option<Vec<DVec2>>,
     /// The names of the materials, if they are wanted, and the one in use.
     materials: Option<Vec<String>>,
+    material_ids: HashMap<String, u32>,
     material: u32,
     groups: Vec<Group>,
     /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
@@ -65,6 +66,7 @@ pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
         stem: source.stem(),
         texture: parts.texture.then(Vec::new),
         materials: parts.materials.then(Vec::new),
+        material_ids: HashMap::new(),
         material: NONE,
         groups: vec![Group { name: source.stem(), triangles: Vec::new(), materials: Vec::new() }],
         known: HashMap::from([(Default::default(), 0)]),
@@ -134,11 +136,10 @@ impl Reader {
 
     fn use_material(&mut self, name: &str) {
         let Some(materials) = &mut self.materials else { return };
-        let place = materials.iter().position(|known| known == name).unwrap_or_else(|| {
+        self.material = *self.material_ids.entry(name.to_owned()).or_insert_with(|| {
             materials.push(name.to_owned());
-            materials.len() - 1
+            u32::try_from(materials.len() - 1).unwrap_or(NONE)
         });
-        self.material = u32::try_from(place).unwrap_or(NONE);
     }
 
     fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<()> {

@@ -169,14 +169,22 @@ pub(super) fn write(out: &mut dyn Write, observations: &Observations, path: &Pat
         text.push(b'\n');
         write!(out, "{words}").and_then(|()| out.write_all(&text)).map_err(cannot_write(path))
     };
-    let offsets = offsets(observations);
+    let (offsets, numbers) = offsets(observations);
     if contacts.iter().any(|c| matches!(c.measurement, ContactMeasurement::Pose { .. })) {
         for (k, offset) in (IDENTITY_OFFSET..).zip(&offsets) {
             line(format_args!("PARAMS_SE3OFFSET {k}"), &pose(offset))?;
         }
     }
     for taxel in taxels {
-        let initial = taxel.initial.unwrap_or(Pose::default());
+        let Some(initial) = taxel.initial else {
+            let element = format!("taxel {}", taxel.id);
+            return Err(unfit(
+                path,
+                element,
+                "no initial pose",
+                "an initial pose of every taxel, or a table",
+            ));
+        };
         match model {
             Model::Positions => {
                 line(format_args!("VERTEX_TRACKXYZ {}", taxel.id), &initial.position.to_array())?
@@ -206,7 +214,7 @@ pub(super) fn write(out: &mut dyn Write, observations: &Observations, path: &Pat
                 line(format_args!("EDGE_POINTXYZ_PRIOR {id}"), &numbers)?;
             }
             ContactMeasurement::Pose { offset, seen } => {
-                let k = offsets.iter().position(|o| o == offset).unwrap_or_default();
+                let k = numbers[&bits(offset)];
                 let numbers = informed(pose(&seen.pose), &seen.information);
                 line(format_args!("EDGE_SE3_PRIOR {id} {k}"), &numbers)?;
             }
@@ -219,17 +227,24 @@ pub(super) fn write(out: &mut dyn Write, observations: &Observations, path: &Pat
     Ok(())
 }
 
-/// Where sensors are in the frames of taxels: each place once, the taxel's own first.
-fn offsets(observations: &Observations) -> Vec<Pose> {
+/// Where sensors are in the frames of taxels: each pose once, the taxel's own first; and the number of each.
+fn offsets(observations: &Observations) -> (Vec<Pose>, HashMap<[u64; 7], usize>) {
     let mut offsets = vec![Pose::default()];
+    let mut numbers = HashMap::from([(bits(&offsets[0]), 0)]);
     for contact in &observations.contacts {
-        if let ContactMeasurement::Pose { offset, .. } = &contact.measurement
-            && !offsets.contains(offset)
-        {
-            offsets.push(*offset);
+        if let ContactMeasurement::Pose { offset, .. } = &contact.measurement {
+            numbers.entry(bits(offset)).or_insert_with(|| {
+                offsets.push(*offset);
+                offsets.len() - 1
+            });
         }
     }
-    offsets
+    (offsets, numbers)
+}
+
+/// A pose as a key; -0 is 0.
+fn bits(offset: &Pose) -> [u64; 7] {
+    pose(offset).map(|x| (x + 0.0).to_bits())
 }
 
 fn pose(pose: &Pose) -> [f64; 7] {

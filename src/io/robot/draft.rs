@@ -31,6 +31,9 @@ pub enum RobotSurface {
 /// Largest file of a mesh, in bytes: 20 million triangles of STL.
 const MOST_BYTES: u64 = 1 << 30;
 
+/// Most triangles of all shapes, each mesh as often as it is used.
+const MAX_TRIANGLES: usize = 30_000_000;
+
 /// Kinds of meshes that are read.
 const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
 
@@ -96,6 +99,7 @@ pub(in crate::io) fn draft_of(
     let mut of_link: HashMap<LinkId, usize> = HashMap::new();
     shapes.iter().for_each(|shape| *of_link.entry(shape.link).or_default() += 1);
     let mut numbers: HashMap<LinkId, usize> = HashMap::new();
+    check_size(path, &shapes, &meshes)?;
     for shape in shapes {
         let number = numbers.entry(shape.link).or_default();
         *number += 1;
@@ -119,6 +123,22 @@ pub(in crate::io) fn draft_of(
         Some(error) if draft.sheets.is_empty() => Err(error),
         _ => Ok(draft),
     }
+}
+
+/// Refuses more triangles than any robot has: a mesh can be used many times.
+fn check_size(path: &Path, shapes: &[&Shape], meshes: &BTreeMap<String, Draft>) -> Result<()> {
+    let mut triangles = 0;
+    for shape in shapes {
+        if let Geometry::Mesh { url, .. } = &shape.geometry {
+            let sheets = meshes.get(url).map_or(&[][..], |draft| &draft.sheets);
+            triangles += sheets.iter().map(|sheet| sheet.triangles.len()).sum::<usize>();
+        }
+        if triangles > MAX_TRIANGLES {
+            let needed = format!("at most {MAX_TRIANGLES} triangles of all shapes");
+            return Err(invalid(path, format!("line {}, <mesh>", shape.line), "more triangles", needed));
+        }
+    }
+    Ok(())
 }
 
 fn bare(path: &Path, what: &str) -> IoError {

@@ -173,8 +173,8 @@ fn scale<'i>(xml: &Xml<'i>, node: Node<'_, 'i>) -> Result<DVec3> {
     Ok(scale)
 }
 
-/// Most taxels of an array: the file grows with their number in no other way.
-const MOST_TAXELS: f64 = 1e6;
+/// Most taxels of all arrays of a file, which does not grow with their number.
+const MAX_TAXELS: f64 = 1e6;
 
 /// The taxels of a sensor, if it is a tactile one.
 ///
@@ -185,6 +185,7 @@ pub(super) fn read_sensor<'i>(
     xml: &Xml<'i>,
     node: Node<'_, 'i>,
     link: impl Fn(&str) -> Option<LinkId>,
+    earlier: usize,
 ) -> Result<Option<Sheet>> {
     let Some(tactile) = child(node, "tactile") else { return Ok(None) };
     let parent = xml.need_child(node, "parent")?;
@@ -200,7 +201,7 @@ pub(super) fn read_sensor<'i>(
         taxels.push((TaxelId(id), frame * pose(xml, taxel)?));
     }
     if let Some(array) = child(tactile, "array") {
-        let places = lattice(xml, array)?;
+        let places = lattice(xml, array, MAX_TAXELS - earlier as f64)?;
         let pose = |at: DVec2| frame * DAffine3::from_translation(at.extend(0.0));
         taxels.extend((0..).zip(places).map(|(k, at)| (TaxelId(k), pose(at))));
     }
@@ -211,8 +212,8 @@ pub(super) fn read_sensor<'i>(
     Ok(Some(taxel_sheet(name, link, &taxels)))
 }
 
-/// The places of the taxels of an array, in the order of the message.
-fn lattice<'i>(xml: &Xml<'i>, node: Node<'_, 'i>) -> Result<Vec<DVec2>> {
+/// The positions of the taxels of an array, `most` of them, in the order of the message.
+fn lattice<'i>(xml: &Xml<'i>, node: Node<'_, 'i>, most: f64) -> Result<Vec<DVec2>> {
     let pair = |name: &str| Ok(xml.numbers(node, name)?.map(DVec2::from_array));
     let size = pair("size")?;
     let spacing =
@@ -222,9 +223,13 @@ fn lattice<'i>(xml: &Xml<'i>, node: Node<'_, 'i>) -> Result<Vec<DVec2>> {
         ["rows", "cols"].map(|name| node.attribute(name).and_then(|text| text.trim().parse::<u32>().ok()));
     let counts = rows
         .zip(columns)
-        .filter(|&(rows, columns)| (1.0..=MOST_TAXELS).contains(&(f64::from(rows) * f64::from(columns))));
+        .filter(|&(rows, columns)| (1.0..=most).contains(&(f64::from(rows) * f64::from(columns))));
     let (rows, columns) = counts.ok_or_else(|| {
-        xml.invalid(node, "other rows and cols", "numbers of rows and cols from 1, a million taxels at most")
+        xml.invalid(
+            node,
+            "other rows and cols",
+            "numbers of rows and cols from 1, a million taxels in the file at most",
+        )
     })?;
     let at = |row: u32, column: u32| DVec2::new(f64::from(row), f64::from(column)) * spacing - offset;
     Ok(match node.attribute("order").unwrap_or("row-major") {

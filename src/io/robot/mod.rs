@@ -110,8 +110,11 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     for (&node, &link) in links.nodes.iter().zip(&ids) {
         read_shapes(&xml, node, link, &mut robot)?;
     }
+    let mut taxels = 0;
     for node in children(root, "sensor") {
-        robot.sensors.extend(read_sensor(&xml, node, |name| Some(ids[links.find(name)?]))?);
+        let sheet = read_sensor(&xml, node, |name| Some(ids[links.find(name)?]), taxels)?;
+        taxels += sheet.as_ref().map_or(0, |sheet| sheet.positions.len());
+        robot.sensors.extend(sheet);
     }
     Ok(robot)
 }

@@ -73,6 +73,8 @@ pub struct TouchSimulation<'a> {
     /// The turn that has begun last, and its presses.
     turn: Option<usize>,
     presses: Vec<Press>,
+    /// The area of each patch, in m^2.
+    areas: Vec<f64>,
     contacts: Vec<(Sphere, Touch)>,
     touches: Vec<Touch>,
 }
@@ -154,6 +156,7 @@ impl<'a> TouchSimulation<'a> {
             next: 0,
             turn: None,
             presses: Vec::new(),
+            areas: skin.patches.iter().map(|patch| patch.mesh.area()).collect(),
             contacts: Vec::new(),
             touches: Vec::new(),
         })
@@ -252,13 +255,12 @@ impl<'a> TouchSimulation<'a> {
     }
 
     fn choose(&mut self, number: usize) -> Option<Press> {
-        let areas: Vec<f64> = self.skin.patches.iter().map(|patch| patch.mesh.area()).collect();
-        let mut left = self.places.uniform() * areas.iter().sum::<f64>();
-        let patch = areas.iter().position(|area| {
+        let mut left = self.places.uniform() * self.areas.iter().sum::<f64>();
+        let patch = self.areas.iter().position(|area| {
             left -= area;
             left < 0.0
         });
-        let patch = PatchId::new(patch.unwrap_or(areas.len() - 1));
+        let patch = PatchId::new(patch.unwrap_or(self.areas.len() - 1));
         let walker = Walker::random(&self.skin.patches[patch].mesh, &mut self.places)?;
         Some(Press { number, patch, walker, rolled: 0.0 })
     }
