@@ -224,6 +224,7 @@ mod tests {
             link: wheel,
             kind: JointKind::Continuous,
             axis: DVec3::Z,
+            anchor: DVec3::ZERO,
             limits: None,
             mimic: None,
         });
