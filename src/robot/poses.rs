@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::id::IdVec;
 use crate::numeric::argsort;
@@ -14,9 +14,9 @@ use crate::skin::{
 /// Most rotation of a joint between two poses of its link, in rad: a rotation is interpolated on the shorter arc.
 const MAX_TURN: f64 = std::f64::consts::FRAC_PI_2;
 
-/// The same where poses in the world are interpolated: the path of the link is then a polygon that is 0.03 % of its
-/// radius off the arc.
-const MAX_TURN_IN_WORLD: f64 = 0.05;
+/// The same where the origin of the link moves on an arc, since its positions are interpolated linearly: its path is
+/// a polygon that is 0.03 % of the radius off.
+const MAX_TURN_ON_ARC: f64 = 0.05;
 
 /// Most poses that are put into the time between two rows, whatever the joints do in it.
 const MAX_STEPS: f64 = 64.0;
@@ -132,7 +132,7 @@ impl Robot {
 
     /// How the links of a skin or a map move, which are found by their names, where the joints have these values
     /// at these times (s). Between two times the values of joints are interpolated, not the poses: a joint from 0 to
-    /// 4 rad turns by 4 rad. Poses are exact where a link has the same parent there, else nearly.
+    /// 4 rad turns by 4 rad. Poses are exact where a link has the same parent there and turns around its origin, else nearly.
     ///
     /// # Errors
     /// If a time or a value is not finite.
@@ -148,11 +148,10 @@ impl Robot {
             let parent = self.links[own].parent;
             let is_same =
                 parent.map(|parent| &self.links[parent].name) == link.parent.map(|parent| &names[parent]);
-            let (frame, max_turn) = if is_same {
-                (MotionFrame::Parent, MAX_TURN)
-            } else {
-                (MotionFrame::World, MAX_TURN_IN_WORLD)
-            };
+            let frame = if is_same { MotionFrame::Parent } else { MotionFrame::World };
+            // Around another point than its origin the link moves on an arc, too.
+            let is_centred = self.joint_of(own).is_none_or(|joint| self.joints[joint].anchor == DVec3::ZERO);
+            let max_turn = if is_same && is_centred { MAX_TURN } else { MAX_TURN_ON_ARC };
             // The links whose joints move it in that frame, from the root.
             let mut chain: Vec<LinkId> =
                 std::iter::successors(Some(own), |&link| self.links[link].parent.filter(|_| !is_same))
@@ -203,8 +202,6 @@ pub(crate) fn taxel_sheet(name: String, link: LinkId, taxels: &[(TaxelId, DAffin
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     fn link(name: &str, parent: Option<LinkId>) -> Link {
