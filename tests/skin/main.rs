@@ -533,7 +533,7 @@ fn a_component_that_is_left_out_leaves_no_trace() {
     let options = AssembleOptions { keep_going: true, ..AssembleOptions::default() };
     let kept = skin::assemble(&draft_of(sheet), &options).unwrap();
     assert_eq!((&*only(&kept).name, &*only(&kept).taxels.ids), ("s", &[1, 2, 3, 4].map(TaxelId)[..]));
-    assert_eq!(kinds(&kept), ["PatchLeftOut"].map(String::from).into());
+    assert_eq!(kinds(&kept), ["DoubtfulUnit", "PatchLeftOut"].map(String::from).into());
 }
 
 /// `keep` is called for every face, whatever is wrong with its sheet.

@@ -69,6 +69,7 @@ mod tests {
         #[test]
         fn a_star_is_a_part_of_the_triangulation(points in prop::collection::vec((-1.0..1.0, -1.0..1.0), 0..60)) {
             let mut points: Vec<DVec2> = points.into_iter().map(DVec2::from).collect();
+            points.retain(|p| *p != DVec2::ZERO);
             points.sort_by(|a, b| a.length().total_cmp(&b.length()));
             let whole = triangulate(&[&[DVec2::ZERO], points.as_slice()].concat()).unwrap();
             let expected: BTreeSet<[usize; 2]> =

@@ -98,6 +98,7 @@ impl Source {
     }
 
     /// The content as XML: a declaration after comments is left out, as other readers do.
+    #[cfg(feature = "robots")]
     pub(crate) fn xml_text(&self) -> Result<&str, IoError> {
         let text = self.text()?;
         let mut rest = text.trim_start();

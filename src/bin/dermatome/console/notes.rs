@@ -8,7 +8,6 @@ use dermatome::report::PatchReport;
 use dermatome::skin::{Remark, Skin, TaxelId, Taxels};
 
 use crate::console::print::{line, plain, say};
-use crate::files::outputs;
 use crate::options::Common;
 
 /// Prints a note on standard error, unless the run is quiet.
@@ -99,7 +98,7 @@ pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
 
 /// What a skin loses there: its frames and names, its tangents, covariances and weights.
 fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
-    let kind = outputs::kind(path);
+    let kind = dermatome::io::file_kind(path);
     let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
     let has = |known: fn(&Taxels) -> bool| is_plain && skin.patches.iter().any(|p| known(&p.taxels));
     let tangents = has(|taxels| taxels.tangents.is_some()).then_some("the tangents of the taxels are lost");
