@@ -97,7 +97,6 @@ fn same_way(triangles: &IdVec<FaceId, [VertexId; 3]>, along: &[Halfedge]) -> Mes
 }
 
 /// Every undirected edge once, smaller vertex first, sorted.
-#[cfg(any(feature = "plot", test))]
 pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     let mut edges = Vec::new();
     each_edge(&mesh.triangles, mesh.positions.len(), |along| {
