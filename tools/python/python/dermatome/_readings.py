@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import (
@@ -48,7 +48,8 @@ class Readings:
     timestamps: NDArray[np.float64]
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    measured: NDArray[np.bool_] | None = None
+    # No default on the class: the attributes are documented by it.
+    measured: NDArray[np.bool_] | None = field(default_factory=lambda: None)
 
     @staticmethod
     def read(
