@@ -136,7 +136,7 @@ fn repair_splits_crowded_edges_into_sheets() {
                  f 1 2 3\nf 2 1 4\nf 1 2 5\nf 2 1 6\n";
     fs::write(path.join("cross.obj"), cross).unwrap();
     refuses(path, "info cross.obj", &["more than two faces", "--repair"]);
-    dermatome(path, "check cross.obj").assert().code(1).stdout(contains("--repair mends it"));
+    dermatome(path, "check cross.obj").assert().code(1).stdout(contains("--repair repairs it"));
     let repaired = dermatome(path, "info cross.obj --repair --json").assert().success();
     let repaired = repaired.stderr(contains("smoothly")).get_output().stdout.clone();
     let info: serde_json::Value = serde_json::from_slice(&repaired).unwrap();

@@ -42,7 +42,7 @@ pub(super) struct Item {
     link: LinkId,
     /// The nearest link with charts that its own hangs from.
     below: Option<LinkId>,
-    /// The chart that it shall be near, an earlier one.
+    /// An earlier chart that it should be near.
     near: Option<usize>,
 }
 

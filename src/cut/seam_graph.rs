@@ -40,7 +40,7 @@ const FREE: u64 = 1;
 
 /// Taxels are dense, and seams avoid them, where their density is more than this many times the
 /// median one. *Heuristic*: triangulations of even taxels vary by less, and a seam through them
-/// shall be straight.
+/// should not bend.
 const DENSE: f64 = 2.0;
 
 /// Factor on the length of paths through skin that faces away from the side where seams are wanted. *Heuristic*.

@@ -189,9 +189,9 @@ impl RingMap {
     /// Lays the ring around the removed vertex in the plane, the vertex at the origin: true distances,
     /// angles added up; those of a closed ring scaled to a full turn.
     ///
-    /// An open ring keeps its angles: the vertex shall go back to where it was, outside of an edge
+    /// An open ring keeps its angles: the vertex must go back to where it was, outside of an edge
     /// between its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled
-    /// to half a turn instead, because there the boundary shall run straight past the removed vertex.)
+    /// to half a turn instead, because there the boundary must run straight past the removed vertex.)
     fn lay_flat(&mut self, mesh: &TriMesh, removal: &Removal<'_>) {
         let centre = mesh.positions[removal.vertex];
         let count = removal.ring.len();

@@ -118,7 +118,7 @@ impl Magnification {
     }
 }
 
-/// How much longer the lines of each patch's map shall be than on a map as large as its skin, so that
+/// How much longer the lines of each patch's map must be than on a map as large as its skin, so that
 /// densities and acuities count over their mean over all patches. All maps together stay as large as the
 /// skin. A patch whose values are out of range counts as one without any.
 pub(crate) fn patch_scales(method: Method, patches: &[&Patch]) -> Vec<f64> {

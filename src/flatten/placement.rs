@@ -51,7 +51,7 @@ fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
     Moments { centre, area, second }
 }
 
-/// The direction on the map that shall point along x.
+/// The direction on the map that must point along x.
 ///
 /// That is the longer principal axis, towards the side where the map reaches farther (third
 /// moment). A shape without such an axis or side, like a disk, turns so that its first vertex off
@@ -99,7 +99,7 @@ pub(super) fn normalise_map(
     uv.map(|&p| back.rotate(p - centre) * scale)
 }
 
-/// The direction on a map that shall point along x so that it lies like another one. `pairs` are
+/// The direction on a map that must point along x so that it lies like another one. `pairs` are
 /// positions of the same points, first on the map to be turned, then on the other.
 pub(super) fn direction_like<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)> + Clone) -> DVec2 {
     let count = pairs.clone().count() as f64;

@@ -31,7 +31,7 @@ pub struct Robot {
     pub shapes: Vec<Shape>,
     /// The taxels of its tactile sensors: a sheet without triangles for each sensor.
     pub sensors: Vec<Sheet>,
-    /// What its description says in vain.
+    /// Elements of its description that are ignored.
     pub remarks: Vec<Remark>,
 }
 

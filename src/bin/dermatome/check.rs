@@ -67,7 +67,7 @@ fn as_json(findings: &[Finding], draft: &Draft) -> Value {
     json!({ "findings": findings.iter().map(object).collect::<Vec<_>>() })
 }
 
-/// What mends a finding; `None`: nothing need be done, or the file has to be corrected.
+/// What repairs a finding; `None`: nothing need be done, or the file has to be corrected.
 const fn cure(kind: &FindingKind) -> Option<&'static str> {
     match kind {
         FindingKind::DuplicateFace | FindingKind::NonManifoldEdge { .. } | FindingKind::NotOrientable => {
@@ -92,14 +92,14 @@ const fn cure(kind: &FindingKind) -> Option<&'static str> {
     }
 }
 
-/// A finding in a line: how bad it is, what, how many, where, and what mends it.
+/// A finding in a line: how bad it is, what, how many, where, and what repairs it.
 fn sentence(finding: &Finding, draft: &Draft) -> String {
-    let mended = match cure(&finding.kind) {
+    let repair = match cure(&finding.kind) {
         None => String::new(),
-        Some("reading") => "; reading it mends it".into(),
-        Some(option) => format!("; {option} mends it"),
+        Some("reading") => "; repaired when read".into(),
+        Some(option) => format!("; {option} repairs it"),
     };
-    line(&format!("{}: {finding}", finding.severity())) + &elements(finding, draft) + &mended + "\n"
+    line(&format!("{}: {finding}", finding.severity())) + &elements(finding, draft) + &repair + "\n"
 }
 
 /// The vertices, or ends of edges, of a finding and the sheet that they are of; `None` if it is about

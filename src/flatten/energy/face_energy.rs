@@ -355,7 +355,7 @@ mod tests {
     }
 
     /// The model has the directions of curvature of the energy itself, and of the negative curvatures the share
-    /// that it shall keep.
+    /// that it must keep.
     #[test]
     fn the_model_is_the_hessian_with_negative_curvatures_scaled() {
         for energy in &ENERGIES {

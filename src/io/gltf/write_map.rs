@@ -285,7 +285,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
             area(on_map) > 0.0 && keeps_shape(on_skin(face), on_map)
         }
     };
-    let fallen = keep_upright(&mut texture, mesh, &stays);
+    let flipped = keep_upright(&mut texture, mesh, &stays);
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
         let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
         return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
@@ -296,7 +296,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
         let found = format!("face {face} without area after rounding its positions to f32");
         return Err((found, needed.into()));
     }
-    if let Some(&face) = fallen.first() {
+    if let Some(&face) = flipped.first() {
         let area = area(rounded(face, &texture));
         let found = format!("face {face} with the map area {area:e} m^2 after rounding to f32");
         let needed = "a positive area: no sliver, and an image not much larger than the map";
@@ -328,17 +328,17 @@ pub(super) fn keep_upright(
     mesh: &TriMesh,
     upright: &(dyn Fn(FaceId, &[[f32; 2]]) -> bool + Sync),
 ) -> Vec<FaceId> {
-    let all_fallen = |texture: &[[f32; 2]]| faces_that(mesh, |face| !upright(face, texture));
-    let mut fallen = all_fallen(texture);
-    if fallen.is_empty() {
-        return fallen;
+    let all_flipped = |texture: &[[f32; 2]]| faces_that(mesh, |face| !upright(face, texture));
+    let mut flipped = all_flipped(texture);
+    if flipped.is_empty() {
+        return flipped;
     }
     let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
     let all = || (-REACH..=REACH).flat_map(|i| (-REACH..=REACH).map(move |j| [i, j]));
     let at_square = |square: i16| all().filter(move |[i, j]| i * i + j * j == square);
     let offsets: Vec<[i16; 2]> = (0..=2 * REACH * REACH).flat_map(at_square).collect();
     for _ in 0..PASSES {
-        for &face in &fallen {
+        for &face in &flipped {
             for v in mesh.triangles[face] {
                 let around: Vec<FaceId> = corners.of(v).iter().map(|corner| corner.face()).collect();
                 move_corner(texture, v, &offsets, &|texture| {
@@ -346,20 +346,20 @@ pub(super) fn keep_upright(
                 });
             }
         }
-        fallen.retain(|&face| !upright(face, texture));
+        flipped.retain(|&face| !upright(face, texture));
     }
-    all_fallen(texture)
+    all_flipped(texture)
 }
 
-/// Moves a corner by the first of the `offsets` that leaves the fewest triangles `fallen`.
+/// Moves a corner by the first of the `offsets` that leaves the fewest triangles `flipped`.
 fn move_corner(
     texture: &mut [[f32; 2]],
     corner: VertexId,
     offsets: &[[i16; 2]],
-    fallen: &dyn Fn(&[[f32; 2]]) -> usize,
+    flipped: &dyn Fn(&[[f32; 2]]) -> usize,
 ) {
     let at = texture[corner.index()];
-    let (mut best, mut least) = (at, fallen(texture));
+    let (mut best, mut least) = (at, flipped(texture));
     for [i, j] in offsets {
         if least == 0 {
             break;
@@ -367,7 +367,7 @@ fn move_corner(
         let moved = [at[0] + f32::from(*i) * UNIT, at[1] + f32::from(*j) * UNIT];
         if moved.iter().all(|x| (0.0..=1.0).contains(x)) {
             texture[corner.index()] = moved;
-            let count = fallen(texture);
+            let count = flipped(texture);
             if count < least {
                 (best, least) = (moved, count);
             }
@@ -393,11 +393,11 @@ mod tests {
                 mesh.triangles[face].map(|v| DVec2::from_array(texture[v.index()].map(f64::from)));
             (b - a).perp_dot(c - a) > 0.0
         };
-        let fallen = |texture: &[[f32; 2]]| mesh.triangles.ids().find(|&face| !upright(face, texture));
+        let flipped = |texture: &[[f32; 2]]| mesh.triangles.ids().find(|&face| !upright(face, texture));
         let before = texture;
-        assert_eq!(fallen(&texture), Some(FaceId::new(0)));
+        assert_eq!(flipped(&texture), Some(FaceId::new(0)));
         keep_upright(&mut texture, &mesh, &upright);
-        assert_eq!(fallen(&texture), None, "{texture:?}");
+        assert_eq!(flipped(&texture), None, "{texture:?}");
         let moved = texture.iter().flatten().zip(before.iter().flatten()).map(|(a, b)| (a - b).abs());
         assert!(moved.fold(0.0, f32::max) <= 2.0 * UNIT, "{texture:?}");
     }

@@ -34,7 +34,7 @@ const KINDS: &str = ".g2o, .csv";
 ///
 /// Returns the observations, and what was changed, left out or assumed. Information that is not
 /// positive semi-definite is returned as it is, with a remark: [`Observations::validate`] refuses it,
-/// and [`Observations::clip_information`] mends it.
+/// and [`Observations::clip_information`] repairs it.
 ///
 /// # Errors
 /// The first line that breaks a rule of its format, with its number; a further file that observes

@@ -167,12 +167,12 @@ fn tree(xml: &Xml<'_>, links: &Named<'_, '_>, joints: &Named<'_, '_>, raw: &[Raw
     let mut order = Vec::with_capacity(links.nodes.len());
     let mut open: Vec<Hung> = roots.iter().map(|&link| Hung { link, joint: None }).collect();
     let mut is_reached = vec![false; links.nodes.len()];
-    while let Some(hung) = open.pop() {
-        is_reached[hung.link] = true;
+    while let Some(next) = open.pop() {
+        is_reached[next.link] = true;
         open.extend(
-            below[hung.link].iter().rev().map(|&joint| Hung { link: raw[joint].child, joint: Some(joint) }),
+            below[next.link].iter().rev().map(|&joint| Hung { link: raw[joint].child, joint: Some(joint) }),
         );
-        order.push(hung);
+        order.push(next);
     }
     // Every link that is left hangs by one joint, from another such link.
     if let Some(mut link) = is_reached.iter().position(|&reached| !reached) {

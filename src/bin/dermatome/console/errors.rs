@@ -140,13 +140,13 @@ fn help(error: &anyhow::Error) -> Option<String> {
     })
 }
 
-/// The answer to an error that no option or command mends.
+/// The answer to an error that no option or command repairs.
 const CORRECT: &str =
     "correct the file, or export it again; `dermatome check` lists what is wrong with a skin";
 
 const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 
-/// What mends an error of the library: an option, another command, or a better file.
+/// What repairs an error of the library: an option, another command, or a better file.
 fn library_help(error: &Error) -> String {
     match error {
         Error::Io(e) => return io_help(e),
@@ -165,7 +165,7 @@ fn library_help(error: &Error) -> String {
     option_help(error).to_owned()
 }
 
-/// What mends an error, where the answer is the same for all of its kind.
+/// What repairs an error, where the answer is the same for all of its kind.
 fn option_help(error: &Error) -> &'static str {
     match error {
         Error::Skin(e) | Error::Signal(SignalError::Skin(e)) => match e {
@@ -252,7 +252,7 @@ fn option_help(error: &Error) -> &'static str {
     }
 }
 
-/// What mends several patches of a skin, of which `valid` others are good.
+/// What repairs several patches of a skin, of which `valid` others are good.
 fn several_help(errors: &[SkinError], valid: usize) -> String {
     let is_repaired =
         |e: &SkinError| matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. });

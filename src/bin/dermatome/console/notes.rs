@@ -173,7 +173,7 @@ pub(crate) fn note_dropped(triangles: &Path, common: &Common) {
     note!(common, "{} belonged to the table that is replaced, and is removed", triangles.display());
 }
 
-/// Prints which finest maps are poor, in one line with the option that mends them, and which are not at
+/// Prints which finest maps are poor, in one line with the option that improves them, and which are not at
 /// a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
     let is_poor =
@@ -182,7 +182,7 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
     let names: Vec<String> = poor.iter().map(|patch| patch.name.clone()).collect();
     if let Some(finest) = poor.first().and_then(|patch| patch.levels.first()) {
         let (energy, ratio) = (finest.distortion.symmetric_dirichlet, finest.distortion.qc_max);
-        let mends = match (options.method, cut) {
+        let advice = match (options.method, cut) {
             (Method::Linear { .. } | Method::Conformal, _) => "--method intrinsic distorts less",
             (_, Cut::None) => "--cut auto cuts where that helps",
             (_, Cut::Auto) => "--max-area-ratio 2 cuts further",
@@ -192,7 +192,7 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
         let (poor, is) = if names.len() == 1 { ("map", "is") } else { ("maps", "are") };
         note!(
             common,
-            "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {mends}",
+            "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {advice}",
             names.len(),
             first_names(&names)
         );

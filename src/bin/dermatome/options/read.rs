@@ -126,7 +126,7 @@ impl Unit {
         }
     }
 }
-/// How far apart the taxels of links shall be, in m.
+/// How far apart the taxels of links must be, in m.
 #[derive(Debug, Clone)]
 pub(crate) struct Spacing {
     of_links: Vec<(Pattern, f64)>,
