@@ -128,6 +128,8 @@ fn folders_and_archives_hold_all_levels() {
     let run = render(&["-o", "packed.npz", "--pack", "--size", "40", "60", "--json"]).success();
     let fill = json(&run.get_output().stdout)["fill"]["L0"].as_f64().unwrap();
     let said = format!("1 chart in one image: {:.0} % of the 60 x 40 pixels of L0 show skin", 100.0 * fill);
+    render(&["-o", "body", "--pack", "body", "--pictures", "png", "--range", "0,5"]).success();
+    render(&["-o", "b.npz", "--pack", "loose"]).code(2).stderr(contains("tight"));
     assert!(fill > 0.1 && String::from_utf8_lossy(&run.get_output().stderr).contains(&said), "{said}");
 }
 

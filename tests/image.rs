@@ -3,7 +3,7 @@
 
 mod maps;
 
-use dermatome::atlas::{Atlas, AtlasOptions, Resolution};
+use dermatome::atlas::{Atlas, AtlasOptions, Pack, Resolution};
 use dermatome::id::{IdVec, VertexId};
 use dermatome::image::{BatchRenderer, ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
 use dermatome::map::SkinMap;
@@ -66,7 +66,7 @@ fn kill(frame: &mut LevelFrame, n: u32) {
 }
 
 fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
-    Atlas::new(map, &AtlasOptions { resolution, packed }).unwrap()
+    Atlas::new(map, &AtlasOptions { resolution, pack: packed.then_some(Pack::Tight) }).unwrap()
 }
 
 fn renderer(map: &SkinMap, atlas: &Atlas, quantity: Quantity, how: Interpolation) -> Renderer {
@@ -184,7 +184,7 @@ fn the_matrix_of_an_image_draws_it() {
         for (part, image) in renderer.images().iter().enumerate() {
             let mut drawn = vec![f32::NAN; image.values.len()];
             renderer.each_pixel(part, |patch, pixel, row| {
-                let values = &frame.values[patch][0][image.level];
+                let values = &frame.values[patch][0][map.patches[patch].nearest_level(image.level)];
                 let sum: f64 = row.iter().map(|&(v, w)| w * values[VertexId::from(v)]).sum();
                 drawn[pixel as usize] = sum as f32;
             });
@@ -216,7 +216,8 @@ fn amounts_keep_their_total() {
                     .patches
                     .enumerate()
                     .filter(|(_, patch)| packed || image.name.starts_with(&patch.name));
-                let values = patches.filter_map(|(id, _)| frame.values[id][0].get(image.level)).flatten();
+                let values =
+                    patches.flat_map(|(id, patch)| &frame.values[id][0][patch.nearest_level(image.level)]);
                 let total: f64 = values.filter(|x| !x.is_nan()).sum();
                 assert!(
                     (drawn / total - 1.0).abs() < 1e-6,

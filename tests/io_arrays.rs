@@ -4,7 +4,7 @@ mod maps;
 
 use std::{collections::BTreeMap, fs, io::Read, path::Path, sync::Arc};
 
-use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::atlas::{Atlas, AtlasOptions, Label};
 use dermatome::image::{RenderOptions, Renderer, TactileImage};
 use dermatome::io::{
     FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
@@ -16,6 +16,7 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::plot::{ImageOptions, image_png};
 use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Presence, Skin};
+use glam::DVec2;
 use maps::images::WholeImage;
 use npyz::NpyFile;
 
@@ -240,7 +241,7 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
     let mut image = images(&map, &atlas, 1, 0.0).remove(0);
     image.values.iter_mut().filter(|x| !x.is_nan()).for_each(|x| *x = 0.0);
     let plain = ImageOptions::default();
-    for options in [plain, ImageOptions { magnification: 5, ..plain }] {
+    for options in [plain.clone(), ImageOptions { magnification: 5, ..plain.clone() }] {
         let height = options.magnification * image.frame.size_px[1];
         let png = image_png(&image, 0, &options).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(&png)).read_info().unwrap();
@@ -259,8 +260,15 @@ fn a_picture_shows_what_is_not_known_as_no_value() {
         }
         assert_eq!(png, image_png(&image, 0, &options).unwrap(), "the same bytes");
     }
+    // A name is written around its place alone; one that would cover it is left out.
+    let label = |text: &str, x| Label { text: text.into(), at: DVec2::new(x, 10.0) };
+    let with =
+        |labels| image_png(&image, 0, &ImageOptions { magnification: 4, labels, ..plain.clone() }).unwrap();
+    let named = with(vec![label("palm", 20.0)]);
+    assert_ne!(named, with(vec![]));
+    assert_eq!(named, with(vec![label("palm", 20.0), label("thumb", 21.0)]));
     assert!(image_png(&image, 1, &plain).is_err());
-    assert!(image_png(&image, 0, &ImageOptions { range: [1.0, 1.0], ..plain }).is_err());
+    assert!(image_png(&image, 0, &ImageOptions { range: [1.0, 1.0], ..plain.clone() }).is_err());
     assert!(image_png(&image, 0, &ImageOptions { magnification: u32::MAX, ..plain }).is_err());
 }
 

@@ -54,7 +54,7 @@ fn every_table_and_array_is_written() {
     let at = folder.path();
     run(at, "touch map/map.glb -o r.csv --presses 2 --rate-hz 5 --truth t.csv");
     run(at, "render map/map.glb r.csv -o a.npz --contacts c.csv --size 40 50");
-    run(at, "render map/map.glb r.csv -o b.npz --pack --level 1 --contrast --size 60 80");
+    run(at, "render map/map.glb r.csv -o b.npz --pack --level 1 --contrast --size 120 160");
     run(at, "render map/map.glb r.csv -o d.npz --edges --values-only");
     run(at, "render map/map.glb r.csv -o frames --static --every 9 --pixel-mm 2");
     fs::write(at.join("c.csv"), "x,y,z\n0,0,0\n1,0,0\n1,1,3\n1e3,0,0\n").unwrap();

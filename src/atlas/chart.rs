@@ -10,7 +10,7 @@ use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
 use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
-use crate::atlas::turn::turned;
+use crate::atlas::turn::{TURNS, turned};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -29,7 +29,7 @@ pub struct Chart {
     pub patch: PatchId,
     /// Which of its levels.
     pub level: LevelId,
-    /// By how many quarter turns, counter-clockwise, the map is turned in the image.
+    /// By how many eighths of a turn, counter-clockwise, the map is turned in the image.
     pub turns: u8,
     /// The rectangle of the turned map that it shows; its size in pixels is that of the chart.
     pub frame: ImageFrame,
@@ -44,13 +44,8 @@ impl Chart {
     /// covered pixels and the triangles.
     /// Fails if the image would be larger than 16384 pixels a side or `2^26` in all, or if the map does not
     /// lie in its frame.
-    pub(super) fn new(
-        image: &str,
-        at: &MapLevel,
-        level: LevelId,
-        place: &ChartPosition,
-    ) -> Result<Self, AtlasError> {
-        let ChartPosition { patch, turns, frame, corner_px } = *place;
+    pub(super) fn new(image: &str, at: &MapLevel, place: &ChartPosition) -> Result<Self, AtlasError> {
+        let ChartPosition { patch, level, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
         let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
@@ -67,8 +62,8 @@ impl Chart {
     ) -> Result<Self, AtlasError> {
         let at = &map.patches[patch].levels[level];
         let frame = ImageFrame::around(&at.uv, pixel);
-        let place = ChartPosition { patch, turns: 0, frame, corner_px: [0, 0] };
-        Self::new(&image_name(&map.patches[patch], level), at, level, &place)
+        let place = ChartPosition { patch, level, turns: 0, frame, corner_px: [0, 0] };
+        Self::new(&image_name(&map.patches[patch], level), at, &place)
     }
 
     /// Number of pixels that show a face.
@@ -84,7 +79,7 @@ impl Chart {
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
     pub fn centre(&self, column: u32, row: u32) -> DVec2 {
         let [left, top] = self.corner_px.map(f64::from);
-        turned(self.centre_at(f64::from(column) - left, f64::from(row) - top), (4 - self.turns) % 4)
+        turned(self.centre_at(f64::from(column) - left, f64::from(row) - top), (TURNS - self.turns) % TURNS)
     }
 
     /// The point of the mesh that a pixel of the image shows; `None` if it does not show this

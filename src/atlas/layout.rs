@@ -1,13 +1,12 @@
 //! Where the charts of a skin lie in its images: one image per patch and level, or one per level
 //! with all patches packed.
 //!
-//! Neighbours on the body are neighbours in a packed image, with distal links above proximal ones (`pack`), and
-//! each chart is turned so that the distal end of its link is up (`turn`).
+//! `pack` says where charts lie in one image, `turn` how they are turned.
 
 use glam::DVec2;
 
 use crate::atlas::AtlasError;
-use crate::atlas::pack::{Item, Packing, items};
+use crate::atlas::pack::{Items, Pack, PackedChart, Packing};
 use crate::atlas::rasterize::MAX_SIDE;
 use crate::atlas::turn::Extent;
 use crate::map::{ImageFrame, PatchMap, SkinMap};
@@ -18,6 +17,7 @@ use crate::skin::PatchId;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ChartPosition {
     pub(super) patch: PatchId,
+    pub(super) level: LevelId,
     pub(super) turns: u8,
     pub(super) frame: ImageFrame,
     pub(super) corner_px: [u32; 2],
@@ -44,7 +44,10 @@ pub(super) fn layout(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLa
     {
         return Err(AtlasError::PixelSize { found });
     }
-    if options.packed { packed(map, options) } else { one_per_patch(map, options) }
+    match options.pack {
+        Some(pack) => packed(map, pack, options.resolution),
+        None => one_per_patch(map, options),
+    }
 }
 
 /// One image per patch and level: patch by patch, finest level first.
@@ -64,7 +67,7 @@ fn one_per_patch(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout
                 }
                 _ => at.frame,
             };
-            let place = ChartPosition { patch: id, turns: 0, frame, corner_px: [0, 0] };
+            let place = ChartPosition { patch: id, level, turns: 0, frame, corner_px: [0, 0] };
             parts.push(PartLayout { name: image_name(patch, level), level, frame, places: vec![place] });
         }
     }
@@ -104,63 +107,53 @@ fn free(canvas: [u32; 2], least: [u64; 2]) -> Result<[u32; 2], AtlasError> {
 /// Pixels around a chart that show nothing, and around all of a packed image.
 const MARGIN: u32 = 1;
 
-/// Steps in which the scale of a canvas is found, from a range of 2^15: to a millionth.
-const HALVINGS: usize = 24;
-
-/// One image per level, with the charts in the order in which they are packed.
-fn packed(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, AtlasError> {
-    let items = items(map);
-    if items.is_empty() {
+/// One image per level, with the charts in the order in which they are packed. A patch without the level shows its
+/// coarsest.
+fn packed(map: &SkinMap, pack: Pack, resolution: Resolution) -> Result<Vec<PartLayout>, AtlasError> {
+    if map.patches.is_empty() {
         return Ok(Vec::new());
     }
-    let (pixel, canvas) = match options.resolution {
-        Resolution::Pixel(pixel) => (pixel, None),
+    let items = Items::new(map, pack);
+    let (packing, canvas) = match resolution {
+        Resolution::Pixel(pixel) => (items.smallest(pixel), None),
         Resolution::Map => {
             let frame = map.patches[PatchId::new(0)].levels[LevelId::new(0)].frame;
-            (frame.size.x / f64::from(frame.size_px[0]), None)
+            (items.smallest(frame.size.x / f64::from(frame.size_px[0])), None)
         }
-        Resolution::Canvas(canvas) => (largest_scale(&items, canvas)?, Some(canvas)),
+        Resolution::Canvas(canvas) => (within_canvas(&items, canvas)?, Some(canvas)),
     };
-    let packing = match canvas {
-        Some([_, width]) => Packing::new(&items, pixel, u64::from(width) - 2 * u64::from(MARGIN)),
-        None => Packing::smallest(&items, pixel),
+    let px = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    let size_px = packing.size.map(|n| px(n).saturating_add(2 * MARGIN));
+    let size_px = canvas.map_or(size_px, |[height, width]| [width, height]);
+    let frame = ImageFrame {
+        origin: DVec2::ZERO,
+        size: DVec2::from_array(size_px.map(f64::from)) * packing.pixel,
+        size_px,
     };
-    let total = packing.size.map(|n| u32::try_from(n + 2 * u64::from(MARGIN)).unwrap_or(u32::MAX));
-    let size_px = canvas.map_or(total, |[height, width]| [width, height]);
-    let frame =
-        ImageFrame { origin: DVec2::ZERO, size: DVec2::from_array(size_px.map(f64::from)) * pixel, size_px };
-    let px = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-    let place = |(item, &[left, bottom]): (&Item, &[u64; 2])| {
-        let frame = ImageFrame::around_box(item.extent.lo, item.extent.hi, pixel, 0);
+    let place = |chart: &PackedChart, level: LevelId| {
+        let PackedChart { patch, turns, frame, corner: [left, bottom] } = *chart;
         let below = px(bottom).saturating_add(MARGIN).saturating_add(frame.size_px[1]);
         let corner_px = [px(left).saturating_add(MARGIN), size_px[1].saturating_sub(below)];
-        ChartPosition { patch: item.patch, turns: item.turns, frame, corner_px }
+        ChartPosition { patch, level: map.patches[patch].nearest_level(level), turns, frame, corner_px }
     };
-    let places: Vec<ChartPosition> = items.iter().zip(&packing.corners).map(place).collect();
     let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
     let part = |level: LevelId| {
-        let has_it = |place: &&ChartPosition| map.patches[place.patch].levels.get(level).is_some();
-        let places = places.iter().filter(has_it).copied().collect();
+        let places = packing.charts.iter().map(|chart| place(chart, level)).collect();
         PartLayout { name: format!("L{level}"), level, frame, places }
     };
     Ok((0..levels).map(LevelId::new).map(part).collect())
 }
 
-/// The smallest pixel size at which the charts fit into a canvas (height, width).
-fn largest_scale(items: &[Item], canvas: [u32; 2]) -> Result<f64, AtlasError> {
-    let needed = |pixel: f64, width: u64| Packing::new(items, pixel, width).size;
+/// The charts in a canvas (height, width), at the largest scale that fits.
+fn within_canvas(items: &Items<'_>, canvas: [u32; 2]) -> Result<Packing, AtlasError> {
+    let coarse = positive(items.largest_side());
     // One pixel a chart.
-    let within = u64::from(canvas[1]).saturating_sub(2 * u64::from(MARGIN)).max(1);
-    let largest = items.iter().map(|item| item.extent.size().max_element()).fold(0.0, f64::max);
-    let coarse = positive(largest);
-    let [width, height] = free(canvas, needed(coarse, within))?.map(u64::from);
-    let (mut fits, mut fails) = (coarse, coarse / f64::from(2 * MAX_SIDE));
-    for _ in 0..HALVINGS {
-        let pixel = (fits * fails).sqrt();
-        let [w, h] = needed(pixel, width);
-        *if w <= width && h <= height { &mut fits } else { &mut fails } = pixel;
-    }
-    Ok(fits)
+    let least = items.smallest(coarse).size.map(|n| n as u64);
+    let size = free(canvas, [1, 1])?.map(|n| n as usize);
+    let margins = 2 * u64::from(MARGIN);
+    let refused =
+        || AtlasError::Canvas { canvas, least: [least[1] + margins, least[0] + margins], max_side: MAX_SIDE };
+    items.largest_scale(size, coarse).ok_or_else(refused)
 }
 
 /// How many pixels the images of an [`Atlas`](crate::atlas::Atlas) have.
@@ -181,13 +174,13 @@ pub enum Resolution {
 pub struct AtlasOptions {
     /// How many pixels the images have. [`Resolution::Map`] by default.
     pub resolution: Resolution,
-    /// Whether all patches of a level lie in one image; otherwise each has its own. Packed images
-    /// of different levels have the same layout.
-    pub packed: bool,
+    /// How all patches of a level lie in one image; `None` gives each its own. Packed images of different levels have
+    /// the same layout, and a patch without a level shows its coarsest there.
+    pub pack: Option<Pack>,
 }
 
 impl Default for AtlasOptions {
     fn default() -> Self {
-        Self { resolution: Resolution::Map, packed: false }
+        Self { resolution: Resolution::Map, pack: None }
     }
 }

@@ -151,8 +151,8 @@ impl LevelImage {
     fn new(map: &Arc<SkinMap>, id: PatchId, level: LevelId) -> Result<Self, AtlasError> {
         let patch = &map.patches[id];
         let (at, name) = (&patch.levels[level], image_name(patch, level));
-        let place = ChartPosition { patch: id, turns: 0, frame: at.frame, corner_px: [0, 0] };
-        let chart = Chart::new(&name, at, level, &place)?;
+        let place = ChartPosition { patch: id, level, turns: 0, frame: at.frame, corner_px: [0, 0] };
+        let chart = Chart::new(&name, at, &place)?;
         let (frame, charts) = (chart.frame, vec![ShadedChart::new(map, chart)]);
         Ok(Self { name, frame, map: Arc::clone(map), charts })
     }

@@ -6,11 +6,12 @@
 //! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
 //! at once.
 //!
-//! In reading order: `rasterize`, `turn`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
+//! In reading order: `rasterize`, `turn`, `grid`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
 mod bound;
 mod chart;
 mod error;
+mod grid;
 mod layout;
 mod level_image;
 mod pack;
@@ -18,7 +19,9 @@ mod rasterize;
 mod stretch;
 mod turn;
 
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
+
+use glam::DVec2;
 
 use crate::atlas::bound::{check_size, check_total};
 use crate::atlas::chart::shown_id;
@@ -33,6 +36,7 @@ pub use error::AtlasError;
 pub use layout::{AtlasOptions, Resolution};
 pub(crate) use level_image::{ImageRows, SampleType, Samples};
 pub use level_image::{LevelImage, skin_images};
+pub use pack::Pack;
 pub(crate) use stretch::{Stretch, face_stretch};
 
 /// Which place of the skin every pixel of its images shows.
@@ -69,8 +73,17 @@ pub struct AtlasPart {
     pub level: LevelId,
     /// Its size. Where charts are packed the origin has no meaning.
     pub frame: ImageFrame,
-    /// The charts. Where they are packed, those of proximal links first.
+    /// The charts, in the order in which they were packed.
     pub charts: Vec<Chart>,
+}
+
+/// A name in an image, for a person.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Label {
+    /// The name of a link.
+    pub text: String,
+    /// Where its middle lies, in pixels right and down.
+    pub at: DVec2,
 }
 
 /// Every image of readings has one channel and its coverage.
@@ -129,7 +142,7 @@ impl AtlasPart {
         let PartLayout { name, level, frame, places } = layout;
         let chart = |place: &ChartPosition| {
             let patch = &map.patches[place.patch];
-            Chart::new(&image_name(patch, level), &patch.levels[level], level, place)
+            Chart::new(&image_name(patch, place.level), &patch.levels[place.level], place)
         };
         let charts = places.iter().map(chart).collect::<Result<_, _>>()?;
         Ok(Self { name, level, frame, charts })
@@ -139,6 +152,31 @@ impl AtlasPart {
     pub fn fill(&self) -> f64 {
         let covered: usize = self.charts.iter().map(Chart::covered).sum();
         covered as f64 / self.frame.size_px.map(f64::from).iter().product::<f64>()
+    }
+
+    /// The names of the links that it shows, each in the middle of the link's largest chart, larger charts first.
+    ///
+    /// # Panics
+    /// If `map` is not the one that was rasterised.
+    pub fn labels(&self, map: &SkinMap) -> Vec<Label> {
+        let mut charts: Vec<&Chart> = self.charts.iter().filter(|chart| chart.covered() > 0).collect();
+        charts.sort_by_key(|chart| std::cmp::Reverse(chart.covered()));
+        let mut named = BTreeSet::new();
+        charts.retain(|chart| named.insert(map.patches[chart.patch].link));
+        let width = self.frame.size_px[0] as usize;
+        let label = |chart: &Chart| {
+            let mut sum = DVec2::ZERO;
+            for (start, row) in chart.rows(width) {
+                let y = (start / width) as f64 + 0.5;
+                for span in row {
+                    let x = (start % width) as f64 + f64::from(span.column) + 0.5 * f64::from(span.length);
+                    sum += f64::from(span.length) * DVec2::new(x, y);
+                }
+            }
+            let text = map.links[map.patches[chart.patch].link].name.clone();
+            Label { text, at: sum / chart.covered() as f64 }
+        };
+        charts.into_iter().map(label).collect()
     }
 
     /// Whether each pixel shows the skin: 1 or 0, row by row from the top.

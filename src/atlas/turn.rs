@@ -1,4 +1,6 @@
-//! How charts are turned in a packed image, by quarter turns: the distal end of their link is up.
+//! How charts are turned in a packed image, by eighths of a turn.
+
+use std::f64::consts::FRAC_1_SQRT_2;
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -8,14 +10,18 @@ use crate::map::{PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 use crate::skin::{PatchId, world_pose};
 
-/// `p` after `turns` quarter turns, counter-clockwise.
+/// A full turn.
+pub(super) const TURNS: u8 = 8;
+
+/// `p` after `turns` eighths of a turn, counter-clockwise.
 pub(super) fn turned(p: DVec2, turns: u8) -> DVec2 {
-    match turns {
+    let quarters = match turns / 2 % 4 {
         0 => p,
         1 => DVec2::new(-p.y, p.x),
         2 => -p,
         _ => DVec2::new(p.y, -p.x),
-    }
+    };
+    if turns.is_multiple_of(2) { quarters } else { FRAC_1_SQRT_2 * (quarters + quarters.perp()) }
 }
 
 /// A rectangle of a turned map, in m.
@@ -43,8 +49,8 @@ impl Extent {
     }
 }
 
-/// The quarter turns that bring the distal end of each patch's link up on the map; 0 if the link has no distal
-/// end.
+/// The quarter turns, in eighths, that bring the distal end of each patch's link up on the map; 0 if the link has no
+/// distal end.
 ///
 /// Distal is the way from the link's origin to the middle of the skin on the links that hang from it, or, if they
 /// have none, to that of the patch. A link without parent and without such skin has no distal end.
@@ -83,7 +89,7 @@ fn middle(positions: &IdVec<VertexId, DVec3>) -> DVec3 {
     positions.iter().sum::<DVec3>() / positions.len() as f64
 }
 
-/// The quarter turns that bring a direction in the frame of the link up.
+/// The quarter turns, in eighths, that bring a direction in the frame of the link up.
 fn turns_up(patch: &PatchMap, distal: DVec3) -> u8 {
     let finest = &patch.levels[LevelId::new(0)];
     let of_place = |(place, uv): (PlaceId, &DVec2)| {
@@ -105,5 +111,5 @@ fn turns_up(patch: &PatchMap, distal: DVec3) -> u8 {
         return 0;
     }
     let up = |turns: u8| turned(gradient, turns).y;
-    (1..4).fold(0, |best, turns| if up(turns) > up(best) + 1e-9 { turns } else { best })
+    (2..TURNS).step_by(2).fold(0, |best, turns| if up(turns) > up(best) + 1e-9 { turns } else { best })
 }

@@ -72,13 +72,13 @@ impl BatchRenderer {
                 return false;
             }
         }
-        let TactileImage { level, values: drawn, coverage, .. } = &self.renderer.images[0];
+        let TactileImage { values: drawn, coverage, .. } = &self.renderer.images[0];
         // The pixels that show no skin.
         images.chunks_mut(drawn.len()).for_each(|image| image.copy_from_slice(drawn));
         for ((tile, channel, layer), readings) in layers(&self.renderer).zip(&mut self.readings) {
-            let values = if *level > LevelId::new(0) {
+            let values = if tile.level > LevelId::new(0) {
                 let values = &mut self.values;
-                self.restrictor.restrict_at_once(tile.patch, channel, *level, readings, values);
+                self.restrictor.restrict_at_once(tile.patch, channel, tile.level, readings, values);
                 if !layer.fits(values) {
                     return false;
                 }
@@ -94,9 +94,8 @@ impl BatchRenderer {
 
     /// Whether the same taxels have readings as in the frame that was drawn last.
     fn fits(&self) -> bool {
-        let level = self.renderer.images[0].level;
         layers(&self.renderer).zip(&self.readings).all(|((tile, channel, layer), readings)| {
-            if level > LevelId::new(0) {
+            if tile.level > LevelId::new(0) {
                 self.restrictor.fits(tile.patch, channel, readings)
             } else {
                 layer.fits(readings)

@@ -45,7 +45,7 @@ pub struct RenderOptions {
 pub struct TactileImage {
     /// `palm/L0`, or `L0` where charts are packed.
     pub name: String,
-    /// The level whose values it shows.
+    /// The level whose values it shows; of a patch without it, the coarsest.
     pub level: LevelId,
     /// The part of the map that it shows, and its size in pixels; the area of a pixel follows from it.
     pub frame: ImageFrame,
@@ -101,6 +101,7 @@ pub struct Renderer {
 #[derive(Debug, Clone)]
 struct Tile {
     patch: PatchId,
+    level: LevelId,
     surface: PixelSurface,
     /// One for each channel.
     layers: Vec<Layer>,
@@ -143,12 +144,12 @@ impl Renderer {
     pub fn render(&mut self, frame: &LevelFrame) -> &[TactileImage] {
         for (tiles, image) in self.tiles.iter_mut().zip(&mut self.images) {
             let count = image.coverage.len();
-            for Tile { patch, surface, layers } in tiles {
+            for Tile { patch, level, surface, layers } in tiles {
                 let values = &frame.values[*patch];
                 assert_eq!(values.len(), self.quantities.len(), "one entry per channel");
                 for (channel, (layer, values)) in layers.iter_mut().zip(values).enumerate() {
                     let pixels = &mut image.values[channel * count..(channel + 1) * count];
-                    layer.draw(surface, &values[image.level], pixels);
+                    layer.draw(surface, &values[*level], pixels);
                 }
             }
         }
@@ -192,7 +193,7 @@ impl Tile {
         let area = size.x * size.y / size_px.map(f64::from).iter().product::<f64>();
         let surface = PixelSurface::new(chart, level, size_px[0] as usize, area, interpolation);
         let layers = quantities.iter().map(|&quantity| Layer::new(&surface, quantity)).collect();
-        Ok(Self { patch: chart.patch, surface, layers })
+        Ok(Self { patch: chart.patch, level: chart.level, surface, layers })
     }
 }
 

@@ -183,6 +183,11 @@ impl PatchMap {
         map
     }
 
+    /// That level, or the coarsest if it is coarser than all: what answers where a level of the whole map is asked for.
+    pub fn nearest_level(&self, level: LevelId) -> LevelId {
+        level.min(LevelId::new(self.levels.len().saturating_sub(1)))
+    }
+
     /// As [`Self::new`], from levels that may be cut open with the maps of the opened ones; not measured.
     pub(crate) fn unmeasured(
         patch: &Patch,

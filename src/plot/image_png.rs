@@ -4,23 +4,26 @@
 //! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is
 //! known it is hatched in greys, which no scale has.
 
+use crate::atlas::Label;
 use crate::image::TactileImage;
 use crate::plot::PlotError;
 use crate::plot::colour::{Scale, hatch};
-use crate::plot::picture::{MAX_SIDE, encode_with_alpha};
+use crate::plot::picture::{MAX_SIDE, encode_with_alpha, write_labels};
 
 /// How values become colours.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ImageOptions {
     /// The values at the two ends of the scale; those beyond have the colour of the end.
     pub range: [f64; 2],
     /// Pixels of the picture for each pixel of the image, in each direction.
     pub magnification: u32,
+    /// Names that are written over the image; of two that would cover each other the second is left out.
+    pub labels: Vec<Label>,
 }
 
 impl Default for ImageOptions {
     fn default() -> Self {
-        Self { range: [0.0, 1.0], magnification: 1 }
+        Self { range: [0.0, 1.0], magnification: 1, labels: Vec::new() }
     }
 }
 
@@ -37,7 +40,7 @@ impl Default for ImageOptions {
 /// # fn draw(image: &dermatome::image::TactileImage) -> Result<(), Box<dyn std::error::Error>> {
 /// use dermatome::plot::{ImageOptions, image_png};
 ///
-/// let options = ImageOptions { range: [0.0, 20e3], magnification: 4 };
+/// let options = ImageOptions { range: [0.0, 20e3], magnification: 4, ..ImageOptions::default() };
 /// std::fs::write("frame.png", image_png(image, 0, &options)?)?;
 /// # Ok(())
 /// # }
@@ -68,5 +71,6 @@ pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -
             *pixel = [colour.0, colour.1, colour.2, 255];
         }
     }
+    write_labels(&mut pixels, size, &options.labels, f64::from(options.magnification.max(1)));
     Ok(encode_with_alpha(size, &pixels))
 }

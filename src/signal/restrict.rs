@@ -137,16 +137,18 @@ impl PatchFields {
 impl Restrictor {
     /// A restrictor for frames of these channels.
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
-        Self::of(map, channels, |_| true)
+        Self::of(map, channels, None)
     }
 
-    /// A restrictor to one level: as [`Self::new`], but of the other levels above level 0 it gives no values.
+    /// A restrictor to one level, or the coarsest of a patch without it: as [`Self::new`], but of the other levels above
+    /// level 0 it gives no values.
     pub fn to_level(map: &SkinMap, channels: &[Channel], level: LevelId) -> Self {
-        Self::of(map, channels, |other| other == level)
+        Self::of(map, channels, Some(level))
     }
 
-    fn of(map: &SkinMap, channels: &[Channel], is_wanted: impl Fn(LevelId) -> bool) -> Self {
+    fn of(map: &SkinMap, channels: &[Channel], only: Option<LevelId>) -> Self {
         let patches = map.patches.map(|patch: &PatchMap| {
+            let is_wanted = |level| only.is_none_or(|only| patch.nearest_level(only) == level);
             let levels = patch.levels.enumerate().filter(|(level, _)| is_wanted(*level));
             let fields = |(level, map): (LevelId, &MapLevel)| {
                 Some((level, Fields::new(map.level.to_finest.as_ref()?)))

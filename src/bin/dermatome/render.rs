@@ -7,7 +7,7 @@ mod output;
 use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use dermatome::Error;
-use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Resolution};
+use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
 use dermatome::image::{Interpolation, RenderOptions, Renderer};
 use dermatome::io::read_map;
 use dermatome::map::SkinMap;
@@ -93,11 +93,12 @@ struct ImageArgs {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
     let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
-    let atlas = Atlas::new(&map, &args.pixels.atlas_options()).map_err(Error::from)?;
+    let pack = if kind == Kind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
+    let atlas = Atlas::new(&map, &args.pixels.atlas_options(pack)).map_err(Error::from)?;
     let level = args.images.level.map(LevelId::from);
     let drawn = |part: &&AtlasPart| level.is_none_or(|level| part.level == level);
     let parts: Vec<&AtlasPart> = atlas.parts.iter().filter(drawn).collect();
-    if let Some(part) = parts.first().filter(|_| args.pixels.pack && !args.images.values_only) {
+    if let Some(part) = parts.first().filter(|_| args.pixels.pack.is_some() && !args.images.values_only) {
         let [width, height] = part.frame.size_px;
         let (fill, name) = (100.0 * part.fill(), &part.name);
         let count = part.charts.len();
@@ -357,10 +358,19 @@ pub(crate) struct PixelArgs {
     /// Height and width of every image, in pixels; the map is drawn as large as fits
     #[arg(long, num_args = 2, value_names = ["H", "W"])]
     size: Option<Vec<u32>>,
-    /// Draw all patches of a level into one image: distal links above proximal ones, neighbours near each other
-    #[arg(long)]
-    pack: bool,
+    /// Draw all patches of a level into one image [a word may be left out: tight, for PNG pictures body]
+    #[arg(long, value_name = "HOW", num_args = 0..=1, value_parser = one_of(&PACKINGS))]
+    pack: Option<Option<Pack>>,
 }
+
+const PACKINGS: [Choice<Pack>; 2] = [
+    ("tight", Pack::Tight, "As large as they fit, in any direction: for networks"),
+    (
+        "body",
+        Pack::Body,
+        "Distal ends up, distal links above proximal ones, neighbours near each other: for people",
+    ),
+];
 
 const INTERPOLATIONS: [Choice<Interpolation>; 2] = [
     ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
@@ -368,12 +378,13 @@ const INTERPOLATIONS: [Choice<Interpolation>; 2] = [
 ];
 
 impl PixelArgs {
-    pub(crate) fn atlas_options(&self) -> AtlasOptions {
+    /// `pack` is how patches are packed where no word says it.
+    pub(crate) fn atlas_options(&self, pack: Pack) -> AtlasOptions {
         let resolution = match (&self.size, self.pixel) {
             (Some(size), _) => Resolution::Canvas([size[0], size[1]]),
             (None, Some(side)) => Resolution::Pixel(side),
             (None, None) => Resolution::Map,
         };
-        AtlasOptions { resolution, packed: self.pack }
+        AtlasOptions { resolution, pack: self.pack.map(|word| word.unwrap_or(pack)) }
     }
 }

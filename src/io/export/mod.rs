@@ -22,7 +22,7 @@ use crate::pyramid::LevelId;
 /// What of a map [`export_map`] writes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ExportOptions {
-    /// The level; every patch must have it.
+    /// The level; a patch without it shows its coarsest.
     pub level: LevelId,
     /// The description of the robot that carries the skin: needed for `.urdf`, and for nothing else.
     pub robot: Option<PathBuf>,
@@ -57,7 +57,7 @@ pub struct ExportOptions {
 /// ```
 ///
 /// # Errors
-/// If the map breaks a rule of [`SkinMap::validate`], has no tangents, or a patch does not have the level; if the robot
+/// If the map breaks a rule of [`SkinMap::validate`], has no tangents, or no patch has the level; if the robot
 /// cannot be read, has no link of the name of a patch's link, or has a sensor of a patch's name; if a name or a size
 /// does not fit the format, or the file cannot be written.
 pub fn export_map(path: impl Into<OutPath>, map: &SkinMap, options: &ExportOptions) -> Result<(), IoError> {

@@ -61,18 +61,22 @@ impl Part<'_> {
     }
 }
 
-/// The parts of a valid map on one level; errors are about the file `path`.
+/// The parts of a valid map on one level, or of a patch without it on its coarsest; errors are about the file `path`.
 pub(super) fn parts_of<'a>(path: &Path, map: &'a SkinMap, level: LevelId) -> Result<Vec<Part<'a>>> {
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     if map.patches.is_empty() {
         return Err(unfit(path, "the map", "no patch", "at least one"));
     }
+    let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
+    if level.index() >= levels {
+        let found = format!("levels 0 to {}", levels - 1);
+        return Err(unfit(path, "the map", found, format!("level {level}")));
+    }
     let links = distinct(link_names(&map.links));
     let part = |(id, patch): (PatchId, &'a PatchMap)| {
         let name = format!("patch {:?}", patch.name);
-        let needed = || format!("level {level}, which every patch must have");
-        let found = || format!("levels 0 to {}", patch.levels.len() - 1);
-        let at = patch.levels.get(level).ok_or_else(|| unfit(path, &name, found(), needed()))?;
+        let level = patch.nearest_level(level);
+        let at = &patch.levels[level];
         let tangents = patch.taxels.tangents.as_ref();
         let tangents = tangents.ok_or_else(|| unfit(path, &name, "no tangents", "a map with tangents"))?;
         let (link, pose) = (links[patch.link.index()].clone(), world_pose(&map.links, patch.link));

@@ -53,7 +53,7 @@ struct Canvas {
 
 pub(super) fn write(path: &OutPath, map: &SkinMap, parts: &[Part<'_>]) -> Result<()> {
     let patches = parts.iter().map(|part| patch(path, map, part)).collect::<Result<_>>()?;
-    let level = parts.first().map_or(0, |part| part.level.index());
+    let level = parts.iter().map(|part| part.level.index()).max().unwrap_or(0);
     let file = File { schema: "dermatome.probes/1", level, patches };
     write_file(path, |out| Ok(serde_json::to_writer(out, &file)?))
 }

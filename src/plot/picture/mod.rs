@@ -10,7 +10,7 @@ mod png;
 mod svg;
 
 pub(crate) use path::Path;
-pub(crate) use png::encode_with_alpha;
+pub(crate) use png::{encode_with_alpha, write_labels};
 
 use glam::DVec2;
 

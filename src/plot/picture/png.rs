@@ -6,6 +6,7 @@ use tiny_skia::{
     Pixmap, PixmapPaint, Point, PremultipliedColorU8, Rect, Shader, SpreadMode, Transform,
 };
 
+use crate::atlas::Label;
 use crate::plot::PlotError;
 use crate::plot::colour::Colour;
 use crate::plot::picture::font::Font;
@@ -40,6 +41,57 @@ pub(crate) fn encode(size: [usize; 2], colours: &[Colour]) -> Vec<u8> {
 /// Pixels of red, green, blue and opacity as a PNG file; there is at least one.
 pub(crate) fn encode_with_alpha(size: [u32; 2], pixels: &[[u8; 4]]) -> Vec<u8> {
     write(size, png::ColorType::Rgba, png::Filter::Adaptive, pixels.as_flattened())
+}
+
+/// Height of the letters of labels, in pixels.
+const LABEL_EM: f64 = 13.0;
+
+/// Writes names over pixels of red, green, blue and opacity, ink in a rim of white; places are in pixels of the image
+/// before it was magnified. Labels that would cover an earlier one are left out.
+pub(crate) fn write_labels(
+    pixels: &mut [[u8; 4]],
+    [width, height]: [u32; 2],
+    labels: &[Label],
+    magnification: f64,
+) {
+    let canvas = Pixmap::new(width, height).filter(|_| !labels.is_empty());
+    let Some(mut canvas) = canvas.map(|pixels| Canvas { pixels, font: Font::new(), em: LABEL_EM }) else {
+        return;
+    };
+    let mut taken: Vec<[DVec2; 2]> = Vec::new();
+    for label in labels {
+        let (path, length) = canvas.font.outline(&label.text, LABEL_EM);
+        let half = DVec2::new(0.5 * f64::from(length), 0.5 * LABEL_EM);
+        // Within the picture, if it is wide enough.
+        let [most_x, most_y] = [f64::from(width) - half.x, f64::from(height) - half.y];
+        let at = magnification * label.at;
+        let at = DVec2::new(at.x.min(most_x).max(half.x), at.y.min(most_y).max(half.y));
+        let own = [at - half, at + half];
+        let covers = |other: &[DVec2; 2]| own[0].cmplt(other[1]).all() && other[0].cmplt(own[1]).all();
+        if taken.iter().any(covers) {
+            continue;
+        }
+        taken.push(own);
+        let to = Transform::from_translate(f32_of(own[0].x), f32_of(at.y + 0.35 * LABEL_EM));
+        let rim = Stroke { colour: Colour(255, 255, 255), width: 3.0, opacity: 1.0 };
+        canvas.draw_path(path.as_ref(), None, Some(&rim), to);
+        canvas.draw_path(path.as_ref(), Some(INK), None, to);
+    }
+    for (pixel, over) in pixels.iter_mut().zip(canvas.pixels.pixels()) {
+        let over = over.demultiply();
+        let alpha = u32::from(over.alpha());
+        let under = (255 - alpha) * u32::from(pixel[3]) / 255;
+        let total = (alpha + under).max(1);
+        let mix = |over: u8, under_colour: u8| {
+            u8::try_from((alpha * u32::from(over) + under * u32::from(under_colour)) / total)
+                .unwrap_or(u8::MAX)
+        };
+        if alpha > 0 {
+            let [red, green, blue, _] = *pixel;
+            let opacity = u8::try_from(alpha + under).unwrap_or(u8::MAX);
+            *pixel = [mix(over.red(), red), mix(over.green(), green), mix(over.blue(), blue), opacity];
+        }
+    }
 }
 
 fn write([width, height]: [u32; 2], colours: png::ColorType, filter: png::Filter, data: &[u8]) -> Vec<u8> {

@@ -36,7 +36,7 @@ use crate::{
     errors::{bad, error},
     jobs::{Stop, run, run_here},
     matrix::{PyMatrix, Rows},
-    options::{FlattenArgs, acuities, channels, count, cut, direction, level, positive, word},
+    options::{FlattenArgs, PackArg, acuities, channels, count, cut, direction, level, positive, word},
     plot::{PlotArgs, PyPicture},
     signal::{PyRenderer, RenderArgs},
     skin::PySkin,
@@ -64,9 +64,9 @@ pub(crate) struct PyMap {
     back: OnceLock<Arc<MapIndex>>,
 }
 
-/// The number of vertices of a level of a patch, 0 if it does not reach up to it.
+/// The number of vertices of a level of a patch, or of its coarsest.
 fn size_of(patch: &PatchMap, level: LevelId) -> usize {
-    patch.levels.get(level).map_or(0, |map| map.level.mesh.positions.len())
+    patch.levels[patch.nearest_level(level)].level.mesh.positions.len()
 }
 
 /// Where the vertices of each patch begin among those of a level of the whole map, and the end of the last.
@@ -167,7 +167,7 @@ impl PyMap {
     ///     `.xml`: tactile sensors of MuJoCo. `.usda`: meshes of USD. `.csv`, `.npz`: a table of the taxels, or above
     ///     level 0 of the fields. `.json`: probes for Genesis. `.urdf`: `robot` with tactile sensors.
     /// level : int
-    ///     The level; every patch must have it.
+    ///     The level; a patch without it shows its coarsest.
     /// patch : str, optional
     ///     The patch; by default all.
     /// robot : str or os.PathLike, optional
@@ -299,7 +299,7 @@ impl PyMap {
     ///     The level, 0 for the taxels themselves.
     /// patch : str, optional
     ///     The patch; by default all, whose taxels and fields follow each other in the order of the map. Patches
-    ///     without this level have no fields.
+    ///     without this level have those of their coarsest.
     ///
     /// Returns
     /// -------
@@ -311,12 +311,11 @@ impl PyMap {
         let only = patch.map(|name| self.patch_named(name)).transpose()?;
         let (mut rows, mut first) = (Rows::new(), 0);
         for (_, patch) in self.map.patches.enumerate().filter(|(id, _)| only.is_none_or(|only| only == *id)) {
-            let direct = patch.levels.get(level).and_then(|map| map.level.to_finest.as_ref());
+            let direct = &patch.levels[patch.nearest_level(level)].level.to_finest;
             for taxel in patch.taxels.ids.ids() {
                 match direct {
                     Some(direct) => rows.push(direct.row(taxel).map(|(field, w)| (first + field.index(), w))),
-                    None if level.index() == 0 => rows.push([(first + taxel.index(), 1.0)]),
-                    None => rows.push([]),
+                    None => rows.push([(first + taxel.index(), 1.0)]),
                 }
             }
             first += size_of(patch, level);
@@ -420,8 +419,9 @@ impl PyMap {
     ///     Height and width of the images, in pixels.
     /// pixel : float, optional
     ///     Side of a pixel, in m on the map; by default that of the map.
-    /// pack : bool
-    ///     Whether all patches lie in one image.
+    /// pack : bool or {"tight", "body"}, optional
+    ///     All patches in one image: "tight" (True) as large as they fit, in any direction; "body" in the order of the
+    ///     body, distal ends up. By default each patch has its own.
     /// fill : float, optional
     ///     The value of pixels where nothing is known; by default NaN.
     ///
@@ -429,7 +429,7 @@ impl PyMap {
     /// -------
     /// Renderer
     #[pyo3(signature = (level=0, *, patch=None, channels=1, extensive=None, interpolate="linear", size=None,
-        pixel=None, pack=false, fill=None))]
+        pixel=None, pack=None, fill=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
         &self,
@@ -441,9 +441,10 @@ impl PyMap {
         interpolate: &str,
         size: Option<(u32, u32)>,
         pixel: Option<f64>,
-        pack: bool,
+        pack: Option<PackArg>,
         fill: Option<f32>,
     ) -> PyResult<PyRenderer> {
+        let pack = pack.map(PackArg::read).transpose()?.flatten();
         let args = RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill };
         PyRenderer::new(py, self, &args)
     }
@@ -618,7 +619,9 @@ impl Pooling<'_> {
                     if let Some(contrast) = contrast {
                         on_levels = contrast.of(on_levels);
                     }
-                    let of_patches = on_levels.values.iter().filter_map(|channels| channels[0].get(level));
+                    let patches = on_levels.values.iter().zip(&map.patches);
+                    let of_patches =
+                        patches.map(|(channels, patch)| &channels[0][patch.nearest_level(level)]);
                     for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
                         *out = narrow(value);
                     }

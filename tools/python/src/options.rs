@@ -1,6 +1,7 @@
 //! Options that are words, and the options of the command that several functions take.
 
 use dermatome::{
+    atlas::Pack,
     cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
     mesh::FillHoles,
@@ -21,6 +22,24 @@ pub(crate) fn word<T: Clone>(argument: &str, found: &str, known: &[(&str, T)]) -
     let names = || known.iter().map(|(name, _)| format!("{name:?}")).collect::<Vec<_>>().join(", ");
     let value = known.iter().find(|(name, _)| *name == found).map(|(_, value)| value.clone());
     value.ok_or_else(|| bad(argument, format!("{found:?}"), names()))
+}
+
+/// How patches are packed, as a flag or a word.
+#[derive(FromPyObject)]
+pub(crate) enum PackArg {
+    Flag(bool),
+    Word(String),
+}
+
+impl PackArg {
+    pub(crate) fn read(self) -> PyResult<Option<Pack>> {
+        match self {
+            Self::Flag(is_packed) => Ok(is_packed.then_some(Pack::Tight)),
+            Self::Word(found) => {
+                word("pack", &found, &[("tight", Pack::Tight), ("body", Pack::Body)]).map(Some)
+            }
+        }
+    }
 }
 
 /// A number that counts something.

@@ -7,7 +7,7 @@ use std::{
 
 use dermatome::{
     Skin, SkinMap,
-    atlas::{Atlas, AtlasOptions, Resolution},
+    atlas::{Atlas, AtlasOptions, Pack, Resolution},
     image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
     io::{IoError, ReadingsLayout, ReadingsReader},
     pyramid::LevelId,
@@ -112,7 +112,7 @@ pub(crate) struct RenderArgs<'a> {
     pub(crate) interpolate: &'a str,
     pub(crate) size: Option<(u32, u32)>,
     pub(crate) pixel: Option<f64>,
-    pub(crate) pack: bool,
+    pub(crate) pack: Option<Pack>,
     pub(crate) fill: Option<f32>,
 }
 
@@ -121,12 +121,12 @@ impl PyRenderer {
         let level = level("level", args.level, map.levels())?;
         let patch = match args.patch {
             Some(name) => Some(map.patch_named(name)?),
-            None if args.pack || map.map.patches.len() == 1 => None,
+            None if args.pack.is_some() || map.map.patches.len() == 1 => None,
             None => {
                 return Err(bad(
                     "patch",
                     format!("None of {}", map.map.patches.len()),
-                    "a name, or pack=True",
+                    "a name, or pack=\"tight\"",
                 ));
             }
         };
@@ -142,7 +142,7 @@ impl PyRenderer {
             (None, Some(side)) => Resolution::Pixel(positive("pixel", side)?),
             (Some(_), Some(_)) => return Err(bad("pixel", "size and pixel", "one of the two")),
         };
-        let options = AtlasOptions { resolution, packed: args.pack };
+        let options = AtlasOptions { resolution, pack: args.pack };
         let (map, fill) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN));
         let extensive = extensive(args.extensive, count)?;
         let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {

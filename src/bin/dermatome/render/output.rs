@@ -209,7 +209,10 @@ impl<'a> Output<'a> {
             }
             Kind::Folder(Pictures::Png) => {
                 let range = colours.range.unwrap_or(ImageOptions::default().range);
-                let options = ImageOptions { range, magnification: colours.zoom };
+                let packed = atlas.and_then(|atlas| atlas.parts.first()).filter(|part| part.charts.len() > 1);
+                let labels = packed.map(|part| part.labels(map));
+                let options =
+                    ImageOptions { range, magnification: colours.zoom, labels: labels.unwrap_or_default() };
                 Self::Pictures { sequence: sequence("png"), options }
             }
         })

@@ -189,7 +189,7 @@ class Map:
         interpolate: Literal["linear", "nearest"] = "linear",
         size: tuple[int, int] | None = None,
         pixel: float | None = None,
-        pack: bool = False,
+        pack: bool | Literal["tight", "body"] | None = None,
         fill: float | None = None,
     ) -> Renderer: ...
     def plot(
