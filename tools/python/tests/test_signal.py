@@ -65,12 +65,28 @@ def test_several_patches_are_packed_or_named():
     assert len(map.patches) == 2
     values = np.ones((2, 128))
     assert map.renderer(0, pack=True)(values).shape[0] == 2
+    assert map.renderer(0, pack="body").mask.any()
+    with pytest.raises(dermatome.DataError, match="tight"):
+        map.renderer(0, pack="loose")
     name = list(map.patches)[1]
     assert map.patches[name].start == 64
     values[:, :64] = 7
     assert np.nanmax(map.renderer(0, patch=name)(values)) == 1
     with pytest.raises(dermatome.DataError, match="patch"):
         map.renderer(0)
+
+
+def test_a_patch_without_the_level_answers_with_its_coarsest():
+    small, large = lattice(4, 4)[0], lattice(24, 24)[0]
+    both = np.concatenate([small, large + [0.5, 0, 0]])
+    map = dermatome.build(dermatome.Skin.from_arrays(both, outside=(0, 0, 1)))
+    coarsest = map.levels - 1
+    forces = np.ones((3, len(both)))
+    pooled = map.pool(forces, coarsest, extensive=True)
+    assert pooled.sum(axis=1) == pytest.approx([len(both)] * 3)
+    assert map.pooling(coarsest).shape[1] == pooled.shape[1]
+    renderer = map.renderer(coarsest, pack=True, extensive=True)
+    assert np.nansum(renderer(forces[:1])) * np.prod(renderer.pixel) == pytest.approx(len(both), rel=1e-5)
 
 
 def test_a_contact_is_followed(dome_map):
