@@ -80,7 +80,7 @@ def test_a_patch_without_the_level_answers_with_its_coarsest():
     small, large = lattice(4, 4)[0], lattice(24, 24)[0]
     both = np.concatenate([small, large + [0.5, 0, 0]])
     map = dermatome.build(dermatome.Skin.from_arrays(both, outside=(0, 0, 1)))
-    coarsest = map.levels - 1
+    coarsest = map.n_levels - 1
     forces = np.ones((3, len(both)))
     pooled = map.pool(forces, coarsest, extensive=True)
     assert pooled.sum(axis=1) == pytest.approx([len(both)] * 3)
