@@ -9,7 +9,7 @@ use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::contact::ContactIndex;
 use dermatome::cut::{Cut, CutError, CutMesh, PlaceId};
-use dermatome::flatten::{Energy, FlattenOptions};
+use dermatome::flatten::{Energy, FlattenOptions, Method};
 use dermatome::id::{FaceId, IdVec, VertexId};
 use dermatome::io::{read_map, write_map};
 use dermatome::map::{MapLevel, SkinMap};
@@ -469,6 +469,17 @@ fn slits_keep_an_area_ratio_or_lower_it() {
     }
     let reached = ratio(Cut::AreaRatio(1.0001));
     assert!(reached > 1.0001 && reached < 1.3, "{reached}");
+    for found in [1.0, f64::NAN, f64::INFINITY] {
+        let refused = cut_of(patch(mesh.clone()), Cut::AreaRatio(found));
+        assert!(matches!(refused, Err(Error::Patch { .. } | Error::Cut(_))), "{refused:?}");
+    }
+    // Magnified areas are far from those of the skin: no seam can change that.
+    let magnified = Method::Intrinsic { energy: Energy::default(), magnify: 1.0 };
+    let seams = [Method::default(), magnified].map(|method| {
+        let built = build_patch(patch(mesh.clone()), Cut::AreaRatio(1.3), method.into()).unwrap();
+        seam(&mesh, &measure(&built)[0].levels[0])
+    });
+    assert_eq!(seams[0], seams[1]);
 }
 
 /// Slits in flat skin do not open on the map: both sides were nearer to each other than 32-bit numbers are,

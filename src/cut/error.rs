@@ -10,6 +10,8 @@ use crate::{id::VertexId, mesh::MeshError, skin::TaxelId};
 pub enum CutError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    #[error("the area ratio to keep is {found}; a finite one above 1 is needed")]
+    AreaRatio { found: f64 },
     #[error("the seam names taxel {id}, but {found} taxels have that id; one is needed")]
     Taxel { id: TaxelId, found: usize },
     #[error("the seam goes from taxel {from} to taxel {to}, but no edge joins them")]

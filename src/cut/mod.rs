@@ -77,3 +77,18 @@ pub enum Cut {
     /// are cut as by [`Cut::Auto`].
     Along(Vec<[TaxelId; 2]>),
 }
+
+impl Cut {
+    /// Checks that an area ratio is above 1.
+    ///
+    /// # Errors
+    /// [`CutError::AreaRatio`].
+    pub(crate) fn validate(&self) -> Result<(), CutError> {
+        match *self {
+            Self::AreaRatio(found) if !(found.is_finite() && found > 1.0) => {
+                Err(CutError::AreaRatio { found })
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -76,7 +76,7 @@ impl Distortion {
 ///
 /// Faces without area on the skin count as flips when they are mirrored, but have no singular
 /// values and stay out of the other measures. A mirrored map is not turned back first: all of its
-/// faces are flips.
+/// faces are flips. Of a mesh without area all means are NaN.
 ///
 /// # Panics
 /// If `uv` has not one entry per vertex, or a corner does not exist.

@@ -65,24 +65,6 @@ impl<'m> FlattenDomain<'m> {
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })
     }
 
-    /// The elements with every face at least this high over its longest edge at rest, as heavy as
-    /// before; nothing if all are. Needles then do not stop a far start at each step.
-    pub(crate) fn fattened(&self, least: f64) -> Option<ElementMesh> {
-        let mut elements = self.elements.clone();
-        let mut is_same = true;
-        for (e, corners) in
-            elements.faces.iter_mut().zip(self.mesh.triangles.ids().map(|f| self.mesh.corners(f)))
-        {
-            let flat = FlatTriangle::new(corners);
-            let fat = flat.healed(corners, least)?;
-            if fat != flat {
-                e.gradients = fat.gradients().map(|g| g * self.unit);
-                is_same = false;
-            }
-        }
-        (!is_same).then_some(elements)
-    }
-
     /// The domain with energies that aim at the area that `magnification` asks for of each face, and
     /// that count its distortion as much.
     ///

@@ -36,8 +36,11 @@ pub enum FlattenError {
         /// The face.
         face: FaceId,
     },
-    /// The mesh is too large or too small for floating-point areas.
-    #[error("the area of the mesh is {area} m^2; a positive finite one is needed")]
+    /// The mesh is too large or too small for floating-point areas, or its faces are nearly all degenerate.
+    #[error(
+        "the area of the mesh is {area} m^2; a finite one that is not lost in the rounding of the lengths of its \
+         edges is needed"
+    )]
     Size {
         /// The area found, in m^2.
         area: f64,
@@ -109,6 +112,17 @@ pub enum FlattenError {
         crossings: usize,
         /// Area it encloses, in m^2; negative where it runs clockwise.
         area: f64,
+    },
+    /// No map was found that has no flip, keeps its holes and, where that is wanted, is one to one.
+    #[error(
+        "the best map found has {flips} flipped faces and overlaps itself at {overlaps} places; a map without any is \
+         needed"
+    )]
+    NotInjective {
+        /// Faces that are flipped or without area on the map.
+        flips: usize,
+        /// Pairs of boundary edges that cross, branch points, and loops inside out.
+        overlaps: usize,
     },
     /// No map without flips was found within the boundary that is given.
     #[error(

@@ -255,7 +255,8 @@ impl RingMap {
         let areas = || self.edges().map(|(a, b)| (a - p).perp_dot(b - p));
         let (sum, count) = areas().fold((0.0, 0.0), |(sum, count), a| (sum + a.abs(), count + 1.0));
         let faces = self.skin.len() - usize::from(self.boundary);
-        let on_skin = |k: usize| self.skin[k].perp_dot(self.skin[(k + 1) % self.skin.len()]);
+        // At the tip of a cone an angle that is scaled to its share of a turn may exceed half a turn.
+        let on_skin = |k: usize| self.skin[k].perp_dot(self.skin[(k + 1) % self.skin.len()]).max(0.0);
         let total: f64 = (0..faces).map(on_skin).sum();
         let share = |k: usize| if k < faces { on_skin(k) / total } else { 1.0 };
         areas().enumerate().all(|(k, a)| a > WELL_INSIDE * sum * share(k).min(1.0 / count))
@@ -353,6 +354,14 @@ mod tests {
         s.map = s.skin.iter().map(|&p| 3.0 * p + DVec2::X).collect();
         assert!(s.fits(s.transplanted()));
         assert!(!s.fits(s.transplanted() + 0.1 * DVec2::Y), "it turns over there");
+    }
+
+    /// A ring of three around the tip of a cone, one of whose angles is scaled to more than half a turn.
+    #[test]
+    fn a_flipped_face_never_fits() {
+        let mut s = star(&[[1.0, 0.0], [0.0, 1.0], [0.7, -0.8]], false);
+        s.map = vec![DVec2::X, DVec2::Y, DVec2::new(0.02, -1.0)];
+        assert!(!s.fits(DVec2::ZERO), "the face between the last two is flipped");
     }
 
     #[test]

@@ -72,7 +72,8 @@ impl Magnification {
         let served = to_finest.restrict(areas);
         self.map(|values| {
             let sums = to_finest.restrict(&areas.iter().zip(values).map(|(a, x)| a * x).collect());
-            sums.iter().zip(&served).map(|(sum, a)| sum / a).collect()
+            let own = |v: VertexId| values[level.origins[v]];
+            sums.enumerate().map(|(v, sum)| if served[v] > 0.0 { sum / served[v] } else { own(v) }).collect()
         })
     }
 
@@ -125,24 +126,26 @@ pub(crate) fn patch_scales(method: Method, patches: &[&Patch]) -> Vec<f64> {
     if patches.len() < 2 {
         return vec![1.0; patches.len()];
     }
-    // Area on the skin and logarithm of the factor of every face.
+    // Area on the skin and, where the patch has one, logarithm of the factor of every face.
     let faces = |patch: &&Patch| {
         let Patch { mesh, taxels, .. } = patch;
-        let magnification = Magnification::new(method, Some(taxels), &taxels.areas).ok();
-        let logs = magnification.and_then(|magnification| magnification.log_factors(mesh, |_| 0.0));
-        let log = |face: FaceId| logs.as_ref().map_or(0.0, |logs| logs[face]);
-        mesh.triangles.ids().map(|face| [mesh.face_area(face), log(face)]).collect::<Vec<_>>()
+        let magnification = Magnification::new(method, Some(taxels), &taxels.areas);
+        let is_wrong = magnification.is_err();
+        let logs = magnification.ok().and_then(|magnification| magnification.log_factors(mesh, |_| 0.0));
+        let log =
+            |face: FaceId| if is_wrong { None } else { Some(logs.as_ref().map_or(0.0, |logs| logs[face])) };
+        mesh.triangles.ids().map(|face| (mesh.face_area(face), log(face))).collect::<Vec<_>>()
     };
-    let faces: Vec<Vec<[f64; 2]>> = patches.iter().map(faces).collect();
+    let faces: Vec<Vec<(f64, Option<f64>)>> = patches.iter().map(faces).collect();
     let [mut area, mut sum] = [0.0; 2];
-    for &[a, log] in faces.iter().flatten() {
+    for (a, log) in faces.iter().flatten().filter_map(|&(a, log)| Some((a, log?))) {
         area += a;
         sum += a * log;
     }
     let (mean, bound) = (sum / area, LARGEST_FACTOR.ln());
-    let on_skin: Vec<f64> = faces.iter().map(|faces| faces.iter().map(|[a, _]| a).sum()).collect();
-    let on_map = |faces: &Vec<[f64; 2]>| -> f64 {
-        faces.iter().map(|[a, log]| a * (log - mean).clamp(-bound, bound).exp()).sum()
+    let on_skin: Vec<f64> = faces.iter().map(|faces| faces.iter().map(|(a, _)| a).sum()).collect();
+    let on_map = |faces: &Vec<(f64, Option<f64>)>| -> f64 {
+        faces.iter().map(|(a, log)| a * log.map_or(0.0, |log| log - mean).clamp(-bound, bound).exp()).sum()
     };
     let on_map: Vec<f64> = faces.iter().map(on_map).collect();
     let whole = on_skin.iter().sum::<f64>() / on_map.iter().sum::<f64>();
@@ -159,4 +162,26 @@ fn with_mean_one(mesh: &TriMesh, factors: IdVec<FaceId, f64>) -> IdVec<FaceId, f
     }
     let mean = sum / area;
     if mean.is_finite() && mean > 0.0 { factors.map(|f| f / mean) } else { factors.map(|_| 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flatten::Energy;
+    use crate::mesh::shapes;
+    use crate::skin::LinkId;
+
+    /// A wrong density is refused when its patch is mapped; the patch does not shift the scale of the others.
+    #[test]
+    fn a_patch_with_a_wrong_density_leaves_the_others_alone() {
+        let densities = [Some(1e4), Some(1e4), Some(f64::NAN)];
+        let patches = densities.map(|density| {
+            let mut patch = Patch::from_mesh("p", LinkId::new(0), shapes::square());
+            patch.taxels.densities = density.map(|density| patch.taxels.areas.map(|_| density));
+            patch
+        });
+        let method = Method::Intrinsic { energy: Energy::default(), magnify: 1.0 };
+        let scales = patch_scales(method, &patches.each_ref());
+        assert!(scales.iter().all(|scale| (scale - 1.0).abs() < 1e-12), "{scales:?}");
+    }
 }

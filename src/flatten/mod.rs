@@ -94,7 +94,7 @@ mod start;
 
 use glam::DVec2;
 
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::id::{IdVec, VertexId};
 use crate::mesh::{SymmetricDirichlet, TriMesh};
 use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen};
 use crate::skin::Taxels;
@@ -111,9 +111,10 @@ use energy::{elements::Uv, newton::NewtonLimits};
 use fillers::Fillers;
 use insertion::Insertion;
 use magnification::Magnification;
+use overlap::check_map;
 use placement::{direction_like, main_direction, normalise_map};
-use refine::refine;
-use relax::{Goal, Relaxed, Scaffold, minimise_from_scratch, solve_from_scratch};
+use refine::{Inherited, best_map};
+use relax::{Goal, Relaxed, Scaffold, minimise_from_scratch};
 
 /// A map, and how far its minimisation came.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,15 +176,33 @@ pub fn flatten(
     if let Some(places) = &prescribed {
         domain = domain.prescribed(places.iter().copied());
     }
-    let Relaxed { uv, convergence, .. } = solve_from_scratch(&domain, options)?;
-    let uv = match prescribed {
-        Some(_) => domain.to_metres(&uv),
-        None => {
-            let weights = magnification.face_weights(mesh);
-            normalise_map(mesh, &uv, main_direction(mesh, &uv), weights.as_ref())
-        }
-    };
+    let Relaxed { uv, convergence, .. } = best_map(&domain, None, options)?;
+    let found = domain.to_metres(&uv);
+    let placed = prescribed.is_none().then(|| {
+        let weights = magnification.face_weights(mesh);
+        normalise_map(mesh, &uv, main_direction(mesh, &uv), weights.as_ref())
+    });
+    let uv = verified(mesh, &domain.disk.loops, options, placed, found)?;
     Ok(Flattening { uv, convergence })
+}
+
+/// The `placed` map, or the map as it was `found` where the first has faces that rounding has turned over or overlaps
+/// itself by it; checked exactly if the intrinsic method has made it.
+fn verified(
+    mesh: &TriMesh,
+    loops: &[Vec<VertexId>],
+    options: &FlattenOptions,
+    placed: Option<Uv>,
+    found: Uv,
+) -> Result<Uv, FlattenError> {
+    if !matches!(options.method, Method::Intrinsic { .. }) {
+        return Ok(placed.unwrap_or(found));
+    }
+    let overlap = if options.boundary == Boundary::Free { options.overlap } else { Overlap::Allow };
+    match placed.filter(|placed| check_map(mesh, loops, overlap, placed).is_ok()) {
+        Some(placed) => Ok(placed),
+        None => check_map(mesh, loops, overlap, &found).map(|()| found),
+    }
 }
 
 /// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
@@ -215,8 +234,7 @@ fn prescribed_by(
 
 /// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    let taxels = Taxels { areas: mesh.positive_vertex_areas(), ..Taxels::from(mesh) };
-    Ok(coarsen(mesh, &taxels, &CoarsenOptions::default())?)
+    Ok(coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default())?)
 }
 
 /// Flattens every level of a pyramid, coarse to fine. The weights and acuities of the taxels, its
@@ -262,7 +280,7 @@ pub fn flatten_pyramid(
     }
     let magnification = Magnification::new(options.method, taxels, &finest.areas)?;
     let prescribed = prescribed_by(options, &finest.mesh)?;
-    let (mut maps, mut weights, mut convergences) = (Vec::<Uv>::new(), Vec::new(), Vec::new());
+    let (mut maps, mut weights, mut how) = (Vec::<Uv>::new(), Vec::new(), Vec::new());
     let (mut scaffold, mut fillers) = (Scaffold::None, Fillers::default());
     for (id, level) in pyramid.levels.enumerate().rev() {
         let magnification = magnification.restricted(level, &finest.areas);
@@ -272,25 +290,21 @@ pub fn flatten_pyramid(
         }
         let coarser = pyramid.levels.get(LevelId::new(id.index() + 1)).zip(maps.last());
         let coarser = coarser.filter(|(c, _)| domain.vertices() <= TOO_COARSE * c.mesh.positions.len());
-        let reached = match (options.method, coarser) {
-            (Method::Intrinsic { energy, .. }, Some((coarse, uv))) if prescribed.is_none() => {
-                let goal = Goal { energy, overlap: options.overlap };
+        let inherited = match coarser.filter(|_| options.starts_coarse()) {
+            Some((coarse, uv)) => {
                 let start = Insertion::new(level, &pyramid.removals[id], coarse, uv, &fillers)?;
-                let refined = refine(&domain, start, scaffold, &magnification, goal);
-                // A bad map of a coarser level may have needles that no step gets past.
-                match refined {
-                    Ok(reached) if reached.is_stuck(&domain) => solve_from_scratch(&domain, options),
-                    refined => refined,
-                }
+                Some(Inherited { start, scaffold, magnification: &magnification })
             }
-            _ => solve_from_scratch(&domain, options),
+            None => None,
         };
-        let reached = match reached {
+        let reached = match best_map(&domain, inherited, options) {
             // The next finer level may be less thin.
-            Err(FlattenError::NoStart { .. } | FlattenError::NoRoom { .. }) if id.index() > 0 => {
-                maps.clear();
-                weights.clear();
-                convergences.clear();
+            Err(
+                FlattenError::NoStart { .. }
+                | FlattenError::NoRoom { .. }
+                | FlattenError::NotInjective { .. },
+            ) if id.index() > 0 => {
+                (maps, weights, how) = (Vec::new(), Vec::new(), Vec::new());
                 continue;
             }
             reached => reached?,
@@ -301,29 +315,22 @@ pub fn flatten_pyramid(
         fillers = scaffold.fillers(&domain, &uv).unwrap_or_default();
         maps.push(uv);
         weights.push(magnification.face_weights(&level.mesh));
-        convergences.push(reached.convergence);
+        how.push((reached.convergence, domain.disk.loops));
     }
-    maps.reverse();
-    weights.reverse();
-    let placed = if prescribed.is_some() { maps.into() } else { align_levels(pyramid, &maps, &weights) };
-    let placed = placed.into_iter().zip(convergences.into_iter().rev());
-    Ok(placed.map(|(uv, convergence)| Flattening { uv, convergence }).collect())
-}
-
-/// Normalises level 0 and turns the coarser maps so that their vertices lie near the same taxels of
-/// level 0.
-fn align_levels(
-    pyramid: &Pyramid,
-    maps: &[Uv],
-    weights: &[Option<IdVec<FaceId, f64>>],
-) -> IdVec<LevelId, Uv> {
-    let mut placed: IdVec<LevelId, Uv> = IdVec::default();
-    for ((level, uv), weights) in pyramid.levels.iter().zip(maps).zip(weights) {
-        let direction = match placed.get(LevelId::new(0)) {
-            None => main_direction(&level.mesh, uv),
-            Some(finest) => direction_like(uv.iter().zip(level.origins.iter().map(|&v| &finest[v]))),
+    // Level 0 is normalised; the coarser maps are turned so that their vertices lie near the same taxels of it.
+    let mut flattenings: IdVec<LevelId, Flattening> = IdVec::default();
+    let found = maps.into_iter().zip(weights).zip(how).rev();
+    for (level, ((found, weights), (convergence, loops))) in pyramid.levels.iter().zip(found) {
+        let direction = match flattenings.get(LevelId::new(0)) {
+            None => main_direction(&level.mesh, &found),
+            Some(Flattening { uv, .. }) => {
+                direction_like(found.iter().zip(level.origins.iter().map(|&v| &uv[v])))
+            }
         };
-        placed.push(normalise_map(&level.mesh, uv, direction, weights.as_ref()));
+        let place = || normalise_map(&level.mesh, &found, direction, weights.as_ref());
+        let placed = prescribed.is_none().then(place);
+        let uv = verified(&level.mesh, &loops, options, placed, found)?;
+        flattenings.push(Flattening { uv, convergence });
     }
-    placed
+    Ok(flattenings)
 }

@@ -9,10 +9,11 @@ use glam::DVec2;
 use crate::delaunay::orientation;
 use crate::flatten::crossings::{MAX_CROSSINGS, boundary_crosses_itself, boundary_crossings};
 use crate::flatten::domain::FlattenDomain;
-use crate::flatten::energy::elements::Uv;
+use crate::flatten::energy::elements::{Uv, keeps_orientation};
+use crate::flatten::{FlattenError, Overlap};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, boundary_edges, face_components, loops_of};
-use crate::parallel::par_each;
+use crate::parallel::{par_each, par_sum};
 
 /// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
 /// than this, in rad. What is less is rounding: both sides of a slit may meet.
@@ -50,8 +51,7 @@ pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &Uv) -> bool 
 
 /// Whether one boundary loop runs counter-clockwise, and every other one, around a hole, clockwise
 /// and not across itself.
-pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
-    let loops = &domain.disk.loops;
+pub(crate) fn keeps_holes(loops: &[Vec<VertexId>], uv: &Uv) -> bool {
     let is_outer = |walk: &&Vec<VertexId>| is_counter_clockwise(walk, uv);
     // A disk's only loop is the outer one, even where it runs across itself.
     loops.len() == 1
@@ -60,9 +60,32 @@ pub(crate) fn keeps_holes(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
 }
 
 /// Whether a map without flips and branch points is one to one.
-pub(crate) fn is_one_to_one(domain: &FlattenDomain<'_>, uv: &Uv) -> bool {
-    let edges: Vec<[VertexId; 2]> = domain.disk.boundary_edges().collect();
-    keeps_holes(domain, uv) && !boundary_crosses_itself(&edges, uv)
+pub(crate) fn is_one_to_one(loops: &[Vec<VertexId>], uv: &Uv) -> bool {
+    let edges: Vec<[VertexId; 2]> = loops.iter().flat_map(|walk| loop_edges(walk)).collect();
+    keeps_holes(loops, uv) && !boundary_crosses_itself(&edges, uv)
+}
+
+/// Checks what the intrinsic method promises of the map of a disk with these loops, exactly: no face is flipped,
+/// holes stay holes, and it does not overlap itself where it must not.
+///
+/// # Errors
+/// [`FlattenError::NotInjective`].
+pub(crate) fn check_map(
+    mesh: &TriMesh,
+    loops: &[Vec<VertexId>],
+    overlap: Overlap,
+    uv: &Uv,
+) -> Result<(), FlattenError> {
+    let is_flipped = |face: FaceId| !keeps_orientation(mesh.triangles[face].map(|v| uv[v]));
+    let flips = par_sum(mesh.triangles.len(), |face| usize::from(is_flipped(FaceId::new(face))));
+    let is_legal = match overlap {
+        Overlap::Allow => keeps_holes(loops, uv),
+        Overlap::Prevent => is_one_to_one(loops, uv),
+    };
+    if flips == 0 && is_legal {
+        return Ok(());
+    }
+    Err(FlattenError::NotInjective { flips, overlaps: overlaps(mesh, uv) })
 }
 
 fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
@@ -124,4 +147,37 @@ fn count_angle_excess(
         }
     }
     turn.iter().filter(|&&t| t > std::f64::consts::TAU + BEYOND_A_TURN).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flatten::domain::Disk;
+    use crate::mesh::shapes;
+
+    /// What rounding or an attempt may do to a map: turn faces over, or place some over others.
+    #[test]
+    fn maps_that_are_not_legal_are_refused() {
+        let holed = shapes::tube(8, 3, 0.01, 0.02);
+        let ring = |p: glam::DVec3, r: f64| (0.02 + r * p.z) * DVec2::new(p.x, p.y).normalize();
+        let outward = holed.positions.map(|&p| ring(p, -0.5));
+        let through = holed.positions.map(|&p| ring(p, -1.5));
+        let strip = shapes::lattice(9, 2, 0.01);
+        let flat = strip.positions.map(|p| DVec2::new(p.x, p.y));
+        let wound = strip.positions.map(|p| (1.0 - 0.2 * p.y / 0.01) * DVec2::from_angle(100.0 * p.x));
+        let turned = flat.map(|p| DVec2::new(-p.x, p.y));
+        for (name, mesh, uv, prevent, allow) in [
+            ("ring", &holed, &outward, true, true),
+            ("ring turned through itself", &holed, &through, false, false),
+            ("strip", &strip, &flat, true, true),
+            ("strip over itself", &strip, &wound, false, true),
+            ("strip turned over", &strip, &turned, false, false),
+        ] {
+            let loops = Disk::new(mesh).unwrap().loops;
+            for (overlap, legal) in [(Overlap::Prevent, prevent), (Overlap::Allow, allow)] {
+                let found = check_map(mesh, &loops, overlap, uv);
+                assert_eq!(found.is_ok(), legal, "{name}, {overlap:?}: {found:?}");
+            }
+        }
+    }
 }

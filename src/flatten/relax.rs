@@ -8,10 +8,9 @@ use crate::flatten::energy::objective::{Objective, dirichlet};
 use crate::flatten::fillers::Fillers;
 use crate::flatten::overlap::{has_no_branch_points, is_one_to_one, keeps_holes, overlaps};
 use crate::flatten::start::conformal::spectral_conformal;
-use crate::flatten::start::linear::linear;
 use crate::flatten::start::tutte::{equal_springs, tutte};
 use crate::flatten::start::untangle::untangle;
-use crate::flatten::{Convergence, Energy, FlattenError, FlattenOptions, Method, Overlap};
+use crate::flatten::{Convergence, Energy, FlattenError, Overlap};
 use crate::sparse::SparseError;
 
 /// Systems up to this size are factored. Above, conjugate gradients reach the same energy sooner if
@@ -32,21 +31,9 @@ const TRUNCATED: NewtonLimits = NewtonLimits { rest: 5e-7, steps: 100, gain: ENO
 const BAD_START: f64 = FAR;
 
 /// A map of more energy than this at its best scale is poor, and a face has collapsed on it if it is
-/// stretched this many times more one way than the other: where both hold, another way is tried.
+/// stretched this many times more in one direction than in the other.
 const POOR: f64 = 10.0;
 const COLLAPSED: f64 = 1000.0;
-
-/// Heights of faces over their longest edges, at least, one after the other, on the way from a start
-/// that is worse.
-const FAT: [f64; 2] = [1e-2, 1e-3];
-
-/// Newton steps with each of them.
-const FATTENED: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 60, gain: ENOUGH, most: f64::INFINITY };
-
-/// Steps with a free boundary that a map may take until every hole has the right orientation: after an
-/// insertion a rim may cross itself. Where 6 steps did not suffice, 20 and 200 did not either (five tubes
-/// that meet).
-const UNKEPT: usize = 6;
 
 /// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
 /// room early, light ones do not hinder a rim that slides. The last one stays.
@@ -100,122 +87,40 @@ pub(crate) struct Relaxed {
 }
 
 impl Relaxed {
-    /// Whether the descent ended at a bad map that is not a minimum.
-    pub(crate) fn is_stuck(&self, domain: &FlattenDomain<'_>) -> bool {
-        !self.convergence.converged && dirichlet(&domain.elements, &self.uv).energy() >= BAD_START
-    }
-
-    /// Whether the descent ended where faces of a poor map have collapsed: no step gets past them, so a
-    /// small one does not mean a minimum.
-    fn is_caught(&self, domain: &FlattenDomain<'_>) -> bool {
+    /// Whether the map is poor because faces of it have collapsed: no step gets past them, so another start may
+    /// lead to a better one.
+    pub(crate) fn is_caught(&self, domain: &FlattenDomain<'_>) -> bool {
         let mut singular = domain.elements.faces.iter().map(|e| e.singular_values(&self.uv));
-        self.convergence.gradient >= ENOUGH
-            && dirichlet(&domain.elements, &self.uv).energy() >= POOR
+        dirichlet(&domain.elements, &self.uv).energy() >= POOR
             && singular.any(|s| s.s1 >= COLLAPSED * s.s2.abs())
     }
 }
 
-/// The map that overlaps itself less, or of less energy.
-pub(crate) fn better(domain: &FlattenDomain<'_>, goal: Goal, first: Relaxed, second: Relaxed) -> Relaxed {
+/// Whether `map` overlaps itself less than `other` or has less energy.
+pub(crate) fn is_better(domain: &FlattenDomain<'_>, goal: Goal, map: &Relaxed, other: &Relaxed) -> bool {
     let objective = Objective::new(&domain.elements, goal.energy);
     let rank = |map: &Relaxed| (overlaps(domain.mesh, &map.uv), objective.energy(&map.uv));
-    if rank(&second) < rank(&first) { second } else { first }
+    rank(map) < rank(other)
 }
 
-/// The map of a surface by the method of the options, in units of its domain, without any other map
-/// to start from.
-pub(crate) fn solve_from_scratch(
-    domain: &FlattenDomain<'_>,
-    options: &FlattenOptions,
-) -> Result<Relaxed, FlattenError> {
-    let linear_map = |uv| Relaxed {
-        uv,
-        scaffold: Scaffold::None,
-        convergence: Convergence { converged: true, gradient: 0.0 },
-    };
-    match options.method {
-        Method::Conformal => spectral_conformal(domain).map(linear_map),
-        Method::Linear { angle, area } => linear(domain, angle, area).map(linear_map),
-        Method::Intrinsic { energy, .. } => {
-            minimise_from_scratch(domain, Goal { energy, overlap: options.overlap }, None)
-        }
-    }
-}
-
-/// The map of least energy from the conformal start, or from inside a circle if that is a bad one;
+/// The map of least energy from the conformal map, or from one inside a circle where that is a bad start;
 /// `limits` instead of the usual ones for the size.
 pub(crate) fn minimise_from_scratch(
     domain: &FlattenDomain<'_>,
     goal: Goal,
     limits: Option<NewtonLimits>,
 ) -> Result<Relaxed, FlattenError> {
-    if !domain.prescribed.is_empty() {
-        return relax(domain, Start::Far(start_within(domain)?), goal, limits);
-    }
-    let conformal = spectral_conformal(domain)?;
-    let is_good = domain.elements.is_flip_free(&conformal)
-        && has_no_branch_points(domain, &conformal)
-        && keeps_holes(domain, &conformal)
-        && dirichlet(&domain.elements, &conformal).energy() < BAD_START;
-    let start = if is_good { conformal } else { convex_start(domain, conformal)? };
-    past_needles(domain, goal, limits, &|energy| {
-        with_fat_needles(domain, start.clone(), energy).map(Start::Far)
-    })
-}
-
-/// As [`relax`], from the `start` for an energy. Where faces collapse on the way, also by the symmetric
-/// Dirichlet energy first: it rises more steeply where a face loses its area.
-///
-/// *Heuristic*: a printed part with 46 handles ends at a symmetric Dirichlet energy of 12 instead of 1e7,
-/// a carrier of gears at 4.1 instead of 37.
-pub(crate) fn past_needles(
-    domain: &FlattenDomain<'_>,
-    goal: Goal,
-    limits: Option<NewtonLimits>,
-    start: &dyn Fn(Energy) -> Result<Start, FlattenError>,
-) -> Result<Relaxed, FlattenError> {
-    let reached = relax(domain, start(goal.energy)?, goal, limits)?;
-    let steep = Goal { energy: Energy::SymmetricDirichlet, ..goal };
-    if goal.energy == steep.energy || !reached.is_caught(domain) {
-        return Ok(reached);
-    }
-    let Relaxed { uv, scaffold, .. } = relax(domain, start(steep.energy)?, steep, limits)?;
-    let again = relax(domain, Start::Near(uv, scaffold), goal, limits)?;
-    Ok(better(domain, goal, reached, again))
-}
-
-/// A better start from a bad one: needles stop each Newton step where they collapse, so the map is
-/// minimised with fatter ones first.
-fn with_fat_needles(domain: &FlattenDomain<'_>, mut uv: Uv, energy: Energy) -> Result<Uv, FlattenError> {
-    for least in FAT {
-        if dirichlet(&domain.elements, &uv).energy() < BAD_START {
-            break;
-        }
-        let Some(elements) = domain.fattened(least) else { continue };
-        let mut kept = uv.clone();
-        let mut go_on = |uv: &Uv| {
-            let is_kept = keeps_holes(domain, uv);
-            if is_kept {
-                kept.clone_from(uv);
-            }
-            is_kept
-        };
-        let objective = Objective::new(&elements, energy);
-        objective.minimise(&mut uv, Solver::Direct, FATTENED, &mut go_on).map_err(failed)?;
-        uv = kept;
-    }
-    Ok(uv)
-}
-
-/// The map inside a circle; where needles leave faces without area there, the conformal map after its
-/// flips are removed.
-fn convex_start(domain: &FlattenDomain<'_>, mut conformal: Uv) -> Result<Uv, FlattenError> {
-    let convex = tutte(domain);
-    if !matches!(convex, Err(FlattenError::NoStart { .. })) {
-        return convex;
-    }
-    let is_flip_free = untangle(domain, &mut conformal).map_err(failed)?;
-    if is_flip_free && has_no_branch_points(domain, &conformal) { Ok(conformal) } else { convex }
+    let start = if domain.prescribed.is_empty() {
+        let conformal = spectral_conformal(domain)?;
+        let is_good = domain.elements.is_flip_free(&conformal)
+            && has_no_branch_points(domain, &conformal)
+            && keeps_holes(&domain.disk.loops, &conformal)
+            && dirichlet(&domain.elements, &conformal).energy() < BAD_START;
+        if is_good { conformal } else { tutte(domain)? }
+    } else {
+        start_within(domain)?
+    };
+    relax(domain, Start::Far(start), goal, limits)
 }
 
 /// A start within a prescribed boundary: by springs, which a convex one keeps apart; else the flips
@@ -274,18 +179,25 @@ pub(crate) fn relax(
     if reached.is_hopeless {
         return Ok(reached.relaxed);
     }
-    if scaffold != Scaffold::Framed && !keeps_holes(domain, &reached.relaxed.uv) {
+    if scaffold != Scaffold::Framed && !keeps_holes(&domain.disk.loops, &reached.relaxed.uv) {
         let from = reached.kept.take().map_or_else(|| tutte(domain), Ok)?;
         reached = descent.scaffolded(from, Scaffold::Holes)?;
     }
     let is_free = domain.prescribed.is_empty();
-    if is_free && goal.overlap == Overlap::Prevent && !is_one_to_one(domain, &reached.relaxed.uv) {
+    if is_free && goal.overlap == Overlap::Prevent && !is_one_to_one(&domain.disk.loops, &reached.relaxed.uv)
+    {
         let from = match reached.apart.take() {
             Some(uv) => uv,
             None => descent.free(tutte(domain)?, Scaffold::Framed)?.last_apart(),
         };
-        let from = descent.framed_with_fat_needles(from)?;
         reached = descent.scaffolded(from, Scaffold::Framed)?;
+        // A frame whose triangles rounding has left without area prevents nothing.
+        if !is_one_to_one(&domain.disk.loops, &reached.relaxed.uv)
+            && let Some(apart) = reached.apart.take()
+        {
+            reached.relaxed.uv = apart;
+            reached.relaxed.convergence.converged = false;
+        }
     }
     Ok(reached.relaxed)
 }
@@ -334,28 +246,26 @@ impl<'d> Descent<'d> {
     fn note(&self, uv: &Uv, kept: &mut Option<Uv>, apart: &mut Option<Uv>) -> [bool; 2] {
         let domain = self.domain;
         let own = || Some(uv.iter().take(domain.vertices()).copied().collect());
-        let is_kept = keeps_holes(domain, uv);
+        let is_kept = keeps_holes(&domain.disk.loops, uv);
         if is_kept {
             *kept = own();
         }
-        let is_apart = self.goal.overlap == Overlap::Prevent && is_one_to_one(domain, uv);
+        let is_apart = self.goal.overlap == Overlap::Prevent && is_one_to_one(&domain.disk.loops, uv);
         if is_apart {
             *apart = own();
         }
         [is_kept, is_apart]
     }
 
-    /// With a free boundary, for as long as the map keeps its holes, once it has them, and with `scaffold`
-    /// around it also that it does not overlap itself if the start did not.
+    /// With a free boundary, for as long as the map keeps its holes, and with `scaffold` around it also that it does
+    /// not overlap itself if the start did not.
     fn free(&self, start: Uv, scaffold: Scaffold) -> Result<Reached, FlattenError> {
         let mut reached = self.start(start, Scaffold::None);
         let Reached { relaxed, kept, apart, is_hopeless } = &mut reached;
         let must_be_apart = scaffold == Scaffold::Framed && apart.is_some();
-        let mut steps = 0;
         let mut go_on = |uv: &Uv| {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
-            steps += 1;
-            (is_kept || kept.is_none() && steps < UNKEPT) && (is_apart || !must_be_apart)
+            is_kept && (is_apart || !must_be_apart)
         };
         let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
         let ended = ended.map_err(failed)?;
@@ -363,20 +273,6 @@ impl<'d> Descent<'d> {
         relaxed.convergence.converged = ended == Ended::Converged;
         relaxed.convergence.gradient = self.objective.relative_gradient(&relaxed.uv);
         Ok(reached)
-    }
-
-    /// A better start within a frame from a bad one, as [`with_fat_needles`]. From the convex start of a
-    /// printed part with twenty handles the descent ended at a mean area ratio of 4e8 without it.
-    fn framed_with_fat_needles(&self, mut uv: Uv) -> Result<Uv, FlattenError> {
-        for least in FAT {
-            if dirichlet(&self.domain.elements, &uv).energy() < BAD_START {
-                break;
-            }
-            let Some(elements) = self.domain.fattened(least) else { continue };
-            let objective = Objective::new(&elements, self.goal.energy);
-            uv = Descent { objective, ..*self }.scaffolded(uv, Scaffold::Framed)?.last_apart();
-        }
-        Ok(uv)
     }
 
     /// With fillers, made anew every few steps.
@@ -393,12 +289,9 @@ impl<'d> Descent<'d> {
             let elements = self.objective.elements.with(fillers.elements(&uv, weight));
             let objective = Objective::new(&elements, self.goal.energy);
             let limits = NewtonLimits { steps: round, ..self.limits };
-            // With fillers alone a map that begins to overlap itself will go on.
-            let needs_frame =
-                self.goal.overlap == Overlap::Prevent && scaffold == Scaffold::Holes && apart.is_some();
             let mut go_on = |uv: &Uv| {
-                let [_, is_apart] = self.note(uv, kept, apart);
-                is_apart || !needs_frame
+                self.note(uv, kept, apart);
+                true
             };
             let ended = objective.minimise(&mut uv, Solver::Direct, limits, &mut go_on).map_err(failed)?;
             relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();

@@ -82,7 +82,8 @@ impl TriMesh {
         par_ids(self.triangles.len(), |face| self.face_cross(face))
     }
 
-    /// A third of the area of the faces around each vertex, in m^2: together the area of the mesh.
+    /// A third of the area of the faces around each vertex, in m^2: together the area of the mesh. A vertex of
+    /// degenerate faces gets a tiny positive area instead of 0.
     pub(crate) fn vertex_areas(&self) -> IdVec<VertexId, f64> {
         let mut areas = IdVec::filled(0.0, self.positions.len());
         for (corners, cross) in self.triangles.iter().zip(self.face_crosses()) {
@@ -91,12 +92,6 @@ impl TriMesh {
                 areas[v] += third;
             }
         }
-        areas
-    }
-
-    /// As `vertex_areas`, but never 0: a vertex of degenerate faces gets a tiny positive area.
-    pub(crate) fn positive_vertex_areas(&self) -> IdVec<VertexId, f64> {
-        let mut areas = self.vertex_areas();
         let least = areas.iter().sum::<f64>() / self.positions.len() as f64 * f64::EPSILON;
         areas.iter_mut().for_each(|area| *area = area.max(least));
         areas

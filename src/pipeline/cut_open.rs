@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs};
-use crate::flatten::{FlattenOptions, distortion, flatten, flatten_roughly};
+use crate::flatten::{FlattenOptions, Method, distortion, flatten, flatten_roughly};
 use crate::mesh::TriMesh;
 use crate::pyramid::{CoarsenOptions, Level, coarsen};
 use crate::skin::Taxels;
@@ -48,6 +48,7 @@ pub(super) fn cut_open(
     side: Option<DVec3>,
     options: &FlattenOptions,
 ) -> Result<Option<CutMesh>, Error> {
+    cut.validate()?;
     let limit = if let Cut::AreaRatio(wanted) = *cut { Some(wanted.powf(KEPT)) } else { None };
     // Nothing is decided on a disk, so it need not be coarsened for that.
     if *cut == Cut::None || (limit.is_none() && is_plain_disk(mesh)) {
@@ -86,11 +87,17 @@ pub(super) fn cut_open(
     Ok(best.and_then(|(_, cut)| cut))
 }
 
-/// The largest area ratio of the map of a mesh that is cut; infinite without a map.
+/// The largest area ratio of the map of a mesh that is cut, without magnification, which changes areas on
+/// purpose; infinite without a map.
 fn area_ratio(mesh: &TriMesh, taxels: &Taxels, cut: Option<&CutMesh>, options: &FlattenOptions) -> f64 {
     let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.opened_vertices())));
     let (mesh, taxels) = opened.as_ref().map_or((mesh, taxels), |(mesh, taxels)| (mesh, taxels));
-    let map = flatten(mesh, Some(taxels), options);
+    let mut options = options.clone();
+    if let Method::Intrinsic { magnify, .. } = &mut options.method {
+        *magnify = 0.0;
+    }
+    let taxels = Taxels { acuities: None, ..taxels.clone() };
+    let map = flatten(mesh, Some(&taxels), &options);
     map.map_or(f64::INFINITY, |map| distortion(mesh, &map.uv).area_max)
 }
 

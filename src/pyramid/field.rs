@@ -76,7 +76,7 @@ impl Level {
                 weights.push(weight);
                 for &(other, share) in &row {
                     if let Ok(k) = neighbours.binary_search(&other) {
-                        overlap[k] += area * weight * share / *of;
+                        overlap[k] += if *of > 0.0 { area * weight * share / *of } else { 0.0 };
                     }
                 }
             }
@@ -110,5 +110,14 @@ mod tests {
             }
             assert!(weight_of.iter().all(|w: &f64| (w - 1.0).abs() < 1e-12), "each taxel belongs to fields");
         }
+    }
+    /// A field of no area overlaps nothing.
+    #[test]
+    fn fields_without_area_have_finite_shares() {
+        let mesh = shapes::lattice(12, 12, 0.01);
+        let mut pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default()).unwrap();
+        pyramid.levels.iter_mut().for_each(|level| level.areas.iter_mut().for_each(|area| *area = 0.0));
+        let [finest, level] = [0, 1].map(|k| &pyramid.levels[LevelId::new(k)]);
+        assert!(level.fields(finest).iter().flat_map(|field| &field.overlap).all(|share| *share == 0.0));
     }
 }

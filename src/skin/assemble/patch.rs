@@ -96,7 +96,7 @@ fn areas(
     mesh: &TriMesh,
     remarks: &mut Vec<RemarkKind>,
 ) -> IdVec<VertexId, f64> {
-    let mut areas = mesh.positive_vertex_areas();
+    let mut areas = mesh.vertex_areas();
     let Some(given) = given else { return areas };
     let mut replaced = Vec::new();
     for ((area, &found), &v) in areas.iter_mut().zip(given).zip(in_file) {

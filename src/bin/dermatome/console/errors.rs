@@ -194,6 +194,9 @@ fn option_help(error: &Error) -> &'static str {
                 "correct --boundary: it names each taxel of the outer boundary once, counter-clockwise"
             }
             FlattenError::NoRoom { .. } => "use --boundary circle, or split the face",
+            FlattenError::NotInjective { .. } => {
+                "cut it open with --cut FILE, remesh it with --spacing, or take --overlap allow"
+            }
             FlattenError::Mesh(_) | FlattenError::Pyramid(_) | FlattenError::PointFace { .. } => CORRECT,
             _ => {
                 "remesh the thin part, try another --method, or map the other patches with `dermatome build \
@@ -201,6 +204,7 @@ fn option_help(error: &Error) -> &'static str {
             }
         },
         Error::Cut(CutError::Mesh(_)) => CORRECT,
+        Error::Cut(CutError::AreaRatio { .. }) => "give --max-area-ratio a number above 1",
         Error::Cut(_) => {
             "correct the table of --cut: `from,to` are the ids of taxels that an edge joins; --cut auto finds a seam"
         }
