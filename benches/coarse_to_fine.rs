@@ -6,11 +6,10 @@
 //! cargo bench --bench coarse_to_fine -- cap 10000 peers=FOLDER
 //! ```
 //!
-//! Prints the tables of each skin and size, and writes a picture of error against time to
-//! `meshes/coarse_to_fine.svg`: the sizes of the first skin. With `peers=FOLDER` it writes, instead of the
+//! Prints the tables of each skin and size, and writes a picture of times and of the share decided, by distance from the skin, to
+//! `meshes/coarse_to_fine.svg`: of the first skin and size. With `peers=FOLDER` it writes, instead of the
 //! picture, what other engines need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in
 //! world coordinates (`tools/compare/compare.py coarse` runs them in turn).
-#![allow(clippy::cast_possible_truncation, reason = "decades of an axis are small numbers")]
 
 use std::{
     collections::BTreeMap,
@@ -20,7 +19,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{ContactIndex, Query, SampleContacts, measure},
+    contact::{AnswerCosts, BandCosts, ContactIndex, Query, SampleContacts, measure},
     id::VertexId,
     io::read_draft,
     map::SkinMap,
@@ -40,35 +39,73 @@ fn main() {
     let sizes = if sizes.is_empty() { SIZES.to_vec() } else { sizes };
     let named: Vec<&str> = SKINS.into_iter().filter(|name| words.iter().any(|word| word == name)).collect();
     let names = if named.is_empty() { SKINS.to_vec() } else { named };
-    let mut curves: BTreeMap<usize, Vec<[f64; 2]>> = BTreeMap::new();
+    let mut first = None;
     for name in names.iter().copied() {
-        let mut of_skin = BTreeMap::new();
-        sizes.iter().for_each(|&faces| measure_skin(name, faces, peers.as_deref(), &mut of_skin));
-        if curves.is_empty() {
-            curves = of_skin;
+        for &faces in &sizes {
+            let costs = measure_skin(name, faces, peers.as_deref());
+            first.get_or_insert((name, costs));
         }
     }
-    if peers.is_some() {
-        return;
+    if let Some((name, costs)) = first.filter(|_| peers.is_none()) {
+        fs::write("meshes/coarse_to_fine.svg", picture(name, &costs)).unwrap();
     }
-    curves.values_mut().for_each(|points| points.sort_by(|a, b| a[0].total_cmp(&b[0])));
-    let title = format!("Contacts on one level of the {} alone: {sizes:?} triangles", names[0]);
-    fs::write("meshes/coarse_to_fine.svg", picture(&title, &curves)).unwrap();
 }
 
-/// Error against time of each level, on logarithmic axes, as SVG.
-fn picture(title: &str, curves: &BTreeMap<usize, Vec<[f64; 2]>>) -> String {
-    const COLOURS: [&str; 8] =
-        ["#440154", "#3b528b", "#21918c", "#5eaa3c", "#cc7814", "#b4283c", "#787878", "#141414"];
-    let logs = |p: &[f64; 2]| p.map(f64::log10);
-    let all: Vec<[f64; 2]> = curves.values().flatten().map(logs).filter(|p| p[1].is_finite()).collect();
-    let along = |axis: usize| all.iter().map(move |p| p[axis]);
-    let least = [0, 1].map(|axis| along(axis).fold(f64::INFINITY, f64::min).floor());
-    let most = [0, 1].map(|axis| along(axis).fold(f64::NEG_INFINITY, f64::max).ceil().max(least[axis] + 1.0));
-    let place = |p: [f64; 2]| {
-        let [x, y] = [0, 1].map(|axis| (p[axis] - least[axis]) / (most[axis] - least[axis]));
-        [90.0 + 690.0 * x, 496.0 - 440.0 * y]
-    };
+/// The curves of a panel: label, colour, and heights from 0 to 1.
+type Curve = (String, &'static str, Vec<f64>);
+
+/// Time of answers and share decided, by distance from the skin, as SVG.
+fn picture(name: &str, costs: &AnswerCosts) -> String {
+    const COLOURS: [&str; 7] = ["#440154", "#3b528b", "#21918c", "#5eaa3c", "#cc7814", "#b4283c", "#787878"];
+    let bands: Vec<&BandCosts> = costs.bands.iter().collect();
+    let off: Vec<String> =
+        bands.iter().map(|band| format!("{} to {}", band.off_mm[0], band.off_mm[1])).collect();
+    // 10 ns to 10 us.
+    let times =
+        |of: &dyn Fn(&BandCosts) -> f64| bands.iter().map(|band| (of(band).log10() - 1.0) / 3.0).collect();
+    let mut time: Vec<Curve> = vec![
+        ("exact".into(), COLOURS[0], times(&|band| band.exact_ns)),
+        ("reactive".into(), COLOURS[5], times(&|band| band.reactive_ns)),
+        (
+            "with its cell on level 1".into(),
+            COLOURS[4],
+            times(&|band| band.levels.get(1).map_or(f64::NAN, |l| l.with_cell_ns[0])),
+        ),
+    ];
+    for level in 1..bands.first().map_or(0, |band| band.levels.len()) {
+        let label = format!("search of level {level}");
+        time.push((
+            label,
+            COLOURS[6],
+            times(&|band| band.levels.get(level).map_or(f64::NAN, |l| l.search_ns)),
+        ));
+    }
+    let share: Vec<Curve> = bands
+        .iter()
+        .zip(&off)
+        .zip(COLOURS)
+        .map(|((band, off), colour)| (format!("{off} mm off"), colour, band.decided.to_vec()))
+        .collect();
+    let decades = [10, 100, 1000, 10_000].map(|ns| ns.to_string());
+    let percents = [0, 25, 50, 75, 100].map(|percent| percent.to_string());
+    let thresholds = [1, 2, 5, 10, 20].map(|mm| mm.to_string());
+    let title = format!("{name}, {} triangles: ns a contact, by mm off the skin", costs.faces);
+    let mut svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 1180 460' \
+                   font-family='sans-serif' font-size='14'>\n<rect width='1180' height='460' fill='white'/>\n"
+        .to_owned();
+    svg += &panel(70.0, &title, &off, &decades, &time);
+    svg += &panel(
+        680.0,
+        "% of the contacts surely within 1 to 20 mm, or surely not",
+        &thresholds,
+        &percents,
+        &share,
+    );
+    svg + "</svg>\n"
+}
+
+/// A panel at a position from the left, with words along both axes.
+fn panel(left: f64, title: &str, along: &[String], up: &[String], curves: &[Curve]) -> String {
     let text = |[x, y]: [f64; 2], anchor: &str, words: &str| {
         format!("<text x='{x:.1}' y='{y:.1}' text-anchor='{anchor}'>{words}</text>\n")
     };
@@ -76,35 +113,38 @@ fn picture(title: &str, curves: &BTreeMap<usize, Vec<[f64; 2]>>) -> String {
         let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
         format!("<polyline points='{}' fill='none' {style}/>\n", points.join(" "))
     };
-    let mut svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 900 560' \
-                   font-family='sans-serif' font-size='15'>\n<rect width='900' height='560' fill='white'/>\n"
-        .to_owned();
-    svg += &text([90.0, 30.0], "start", title);
-    svg += &text([90.0, 48.0], "start", "99th percentile of the error, mm");
-    svg += &text([780.0, 541.0], "end", "time of a contact, ns");
-    for axis in 0..2 {
-        for decade in (0..=(most[axis] - least[axis]) as i32).map(|k| least[axis] + f64::from(k)) {
-            let ends = [least, most].map(|mut end| {
-                end[axis] = decade;
-                place(end)
-            });
-            let [x, y] = ends[0];
-            let (at, anchor) =
-                if axis == 0 { ([x, y + 21.0], "middle") } else { ([x - 7.0, y + 5.0], "end") };
-            svg += &line(&ends, "stroke='#ccc'");
-            svg += &text(at, anchor, &10_f64.powf(decade).to_string());
-        }
+    let place = |k: usize, count: usize| (k as f64 + 0.5) / count as f64;
+    let at = |x: f64, y: f64| [left + 320.0 * x, 410.0 - 350.0 * y];
+    let mut svg = text([left, 30.0], "start", title);
+    for (k, words) in up.iter().enumerate() {
+        let y = k as f64 / (up.len() - 1) as f64;
+        let [x, height] = at(0.0, y);
+        svg += &line(&[at(0.0, y), at(1.0, y)], "stroke='#ccc'");
+        svg += &text([x - 6.0, height + 5.0], "end", words);
     }
-    for ((level, points), colour) in curves.iter().zip(COLOURS.iter().cycle()) {
-        let points: Vec<[f64; 2]> = points.iter().map(logs).filter(|p| p[1].is_finite()).map(place).collect();
-        let Some([x, y]) = points.last() else { continue };
+    for (k, words) in along.iter().enumerate() {
+        svg += &text([at(place(k, along.len()), 0.0)[0], 432.0], "middle", words);
+    }
+    let mut labels: Vec<(f64, &str, &str)> = Vec::new();
+    for (label, colour, heights) in curves {
+        let points = heights.iter().enumerate().filter(|(_, y)| y.is_finite());
+        let points: Vec<[f64; 2]> = points.map(|(k, y)| at(place(k, along.len()), *y)).collect();
         svg += &line(&points, &format!("stroke='{colour}' stroke-width='2'"));
-        for [x, y] in &points {
-            svg += &format!("<circle cx='{x:.1}' cy='{y:.1}' r='4' fill='{colour}'/>\n");
-        }
-        svg += &text([x + 10.0, y + 5.0], "start", &format!("level {level}"));
+        svg.extend(
+            points
+                .iter()
+                .map(|[x, y]| format!("<circle cx='{x:.1}' cy='{y:.1}' r='3.5' fill='{colour}'/>\n")),
+        );
+        labels.extend(points.last().map(|[_, y]| (*y, label.as_str(), *colour)));
     }
-    svg + "</svg>\n"
+    // Labels from the top, at least a line apart.
+    labels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut y = 0.0_f64;
+    for (wanted, label, colour) in labels {
+        y = wanted.max(y + 17.0);
+        svg += &format!("<text x='{:.1}' y='{:.1}' fill='{colour}'>{label}</text>\n", left + 300.0, y + 5.0);
+    }
+    svg
 }
 
 /// A skin of at least this many faces: halved edges, where it is a file.
@@ -140,7 +180,7 @@ fn halved(mesh: &TriMesh) -> TriMesh {
     TriMesh::from_arrays(positions, &triangles)
 }
 
-fn measure_skin(name: &str, faces: usize, peers: Option<&Path>, curves: &mut BTreeMap<usize, Vec<[f64; 2]>>) {
+fn measure_skin(name: &str, faces: usize, peers: Option<&Path>) -> AnswerCosts {
     let map = build(&skin(name, faces), &BuildOptions::default()).unwrap();
     if let Some(folder) = peers {
         let index = ContactIndex::new(&map).unwrap();
@@ -151,10 +191,8 @@ fn measure_skin(name: &str, faces: usize, peers: Option<&Path>, curves: &mut BTr
     }
     let costs = measure(&map).unwrap();
     println!("\n{name}, {}", costs.to_markdown());
-    for level in &costs.levels {
-        assert_eq!(level.violations, 0, "every bound holds");
-        curves.entry(level.level).or_default().push([level.ns, level.error_mm[1]]);
-    }
+    assert!(costs.bands.iter().all(|band| band.violations == 0), "every interval holds");
+    costs
 }
 
 /// Level 0 of all patches as one OBJ mesh, in world coordinates.

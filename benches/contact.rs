@@ -1,5 +1,5 @@
-//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, a path, a batch, making the index, and
-//! bending the cap between two links.
+//! Contacts 0 to 3 mm off a cap of 0.1 m radius: single queries, intervals, a path, a batch, making the index, and
+//! bending the cap between two links; and on a robot of 30 links.
 
 mod numbers;
 
@@ -7,7 +7,7 @@ use std::{hint::black_box, time::Duration};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    contact::{ContactIndex, Query},
+    contact::{ContactIndex, IndexOptions, Query},
     id::{IdVec, VertexId},
     map::SkinMap,
     mesh::{TriMesh, shapes},
@@ -66,6 +66,35 @@ fn bending(mut map: SkinMap) -> ContactIndex {
     ContactIndex::new(&map).unwrap()
 }
 
+const REACTIVE: IndexOptions = IndexOptions { reactive: true, fields: false };
+
+/// Exact answers and intervals on a robot of 30 links with a cap each, side by side and turned.
+fn robot(c: &mut Criterion) {
+    let mut map = flat(shapes::cap(2000, RADIUS, HALF_ANGLE));
+    let poses = |k: usize| {
+        DAffine3::from_translation(DVec3::new(k as f64 % 6.0, k as f64 / 6.0, 0.0) * 0.21)
+            * DAffine3::from_rotation_x(k as f64)
+    };
+    for k in 1..30 {
+        let link = map.links.push(Link { name: format!("link {k}"), parent: None, pose: poses(k) });
+        let mut patch = map.patches[PatchId::new(0)].clone();
+        (patch.name, patch.link) = (format!("cap {k}"), link);
+        map.patches.push(patch);
+    }
+    let index = ContactIndex::with_options(&map, &REACTIVE).unwrap();
+    let contacts: Vec<DVec3> = scattered(CONTACTS)
+        .iter()
+        .enumerate()
+        .map(|(k, query)| poses(k % 30).transform_point3(query.point))
+        .collect();
+    let mut group = c.benchmark_group("contact/30 links");
+    group.sample_size(10);
+    let mut next = contacts.iter().copied().cycle();
+    group.bench_function("single", |b| b.iter(|| index.locate(next.next().unwrap()).unwrap()));
+    group.bench_function("reactive", |b| b.iter(|| index.reactive(next.next().unwrap()).unwrap()));
+    group.finish();
+}
+
 fn contacts(c: &mut Criterion) {
     for faces in SIZES {
         let map = flat(shapes::cap(faces, RADIUS, HALF_ANGLE));
@@ -79,6 +108,11 @@ fn contacts(c: &mut Criterion) {
         group.bench_function("single", |b| {
             let mut next = scattered.iter().cycle();
             b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
+        });
+        let reactive = ContactIndex::with_options(&map, &REACTIVE).unwrap();
+        group.bench_function("reactive", |b| {
+            let mut next = scattered.iter().cycle();
+            b.iter(|| reactive.reactive(black_box(next.next().unwrap().point)).unwrap());
         });
         let path = path(CONTACTS);
         group.bench_function("path", |b| {
@@ -104,6 +138,9 @@ fn contacts(c: &mut Criterion) {
                     BatchSize::PerIteration,
                 );
             });
+            group.bench_function("build with intervals", |b| {
+                b.iter(|| ContactIndex::with_options(black_box(&map), &REACTIVE).unwrap());
+            });
             let (mut index, mut turn) = (bending(map), 0.0);
             let mut motion = Motion::default();
             let key = |k: u32| (f64::from(k), DAffine3::from_rotation_x(f64::from(k)));
@@ -119,5 +156,5 @@ fn contacts(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, contacts);
+criterion_group!(benches, contacts, robot);
 criterion_main!(benches);

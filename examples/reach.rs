@@ -1,5 +1,5 @@
-//! A robot swings its arm past a ball: in every frame the links are posed, the coarsest level answers
-//! first, with its error, and only when the ball may touch the skin is searched exactly. What touches
+//! A robot swings its arm past a ball: in every frame the links are posed, an interval of the distance is read
+//! first, and only when the ball may touch the skin is searched exactly. What touches
 //! becomes forces on taxels, and the touched cells light up on the map.
 //!
 //! ```sh
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let draft = read_draft(Path::new("meshes/robot.glb"))?;
     let skin = assemble(&draft, &AssembleOptions::default())?.skin;
     let map = pipeline::build(&skin, &pipeline::BuildOptions::default())?;
-    let mut index = ContactIndex::with_options(&map, &IndexOptions { levels: true, fields: true })?;
+    let mut index = ContactIndex::with_options(&map, &IndexOptions { reactive: true, fields: true })?;
 
     // The forearm turns about its elbow and passes its pose in the file after half a second.
     let forearm = map.links.enumerate().find(|(_, link)| link.name == "forearm");
@@ -50,7 +50,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             + pose.transform_vector3(patch.taxels.normals[taxel]) * (RADIUS - DEPTH)
     };
 
-    let coarsest = LevelId::new(map.patches.iter().map(|p| p.levels.len()).max().unwrap_or(1) - 1);
     let spreader = Spreader { disc: 0.002, max_distance: None };
     let channels = [Channel::new("force", "N")?];
     let (mut asked, mut located, mut strongest) = (0, 0, (0.0, spreader.frame(&index, 0.0)));
@@ -58,7 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let time = f64::from(k) / f64::from(FRAMES);
         index.set_motion(&motion, time)?;
         asked += 1;
-        let first = index.reactive(ball, coarsest)?;
+        let first = index.reactive(ball)?;
         if first.is_within(RADIUS) == Some(false) {
             continue;
         }
@@ -73,17 +72,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         spreader.add(&index, &press, &mut frame)?;
         let cell = index.cell(&hit, LevelId::new(0)).ok_or("level 0 has a cell")?;
         if strongest.0 == 0.0 {
-            let (coarse, fine) = (1e3 * first.distance, 1e3 * hit.distance);
+            let [least, most, fine] = [first.least, first.most, hit.distance].map(|x| 1e3 * x);
             println!(
                 "first touch at {time:.3} s, of {} on {}",
                 patch_name(&map, hit.patch),
                 link_name(&map, hit.link)
             );
-            println!(
-                "  level {}: the skin is {coarse:.2} mm away, to {:.2} mm",
-                first.level.raw(),
-                1e3 * first.error()
-            );
+            println!("  the skin is {least:.2} to {most:.2} mm away");
             println!("  exactly {fine:.2} mm; taxel {} at {:.1} mm on the map", cell.taxel, 1e3 * cell.uv);
         }
         if press.force > strongest.0 {

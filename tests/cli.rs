@@ -386,25 +386,35 @@ fn a_table_prescribes_the_boundary() {
     refuses(folder, &flatten("oval"), &["needed: free, circle, rectangle"]);
 }
 
-/// Of every level above level 0, answers within their bounds, which grow with the level; of a map without such
-/// levels the exact answers alone.
+/// In every band, on both sides of the skin, intervals hold the exact distance and are narrow; every level has a row, that of
+/// level 0 with the exact search.
 #[test]
 fn bench_measures_every_level() {
     let folder = folder_with_a_cap();
     let built = printed(&folder, "build cap.glb -o map --json");
     let costs = printed(&folder, "bench map/map.glb --json");
-    let (built, levels) = (&built["patches"][0]["levels"], costs["levels"].as_array().unwrap());
+    let (built, bands) =
+        (built["patches"][0]["levels"].as_array().unwrap(), costs["bands"].as_array().unwrap());
     assert_eq!(costs["faces"], built[0]["faces"]);
-    assert_eq!(levels.len() + 1, built.as_array().unwrap().len());
-    let mut last = 0.0;
-    for (level, built) in levels.iter().zip(built.as_array().unwrap().iter().skip(1)) {
-        assert_eq!((&level["faces"], &level["violations"]), (&built["faces"], &0.into()));
-        let [bound, error] = ["bound_mm", "error_mm"].map(|key| level[key][2].as_f64().unwrap());
-        assert!(error <= bound && bound > last, "{level}");
-        last = bound;
+    let off: Vec<[f64; 2]> =
+        bands.iter().map(|band| [0, 1].map(|k| band["off_mm"][k].as_f64().unwrap())).collect();
+    assert_eq!(off, [[0.0, 3.0], [3.0, 10.0], [10.0, 20.0], [20.0, 50.0]]);
+    for band in bands {
+        assert!(band["violations"] == 0 && band["wrong_sides"].as_f64().unwrap() < 0.01, "{band}");
+        let [interval, error] = ["interval_mm", "error_mm"].map(|key| band[key][2].as_f64().unwrap());
+        assert!(error <= interval && band["interval_mm"][0].as_f64().unwrap() < 1.5, "{band}");
+        assert!(band["decided"][3].as_f64().unwrap() > 0.8, "{band}");
+        let faces = |levels: &[Value]| levels.iter().map(|level| level["faces"].clone()).collect::<Vec<_>>();
+        let levels = band["levels"].as_array().unwrap();
+        assert_eq!(faces(levels), faces(built));
+        let errors: Vec<f64> =
+            levels.iter().map(|level| level["search_error_mm"][0].as_f64().unwrap()).collect();
+        assert!(errors[0] < 1e-9 && errors.is_sorted(), "{errors:?}");
+        assert!(levels.iter().all(|level| level["same_field"][1].as_f64().unwrap() > 0.5), "{band}");
     }
     notes(&folder, "build cap.glb -o single --levels 0", &[]);
     let run = notes(&folder, "bench single/map.glb", &[]);
     let table = String::from_utf8_lossy(&run.get_output().stdout);
-    assert!(table.contains("| single ns |") && table.trim_end().ends_with("|---|"), "{table}");
+    let row = |start: &str| table.lines().filter(|line| line.starts_with(start)).count();
+    assert_eq!((row("| single ns |"), row("| 20 to 50 |")), (1, 2), "{table}");
 }

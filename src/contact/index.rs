@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::bvh::{Aabb, BoxTree, Ray, Start};
 use crate::contact::cell::Anchor;
+use crate::contact::coarse::skins::ReactiveSkins;
 use crate::contact::patch::IndexedPatch;
 use crate::contact::patch_bvh::{Best, PatchBvh};
 use crate::contact::posed_links::Links;
@@ -40,6 +41,8 @@ pub struct ContactIndex {
     /// The boxes of all patches as the robot is posed now, in the world.
     pub(super) boxes: BoxTree,
     pub(super) options: IndexOptions,
+    /// `None` if the index is without reactive answers.
+    pub(super) reactive: Option<ReactiveSkins>,
 }
 
 /// Where the last search of a batch ended: the patch, and the packet of its tree.
@@ -69,11 +72,14 @@ impl ContactIndex {
             return Err(ContactError::NoSkin);
         }
         let links = Links::new(map)?;
-        let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options };
+        let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options, reactive: None };
         for (id, patch) in map.patches.enumerate() {
             if let Some(joints) = &patch.taxels.joints {
                 Arc::make_mut(&mut index.patches[id]).follow(id, joints, &index.links)?;
             }
+        }
+        if options.reactive {
+            index.reactive = Some(ReactiveSkins::new(&index.links, &index.patches)?);
         }
         index.update_posed_boxes();
         Ok(index)
@@ -114,7 +120,10 @@ impl ContactIndex {
     }
 
     fn update_posed_boxes(&mut self) {
-        let Self { links, patches, boxes, .. } = self;
+        let Self { links, patches, boxes, reactive, .. } = self;
+        if let Some(reactive) = reactive {
+            reactive.pose(links, patches);
+        }
         let posed = |patch: usize| {
             let patch = &patches[PatchId::new(patch)];
             let pose = links.pose(patch.link);
@@ -226,18 +235,14 @@ impl ContactIndex {
         Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
     }
 
-    /// Where something found lies on the map of `level`: a hit on any level of its patch, a reactive answer
-    /// and a field on their own. `None` if its patch does not reach up to that level, if it is on another
+    /// Where something found lies on the map of `level`: a hit on any level of its patch, a field on its
+    /// own. `None` if its patch does not reach up to that level, if it is on another
     /// one, if a field belongs to no face, or if it is not from this index.
     pub fn cell<'a>(&self, found: impl Into<Found<'a>>, level: LevelId) -> Option<Cell> {
         match found.into() {
             Found::Hit(hit) => {
                 let patch = self.patches.get(hit.patch)?;
                 patch.cells.cell(level, &Anchor::new(&patch.tree.mesh, &hit.point)?)
-            }
-            Found::Reactive(answer) => {
-                let patch = self.patches.get(answer.patch).filter(|_| answer.level == level)?;
-                patch.cells.own_cell(level, &answer.point)
             }
             Found::Field(field) => {
                 let patch = self.patches.get(field.patch).filter(|_| field.level == level)?;
@@ -312,31 +317,18 @@ impl ContactIndex {
         }
     }
 
-    fn hit(&self, query: &Query, best: &Best) -> Hit {
-        let patch = &self.patches[best.patch];
-        let (distance, position, normal) = self.placed(&patch.tree, patch.link, query, best);
+    /// The point of the skin found, in the frame of the query.
+    pub(super) fn hit(&self, query: &Query, best: &Best) -> Hit {
+        let IndexedPatch { tree: PatchBvh { mesh, corners, .. }, link, .. } = &*self.patches[best.patch];
         let point = SurfacePoint { face: best.face, barycentric: best.closest.barycentric };
-        Hit { patch: best.patch, link: patch.link, point, distance, position, normal }
-    }
-
-    /// Signed distance of a query from the nearest point of a tree on a link, that point and the normal
-    /// there, in the frame of the query.
-    pub(super) fn placed(
-        &self,
-        tree: &PatchBvh,
-        link: LinkId,
-        query: &Query,
-        best: &Best,
-    ) -> (f64, DVec3, DVec3) {
-        let PatchBvh { mesh, corners, .. } = tree;
-        let q = self.links.in_link(link, query, self.links.in_world(query));
-        let here = mesh.point(&SurfacePoint { face: best.face, barycentric: best.closest.barycentric });
+        let q = self.links.in_link(*link, query, self.links.in_world(query));
+        let here = mesh.point(&point);
         let outward =
             pseudo_normal(corners, &mesh.triangles, |v| mesh.positions[v], best.face, best.closest.feature);
         let length = best.closest.squared.sqrt();
         let distance = if (q - here).dot(outward) < 0.0 { -length } else { length };
-        let (position, normal) = self.links.answered(link, query, here, outward.normalize_or_zero());
-        (distance, position, normal)
+        let (position, normal) = self.links.answered(*link, query, here, outward.normalize_or_zero());
+        Hit { patch: best.patch, link: *link, point, distance, position, normal }
     }
 
     /// Which taxels work, patch by patch.

@@ -17,8 +17,8 @@
 //!    coarser one those that the direct prolongation gives the corners.
 //!
 //! Besides the nearest point:
-//! - [`ContactIndex::reactive`] searches a coarse level alone. Each part of a coarse face knows how far the skin
-//!   lies above and below it, which bounds the distance from the skin from both sides.
+//! - [`ContactIndex::reactive`] gives an interval of the distance, the side and a face in constant time, from an octree
+//!   of each link. [`ContactIndex::hit_of`] gives the point, whose cells on all levels are those of any hit.
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere; [`ContactIndex::first_hit`] follows a ray.
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
@@ -53,9 +53,9 @@
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `posed_links` (where the links are), `patch_bvh` (the mesh of a level in a
+//! `query` (what is asked and answered), `posed_links` (where the links are), `patch_bvh` (a mesh in a
 //! tree; the trees are those of `crate::bvh`), `patch` (what an index keeps of a patch), `index` (the nearest
-//! point, rays), `fields`; `coarse` (levels with their own trees) and `reactive` (levels alone); `cell` (from a
+//! point, rays), `fields`; `coarse` (octrees, and the proof of their intervals) and `reactive` (answers in constant time); `cell` (from a
 //! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works); `measure` (what
 //! answers on each level cost).
 //!
@@ -106,5 +106,5 @@ pub use error::ContactError;
 pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use measure::{AnswerCosts, LevelCosts, SampleContacts, measure};
-pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive};
+pub use measure::{AnswerCosts, BandCosts, LevelCosts, SampleContacts, measure};
+pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive, Refine};

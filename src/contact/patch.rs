@@ -5,7 +5,6 @@ use glam::{DAffine3, DVec3};
 
 use crate::bvh::{Aabb, PointTree, Refitting};
 use crate::contact::cell::PatchCells;
-use crate::contact::coarse::{CoarseLevel, coarse_levels, mean_side};
 use crate::contact::patch_bvh::{LARGEST, PatchBvh};
 use crate::contact::posed_links::Links;
 use crate::contact::{ContactError, IndexOptions};
@@ -21,12 +20,9 @@ pub(super) struct IndexedPatch {
     pub(super) link: LinkId,
     pub(super) tree: PatchBvh,
     pub(super) cells: PatchCells,
-    /// The levels above level 0, finest first; none if the index has no levels, or the vertices follow
-    /// several links.
-    pub(super) coarse: Vec<CoarseLevel>,
     /// The centres of the fields of each level; none if the index has no fields.
     pub(super) fields: Vec<PointTree>,
-    /// The box of all that is searched of it, on every level, in m in the frame of the link.
+    /// The box of its faces and fields, in m in the frame of the link.
     pub(super) bounds: Aabb,
     /// Mean length of the sides of its faces, in m.
     pub(super) spacing: f64,
@@ -50,8 +46,6 @@ impl IndexedPatch {
             return Err(ContactError::NoFaces { patch: patch.name.clone() });
         }
         let tree = PatchBvh::new(&patch.name, mesh)?;
-        let is_rigid = patch.taxels.joints.is_none();
-        let coarse = if options.levels && is_rigid { coarse_levels(patch, &tree)? } else { Vec::new() };
         let with_fields = || patch.levels.iter().filter(|_| options.fields);
         let mut indexed = Self {
             name: patch.name.clone(),
@@ -59,13 +53,12 @@ impl IndexedPatch {
             cells: PatchCells::new(patch)?,
             fields: with_fields().map(|map| vertex_tree(&map.level.mesh)).collect(),
             bounds: tree.bounds(),
-            spacing: mean_side(mesh),
+            spacing: tree.spacing(),
             origins: with_fields().map(|map| map.level.origins.clone()).collect(),
             normals: if options.fields { patch.taxels.normals.clone() } else { IdVec::default() },
             presence: patch.taxels.presence.clone(),
             blend: None,
             tree,
-            coarse,
         };
         indexed.fill_bounds();
         Ok(indexed)
@@ -73,7 +66,7 @@ impl IndexedPatch {
 
     /// Lets the vertices follow their [joints](crate::skin::Taxels::joints) from now on (linear blend
     /// skinning): a vertex moves to the mean of where its links take it, by their weights, which are scaled to
-    /// sum 1. Coarse levels of such a patch are not searched alone: level 0 gives their reactive answers.
+    /// sum 1.
     ///
     /// # Errors
     /// If a link does not exist.
@@ -113,23 +106,10 @@ impl IndexedPatch {
         self.fill_bounds();
     }
 
-    /// The faces of level 0 need not hold the rest: a taxel may belong to no face, and a coarse level lies
+    /// The faces of level 0 need not hold all fields: a taxel may belong to no face, and a coarse level lies
     /// where its map says.
     fn fill_bounds(&mut self) {
-        let trees = self.coarse.iter().map(|level| level.tree.bounds());
-        let points = self.fields.iter().map(PointTree::bounds);
-        self.bounds = trees.chain(points).fold(self.tree.bounds(), Aabb::union);
-    }
-
-    /// The level that answers for `level`: the coarsest, if the patch does not reach up to it.
-    pub(super) fn nearest_level(&self, level: LevelId) -> LevelId {
-        level.min(LevelId::new(self.coarse.len()))
-    }
-
-    /// The tree that is searched on a level; above level 0 with the level.
-    pub(super) fn on_level(&self, level: LevelId) -> (&PatchBvh, Option<&CoarseLevel>) {
-        let above = self.nearest_level(level).index().checked_sub(1).and_then(|k| self.coarse.get(k));
-        (above.map_or(&self.tree, |level| &level.tree), above)
+        self.bounds = self.fields.iter().map(PointTree::bounds).fold(self.tree.bounds(), Aabb::union);
     }
 }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::bvh::{Aabb, Nearest, Ray, RayHit, Refitting, Start, TriangleTree};
 use crate::contact::ContactError;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Closest, TriMesh, VertexCorners, closest_point};
+use crate::mesh::{Closest, Feature, TriMesh, VertexCorners, closest_point};
 use crate::skin::PatchId;
 
 /// Coordinates beyond this (in m) are refused.
@@ -36,6 +36,18 @@ impl Best {
             Some(best) => best.closest.squared,
             None => f64::INFINITY,
         }
+    }
+
+    /// Only what is nearer than a distance (m) is kept instead of this, which is no face.
+    pub(crate) fn bound(distance: f64) -> Self {
+        let (squared, face) = (distance.max(0.0).powi(2), FaceId::from(u32::MAX));
+        let closest = Closest { squared, barycentric: [0.0; 3], feature: Feature::Inside, is_flat: false };
+        Self { patch: PatchId::new(0), face, closest }
+    }
+
+    /// Whether it is a [bound](Self::bound), not a face.
+    pub(crate) fn is_bound(&self) -> bool {
+        self.face == FaceId::from(u32::MAX)
     }
 
     /// Keeps the nearer of the two; of equally near ones the first patch's first face with area.
@@ -115,6 +127,43 @@ impl PatchBvh {
     /// first.
     pub(super) fn first_hit(&self, ray: &Ray) -> Option<RayHit> {
         self.tree.first_hit(ray, |face| self.mesh.corners(FaceId::from(face)))
+    }
+
+    /// Walks from a face to neighbours that are nearer to a point (m, in the link's frame), in at most `steps` steps.
+    pub(crate) fn walk(&self, q: DVec3, face: FaceId, steps: usize) -> Best {
+        /// Faces around a vertex that are compared.
+        const MOST_AROUND: usize = 64;
+        let id = PatchId::new(0);
+        let mut best = Some(Best { patch: id, face, closest: self.measure(q, face) });
+        let mut from = face;
+        for _ in 0..steps {
+            let Some(Best { face, closest, .. }) = best else { break };
+            let ids = self.mesh.triangles[face];
+            let (vertex, other) = match closest.feature {
+                Feature::Inside => break,
+                Feature::Side(side) => (ids[side], Some(ids[(side + 1) % 3])),
+                Feature::Corner(corner) => (ids[corner], None),
+            };
+            let is_across = |&f: &FaceId| other.is_none_or(|other| self.mesh.triangles[f].contains(&other));
+            for beside in self.corners.faces(vertex).take(MOST_AROUND).filter(is_across) {
+                if beside != face && beside != from {
+                    Best::offer(&mut best, id, beside, self.measure(q, beside));
+                }
+            }
+            if best.is_some_and(|best| best.face == face) {
+                break;
+            }
+            from = face;
+        }
+        best.unwrap_or(Best::bound(f64::INFINITY))
+    }
+
+    /// Mean length of the sides of its faces, in m.
+    pub(super) fn spacing(&self) -> f64 {
+        let around = |[a, b, c]: [DVec3; 3]| a.distance(b) + b.distance(c) + c.distance(a);
+        let faces = self.mesh.triangles.ids();
+        let count = 3 * faces.len();
+        faces.map(|face| around(self.mesh.corners(face))).sum::<f64>() / count as f64
     }
 
     /// The nearest point of one face, measured on the vertices of the map.

@@ -121,6 +121,7 @@ impl Links {
     /// # Errors
     /// If the point is not finite or farther than 1e12 m, or a link does not exist, or the only link that is
     /// searched carries no patch.
+    #[inline]
     pub(super) fn check(&self, number: usize, query: &Query) -> Result<(), ContactError> {
         let Query { point, link, only_link } = *query;
         // Also false for NaN.

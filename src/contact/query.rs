@@ -1,4 +1,4 @@
-//! What is asked of an index, and its answers: one, many in columns, on a coarse level, and fields.
+//! What is asked of an index, and its answers: one, many in columns, as an interval, and fields.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,9 +11,9 @@ use crate::skin::{LinkId, PatchId, TaxelId};
 /// What an index is made ready for, besides the nearest point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IndexOptions {
-    /// [Reactive](crate::contact::ContactIndex::reactive) answers: every level has a tree of its own, and is measured
-    /// against the skin, which takes several times longer than the rest.
-    pub levels: bool,
+    /// [Reactive](crate::contact::ContactIndex::reactive) answers: every link with skin has an octree of at most 50 bytes a triangle,
+    /// or 512 KB if that is more.
+    pub reactive: bool,
     /// Searches for taxels and receptive fields.
     pub fields: bool,
 }
@@ -146,27 +146,23 @@ impl Hits {
     }
 }
 
-/// The point of a coarse level nearest to a contact.
+/// How far the skin is from a contact, as an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reactive {
-    /// The level: the one asked for, or the coarsest of a patch that does not reach up to it.
-    pub level: LevelId,
-    /// The patch it lies on.
+    /// The patch of the face.
     pub patch: PatchId,
     /// The link of that patch.
     pub link: LinkId,
-    /// Where on that level.
-    pub point: SurfacePoint,
-    /// How far the contact is outside the level, in m; negative inside.
+    /// A face on level 0 of that patch, the nearest one or one near it: see
+    /// [`hit_of`](crate::contact::ContactIndex::hit_of).
+    pub face: FaceId,
+    /// The middle between `least` and `most`, in m; negative inside. The side is that of the
+    /// face, or of the ball of the cell that is nearer; it is not certain, and sometimes wrong within 2 mm of two sheets.
     pub distance: f64,
     /// At least how far the contact is from the skin, without a sign, in m.
     pub least: f64,
     /// At most how far the contact is from the skin, without a sign, in m.
     pub most: f64,
-    /// Where the point lies, in m, in the frame that the query was given in.
-    pub position: DVec3,
-    /// The outward unit normal of the level there, in the same frame.
-    pub normal: DVec3,
 }
 
 impl Reactive {
@@ -177,11 +173,30 @@ impl Reactive {
         (away - self.least).max(self.most - away).max(0.0)
     }
 
-    /// Whether the skin is at most a distance (m) from the contact: `None` if this level does not tell.
+    /// The same with the skin no farther than one of its points, and the side there: see
+    /// [`hit_of`](crate::contact::ContactIndex::hit_of).
+    #[must_use]
+    pub fn narrowed(&self, hit: &Hit) -> Self {
+        let most = self.most.min(hit.distance.abs()).max(self.least);
+        Self { distance: self.least.midpoint(most).copysign(hit.distance), most, ..*self }
+    }
+
+    /// Whether the skin is at most a distance (m) from the contact: `None` if the interval does not tell.
     #[must_use]
     pub fn is_within(&self, distance: f64) -> Option<bool> {
         if self.most <= distance { Some(true) } else { (self.least > distance).then_some(false) }
     }
+}
+
+/// Which point of the skin a [reactive answer](crate::contact::ContactIndex::reactive) stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Refine {
+    /// The nearest point of its face: the cheapest.
+    #[default]
+    Face,
+    /// The nearest point of the faces that a walk over neighbours reaches, each nearer than the one before: as a rule the
+    /// nearest point of the skin.
+    Walk,
 }
 
 /// A receptive field near a contact; on level 0 a taxel.
@@ -211,8 +226,6 @@ pub struct FieldHit {
 pub enum Found<'a> {
     /// A point of level 0.
     Hit(&'a Hit),
-    /// A point of a coarse level.
-    Reactive(&'a Reactive),
     /// The centre of a field.
     Field(&'a FieldHit),
 }
@@ -220,12 +233,6 @@ pub enum Found<'a> {
 impl<'a> From<&'a Hit> for Found<'a> {
     fn from(hit: &'a Hit) -> Self {
         Self::Hit(hit)
-    }
-}
-
-impl<'a> From<&'a Reactive> for Found<'a> {
-    fn from(answer: &'a Reactive) -> Self {
-        Self::Reactive(answer)
     }
 }
 

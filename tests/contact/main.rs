@@ -12,8 +12,8 @@ mod exact;
 mod gltf_files;
 #[cfg(feature = "cli")]
 mod joints;
-mod levels;
 mod queries;
+mod reactive;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../../crates/bvh/src/soup.rs"]
 mod soup;
@@ -27,9 +27,9 @@ use dermatome::skin::{Link, LinkId, Motion, MotionFrame, Patch, PatchId, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
 
-const FIELDS: IndexOptions = IndexOptions { levels: false, fields: true };
-const LEVELS: IndexOptions = IndexOptions { levels: true, fields: false };
-const BOTH: IndexOptions = IndexOptions { levels: true, fields: true };
+const FIELDS: IndexOptions = IndexOptions { reactive: false, fields: true };
+const REACTIVE: IndexOptions = IndexOptions { reactive: true, fields: false };
+const BOTH: IndexOptions = IndexOptions { reactive: true, fields: true };
 
 /// A pose turned by anything and moved by up to `reach` along each axis, in m.
 fn any_pose(reach: f64) -> impl Strategy<Value = DAffine3> {

@@ -8,7 +8,7 @@ use dermatome::pyramid::LevelId;
 use dermatome::skin::{LinkId, Motion, MotionFrame, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::{LEVELS, skin_of};
+use crate::{REACTIVE, skin_of};
 
 const PATCHES: usize = 47;
 
@@ -26,7 +26,7 @@ fn frames_of_contacts_allocate_nothing() {
     let map = build(&robot(), &BuildOptions::default()).unwrap();
     let taxels: usize = map.patches.iter().map(|p| p.taxels.ids.len()).sum();
     assert!((7000..9000).contains(&taxels), "{taxels} taxels");
-    let mut index = ContactIndex::with_options(&map, &LEVELS).unwrap();
+    let mut index = ContactIndex::with_options(&map, &REACTIVE).unwrap();
     let mut motion = Motion::default();
     for (id, link) in map.links.enumerate() {
         let turned = link.pose * DAffine3::from_rotation_z(0.3);
@@ -39,7 +39,7 @@ fn frames_of_contacts_allocate_nothing() {
             let at = DVec3::new((0.7 * k as f64).sin(), (1.1 * k as f64).cos(), 0.05 * k as f64) * 0.3;
             let hit = index.locate(Query::from(at)).unwrap();
             cells += (0..).map_while(|k| index.cell(&hit, LevelId::new(k))).count();
-            sum += hit.distance + index.reactive(at, LevelId::new(1)).unwrap().distance;
+            sum += hit.distance + index.reactive(at).unwrap().distance;
         }
     };
     frame(0.0);
@@ -53,7 +53,7 @@ fn frames_of_contacts_allocate_nothing() {
 fn clones_share_their_trees() {
     let map = build(&robot(), &BuildOptions::default()).unwrap();
     let taxels: u64 = map.patches.iter().map(|p| p.taxels.ids.len() as u64).sum();
-    let index = ContactIndex::with_options(&map, &LEVELS).unwrap();
+    let index = ContactIndex::with_options(&map, &REACTIVE).unwrap();
     let cloned = allocation_counter::measure(|| {
         let mut moved = index.clone();
         moved.set_motion(&Motion::default(), 0.0).unwrap();

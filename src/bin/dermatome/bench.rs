@@ -1,4 +1,4 @@
-//! `dermatome bench MAP.glb`: what answers on each level of a map cost here, and how exact they are.
+//! `dermatome bench MAP.glb`: what answers on a map cost here, and how exact they are.
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -6,11 +6,12 @@ use dermatome::{Error, contact::measure, io::read_map};
 
 use crate::console::print::{print, print_json};
 
-/// Measure lookups on a map: time, error bound and true error on each level.
+/// Measure lookups on a map: time, interval and true error, by distance from the skin and level.
 ///
-/// Contacts lie 0 to 3 mm off the skin. It prints tables in Markdown: of exact answers, alone, on a path, in a
-/// batch and from the map back to the skin; and of the answers of each coarser level alone, as `lookup
-/// --reactive` gives them. At a million triangles it takes a minute.
+/// It prints tables in Markdown, of contacts on both sides of the skin: of exact answers 0 to 3 mm off it, alone, on a path, in a
+/// batch and from the map back to the skin; and of intervals, as `lookup --reactive` gives them, 0 to 3, 3 to 10, 10 to 20 and
+/// 20 to 50 mm off it: alone, and with the cell on each level, next to a search of the mesh of that level. At a million
+/// triangles it takes a minute.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`

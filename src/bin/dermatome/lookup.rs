@@ -95,8 +95,8 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct QuestionArgs {
-    /// Answer from the mesh of each level alone: faster; `least` and `most` bound the distance from the skin. If a patch
-    /// lacks the level, or follows several links, the next finer one is used: see `level`
+    /// Answer in constant time: `least` and `most` bound the distance from the skin, `distance` is their mean. The point and its
+    /// cells are those of a face near the nearest; a patch without a level answers with its coarsest: see `level`
     #[arg(long)]
     reactive: bool,
     /// Give the N nearest taxels, and on other levels fields: `distance` is that of the centre
@@ -189,7 +189,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
     let options = IndexOptions {
-        levels: question == Question::Reactive,
+        reactive: question == Question::Reactive,
         fields: matches!(question, Question::Fields(_) | Question::Within(_)) || args.readings.is_some(),
     };
     let index = ContactIndex::with_options(&robot.map, &options).map_err(Error::from)?;

@@ -77,8 +77,6 @@ struct LevelCells {
     triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The first face of each vertex; any for one without.
     first_faces: IdVec<VertexId, FaceId>,
-    /// The corners of the faces as places of the map, where the level is cut.
-    places: Option<IdVec<FaceId, [PlaceId; 3]>>,
 }
 
 /// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
@@ -175,21 +173,6 @@ impl PatchCells {
         cell
     }
 
-    /// The cell of a point on a level's own mesh; its fields are the corners of its face.
-    pub(super) fn own_cell(&self, level: LevelId, at: &SurfacePoint) -> Option<Cell> {
-        let face = self.own_face(level, at.face)?;
-        Some(face.cell(level, *at, &self.positions.images[level]))
-    }
-
-    /// A face of a level's own mesh.
-    pub(super) fn own_face(&self, level: LevelId, face: FaceId) -> Option<OwnFace> {
-        let cells = self.levels.get(level)?;
-        let fields = *cells.triangles.get(face)?;
-        let places = cells.places.as_ref().map_or(fields.map(PlaceId::of_opened), |places| places[face]);
-        let (taxels, uv) = (fields.map(|field| cells.taxels[field]), places.map(|place| cells.uv[place]));
-        Some(OwnFace { fields, taxels, uv })
-    }
-
     /// Vendor id of the taxel at the centre of a field that exists.
     pub(super) fn taxel(&self, level: LevelId, field: VertexId) -> TaxelId {
         self.levels[level].taxels[field]
@@ -242,7 +225,6 @@ impl LevelCells {
             uv: map.uv.clone(),
             triangles: map.level.mesh.triangles.clone(),
             first_faces: first_faces(&map.level.mesh),
-            places: map.cut.as_ref().map(|cut| cut.triangles.clone()),
         }
     }
 }

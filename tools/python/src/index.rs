@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dermatome::{
     SkinMap,
-    contact::{Cell, ContactError, ContactIndex, FieldHit, Hit, Hits, IndexOptions, Query, Reactive},
+    contact::{Cell, ContactError, ContactIndex, FieldHit, Hit, Hits, IndexOptions, Query, Refine},
     id::FaceId,
     pyramid::LevelId,
     signal::{Press, SignalError, Spreader},
@@ -55,7 +55,7 @@ pub(crate) struct PyHits {
     patch: Py<PyArray1<i32>>,
     /// (k,) int32 array: Number of its link.
     link: Py<PyArray1<i32>>,
-    /// (k,) int64 array: The face, on level 0 of the patch (of `Index.reactive`: on the level that answered).
+    /// (k,) int64 array: The face, on level 0 of the patch.
     face: Py<PyArray1<i64>>,
     /// (k, 3) float64 array: Barycentric coordinates in the face.
     barycentric: Py<PyArray2<f64>>,
@@ -135,7 +135,8 @@ struct Answers {
     /// Which queries have none.
     missing: Vec<bool>,
     ranges: Option<[Vec<f64>; 2]>,
-    cells: Option<Vec<Option<Cell>>>,
+    /// With the level that was asked for; patches that do not reach up to it may have cells on their coarsest.
+    cells: Option<(LevelId, Vec<Option<Cell>>)>,
 }
 
 /// Answers as the numbers of arrays.
@@ -167,7 +168,7 @@ struct CellColumns {
 impl Answers {
     fn into_columns(self, map: &SkinMap) -> Columns {
         let Self { hits, missing, ranges, cells } = self;
-        let cells = cells.map(|cells| CellColumns::new(&cells, &hits.patch, map));
+        let cells = cells.map(|(level, cells)| CellColumns::new(level, &cells, &hits.patch, map));
         let is_missing = |k: usize| missing.get(k).copied().unwrap_or(false);
         let number = |(k, id): (usize, u32)| if is_missing(k) { -1 } else { id as i32 };
         let face = |(k, id): (usize, FaceId)| if is_missing(k) { -1 } else { i64::from(id.raw()) };
@@ -189,12 +190,11 @@ impl Answers {
 }
 
 impl CellColumns {
-    fn new(cells: &[Option<Cell>], patches: &[PatchId], map: &SkinMap) -> Self {
+    fn new(level: LevelId, cells: &[Option<Cell>], patches: &[PatchId], map: &SkinMap) -> Self {
         fn column<T: Send>(cells: &[Option<Cell>], of: impl Fn(Option<&Cell>) -> T + Sync) -> Vec<T> {
             cells.par_iter().with_min_len(FEW).map(|cell| of(cell.as_ref())).collect()
         }
-        let level = cells.iter().flatten().next().map(|cell| cell.level);
-        let starts = starts(map, level.unwrap_or_default());
+        let starts = starts(map, level);
         let mut weights = Rows::new();
         for (cell, patch) in cells.iter().zip(patches) {
             match cell {
@@ -222,12 +222,12 @@ impl PyIndex {
     pub(crate) fn new(
         py: Python<'_>,
         map: &Arc<SkinMap>,
-        levels: bool,
+        reactive: bool,
         fields: bool,
         threads: usize,
     ) -> PyResult<Self> {
         let of = Arc::clone(map);
-        let options = IndexOptions { levels, fields };
+        let options = IndexOptions { reactive, fields };
         let index = run(py, threads, move |_| ContactIndex::with_options(&of, &options))?.map_err(error)?;
         Ok(Self { index: Arc::new(index), map: Arc::clone(map) })
     }
@@ -373,7 +373,7 @@ fn cells(index: &ContactIndex, answers: &mut Answers, level: Option<LevelId>) {
         index.cell(&hit, level)
     };
     let cells = (0..answers.hits.patch.len()).into_par_iter().with_min_len(FEW).map(cell).collect();
-    answers.cells = Some(cells);
+    answers.cells = Some((level, cells));
 }
 
 #[pymethods]
@@ -464,49 +464,53 @@ impl PyIndex {
         })
     }
 
-    /// Find the points of a coarse level nearest to points of space: faster than `locate`. `Hits.least` and
-    /// `Hits.most` say what is sure: the skin is within `r` where `most <= r`, and farther where `least > r`. Needs an
-    /// index with `levels`.
+    /// Find between which distances the skin is from points of space, in constant time: the skin is within `r` for sure where
+    /// `Hits.most <= r`, and farther where `Hits.least > r`; `Hits.distance` is their mean, negative inside. `Hits.point` is a
+    /// point of the skin at most `Hits.most` away, not always the nearest. Needs an index with `reactive`.
     ///
     /// Parameters
     /// ----------
     /// points : (k, 3) array_like
     ///     The points, in m.
-    /// level : int
-    ///     The level; patches that do not reach up to it answer with their coarsest.
+    /// level : int or None
+    ///     The level of the places on the map; patches that do not reach up to it give those of their coarsest. None: no
+    ///     places.
     /// link, only_link, threads
     ///     As in `locate`.
     ///
     /// Returns
     /// -------
     /// Hits
-    #[pyo3(signature = (points, level, *, link=None, only_link=None, threads=0))]
+    #[pyo3(signature = (points, level=None, *, link=None, only_link=None, threads=0))]
     fn reactive(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        level: i64,
+        level: Option<i64>,
         link: Option<&str>,
         only_link: Option<&str>,
         threads: i64,
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
-        let level = self.level(level)?;
+        let level = level.map(|level| self.level(level)).transpose()?;
+        let map = Arc::clone(&self.map);
         self.hits(py, threads, move |index, stop| {
-            let found: Vec<Reactive> = queries
-                .par_iter()
-                .with_min_len(FEW)
-                .inspect(|_| stop.check())
-                .map(|query| index.reactive(*query, level))
-                .collect::<Result<_, _>>()?;
-            let hit = |found: &Reactive| {
-                let &Reactive { patch, link, point, distance, position, normal, .. } = found;
-                Some(Hit { patch, link, point, distance, position, normal })
+            let answer = |query: &Query| {
+                let answer = index.reactive(*query)?;
+                let hit = index.hit_of(*query, &answer, Refine::Walk).ok_or(ContactError::NoSkin)?;
+                let answer = answer.narrowed(&hit);
+                Ok((Hit { distance: answer.distance, ..hit }, answer.least, answer.most))
             };
-            let mut answers = columns(found.iter().map(hit).collect());
-            let column = |of: fn(&Reactive) -> f64| found.iter().map(of).collect();
-            answers.ranges = Some([column(|found| found.least), column(|found| found.most)]);
-            answers.cells = Some(found.iter().map(|found| index.cell(found, found.level)).collect());
+            let queries = queries.par_iter().with_min_len(FEW).inspect(|_| stop.check());
+            let found = queries.map(answer).collect::<Result<Vec<_>, ContactError>>()?;
+            let mut answers = columns(found.iter().map(|&(hit, ..)| Some(hit)).collect());
+            answers.ranges = Some([
+                found.iter().map(|found| found.1).collect(),
+                found.iter().map(|found| found.2).collect(),
+            ]);
+            let cell = |hit: &Hit, level| index.cell(hit, map.patches[hit.patch].nearest_level(level));
+            answers.cells =
+                level.map(|level| (level, found.iter().map(|(hit, ..)| cell(hit, level)).collect()));
             Ok(answers)
         })
     }

@@ -380,7 +380,7 @@ impl PyMap {
     ///
     /// Parameters
     /// ----------
-    /// levels : bool
+    /// reactive : bool
     ///     Whether `Index.reactive` is needed.
     /// fields : bool
     ///     Whether `Index.nearest` and `Index.within` are needed.
@@ -390,15 +390,15 @@ impl PyMap {
     /// Returns
     /// -------
     /// Index
-    #[pyo3(signature = (*, levels=false, fields=false, threads=0))]
+    #[pyo3(signature = (*, reactive=false, fields=false, threads=0))]
     fn index(
         &self,
         py: Python<'_>,
-        levels: bool,
+        reactive: bool,
         fields: bool,
         threads: i64,
     ) -> PyResult<crate::index::PyIndex> {
-        crate::index::PyIndex::new(py, &self.map, levels, fields, count("threads", threads)?)
+        crate::index::PyIndex::new(py, &self.map, reactive, fields, count("threads", threads)?)
     }
 
     /// Make what draws readings as tactile images of one level.

@@ -60,7 +60,7 @@ def accepts(call):
 
 @pytest.fixture(scope="session")
 def index(dome_map):
-    return dome_map.index(levels=True, fields=True)
+    return dome_map.index(reactive=True, fields=True)
 
 
 words = st.one_of(st.sampled_from(["", "hand", "nowhere", "\0", "\u202e"]), st.none())

@@ -186,13 +186,26 @@ def test_rays_meet_the_skin_or_nothing(dome_map):
 
 
 def test_reactive_answers_keep_their_bound(dome_map):
-    index = dome_map.index(levels=True)
+    index = dome_map.index(reactive=True)
     points = dome()[0] + np.random.default_rng(2).normal(scale=0.003, size=(256, 3))
     exact, quick = index.locate(points), index.reactive(points, 1)
     away = abs(exact.distance)
     assert (quick.least <= away + 1e-12).all() and (away <= quick.most + 1e-12).all()
-    with pytest.raises(dermatome.DataError, match="levels"):
+    assert (quick.most - quick.least).max() < 0.001 and (quick.level == 1).all()
+    assert (quick.taxel_id == index.locate(points, level=1).taxel_id).mean() > 0.9
+    assert index.reactive(points).uv is None
+    with pytest.raises(dermatome.DataError, match="reactive"):
         dome_map.index().reactive(points, 1)
+
+
+def test_patches_without_a_level_answer_with_their_coarsest(tmp_path):
+    dermatome.Skin.from_arrays([[1, 0, 0], [1.01, 0, 0], [1, 0.01, 0]], [[0, 1, 2]], patch="small").write(tmp_path / "a.glb")
+    dermatome.Skin.from_arrays(*dome()).write(tmp_path / "b.glb")
+    map = dermatome.build(dermatome.Skin.read([tmp_path / "a.glb", tmp_path / "b.glb"]))
+    hits = map.index(reactive=True).reactive([[1.001, 0.001, 0.001], dome()[0][0]], 1)
+    assert hits.level.tolist() == [0, 1]
+    assert hits.fields.shape[1] == map.pooling(1).shape[1], "the fields of the level, and the taxels of the small patch"
+    assert np.add.reduceat(hits.fields.data, hits.fields.indptr[:-1]) == pytest.approx([1, 1])
 
 
 def test_fields_near_a_point(dome_map):
@@ -407,7 +420,7 @@ def test_memory_does_not_grow(dome_map):
 
 
 def test_posed_indices_share_their_trees():
-    index = dermatome.build(dermatome.Skin.from_arrays(*lattice(70, 70))).index(levels=True)
+    index = dermatome.build(dermatome.Skin.from_arrays(*lattice(70, 70))).index(reactive=True)
     before = resident()
     posed = [index.posed({"link": np.eye(4)}) for _ in range(200)]
     assert (resident() - before) / len(posed) < 50_000, "a tree of 4900 taxels takes some 500 kB"

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use dermatome::contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query};
+use dermatome::contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query, Refine};
 use dermatome::io::{IoError, LookupPlace, LookupRow, LookupWriter};
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{LinkId, PatchId, Presence};
@@ -27,7 +27,7 @@ const DOUBTFUL: f64 = 3.0;
 pub(super) enum Question {
     /// The nearest point of the skin, exactly.
     Nearest,
-    /// The nearest point of each level alone.
+    /// How far the skin is, in constant time.
     Reactive,
     /// This many nearest fields of each level.
     Fields(usize),
@@ -256,25 +256,25 @@ impl<'a> Rows<'a, '_> {
         (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
     }
 
-    /// The nearest point of each level alone, with how far the skin is; a level that answers for another one has
-    /// one row. The finest level says whether the contact is counted as off the skin.
+    /// How far the skin is, and a row for each level of a point near the nearest; the coarsest level of a patch answers once for
+    /// those that it does not reach up to.
     fn reactive(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, .. } = self.answers;
-        let mut given = Vec::new();
-        for &asked in &robot.levels {
-            let answer = index.reactive(self.query, asked)?;
-            let level = answer.level;
-            let Some(cell) = index.cell(&answer, level).filter(|_| !given.contains(&level)) else {
-                continue;
-            };
-            let is_far = self.answers.is_far(answer.patch, answer.least);
-            if given.is_empty() && is_far {
-                self.answers.far.fetch_add(1, Ordering::Relaxed);
-            } else if given.is_empty() {
-                self.count_doubtful(answer.patch, answer.least);
-            }
-            given.push(level);
-            let place = self.place(answer.patch, answer.link, cell, answer.position, answer.normal);
+        let answer = index.reactive(self.query)?;
+        let Some(hit) = index.hit_of(self.query, &answer, Refine::Walk) else { return Ok(()) };
+        let answer = answer.narrowed(&hit);
+        let is_far = self.answers.is_far(answer.patch, answer.least);
+        if is_far {
+            self.answers.far.fetch_add(1, Ordering::Relaxed);
+        } else {
+            self.count_doubtful(answer.patch, answer.least);
+        }
+        let mut given = None;
+        let patch = &robot.map.patches[answer.patch];
+        for level in robot.levels.iter().map(|&level| patch.nearest_level(level)) {
+            let Some(cell) = index.cell(&hit, level).filter(|_| given != Some(level)) else { continue };
+            given = Some(level);
+            let place = self.place(answer.patch, answer.link, cell, hit.position, hit.normal);
             self.row(level, answer.distance, (!is_far).then_some(place), &[answer.least, answer.most]);
         }
         Ok(())

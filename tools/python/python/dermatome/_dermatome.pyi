@@ -178,7 +178,7 @@ class Map:
     def pool(
         self, values: ArrayLike, level: int, *, extensive: bool = False, contrast: bool = False, threads: int = 0
     ) -> _F32: ...
-    def index(self, *, levels: bool = False, fields: bool = False, threads: int = 0) -> Index: ...
+    def index(self, *, reactive: bool = False, fields: bool = False, threads: int = 0) -> Index: ...
     def renderer(
         self,
         level: int = 0,
@@ -359,7 +359,7 @@ class Index:
     def reactive(
         self,
         points: ArrayLike,
-        level: int,
+        level: int | None = None,
         *,
         link: str | None = None,
         only_link: str | None = None,
