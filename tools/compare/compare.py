@@ -3,7 +3,7 @@
 
     cargo build --release
     python3 -m venv .checks/peers
-    .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam OpenEXR
+    .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam OpenEXR fcpw
     .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [coarse] [graphs] [skins] [build] [images] [frames]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
@@ -186,6 +186,9 @@ def build_peers():
         command = [peers, engine, MESH, FOLDER]
         if engine == "embree":
             command = [program, MESH, FOLDER / "scattered.f32", FOLDER / "path.f32"]
+        if engine == "fcpw":
+            script = ROOT / "tools/compare/fcpw_nearest.py"
+            command = ["taskset", "-c", "0", sys.executable, script, MESH, FOLDER / "scattered.f32", FOLDER / "path.f32"]
         return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
 
     return peer
@@ -213,14 +216,14 @@ def coarse():
             bench = ["cargo", "bench", "--quiet", "--bench", "coarse_to_fine", "--", skin, str(size), f"peers={FOLDER}"]
             table = subprocess.run(bench, cwd=ROOT, check=True, capture_output=True, text=True).stdout
             print(table, flush=True)
-            ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
+            ns = in_turn(peer, ["dermatome", "embree", "fcpw", "parry", "obvhs"])
             own, other = ns["dermatome"], ns["embree"]
             cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
             title = re.search(r"(\w+, \d+) triangles", table).group(1)
-            rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"), cell("obvhs")])
+            rows.append([title, cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("fcpw"), cell("parry"), cell("obvhs")])
     print(f"\nns of the same contacts on level 0, one thread, all patches as one mesh, medians of {ROUNDS} rounds in turn; along a path in brackets\n")
-    row("skin, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar")
-    row(*["---"] * 6)
+    row("skin, triangles", "dermatome", "Embree", "share", "fcpw", "parry3d", "obvhs, scalar")
+    row(*["---"] * 7)
     for cells in rows:
         row(*cells)
 
@@ -231,20 +234,20 @@ def nearest():
     shapes = [(f"{name}", lambda name=name, size=size: SHAPES[name](size)) for size in wanted for name in ["cap", "saddle"]]
     shapes += [("cover refined twice", lambda: cover(2))] * (20_000 in wanted) + [("cover refined 5 times", lambda: cover(5))] * (1_000_000 in wanted)
     print(f"\nns per contact 0 to 3 mm off the skin, one thread, engines in turn, medians of {ROUNDS} rounds: `tools/contact-peers`,"
-          " `tools/compare/embree_nearest.cpp` (g++ -O3, Embree of Debian); along a path in brackets; then a batch of 1M contacts in no order on all threads\n")
-    row("mesh, triangles", "dermatome", "Embree", "share", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch")
-    row(*["---"] * 8)
+          " `tools/compare/embree_nearest.cpp` (g++ -O3, Embree of Debian), `tools/compare/fcpw_nearest.py` (a batch on one thread); along a path in brackets; then a batch of 1M contacts in no order on all threads\n")
+    row("mesh, triangles", "dermatome", "Embree", "share", "fcpw", "parry3d", "obvhs, scalar", "batch", "Embree one by one / batch")
+    row(*["---"] * 9)
     for name, make in shapes:
         mesh = make()
         if mesh is None:
-            row(name, *["skipped: no file"] * 7)
+            row(name, *["skipped: no file"] * 8)
             continue
         write_obj(MESH, *mesh)
         peer("contacts")
-        ns = in_turn(peer, ["dermatome", "embree", "parry", "obvhs"])
+        ns = in_turn(peer, ["dermatome", "embree", "fcpw", "parry", "obvhs"])
         cell = lambda engine: f"{ns[engine][0]:.0f} ({ns[engine][1]:.0f})"
         own, other = ns["dermatome"], ns["embree"]
-        row(f"{name}, {len(mesh[1])}", cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("parry"),
+        row(f"{name}, {len(mesh[1])}", cell("dermatome"), cell("embree"), f"{own[0] / other[0]:.2f} ({own[1] / other[1]:.2f})", cell("fcpw"), cell("parry"),
             cell("obvhs"), f"{own[2]:.0f}", f"{other[0] / own[2]:.1f}")
     print("\nns for the eight taxels nearest to a contact, with their distances in f64: dermatome `nearest_fields`, kiddo `ImmutableKdTree<f64, 3>`\n")
     row("taxels on a cap", "dermatome", "kiddo", "share")
