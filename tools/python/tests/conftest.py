@@ -46,3 +46,14 @@ def dome_map():
 @pytest.fixture(scope="session")
 def tube_map():
     return dermatome.build(dermatome.Skin.from_arrays(*tube(), patch="sleeve"), cut="all")
+
+
+@pytest.fixture(scope="session")
+def uneven_map():
+    """A patch of one level next to one of several; three taxels are not present."""
+    small, large = lattice(4, 4)[0], lattice(24, 24)[0]
+    positions, present = np.concatenate([small, large + [0.5, 0, 0]]), np.ones(592, dtype=np.uint8)
+    present[[3, 200, 201]] = 0
+    made = dermatome.build(dermatome.Skin.from_arrays(positions, present=present, outside=(0, 0, 1)))
+    assert [len(patch.levels) for patch in made.patches.values()] == [1, made.n_levels] and made.n_levels > 1
+    return made

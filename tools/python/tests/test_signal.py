@@ -25,7 +25,7 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
     assert np.isnan(images[:, :, ~renderer.mask]).all() and np.isfinite(images[0][:, renderer.mask]).all()
     dome_map.write(tmp_path / "map.glb")
     dermatome.Readings.from_arrays(values, ids=dome_map.ids).write(tmp_path / "values.npz")
-    command = ["render", "map.glb", "values.npz", "-o", "out.npz", "--level", "1", "--size", "48", "40", "--layout", "tcn", "--quiet"]
+    command = ["render", "map.glb", "values.npz", "-o", "out.npz", "--level", "1", "--size", "48", "40", "--quiet"]
     subprocess.run([sys.executable, "-m", "dermatome", *command], check=True, cwd=tmp_path)
     assert np.array_equal(np.load(tmp_path / "out.npz")["dome.L1.image"], images, equal_nan=True)
     assert np.array_equal(np.load(tmp_path / "out.npz")["dome.L1.taxel_id"], renderer.taxel_id)
@@ -114,7 +114,7 @@ def test_recordings_are_read_by_id(dome_map, tmp_path):
     values = np.random.default_rng(6).random((4, 256))
     order = np.random.default_rng(7).permutation(256)
     dermatome.Readings.from_arrays(values[:, order], ids=dome_map.ids[order], timestamps=np.arange(4) / 100).write(tmp_path / "a.npz")
-    read = dermatome.Readings.read(tmp_path / "a.npz", dome_map, layout="tcn")
+    read = dermatome.Readings.read(tmp_path / "a.npz", dome_map)
     assert np.array_equal(read.values[:, 0], values) and read.timestamps.tolist() == [0, 0.01, 0.02, 0.03]
     np.save(tmp_path / "a.npy", np.stack([values, values], axis=1))
     known = dermatome.Readings.read(tmp_path / "a.npy", dome_map, layout="tcn", channels=("force.N", "heat"), units=("N", "K"))

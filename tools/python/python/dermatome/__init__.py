@@ -31,7 +31,8 @@ from dermatome._dermatome import (
     simulate,
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
-from dermatome._readings import Readings, touch
+from dermatome._readings import Readings
+from dermatome._touch import touch
 
 __all__ = [
     "Calibration",

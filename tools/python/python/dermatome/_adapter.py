@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import operator
 from typing import Any
 
 from dermatome._dermatome import Level, Map, Patch
@@ -28,8 +29,28 @@ def patch_of(map: Map, patch: str | None) -> Patch:
 
 
 def level_of(map: Map, patch: str | None, level: int) -> Level:
-    """One level of a patch."""
+    """One level of a patch; its coarsest if it does not reach up to the level."""
     levels = patch_of(map, patch).levels
-    if not isinstance(level, int) or not 0 <= level < len(levels):
-        raise DataError(f"level: found {level!r}; needed: a level from 0 to {len(levels) - 1}")
-    return levels[level]
+    return levels[min(checked(map, level), len(levels) - 1)]
+
+
+def checked(map: Map, level: Any) -> int:
+    """The number of a level of a map."""
+    try:
+        number = operator.index(level)
+    except TypeError:
+        number = -1
+    if not 0 <= number < map.n_levels:
+        raise DataError(f"level: found {level!r}; needed: a level from 0 to {map.n_levels - 1}")
+    return number
+
+
+def fields_of(map: Map, level: int) -> list[tuple[str, Level, slice]]:
+    """Name, level and fields of each patch, in the order of `Map.pool`."""
+    made, first = [], 0
+    for name, patch in map.patches.items():
+        of = patch.levels[min(checked(map, level), len(patch.levels) - 1)]
+        count = len(of.areas)
+        made.append((name, of, slice(first, first + count)))
+        first += count
+    return made

@@ -1,5 +1,9 @@
 """What can go wrong, as exceptions."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class Error(Exception):
     """Any error of dermatome.
@@ -15,7 +19,7 @@ class Error(Exception):
         super().__init__(message)
         self.kind = kind
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return (type(self), (str(self), self.kind))
 
 

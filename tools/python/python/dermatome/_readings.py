@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import zipfile
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import (
-    Map,
-    Skin,
-    as_floats,
-    as_numbers,
-    condition_readings,
-    is_extensive,
-    join_readings,
-    read_readings,
-    simulate_touch,
-)
-from dermatome._errors import DataError
+from dermatome import _conditioning
+from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
+from dermatome._errors import DataError, FileError
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+# Times beyond 3170 years are not in s: the command refuses them too.
+LATEST = 1e11
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Readings:
     """A recording.
+
+    `len(readings)` is the number of frames, `readings[10:50]` are some of them.
 
     Attributes
     ----------
@@ -41,6 +39,8 @@ class Readings:
         Names and units of the channels.
     measured : (T, C, N) bool array or None
         Which values were measured and not filled; None: all that are finite.
+    remarks : tuple of str
+        What was noticed when the readings were read, put on a map and conditioned, as the command prints it.
     """
 
     values: NDArray[np.float64]
@@ -48,17 +48,18 @@ class Readings:
     timestamps: NDArray[np.float64]
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    # No default on the class: the attributes are documented by it.
+    # No defaults on the class: the attributes are documented by it.
     measured: NDArray[np.bool_] | None = field(default_factory=lambda: None)
+    remarks: tuple[str, ...] = field(default_factory=tuple)
 
     @staticmethod
     def read(
         path: str | os.PathLike[str],
         map: Map | None = None,
         *,
-        layout: Any = "tnc",
-        channels: tuple[str, ...] | None = None,
-        units: tuple[str, ...] | None = None,
+        layout: Any = None,
+        channels: str | Sequence[str] | None = None,
+        units: str | Sequence[str] | None = None,
     ) -> Readings:
         """Read a recording.
 
@@ -68,21 +69,33 @@ class Readings:
             .txt, .csv, .npy or .npz.
         map : Map, optional
             The map whose taxels the readings are put to, by their ids.
-        layout : {"tnc", "tcn"}
-            The axes of an array of three: frames, then taxels or channels.
-        channels, units : tuple of str, optional
+        layout : {"tnc", "tcn"}, optional
+            The axes of an array of three: frames, then taxels or channels. By default what the array `layout` of a .npz
+            says, which `write` puts there, else "tnc".
+        channels, units : str or sequence of str, optional
             Names and units of the channels, of a .npy, which has none, or instead of those of the file.
 
         Returns
         -------
         Readings
         """
-        readings = _of(read_readings(path, layout))
-        if channels is not None or units is not None:
-            names, of_unit = channels or readings.channels, units or readings.units
-            readings = Readings.from_arrays(
-                readings.values, ids=readings.ids, timestamps=readings.timestamps, channels=names, units=of_unit
-            )
+        stored, measured = _stored(path)
+        arrays = read_readings(path, stored or layout or "tnc")
+        remarks = []
+        if stored and layout not in (None, stored) and arrays["values"].shape[1] > 1:
+            remarks.append(f"the layout is {stored!r}, as the file says, and not {layout!r}")
+        readings = _of(arrays)
+        if measured is not None and measured.shape == readings.values.shape:
+            readings = replace(readings, measured=measured)
+        if not _any_finite(readings.timestamps):
+            remarks.append("the frames have no times; condition(rate=) gives them some")
+        count = len(readings.channels)
+        readings = replace(
+            readings,
+            channels=readings.channels if channels is None else names_of("channels", channels, count),
+            units=readings.units if units is None else names_of("units", units, count),
+            remarks=tuple(remarks),
+        )
         return readings if map is None else readings.on(map)
 
     @staticmethod
@@ -91,47 +104,71 @@ class Readings:
         *,
         ids: ArrayLike | None = None,
         timestamps: ArrayLike | None = None,
-        channels: tuple[str, ...] | None = None,
-        units: tuple[str, ...] | None = None,
+        channels: str | Sequence[str] | None = None,
+        units: str | Sequence[str] | None = None,
     ) -> Readings:
-        """Make a recording of arrays: values are (T, N) or (T, C, N).
+        """Make a recording of arrays: values are (T, N) or (T, C, N), timestamps (T,) in s or of `datetime64`.
 
         Examples
         --------
         >>> import dermatome
-        >>> dermatome.Readings.from_arrays([[1, 2, 3], [4, 5, 6]]).values.shape
-        (2, 1, 3)
+        >>> dermatome.Readings.from_arrays([[1, 2, 3], [4, 5, 6]], units="N")
+        <Readings: 2 frames, 1 channel (channel0, N), 3 taxels>
         """
-        import numpy as np
-
         array = as_floats("values", values)
         if array.ndim == 2:
             array = array[:, None, :]
         if array.ndim != 3:
             raise DataError(f"values: found shape {array.shape}; needed: shape (T, N) or (T, C, N)")
         frames, count, taxels = array.shape
+        return Readings(
+            array,
+            None if ids is None else as_numbers("ids", ids, taxels),
+            _times(timestamps, frames),
+            tuple(f"channel{k}" for k in range(count)) if channels is None else names_of("channels", channels, count),
+            ("",) * count if units is None else names_of("units", units, count),
+        )
 
-        def fits(name: str, given: Any, needed: int) -> None:
-            if len(given) != needed:
-                raise DataError(f"{name}: found {len(given)}; needed: {needed}")
+    def __len__(self) -> int:
+        return len(self.values)
 
-        numbers = None if ids is None else as_numbers("ids", ids, taxels)
-        times = np.full(frames, np.nan) if timestamps is None else as_floats("timestamps", timestamps).ravel()
-        names = tuple(f"channel{k}" for k in range(count)) if channels is None else tuple(channels)
-        of_unit = ("",) * count if units is None else tuple(units)
-        fits("timestamps", times, frames)
-        fits("channels", names, count)
-        fits("units", of_unit, count)
-        return Readings(array, numbers, times, names, of_unit)
+    def __getitem__(self, frames: Any) -> Readings:
+        import numpy as np
+
+        if isinstance(frames, tuple):
+            raise DataError(f"frames: found {len(frames)} indices; needed: one, of frames; values[...] are numbers")
+        if np.ndim(frames) == 0 and not isinstance(frames, slice):
+            frames = [int(range(len(self))[frames])]
+        measured = None if self.measured is None else self.measured[frames]
+        return replace(self, values=self.values[frames], timestamps=self.timestamps[frames], measured=measured)
+
+    def __repr__(self) -> str:
+        frames, count, taxels = self.values.shape
+        shown = [", ".join(filter(None, pair)) for pair in zip(self.channels[:4], self.units)]
+        named = "; ".join(each for each in shown if each) + ("; ..." if count > 4 else "")
+        text = f"{_count(frames, 'frame')}, {_count(count, 'channel')}" + (f" ({named})" if named else "")
+        text += f", {_count(taxels, 'taxel')}"
+        if len(self.timestamps) > 1 and _any_finite(self.timestamps):
+            import numpy as np
+
+            text += f", {np.nanmax(self.timestamps) - np.nanmin(self.timestamps):.6g} s"
+        return f"<Readings: {text}>"
 
     def on(self, map: Map) -> Readings:
-        """The same readings in the order of a map, by their ids; taxels without one have NaN."""
+        """The same readings in the order of a map, by their ids; taxels without one have NaN.
+
+        Columns of no taxel are left out, and `remarks` says so.
+        """
         if self.ids is None:
             if self.values.shape[2] != map.n_taxels:
                 raise DataError(f"map: found {map.n_taxels} taxels; needed: {self.values.shape[2]}, or readings with ids")
             return self
         values = join_readings(map, self.values, self.ids)
-        return Readings(values, None, self.timestamps, self.channels, self.units)
+        measured = self.measured
+        if measured is not None:
+            measured = join_readings(map, measured.astype(float), self.ids) == 1
+        said = _conditioning.joined(map, self.ids)
+        return replace(self, values=values, ids=None, measured=measured, remarks=(*self.remarks, *said))
 
     @property
     def extensive(self) -> tuple[bool, ...]:
@@ -142,12 +179,15 @@ class Readings:
         self,
         map: Map,
         *,
-        baseline: int = 0,
-        gain: dict[int, float] | None = None,
-        clip: tuple[float, float] | None = None,
+        scale: ArrayLike = 1.0,
+        offset: ArrayLike = 0.0,
+        baseline: ArrayLike = 0,
+        gain: Mapping[int, float] | ArrayLike | None = None,
+        clip: Sequence[float] | None = None,
         split: float | None = None,
         rate: float | None = None,
         fill: str = "none",
+        units: str | Sequence[str] | None = None,
     ) -> Readings:
         """Make readings of the taxels of a map comparable, in the order of the arguments.
 
@@ -155,11 +195,13 @@ class Readings:
         ----------
         map : Map
             The map in whose order they are.
-        baseline : int
-            The mean of this many first frames is subtracted.
-        gain : dict of int to float, optional
-            What the readings of a taxel are multiplied by, by its id; 1 for others.
-        clip : (2,) tuple of float, optional
+        scale, offset : float, (N,) or (C, N) array_like
+            What readings are multiplied by and what is then added to them, as from counts to Pa.
+        baseline : int, (N,) or (C, N) array_like
+            What is subtracted; a number: the mean of this many first frames.
+        gain : (N,) or (C, N) array_like, or dict of int to float, optional
+            What the readings of a taxel are multiplied by; in a dict by its id, and 1 for others.
+        clip : (2,) sequence of float, optional
             Bounds to which readings are clipped.
         split : float, optional
             Frequency, in Hz, that splits each channel into `NAME.slow` and `NAME.fast`. Needs times.
@@ -168,11 +210,13 @@ class Readings:
         fill : {"none", "neighbours"}
             What takes the place of missing readings: the weighted mean of the taxels around each, within their
             range. `measured` says which readings are not filled.
+        units : str or sequence of str, optional
+            Units of the channels from here on; by default as before.
 
         Returns
         -------
         Readings
-            NaN where a reading has no baseline or is beyond 32-bit numbers.
+            NaN where a reading has no baseline or is beyond 32-bit numbers; `remarks` says how many.
 
         Examples
         --------
@@ -181,25 +225,12 @@ class Readings:
         >>> readings, truth = dermatome.touch(palm, presses=1)
         >>> readings.condition(palm, baseline=10, split=5.0).channels
         ('force.slow', 'force.fast')
+        >>> readings.condition(palm, scale=1000.0, units="mN").units
+        ('mN',)
         """
-        import numpy as np
-
-        readings = self.on(map)
-        times = readings.timestamps
-        if rate is not None and not np.isfinite(times).any():
-            if not 0 < rate < float("inf"):
-                raise DataError(f"rate: found {rate}; needed: a number above 0")
-            times = np.arange(len(times)) / rate
-        if split is not None and not np.isfinite(times).all():
-            raise DataError("split: found readings without times; needed: rate")
-        gains = list((gain or {}).items())
-        given = (map, readings.values, times, list(self.channels), baseline, gains, clip, split)
-        values, names = condition_readings(*given)
-        units = self.units if split is None else tuple(unit for unit in self.units for _ in range(2))
-        measured = np.isfinite(values)
-        if fill != "none":
-            values, names = condition_readings(*given, fill)
-        return Readings(values, None, times, tuple(names), units, measured if fill != "none" else None)
+        readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)))
+        options = _conditioning.Options(scale, offset, baseline, gain, clip, split, rate, fill)
+        return replace(readings.on(map), **_conditioning.condition(readings, map, options))
 
     def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:
         """What a LeRobot dataset keeps of these readings, as `dermatome render` describes it in `features.json`.
@@ -209,12 +240,12 @@ class Readings:
         map : Map
             The map in whose order they are.
         level : int
-            The level whose values are kept.
+            The level whose values are kept; a patch without it has those of its coarsest level.
 
         Returns
         -------
         dict
-            For each patch that reaches up to the level its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
+            For each patch its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
             the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool says
             which were measured.
 
@@ -228,42 +259,89 @@ class Readings:
         """
         import numpy as np
 
-        from dermatome.lerobot import key
+        from dermatome._adapter import fields_of
+        from dermatome.lerobot import keys
 
-        def pool(values: Any) -> Any:
-            pooled = [map.pool(values[:, k : k + 1], level, extensive=extensive) for k, extensive in enumerate(self.extensive)]
-            return np.concatenate(pooled, axis=1) if pooled else map.pool(values, level)
+        of_map = self.on(map)
+        pooled = of_map.pooled(map, level)
+        measured = pooled
+        if of_map.measured is not None:
+            measured = replace(of_map, values=np.where(of_map.measured, of_map.values, np.nan)).pooled(map, level)
+        made, names = {}, keys(map, level)
+        for name, _, fields in fields_of(map, level):
+            part = pooled[:, :, fields]
+            known, shape = np.isfinite(part), (part.shape[1] * part.shape[2],)
+            made[names[name]] = {
+                "dtype": "float32",
+                "shape": shape,
+                "names": None,
+                "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
+                "valid": np.isfinite(measured[:, :, fields]).all(axis=1),
+            }
+        return made
+
+    def pooled(self, map: Map, level: int, *, threads: int = 0) -> NDArray[np.float32]:
+        """The values of the fields of a level, (T, C, fields): sums of channels that are amounts, averages of others.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1)
+        >>> sums = [readings.pooled(palm, level).sum(axis=2) for level in range(palm.n_levels)]
+        >>> bool(abs(sums[0] - sums[-1]).max() < 1e-5)
+        True
+        """
+        import numpy as np
 
         values = self.on(map).values
-        pooled = pool(values)
-        measured = pooled if self.measured is None else pool(np.where(self.measured, values, np.nan))
-        made, first = {}, 0
-        for name, patch in map.patches.items():
-            if level < len(patch.levels):
-                part = pooled[:, :, first : first + len(patch.levels[level].positions)]
-                valid = np.isfinite(measured[:, :, first : first + part.shape[2]]).all(axis=1)
-                first += part.shape[2]
-                known = np.isfinite(part)
-                shape = (part.shape[1] * part.shape[2],)
-                made[key(name, level)] = {
-                    "dtype": "float32",
-                    "shape": shape,
-                    "names": None,
-                    "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
-                    "valid": valid,
-                }
+        if not self.channels:
+            return map.pool(values, level)
+        kinds = enumerate(self.extensive)
+        parts = [map.pool(values[:, k : k + 1], level, extensive=kind, threads=threads) for k, kind in kinds]
+        return np.concatenate(parts, axis=1)
+
+    def to_xarray(self) -> Any:
+        """The values as an `xarray.DataArray` of the axes time, channel and taxel.
+
+        Times, names and units of channels and ids of taxels are its coordinates, `measured` is in its attributes.
+        """
+        from dermatome._adapter import need
+
+        xarray = need("xarray", "xarray")
+        coords: dict[str, Any] = {"channel": list(self.channels), "unit": ("channel", list(self.units))}
+        if _any_finite(self.timestamps):
+            coords["time"] = self.timestamps
+        if self.ids is not None:
+            coords["taxel"] = self.ids
+        made = xarray.DataArray(self.values, dims=("time", "channel", "taxel"), coords=coords, name="readings")
+        if self.measured is not None:
+            made.coords["measured"] = (made.dims, self.measured)
         return made
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the recording to an .npz file that `read` and the command read with the layout "tcn"."""
+        """Write the recording to an .npz file that `read` and the command read without an option."""
         import numpy as np
 
-        arrays: dict[str, Any] = {"values": self.values, "channels": np.array(self.channels), "units": np.array(self.units)}
+        def by_taxel(array: Any) -> Any:
+            # With one channel the axes are the same in every layout.
+            return array[:, 0] if array.shape[1] == 1 else np.ascontiguousarray(np.moveaxis(array, 1, 2))
+
+        arrays: dict[str, Any] = {"values": by_taxel(self.values), "layout": np.array("tnc")}
+        arrays |= {"channels": np.array(self.channels), "units": np.array(self.units)}
         if self.ids is not None:
             arrays["ids"] = self.ids
-        if np.isfinite(self.timestamps).all():
+        if self.measured is not None:
+            arrays["measured"] = by_taxel(self.measured).astype(np.uint8)
+        finite = np.isfinite(self.timestamps)
+        if finite.any():
+            if not finite.all():
+                raise DataError(f"timestamps: found none for frame {np.argmin(finite)}; needed: one for each frame, or none")
             arrays["timestamps"] = self.timestamps
-        np.savez(path, **arrays)
+        try:
+            np.savez(path, **arrays)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error}", "io") from error
 
 
 def _of(arrays: dict[str, Any]) -> Readings:
@@ -272,52 +350,69 @@ def _of(arrays: dict[str, Any]) -> Readings:
     )
 
 
-def touch(skin: Skin | Map, **options: Any) -> tuple[Readings, dict[str, Any]]:
-    """Simulate a recording of a sphere that presses and rolls on a skin.
+def _stored(path: Any) -> tuple[Any, Any]:
+    """The layout that an .npz names, and which of its values were measured (T, C, N)."""
+    import numpy as np
 
-    Parameters
-    ----------
-    skin : Skin or Map
-        What is touched.
-    presses, touches : int
-        Number of presses, one after the other (5), and of spheres that press at once (1).
-    radius, depth, roll : float
-        Radius of the sphere (0.015), how deep it is pressed in (0.002) and how far it rolls (0.02), in m.
-    stiffness : float
-        Pressure over depth, in Pa/m (2e7).
-    duration, pause : float
-        How long a press takes (1) and nothing is touched before and after it (0.25), in s.
-    rate : float
-        Frames per second (100).
-    taxel_radius : float
-        Radius of the disc on which a taxel feels, in m (0.002).
-    extensive : bool
-        Whether taxels read the force on their disc, in N (the default), or the mean pressure, in Pa.
-    noise, drift : float
-        Standard deviations of the pressure, in Pa, and of its growth, in Pa/s (0).
-    dead : float
-        Share of the taxels that read NaN (0).
-    seed : int
-        Seed of everything that is drawn at random (0).
-
-    Returns
-    -------
-    readings : Readings
-    truth : dict
-        Of each touch its `frame`, `time`, `press`, `patch`, `sphere`, `centre` (m, frame of the link), `force` (N) and
-        `taxels`.
-
-    Examples
-    --------
-    >>> import dermatome
-    >>> palm = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(20) for x in range(20)])
-    >>> readings, truth = dermatome.touch(palm, presses=2)
-    >>> readings.values.shape[1:], readings.units, int(max(truth["press"])) + 1
-    ((1, 400), ('N',), 2)
-    """
-    arrays = simulate_touch(skin, **options)
-    return _of(arrays), arrays["truth"]
+    if not str(path).lower().endswith(".npz"):
+        return None, None
+    try:
+        with np.load(path) as arrays:
+            layout = str(arrays["layout"]) if "layout" in arrays.files else None
+            if layout not in ("tnc", "tcn"):
+                return None, None
+            measured = arrays["measured"] == 1 if "measured" in arrays.files else None
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return None, None  # `read_readings` says what is wrong.
+    if measured is None or measured.ndim not in (2, 3):
+        return layout, None
+    if measured.ndim == 2:
+        measured = measured[:, :, None]
+        return layout, np.moveaxis(measured, 2, 1)
+    return layout, measured if layout == "tcn" else np.moveaxis(measured, 2, 1)
 
 
-for _public in (Readings, touch):
-    _public.__module__ = "dermatome"
+def _times(given: Any, frames: int) -> NDArray[np.float64]:
+    """Times of frames in s."""
+    import numpy as np
+
+    if given is None:
+        return np.full(frames, np.nan)
+    array = np.asarray(given)
+    if array.dtype.kind in "mM":
+        whole = array.astype(f"{array.dtype.kind}8[ns]")
+        times = np.where(np.isnat(whole), np.nan, whole.astype(np.int64) * 1e-9)
+    else:
+        times = as_floats("timestamps", given)
+    times = times.ravel()
+    if len(times) != frames:
+        raise DataError(f"timestamps: found {len(times)}; needed: {frames}")
+    late = np.abs(np.nan_to_num(times)) > LATEST
+    if late.any():
+        first = int(np.argmax(late))
+        raise DataError(f"timestamps: found {times[first]} for frame {first}; needed: s; nanoseconds * 1e-9 are s")
+    return times
+
+
+def names_of(argument: str, given: str | Sequence[str], count: int) -> tuple[str, ...]:
+    """Names or units of `count` channels."""
+    names = (given,) if isinstance(given, str) else tuple(given)
+    if len(names) != count:
+        raise DataError(f"{argument}: found {len(names)}; needed: {count}")
+    wrong = [name for name in names if not isinstance(name, str)]
+    if wrong:
+        raise DataError(f"{argument}: found {wrong[0]!r}; needed: words")
+    return names
+
+
+def _any_finite(times: Any) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(times).any())
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" + ("" if number == 1 else "s")
+
+
+Readings.__module__ = "dermatome"

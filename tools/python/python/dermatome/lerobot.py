@@ -1,11 +1,11 @@
-"""Features of a LeRobot dataset: finite vectors of one axis, with a mask beside them that does not change."""
+"""Features of a LeRobot dataset: finite vectors of one axis, each with the mask of its frame beside it."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from dermatome._adapter import need
-from dermatome._dermatome import Map, Renderer
+from dermatome._adapter import fields_of, need
+from dermatome._dermatome import Map, Renderer, as_floats
 
 PREFIX = "observation.tactile"
 
@@ -15,21 +15,36 @@ def key(patch: str, level: int) -> str:
     return f"{PREFIX}.{patch.replace('/', '_')}.L{level}"
 
 
+def keys(map: Map, level: int) -> dict[str, str]:
+    """The feature of each patch: `key`, with a number where two patches would have the same one."""
+    taken: dict[str, str] = {}
+    for name in map.patches:
+        free, number = name, 1
+        while key(free, level) in taken:
+            number += 1
+            free = f"{name}_{number}"
+        taken[key(free, level)] = name
+    return {name: feature for feature, name in taken.items()}
+
+
 def features(map: Map, level: int = 1, *, images: dict[str, Renderer] | None = None) -> dict[str, dict[str, Any]]:
     """The features of every patch, for `LeRobotDataset.create`.
+
+    Each `observation.tactile.PATCH.LEVEL` has a feature `....valid` next to it, which is 1 where the value of a frame is
+    known and 0 where it is not.
 
     Parameters
     ----------
     level : int
-        The level whose values are kept.
+        The level whose values are kept; a patch without it has those of its coarsest level.
     images : dict of str to Renderer, optional
         Renderers by the names of the images (`observation.images.NAME`), which are kept as 8-bit pictures.
     """
     made: dict[str, dict[str, Any]] = {}
-    for name, patch in map.patches.items():
-        if level < len(patch.levels):
-            count = len(patch.levels[level].positions)
-            made[key(name, level)] = {"dtype": "float32", "shape": (count,), "names": None}
+    names = keys(map, level)
+    for name, of, _ in fields_of(map, level):
+        for feature in (names[name], f"{names[name]}.valid"):
+            made[feature] = {"dtype": "float32", "shape": (len(of.areas),), "names": None}
     for name, renderer in (images or {}).items():
         shape = (*renderer.shape, 3)
         made[f"observation.images.{name}"] = {"dtype": "image", "shape": shape, "names": ["height", "width", "channels"]}
@@ -45,22 +60,24 @@ def frame(
     images: dict[str, Renderer] | None = None,
     limit: float = 1.0,
 ) -> dict[str, Any]:
-    """The values of these features for one frame of readings (N,); what is not known is 0.
+    """The values of these features for one frame of readings (N,); what is not known is 0, and its `valid` is 0.
 
     Parameters
     ----------
+    extensive : bool
+        Whether readings are amounts, as forces: their total is the same on every level.
     limit : float
         The reading that is white in the pictures.
     """
     np = need("numpy", "lerobot")
-    values = np.asarray(values, dtype=np.float64)
-    pooled = np.nan_to_num(map.pool(values, level, extensive=extensive)).astype(np.float32)
-    made, first = {}, 0
-    for name, patch in map.patches.items():
-        if level < len(patch.levels):
-            count = len(patch.levels[level].positions)
-            made[key(name, level)] = pooled[first : first + count].copy()
-            first += count
+    values = as_floats("values", values)
+    pooled = map.pool(values, level, extensive=extensive)
+    known = np.isfinite(pooled)
+    finite, valid = np.where(known, pooled, np.float32(0)), known.astype(np.float32)
+    made, names = {}, keys(map, level)
+    for name, _, fields in fields_of(map, level):
+        made[names[name]] = finite[fields].copy()
+        made[f"{names[name]}.valid"] = valid[fields].copy()
     for name, renderer in (images or {}).items():
         grey = np.clip(np.nan_to_num(renderer(values[None])[0, 0]) / limit * 255, 0, 255).astype(np.uint8)
         made[f"observation.images.{name}"] = np.repeat(grey[:, :, None], 3, axis=2)
@@ -70,11 +87,5 @@ def frame(
 def masks(map: Map, level: int = 1) -> dict[str, Any]:
     """Which values of each feature are ever known: (n,) bool arrays, the same in every frame."""
     np = need("numpy", "lerobot")
-    known = np.isfinite(map.pool(np.zeros(map.n_taxels), level))
-    made, first = {}, 0
-    for name, patch in map.patches.items():
-        if level < len(patch.levels):
-            count = len(patch.levels[level].positions)
-            made[key(name, level)] = known[first : first + count].copy()
-            first += count
-    return made
+    known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level)), keys(map, level)
+    return {names[name]: known[fields].copy() for name, _, fields in fields_of(map, level)}

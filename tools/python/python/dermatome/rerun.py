@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._adapter import level_of, need
+from dermatome._adapter import fields_of, need
 from dermatome._dermatome import Map
 from dermatome._readings import Readings
 
@@ -12,36 +12,38 @@ from dermatome._readings import Readings
 def log(
     map: Map, readings: Readings | None = None, *, level: int = 0, entity: str = "skin", channel: int = 0, limit: float | None = None
 ) -> None:
-    """Log every patch of a map, and one channel of a recording on it.
+    """Log every patch of a map where its link is, and one channel of a recording on it.
 
     Parameters
     ----------
+    level : int
+        The level; a patch without it is logged on its coarsest level.
     readings : Readings, optional
         The recording, in the order of the map or with ids.
     limit : float, optional
         The reading that is brightest; by default the largest.
     """
     rerun, np = need("rerun", "rerun"), need("numpy", "rerun")
-    for name in map.patches:
-        of = level_of(map, name, level)
+    fields, poses = fields_of(map, level), map.index().poses
+    for name, of, _ in fields:
+        pose = poses[map.patches[name].link]
         rerun.log(
             f"{entity}/{name}",
             rerun.Mesh3D(vertex_positions=of.positions, triangle_indices=of.faces, vertex_normals=of.normals),
+            rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]),
             static=True,
         )
     if readings is None:
         return
-    values = map.pool(readings.on(map).values[:, channel], level, extensive=readings.extensive[channel])
+    readings = readings.on(map)
+    values = map.pool(readings.values[:, channel], level, extensive=readings.extensive[channel])
     top = limit or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for frame, row in enumerate(values):
         if np.isfinite(readings.timestamps[frame]):
             rerun.set_time("time", duration=float(readings.timestamps[frame]))
         rerun.set_time("frame", sequence=frame)
-        first = 0
-        for name in map.patches:
-            count = len(level_of(map, name, level).positions)
-            share = np.clip(np.nan_to_num(row[first : first + count]) / top, 0, 1)[:, None]
-            first += count
+        for name, _, part in fields:
+            share = np.clip(np.nan_to_num(row[part]) / top, 0, 1)[:, None]
             colours = (255 * (share * [1.0, 0.9, 0.1] + (1 - share) * [0.2, 0.1, 0.4])).astype(np.uint8)
             rerun.log(f"{entity}/{name}", rerun.Mesh3D.from_fields(vertex_colors=colours))
         rerun.log(f"{entity}/total", rerun.Scalars(float(np.nansum(row))))

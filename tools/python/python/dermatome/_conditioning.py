@@ -1,0 +1,154 @@
+"""Makes readings comparable, and says what the command says about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dermatome._dermatome import Map, as_floats, condition_readings
+from dermatome._errors import DataError
+
+if TYPE_CHECKING:
+    from dermatome._readings import Readings
+
+# Ids that a remark names.
+NAMED = 10
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of `Readings.condition`."""
+
+    scale: Any
+    offset: Any
+    baseline: Any
+    gain: Any
+    clip: Any
+    split: float | None
+    rate: float | None
+    fill: str
+
+
+def joined(map: Map, ids: Any) -> list[str]:
+    """How columns with these ids and the taxels of a map fit each other."""
+    import numpy as np
+
+    unknown = ids[~np.isin(ids, map.ids)]
+    has_reading = np.isin(map.ids, ids) & (map.present == 1)
+    known, counts = np.unique(map.ids, return_counts=True)
+    shared = int(np.isin(known[counts > 1], ids).sum())
+    said = []
+    if len(unknown):
+        names = ", ".join(str(id) for id in unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
+        said.append(f"{len(unknown)} columns are of no taxel of the map: {names}")
+    if not has_reading.all():
+        said.append(f"{has_reading.sum()} taxels have readings, {(~has_reading).sum()} have none and are masked")
+    if shared:
+        said.append(f"{shared} ids belong to several taxels, which share the readings")
+    return said
+
+
+def condition(readings: Readings, map: Map, options: Options) -> dict[str, Any]:
+    """What changes in readings on the map: `values`, `timestamps`, `channels`, `units`, `measured`, `remarks`."""
+    import numpy as np
+
+    of_map = readings.on(map)
+    values, times, split, baseline = of_map.values, of_map.timestamps, options.split, options.baseline
+    has_times = bool(np.isfinite(times).any())
+    if options.rate is not None and not has_times:
+        if not 0 < options.rate < float("inf"):
+            raise DataError(f"rate: found {options.rate}; needed: a number above 0")
+        times, has_times = np.arange(len(times)) / options.rate, True
+    if split is not None and not np.isfinite(times).all():
+        raise DataError("split: found readings without times; needed: rate")
+    served = map.present == 1
+    if readings.ids is not None:
+        served &= np.isin(map.ids, readings.ids)
+    missing = int((~np.isfinite(values[:, :, served])).sum())
+
+    shape = values.shape[1:]
+    for name, neutral, given in (("scale", 1.0, options.scale), ("offset", 0.0, options.offset)):
+        number = per_taxel(name, given, shape)
+        if not np.isfinite(number).all():
+            raise DataError(f"{name}: found {number[~np.isfinite(number)][0]}; needed: finite numbers")
+        if (number != neutral).any():
+            values = values * number if name == "scale" else values + number
+    if np.ndim(baseline):
+        values, baseline = values - per_taxel("baseline", baseline, shape), 0
+    gains: list[tuple[Any, Any]] = []
+    if isinstance(options.gain, Mapping):
+        gains = list(options.gain.items())
+    elif options.gain is not None:
+        # Before the mean of frames is subtracted: the result is the same.
+        values = values * per_taxel("gain", options.gain, shape)
+    clip = None if options.clip is None else tuple(options.clip)
+    given = (map, values, times, list(of_map.channels), baseline, gains, clip, split)
+    made, names = condition_readings(*given)
+    said = tally(map, values, made[:, :: 1 if split is None else 2], missing, served, times if has_times else None, options)
+    measured: Any = of_map.measured
+    if measured is not None and split is not None:
+        measured = np.repeat(measured, 2, axis=1)
+    if options.fill != "none":
+        measured = np.isfinite(made) if measured is None else np.isfinite(made) & measured
+        made, names = condition_readings(*given, options.fill)
+    units = of_map.units if split is None else tuple(unit for unit in of_map.units for _ in range(2))
+    remarks = tuple(dict.fromkeys((*of_map.remarks, *said)))
+    return {"values": made, "timestamps": times, "channels": tuple(names), "units": units, "measured": measured, "remarks": remarks}
+
+
+def per_taxel(name: str, given: Any, shape: tuple[int, ...]) -> Any:
+    """A number, or one for each taxel or channel and taxel, as an array that goes with (C, N)."""
+    import numpy as np
+
+    array, (count, taxels) = as_floats(name, given), shape
+    if array.shape not in ((), (taxels,), (count, taxels), (count, 1)):
+        raise DataError(f"{name}: found shape {array.shape}; needed: a number, ({taxels},) or ({count}, {taxels})")
+    return np.broadcast_to(array, shape)
+
+
+def counted(count: int, things: str, how: str) -> str:
+    """What the command says about some things."""
+    return f"1 {things.rstrip('s')} is {how}" if count == 1 else f"{count} {things} are {how}"
+
+
+def tally(map: Map, values: Any, made: Any, missing: int, served: Any, times: Any, options: Options) -> list[str]:
+    """What the command says about readings before (`values`) and after (`made`) they were conditioned."""
+    import numpy as np
+
+    frames = len(values)
+    first = options.baseline if np.ndim(options.baseline) == 0 else 0
+    found, said = np.isfinite(values), []
+    if frames < first:
+        said.append(f"the baseline is the mean of {frames} frames, there are no {first}")
+    lacks_baseline = np.zeros(values.shape[1:], dtype=bool)
+    if first:
+        lacks_baseline = ~found[: int(first)].any(axis=0)
+    clipped = 0
+    if options.clip is not None:
+        free = values
+        if first:
+            with np.errstate(all="ignore"):
+                head = found[: int(first)]
+                free = values - np.where(head, values[: int(first)], 0).sum(axis=0) / head.sum(axis=0)
+        if isinstance(options.gain, Mapping):
+            free = free * np.array([options.gain.get(int(id), 1.0) for id in map.ids])
+        low, high = options.clip
+        clipped = int(((np.abs(free) <= np.finfo(np.float32).max) & ((free < low) | (free > high))).sum())
+    too_large = int((found & ~np.isfinite(made) & ~lacks_baseline & (map.present == 1)).sum())
+    backwards = 0
+    if times is not None:
+        latest = np.fmax.accumulate(times)
+        backwards = int((np.isnan(times) | (times < np.concatenate([[-np.inf], latest[:-1]]))).sum())
+    unknown = 0
+    if isinstance(options.gain, Mapping):
+        unknown = len(set(options.gain) - set(map.ids.tolist()))
+    counts = (
+        (missing, "readings", "missing, NaN or infinite, and masked"),
+        (clipped, "readings", "clipped"),
+        (too_large, "readings", "beyond the range of 32-bit floats, and masked"),
+        (backwards, "frames", "earlier than the frame before"),
+        (int(lacks_baseline[:, served].sum()), "readings", "without a baseline, and masked"),
+        (unknown, "gains", "of no taxel of the map"),
+    )
+    return said + [counted(count, things, how) for count, things, how in counts if count]
