@@ -5,27 +5,34 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from dermatome._adapter import need
+from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map
-from dermatome._errors import DataError
+from dermatome._errors import DataError, FileError, MissingFileError
+from dermatome._messages import Wanted, field_of, kind_of, numbers_of
 from dermatome._readings import Readings
 
-
-def _values(message: Any) -> tuple[Any, list[str]]:
-    """The numbers of a message, (C, n), and the names of its channels."""
-    np = need("numpy", "ros")
-    if hasattr(message, "sensors"):  # tactile_msgs/TactileState
-        rows = [np.asarray(sensor.values, dtype=np.float64) for sensor in message.sensors]
-        return np.stack(rows), [sensor.name for sensor in message.sensors]
-    if hasattr(message, "data"):  # std_msgs/Float32MultiArray and its like
-        return np.asarray(message.data, dtype=np.float64)[None], ["data"]
-    raise DataError(f"topic: found {type(message).__name__}; needed: sensors with values, or data")
+# Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
+DEFINITIONS = {"tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors"}
 
 
-def read(path: Any, topic: str, map: Map, *, ids: Any = None) -> Readings:
+def read(
+    path: Any,
+    topic: str,
+    map: Map,
+    *,
+    values: Wanted = None,
+    ids: Any = None,
+    channels: str | Sequence[str] | None = None,
+    units: str | Sequence[str] | None = None,
+    stamp: Literal["header", "bag"] | None = None,
+    definitions: Mapping[str, str] | None = None,
+) -> Readings:
     """Read the readings of a topic.
 
     Parameters
@@ -33,28 +40,148 @@ def read(path: Any, topic: str, map: Map, *, ids: Any = None) -> Readings:
     path : str or os.PathLike
         A bag: a folder, a `.mcap` or a `.bag`.
     topic : str
-        A topic of `tactile_msgs/TactileState` (a channel for each sensor) or of an array of numbers.
+        A topic of one of these messages, or of any other with `values`:
+
+        - `tactile_msgs/TactileState`: sensors are patches with these names, or channels with a reading of each taxel, or
+          parts of the taxels one after the other;
+        - arrays of numbers as `std_msgs/Float32MultiArray`: as their layout says, an axis called `channel`, `axis` or the
+          like is of channels;
+        - `sensor_msgs/Image`: a pixel for each taxel, row by row from the top, of any encoding of whole or real numbers;
+        - `sensor_msgs/PointCloud2`: a point for each taxel, with the field `value`, or else all fields that are no
+          position, normal, colour, time or id. A field `id` or `taxel_id` has the ids.
     map : Map
         The map.
-    ids : (n,) array_like of int, optional
-        Ids of the numbers in a message; by default they are in the order of the map.
+    values : str, sequence of str, or function, optional
+        Where the readings are: the name of a field of the message (`pressure`, `hand.pressure`, `taxels.force` of a list),
+        of its points or of its sensors, several for several channels; or a function of a message that returns an array
+        (n,) or (C, n).
+    ids : (n,) array_like of int, str or function, optional
+        Ids of the numbers in a message, or the name of the field that has them, or a function of a message; by default
+        those of the message, or else the order of the map. Ids may differ from message to message.
+    channels, units : str or sequence of str, optional
+        Names and units of the channels, instead of those of the message, which has no units.
+    stamp : {"header", "bag"}, optional
+        Which time a frame has: that in the header of its message, or that of the recording; by default the first if
+        there is one.
+    definitions : mapping of str to str, optional
+        Definitions of messages by their type, for bags that hold none.
+
+    Returns
+    -------
+    Readings
     """
-    np, highlevel = need("numpy", "ros"), need("rosbags.highlevel", "ros")
-    rows, times, names = [], [], []
-    with highlevel.AnyReader([Path(path)]) as reader:
-        connections = [known for known in reader.connections if known.topic == topic]
+    if stamp not in (None, "header", "bag"):
+        raise DataError(f"stamp: found {stamp!r}; needed: 'header', 'bag' or None")
+    np = need("numpy", "ros")
+    frames: list[Any] = []
+    at, recorded = [], []
+    for message, time in _messages(path, topic, definitions):
+        own = ids(message) if callable(ids) else field_of(message, ids) if isinstance(ids, str) else ids
+        own = None if own is None else np.asarray(own).ravel()
+        made = numbers_of(message, map, map.n_taxels if own is None else len(own), values)
+        if own is None:
+            own = made.ids
+        elif len(own) != made.values.shape[1]:
+            raise DataError(f"ids: found {len(own)}; needed: {made.values.shape[1]}, one for each number of a message")
+        if frames and made.names != frames[0].names:
+            raise DataError(f"topic: found the channels {made.names} in a message; needed: {frames[0].names} as before")
+        _refuse_fields(map, own, made.values.shape[1])
+        frames.append(replace(made, ids=own))
+        head = getattr(getattr(message, "header", None), "stamp", None)
+        at.append(np.nan if head is None else head.sec + 1e-9 * head.nanosec)
+        recorded.append(time * 1e-9)
+    times, remarks = _times(np.array(at), np.array(recorded), stamp, kind_of(message))
+    array, columns = _joined(frames)
+    names = frames[0].names if channels is None else channels
+    readings = Readings.from_arrays(array, ids=columns, timestamps=times, channels=names, units=units)
+    return replace(readings, remarks=remarks).on(map)
+
+
+def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> Any:
+    """The messages of a topic and when they were recorded, in ns."""
+    highlevel, typesys = need("rosbags.highlevel", "ros"), need("rosbags.typesys", "ros")
+    if not Path(path).exists():
+        raise MissingFileError(f"{path}: found nothing; needed: a bag", "missing")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    try:
+        for kind, text in {**DEFINITIONS, **(definitions or {})}.items():
+            store.register(typesys.get_types_from_msg(text, kind))
+    except Exception as error:  # Each of the parsers of rosbags has its own.
+        raise DataError(f"definitions: found {kind!r} that cannot be read: {error}") from error
+    try:
+        bag = highlevel.AnyReader([Path(path)], default_typestore=store)
+        bag.open()
+    except Exception as error:
+        raise FileError(f"{path}: found no bag that can be read: {error}; needed: a folder with metadata.yaml, .mcap or .bag", "bag") from error
+    try:
+        connections = [known for known in bag.connections if known.topic == topic]
         if not connections:
-            known = sorted({each.topic for each in reader.connections})
+            known = sorted({each.topic for each in bag.connections})
             raise DataError(f"topic: found {topic!r}; needed: one of {known}")
-        for connection, stamp, raw in reader.messages(connections=connections):
-            values, names = _values(reader.deserialize(raw, connection.msgtype))
-            if rows and values.shape != rows[0].shape:
-                raise DataError(f"topic: found {values.shape} numbers in a message; needed: {rows[0].shape} as before")
-            rows.append(values)
-            times.append(stamp * 1e-9)
-    if not rows:
-        raise DataError(f"topic: found no message of {topic!r}; needed: at least one")
-    return Readings.from_arrays(np.stack(rows), ids=ids, timestamps=times, channels=tuple(names)).on(map)
+        number = -1
+        messages = bag.messages(connections=connections)
+        while True:
+            number += 1
+            try:
+                connection, time, raw = next(messages)
+                message = bag.deserialize(raw, connection.msgtype)
+            except StopIteration:
+                break
+            except KeyError as error:
+                needed = f"definitions={{{connection.msgtype!r}: ...}}, which the bag has not"
+                raise DataError(f"topic: found messages of {connection.msgtype}; needed: {needed}") from error
+            except Exception as error:
+                raise FileError(f"{path}: message {number} of {topic} cannot be read: {error}", "bag") from error
+            yield message, time
+        if not number:
+            raise DataError(f"topic: found no message of {topic!r}; needed: at least one")
+    finally:
+        bag.close()
+
+
+def _times(header: Any, recorded: Any, stamp: str | None, kind: str) -> tuple[Any, tuple[str, ...]]:
+    """The time of each frame, and what is to be said about it."""
+    np = need("numpy", "ros")
+    has_header = bool(np.isfinite(header).all())
+    if stamp == "header" and not has_header:
+        raise DataError(f"stamp: found 'header'; needed: 'bag', as {kind} has no header")
+    if stamp == "bag" or not has_header:
+        return recorded, ()
+    if stamp is None and not header.any():
+        return recorded, ("the stamps of all messages are 0; times are those of the recording",)
+    return header, ()
+
+
+def _joined(frames: list[Any]) -> tuple[Any, Any]:
+    """The values of all frames (T, C, n), and their ids."""
+    np = need("numpy", "ros")
+    first = frames[0]
+    same = all((frame.ids is None) == (first.ids is None) and frame.values.shape == first.values.shape for frame in frames)
+    if same and (first.ids is None or all(np.array_equal(frame.ids, first.ids) for frame in frames)):
+        return np.stack([frame.values for frame in frames]), first.ids
+    if any(frame.ids is None for frame in frames):
+        odd = next(frame.values.shape for frame in frames if frame.values.shape != first.values.shape)
+        raise DataError(f"topic: found {odd} numbers in a message; needed: {first.values.shape} as before, or ids")
+    columns = np.unique(np.concatenate([frame.ids for frame in frames]))
+    array = np.full((len(frames), len(first.names), len(columns)), np.nan)
+    for k, frame in enumerate(frames):
+        if len(np.unique(frame.ids)) != len(frame.ids):
+            raise DataError(f"ids: found one twice in message {k}; needed: each once")
+        array[k][:, np.searchsorted(columns, frame.ids)] = frame.values
+    return array, columns
+
+
+def _refuse_fields(map: Map, ids: Any, count: int) -> None:
+    """Refuses the points of a coarser level, which `write` makes: their values are no readings of taxels."""
+    np = need("numpy", "ros")
+    if ids is None or count >= map.n_taxels:
+        return
+    for name, patch in map.patches.items():
+        if np.array_equal(ids, patch.ids):
+            return
+        for of in patch.levels[1:]:
+            if np.array_equal(ids, of.taxel_ids):
+                raise DataError(f"topic: found the fields of level {of.number} of {name!r}; needed: taxels, as write(level=0) makes")
 
 
 def write(
@@ -62,53 +189,112 @@ def write(
 ) -> None:
     """Write images (`TOPIC/image`, 32FC1) and points with values (`TOPIC/points`) of a recording to a bag of ROS 2.
 
+    Points have the values of `Map.pool`: of a channel that is an amount, as a force in N, they have the same total on
+    every level. Images are those of `Map.renderer`: of such a channel they are per m^2 of the map.
+
     Parameters
     ----------
     path : str or os.PathLike
         The folder of the bag, which does not exist yet.
     level : int
-        The level.
+        The level; a patch without it has its coarsest level.
     patch : str, optional
-        The patch; by default the only one.
+        The patch; by default all of them, in topics `TOPIC/PATCH/image` and `TOPIC/PATCH/points` if there are several.
+    channel : int
+        The channel.
     """
-    from dermatome._adapter import level_of, patch_of
-
     np = need("numpy", "ros")
     rosbag2, typesys = need("rosbags.rosbag2", "ros"), need("rosbags.typesys", "ros")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    kinds = store.types
-    header, stamp = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
-    image, cloud, field = (kinds[f"sensor_msgs/msg/{name}"] for name in ("Image", "PointCloud2", "PointField"))
-    whole, of = patch_of(map, patch), level_of(map, patch, level)
-    values = readings.on(map).values[:, channel]
-    renderer = map.renderer(level, patch=whole.name)
-    images = renderer(values)[:, 0]
-    start = sum(len(p.levels[level].positions) for p in map.patches.values() if p.start < whole.start and level < len(p.levels))
-    pooled = map.pool(values, level)[:, start : start + len(of.positions)]
+    readings = readings.on(map)
+    if not -len(readings.channels) <= channel < len(readings.channels):
+        raise DataError(f"channel: found {channel}; needed: one of {len(readings.channels)}")
+    values, extensive = readings.values[:, channel], readings.extensive[channel]
+    names = list(map.patches) if patch is None else [patch_of(map, patch).name]
+    pooled = map.pool(values, level, extensive=extensive)
+    fields = {name: part for name, _, part in fields_of(map, level)}
+    stamps = _stamps(readings.timestamps)
+    if Path(path).exists():
+        raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
+    try:
+        with rosbag2.Writer(Path(path), version=9) as writer:
+            for name, prefix in zip(names, _prefixes(topic, names)):
+                of = level_of(map, name, level)
+                renderer = map.renderer(of.number, patch=name, extensive=extensive)
+                frame = map.patches[name].link
+                _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
+                _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error}", "io") from error
+
+
+def _prefixes(topic: str, names: list[str]) -> list[str]:
+    """The topic of each patch: letters, digits and underscores, each once."""
+    if len(names) == 1:
+        return [topic]
+    made: list[str] = []
+    for name in names:
+        word = re.sub(r"\W", "_", name, flags=re.ASCII)
+        word = f"_{word}" if word[:1].isdigit() else word
+        number = 1
+        while f"{topic}/{word}{f'_{number}' if number > 1 else ''}" in made:
+            number += 1
+        made.append(f"{topic}/{word}{f'_{number}' if number > 1 else ''}")
+    return made
+
+
+def _stamps(times: Any) -> list[int]:
+    """The time of each frame in ns, or its number where no frame has one."""
+    np = need("numpy", "ros")
+    if not np.isfinite(times).any():
+        return list(range(len(times)))
+    wrong = ~((times >= 0) & (times < 2**31))
+    if wrong.any():
+        frame = int(np.argmax(wrong))
+        raise DataError(f"timestamps: found {times[frame]} for frame {frame}; needed: s from 0 to 2^31")
+    return [round(time * 1e9) for time in times]
+
+
+def _header(store: Any, stamp: int, frame: str) -> Any:
+    header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    return header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id=frame)
+
+
+def _write_images(writer: Any, store: Any, topic: str, frame: str, stamps: list[int], images: Any) -> None:
+    np, image = need("numpy", "ros"), store.types["sensor_msgs/msg/Image"]
+    to, (_, height, width) = writer.add_connection(topic, image.__msgtype__, typestore=store), images.shape
+    for stamp, drawn in zip(stamps, images):
+        pixels = np.frombuffer(drawn.astype("<f4").tobytes(), np.uint8)
+        message = image(
+            header=_header(store, stamp, frame),
+            height=height,
+            width=width,
+            encoding="32FC1",
+            is_bigendian=0,
+            step=4 * width,
+            data=pixels,
+        )
+        writer.write(to, stamp, store.serialize_cdr(message, image.__msgtype__))
+
+
+def _write_points(writer: Any, store: Any, topic: str, frame: str, stamps: list[int], of: Any, values: Any) -> None:
+    np, (cloud, field) = need("numpy", "ros"), (store.types[f"sensor_msgs/msg/{name}"] for name in ("PointCloud2", "PointField"))
     fields = [field(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(["x", "y", "z", "nx", "ny", "nz", "value"])]
     fields.append(field(name="id", offset=28, datatype=6, count=1))
-    points = np.zeros(len(of.positions), dtype=[("xyz", "<f4", 3), ("n", "<f4", 3), ("value", "<f4"), ("id", "<u4")])
+    points = np.zeros(len(of.areas), dtype=[("xyz", "<f4", 3), ("n", "<f4", 3), ("value", "<f4"), ("id", "<u4")])
     points["xyz"], points["n"], points["id"] = of.positions, of.normals, of.taxel_ids
-    with rosbag2.Writer(Path(path), version=9) as writer:
-        to_image = writer.add_connection(f"{topic}/image", image.__msgtype__, typestore=store)
-        to_cloud = writer.add_connection(f"{topic}/points", cloud.__msgtype__, typestore=store)
-        for k, time in enumerate(readings.timestamps):
-            nanoseconds = round(time * 1e9) if np.isfinite(time) else k
-            at = header(stamp=stamp(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9), frame_id=whole.link)
-            height, width = renderer.shape
-            pixels = np.frombuffer(images[k].astype("<f4").tobytes(), np.uint8)
-            drawn = image(header=at, height=height, width=width, encoding="32FC1", is_bigendian=0, step=4 * width, data=pixels)
-            points["value"] = pooled[k]
-            said = cloud(
-                header=at,
-                height=1,
-                width=len(points),
-                fields=fields,
-                is_bigendian=False,
-                point_step=32,
-                row_step=32 * len(points),
-                data=np.frombuffer(points.tobytes(), np.uint8),
-                is_dense=bool(np.isfinite(pooled[k]).all()),
-            )
-            writer.write(to_image, nanoseconds, store.serialize_cdr(drawn, image.__msgtype__))
-            writer.write(to_cloud, nanoseconds, store.serialize_cdr(said, cloud.__msgtype__))
+    to = writer.add_connection(topic, cloud.__msgtype__, typestore=store)
+    for stamp, row in zip(stamps, values):
+        points["value"] = row
+        message = cloud(
+            header=_header(store, stamp, frame),
+            height=1,
+            width=len(points),
+            fields=fields,
+            is_bigendian=False,
+            point_step=32,
+            row_step=32 * len(points),
+            data=np.frombuffer(points.tobytes(), np.uint8),
+            is_dense=bool(np.isfinite(row).all()),
+        )
+        writer.write(to, stamp, store.serialize_cdr(message, cloud.__msgtype__))
