@@ -1,0 +1,265 @@
+"""The classes of `dermatome.torch`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch  # type: ignore[import-not-found, unused-ignore]
+
+from dermatome._dermatome import ContactTracker, Map, Renderer
+from dermatome._errors import DataError
+from dermatome._readings import Readings
+from dermatome.torch import marks, shares
+
+
+class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
+    """Weighted sums of values that are known: `rows[k]` gets `weights[k]` of `columns[k]`."""
+
+    rows: torch.Tensor
+    columns: torch.Tensor
+    weights: torch.Tensor
+
+    def __init__(self, rows: Any, columns: Any, weights: Any, shape: tuple[int, int]) -> None:
+        super().__init__()
+        self.shape = (int(shape[0]), int(shape[1]))
+        self.register_buffer("rows", torch.from_numpy(np.asarray(rows, dtype=np.int64)))
+        self.register_buffer("columns", torch.from_numpy(np.asarray(columns, dtype=np.int64)))
+        self.register_buffer("weights", torch.from_numpy(np.asarray(weights, dtype=np.float32)))
+
+    def gather(self, values: Any) -> tuple[Any, Any]:
+        """The sums (rows, ...) and the weights that they have, of values (..., columns)."""
+        if values.shape[-1] != self.shape[1]:
+            raise DataError(f"values: found shape {tuple(values.shape)}; needed: shape (..., {self.shape[1]})")
+        flat = values.reshape(-1, self.shape[1]).T
+        known = torch.isfinite(flat)
+        weights = self.weights.to(values.dtype)[:, None]
+        sums = flat.new_zeros((self.shape[0], flat.shape[1]))
+        parts = torch.where(known, flat, torch.zeros_like(flat)).index_select(0, self.columns) * weights
+        shares = known.to(values.dtype).index_select(0, self.columns) * weights
+        return sums.index_add(0, self.rows, parts), sums.index_add(0, self.rows, shares)
+
+
+class Pool(_Gather):
+    """Pools readings (..., N) to the fields of a level (..., fields), as `Map.pool`: NaN where no taxel has a reading.
+
+    It has no parameters; its buffers move to a device and are copied with the module, and gradients flow through it.
+
+    Parameters
+    ----------
+    map : Map
+        The map.
+    level : int
+        The level; a patch without it has its coarsest level.
+    patch : str, optional
+        A patch, whose readings and fields alone there are then.
+    extensive : bool
+        Whether readings are amounts, as forces: their total is the same on every level.
+
+    Examples
+    --------
+    >>> import dermatome, torch
+    >>> from dermatome.torch import Pool
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> bool(abs(Pool(palm, 1, extensive=True)(torch.ones(4, 2, 81)).sum(dim=-1) - 81).max() < 1e-3)
+    True
+    """
+
+    def __init__(self, map: Map, level: int, *, patch: str | None = None, extensive: bool = False) -> None:
+        taxel, field, weight, shape = shares(map, level, patch, extensive)
+        # Averages need shares, not areas: those of a field have the sum 1 if none is missing.
+        scale = 1.0 if extensive else np.bincount(field, weights=weight, minlength=shape[0])[field]
+        super().__init__(field, taxel, weight / scale, shape)
+        self.extensive = extensive
+
+    def forward(self, values: Any) -> Any:
+        sums, shares = self.gather(values)
+        known = shares > 0
+        if not self.extensive:
+            sums = sums / torch.where(known, shares, torch.ones_like(shares))
+        pooled = torch.where(known, sums, torch.full_like(sums, torch.nan))
+        return pooled.T.reshape(*values.shape[:-1], self.shape[0])
+
+
+class Draw(_Gather):
+    """Draws values of the fields of a level (..., fields), which are averages, as images (..., H, W).
+
+    Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. With
+    `interpolate="nearest"` it is missing if its value is. Fields are those of the whole map, as `Pool` without a patch and
+    `Map.pool` give them, also where the renderer draws one patch.
+
+    Parameters
+    ----------
+    renderer : Renderer
+        What draws the level.
+    fill : float
+        What is drawn where nothing is known; NaN by default.
+
+    Examples
+    --------
+    >>> import dermatome, torch
+    >>> from dermatome.torch import Draw, Pool
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> draw = torch.nn.Sequential(Pool(palm, 1), Draw(palm.renderer(1, size=(32, 32)), fill=0.0))
+    >>> draw(torch.ones(8, 81)).shape
+    torch.Size([8, 32, 32])
+    """
+
+    def __init__(self, renderer: Renderer, *, fill: float = float("nan")) -> None:
+        pixel, value, weight, shape = marks(renderer)
+        super().__init__(pixel, value, weight, shape)
+        self.size, self.fill = renderer.shape, fill
+
+    def forward(self, values: Any) -> Any:
+        sums, shares = self.gather(values)
+        known = shares > 0
+        drawn = torch.where(known, sums / torch.where(known, shares, torch.ones_like(shares)), torch.full_like(sums, self.fill))
+        return drawn.T.reshape(*values.shape[:-1], *self.size)
+
+
+class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-ignore]
+    """A recording as a data set: for each frame its image, its fields and its contact.
+
+    `dataset[k]` is a dict of tensors:
+
+    - `image` (C, H, W) float32 and `mask` (C, H, W) bool, where it shows a known reading; `fill` elsewhere. Amounts, as
+      forces, are drawn per m^2;
+    - `fields` (C, fields) float32 and `valid` (C, fields) bool, where they are known; 0 elsewhere. Amounts keep their total;
+    - `contact`: a dict of `touched` (bool), and of the strongest contact `force` (N, 0 without one), `centre` (3,) in m in
+      the frame of its link, and `patch`, its number among those of the map (-1 without one).
+
+    It goes to forked and spawned workers: each makes the renderer of its own when it draws the first time. A loader that
+    takes batches draws each at once.
+
+    Parameters
+    ----------
+    map : Map
+        The map.
+    readings : Readings
+        The recording, in the order of the map or with ids.
+    truth : dict, optional
+        The contacts of these frames, as `touch` returns them; by default a `ContactTracker` finds them in channel 0.
+    level : int
+        The level of the fields.
+    size : sequence of int
+        Height and width of the images, which show level 0.
+    patch : str, optional
+        The patch that they show; by default all, packed if there are several.
+    fill : float
+        What is drawn where nothing is known.
+    threshold : float, optional
+        That of the `ContactTracker`.
+
+    Examples
+    --------
+    >>> import dermatome, torch
+    >>> from dermatome.torch import Touches
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> touches = Touches(palm, *dermatome.touch(palm, presses=1), size=[32, 32])
+    >>> batch = next(iter(torch.utils.data.DataLoader(touches, batch_size=8)))
+    >>> batch["image"].shape, batch["contact"]["centre"].shape
+    (torch.Size([8, 1, 32, 32]), torch.Size([8, 3]))
+    """
+
+    def __init__(
+        self,
+        map: Map,
+        readings: Readings,
+        truth: dict[str, Any] | None = None,
+        *,
+        level: int = 1,
+        size: Sequence[int] = (64, 64),
+        patch: str | None = None,
+        fill: float = 0.0,
+        threshold: float | None = None,
+    ) -> None:
+        self.map, self.readings, self.level, self.patch, self.fill = map, readings.on(map), level, patch, fill
+        height, width = size
+        self.size = (int(height), int(width))
+        self._renderer: Renderer | None = None
+        self._made()  # What cannot be drawn is refused here, not in a worker.
+        self.contacts = _truth(map, len(readings), truth) if truth is not None else _tracked(map, self.readings, threshold)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_renderer": None}
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    def __getitem__(self, frame: int) -> dict[str, Any]:
+        return self.__getitems__([frame])[0]
+
+    def __getitems__(self, frames: Sequence[int]) -> list[dict[str, Any]]:
+        """Some frames at once, which a loader asks for."""
+        chosen = np.asarray([range(len(self))[int(frame)] for frame in frames], dtype=np.int64)
+        part = self.readings[chosen]
+        images, fields = self._made()(part.values, threads=1), part.pooled(self.map, self.level, threads=1)
+        mask, valid = np.isfinite(images), np.isfinite(fields)
+        arrays = {
+            "image": np.where(mask, images, np.float32(self.fill)),
+            "mask": mask,
+            "fields": np.where(valid, fields, np.float32(0)),
+            "valid": valid,
+        }
+        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        contacts = {name: torch.from_numpy(array[chosen]) for name, array in self.contacts.items()}
+        return [
+            {**{name: each[k] for name, each in tensors.items()}, "contact": {name: each[k] for name, each in contacts.items()}}
+            for k in range(len(chosen))
+        ]
+
+    def _made(self) -> Renderer:
+        if self._renderer is None:
+            is_packed = self.patch is None and len(self.map.patches) > 1
+            self._renderer = self.map.renderer(
+                0,
+                patch=self.patch,
+                channels=len(self.readings.channels),
+                extensive=self.readings.extensive,
+                size=self.size,
+                pack=is_packed,
+            )
+        return self._renderer
+
+
+def _blank(frames: int) -> dict[str, Any]:
+    return {
+        "touched": np.zeros(frames, dtype=bool),
+        "force": np.zeros(frames, dtype=np.float32),
+        "centre": np.zeros((frames, 3), dtype=np.float32),
+        "patch": np.full(frames, -1, dtype=np.int64),
+    }
+
+
+def _put(contacts: dict[str, Any], frame: int, force: float, centre: Any, patch: int) -> None:
+    """Keeps the strongest contact of a frame."""
+    if not contacts["touched"][frame] or force > contacts["force"][frame]:
+        for name, value in (("touched", True), ("force", force), ("centre", centre), ("patch", patch)):
+            contacts[name][frame] = value
+
+
+def _truth(map: Map, frames: int, truth: dict[str, Any]) -> dict[str, Any]:
+    contacts, numbers = _blank(frames), {name: number for number, name in enumerate(map.patches)}
+    rows = zip(truth["frame"], truth["force"], truth["centre"], truth["patch"])
+    for frame, force, centre, patch in rows:
+        if not 0 <= frame < frames or patch not in numbers:
+            needed = f"frames of {frames} and patches of the map"
+            raise DataError(f"truth: found frame {frame}, patch {patch!r}; needed: {needed}")
+        _put(contacts, int(frame), float(force), centre, numbers[patch])
+    return contacts
+
+
+def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str, Any]:
+    contacts, numbers = _blank(len(readings)), {name: number for number, name in enumerate(map.patches)}
+    tracker = ContactTracker(map, unit=readings.units[0] or "Pa", threshold=threshold)
+    for frame, values in enumerate(readings.values[:, 0]):
+        for contact in tracker.track(values):
+            if contact["event"] != "release":
+                force = contact["force"] if np.isfinite(contact["force"]) else contact["peak"]
+                _put(contacts, frame, float(force), contact["centre"], numbers[contact["patch"]])
+    return contacts
+
+
+for _class in (Pool, Draw, Touches):
+    _class.__module__ = "dermatome.torch"

@@ -1,0 +1,144 @@
+"""Tensors, modules and data sets of torch: they draw and pool as the map does."""
+
+import copy
+import pickle
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from conftest import dome
+
+import dermatome
+
+torch = pytest.importorskip("torch")
+from dermatome.torch import Draw, Pool, Touches, pixels, pooling, tensor  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def holed_map():
+    """A dome of which a tenth of the taxels is not present."""
+    present = (np.random.default_rng(0).random(256) > 0.1).astype(np.uint8)
+    return dermatome.build(dermatome.Skin.from_arrays(*dome(), present=present, patch="dome", link="hand"))
+
+
+def test_tensors_give_gradients_copy_and_do_not_warn(dome_map):
+    values = np.random.default_rng(1).random((4, 256)).astype(np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        matrix = pooling(dome_map, 1)
+        assert np.allclose((matrix @ torch.from_numpy(values).T).T.numpy(), dome_map.pool(values, 1), atol=1e-5)
+        assert np.allclose((torch.from_numpy(values) @ matrix.T).numpy(), dome_map.pool(values, 1), atol=1e-5)
+        assert torch.equal(copy.deepcopy(matrix).to_dense(), matrix.to_dense())
+        renderer = dome_map.renderer(1)
+        fields = torch.from_numpy(dome_map.pool(values, 1)).requires_grad_()
+        images = (pixels(renderer) @ fields.T).T
+        images.sum().backward()
+        assert np.allclose(tensor(renderer.matrix()).to_dense(), renderer.matrix().scipy().todense())
+    assert np.allclose(images.detach().numpy()[:, renderer.mask.ravel()], renderer(values)[:, 0][:, renderer.mask], atol=1e-5)
+    assert fields.grad.shape == fields.shape and fields.grad.abs().sum() > 0
+
+
+@pytest.mark.parametrize("extensive", [False, True])
+def test_taxels_that_are_not_present_are_left_out(extensive, holed_map, uneven_map):
+    for map in (holed_map, uneven_map):
+        values = np.random.default_rng(2).random((3, map.n_taxels)).astype(np.float32)
+        for level in range(map.n_levels):
+            expected = map.pool(values, level, extensive=extensive)
+            product = (pooling(map, level, extensive=extensive) @ torch.from_numpy(values).T).T.numpy()
+            assert np.allclose(product, np.nan_to_num(expected), atol=1e-5)
+            for name, patch in map.patches.items():
+                own = pooling(map, level, patch=name, extensive=extensive)
+                part = torch.from_numpy(values[:, patch.start : patch.start + patch.n_taxels])
+                assert np.allclose((own @ part.T).sum(dim=0), (Pool(map, level, patch=name, extensive=extensive)(part)).nansum(dim=1), atol=1e-4)
+
+
+@pytest.mark.parametrize("interpolate", ["linear", "nearest"])
+@pytest.mark.parametrize("size", [None, (40, 48)])
+@pytest.mark.parametrize("level", [0, 1])
+def test_pixels_are_those_of_the_renderer(interpolate, size, level, holed_map):
+    values = np.random.default_rng(3).random((3, 256)).astype(np.float32)
+    renderer = holed_map.renderer(level, interpolate=interpolate, size=size)
+    fields = np.nan_to_num(holed_map.pool(values, level))
+    drawn = (pixels(renderer) @ torch.from_numpy(fields).T).T.numpy()
+    assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
+    if interpolate == "linear":
+        several = holed_map.renderer(level, size=size, channels=2)
+        drawn = (pixels(several, map=holed_map) @ torch.from_numpy(fields).T).T.numpy()
+        assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_modules_pool_and_draw_as_the_map_does(share, holed_map, uneven_map):
+    rng = np.random.default_rng(4)
+    for map in (holed_map, uneven_map):
+        values = rng.random((2, 3, map.n_taxels)).astype(np.float32)
+        values[rng.random(values.shape) < share] = np.nan
+        for level in range(map.n_levels):
+            for extensive in (False, True):
+                made = copy.deepcopy(Pool(map, level, extensive=extensive))(torch.from_numpy(values)).numpy()
+                assert np.allclose(made, map.pool(values, level, extensive=extensive), atol=1e-5, equal_nan=True)
+            renderer = map.renderer(level, channels=3, pack=len(map.patches) > 1)
+            draw = pickle.loads(pickle.dumps(torch.nn.Sequential(Pool(map, level), Draw(renderer))))
+            assert np.allclose(draw(torch.from_numpy(values)).numpy(), renderer(values), atol=1e-5, equal_nan=True)
+            assert torch.isfinite(torch.nn.Sequential(Pool(map, level), Draw(renderer, fill=0.0))(torch.from_numpy(values))).all()
+    one = torch.from_numpy(values[0, 0]).requires_grad_()
+    Draw(renderer)(Pool(map, map.n_levels - 1)(one)).nansum().backward()
+    assert torch.isfinite(one.grad).all() and (one.grad[torch.isnan(one.detach())] == 0).all() and one.grad.abs().sum() > 0
+    assert Pool(map, 0).double()(one.detach().double()).dtype == torch.float64
+    with pytest.raises(dermatome.DataError, match="values: found shape"):
+        Pool(map, 0)(torch.zeros(3, 2))
+
+
+def test_touches_are_images_fields_and_contacts(uneven_map, holed_map):
+    for map in (holed_map, uneven_map):
+        readings, truth = dermatome.touch(map, presses=2, rate=25.0)
+        readings = readings.on(map)
+        touches = Touches(map, readings, truth, size=[32, 40], level=1)
+        assert len(touches) == len(readings)
+        batch = next(iter(torch.utils.data.DataLoader(touches, batch_size=len(touches))))
+        renderer = map.renderer(0, size=(32, 40), extensive=True, pack=len(map.patches) > 1)
+        images, fields = renderer(readings.values), readings.pooled(map, 1)
+        assert np.array_equal(batch["image"], np.nan_to_num(images)) and np.array_equal(batch["mask"], np.isfinite(images))
+        assert np.array_equal(batch["fields"], np.nan_to_num(fields)) and np.array_equal(batch["valid"], np.isfinite(fields))
+        contact = batch["contact"]
+        assert np.array_equal(np.flatnonzero(contact["touched"]), np.unique(truth["frame"]))
+        strongest = [max(truth["force"][truth["frame"] == k]) for k in np.unique(truth["frame"])]
+        assert np.allclose(contact["force"][contact["touched"]], strongest)
+        assert set(contact["patch"][~contact["touched"]].tolist()) == {-1}
+    assert torch.equal(touches[-1]["image"], batch["image"][-1])
+    with pytest.raises(IndexError):
+        touches[len(touches)]
+    found = Touches(holed_map, dermatome.touch(holed_map, presses=1)[0])
+    assert 0 < found.contacts["touched"].mean() < 1 and found.contacts["force"].max() > 0.1
+    with pytest.raises(dermatome.DataError, match="truth: found frame 0, patch 'foot'"):
+        Touches(map, readings, {"frame": [0], "force": [1.0], "centre": [[0, 0, 0]], "patch": ["foot"]})
+    with pytest.raises(dermatome.DataError, match="patch"):
+        Touches(map, readings, truth, patch="foot")
+
+
+def test_touches_go_to_spawned_workers(tmp_path):
+    (tmp_path / "load.py").write_text("""
+import dermatome, torch
+from dermatome.torch import Touches
+
+if __name__ == "__main__":
+    skin_map = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    touches = Touches(skin_map, *dermatome.touch(skin_map, presses=1, rate=50.0), size=(16, 16))
+    alone = torch.cat([batch["image"] for batch in torch.utils.data.DataLoader(touches, batch_size=8)])
+    for start in ("spawn", "fork", "forkserver"):
+        loader = torch.utils.data.DataLoader(touches, batch_size=8, num_workers=2, multiprocessing_context=start)
+        assert torch.equal(torch.cat([batch["image"] for batch in loader]), alone), start
+    print("equal", len(alone))
+""")
+    said = subprocess.run([sys.executable, "load.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert said.returncode == 0 and said.stdout.startswith("equal"), said.stderr
+
+
+def test_examples_run():
+    import doctest
+
+    for thing in (Pool, Draw, Touches):
+        test = doctest.DocTestParser().get_doctest(thing.__doc__, {}, thing.__name__, None, None)
+        assert doctest.DocTestRunner().run(test).failed == 0
