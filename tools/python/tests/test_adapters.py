@@ -1,10 +1,12 @@
 """The adapters, each against the real package; those that are not installed are skipped by name."""
 
+import importlib.util
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import dome
+from conftest import dome, lattice
 
 import dermatome
 
@@ -52,93 +54,6 @@ def test_trimesh_keeps_what_a_map_holds(dome_map, tmp_path):
     assert refused.value.kind == "rewritten"
 
 
-def test_torch(dome_map):
-    torch = pytest.importorskip("torch")
-    import dermatome.torch as adapter
-
-    values = np.random.default_rng(1).random((4, 256)).astype(np.float32)
-    pooled = adapter.pooling(dome_map, 1) @ torch.from_numpy(values).T
-    assert np.allclose(pooled.T.numpy(), dome_map.pool(values, 1), atol=1e-5)
-    renderer = dome_map.renderer(1)
-    fields = torch.from_numpy(dome_map.pool(values, 1)).requires_grad_()
-    images = (adapter.pixels(renderer) @ fields.T).T
-    assert np.allclose(images.detach().numpy()[:, renderer.mask.ravel()], renderer(values)[:, 0][:, renderer.mask], atol=1e-5)
-    images.sum().backward()
-    assert fields.grad.shape == fields.shape and fields.grad.abs().sum() > 0
-
-
-SCENE = """
-<mujoco><option gravity="0 0 0" timestep="0.001"/>
-  <worldbody>
-    <body name="hand"><geom name="bone" type="sphere" size="0.08"/></body>
-    <body name="ball" pos="0 0 0.092"><freejoint/><geom name="ball" type="sphere" size="0.015" mass="0.01"/></body>
-  </worldbody>
-</mujoco>
-"""
-
-
-@pytest.mark.parametrize("level", [0, 1])
-def test_mujoco(level):
-    mujoco = pytest.importorskip("mujoco")
-    import dermatome.mujoco as adapter
-
-    positions, faces = dome()
-    map = dermatome.build(dermatome.Skin.from_arrays(positions - [*positions[:, :2].mean(axis=0), 0], faces, patch="dome", link="hand"))
-    spec = mujoco.MjSpec.from_string(SCENE)
-    name = adapter.attach(spec, map, level=level)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    felt = adapter.readings(data, name)
-    of = map.patches["dome"].levels[level]
-    assert felt.shape == (3, len(of.positions))
-    depth = np.maximum(0.015 - np.linalg.norm(of.positions - [0, 0, 0.092], axis=1), 0)
-    assert depth.max() > 1e-3
-    assert np.allclose(felt[0], depth, atol=1e-6)
-    with pytest.raises(dermatome.DataError, match="body"):
-        adapter.attach(mujoco.MjSpec.from_string(SCENE), map, body="foot")
-
-
-def test_rosbags(dome_map, tmp_path):
-    rosbag2 = pytest.importorskip("rosbags.rosbag2")
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    import dermatome.ros as adapter
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    text = {
-        "tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors",
-    }
-    for kind, lines in text.items():
-        store.register(get_types_from_msg(lines, kind))
-    kinds = store.types
-    values = np.random.default_rng(2).random((5, 256)).astype(np.float32)
-    order = np.random.default_rng(3).permutation(256)
-    with rosbag2.Writer(tmp_path / "in", version=9) as writer:
-        to = writer.add_connection("/tactile", "tactile_msgs/msg/TactileState", typestore=store)
-        for k in range(5):
-            stamp = kinds["builtin_interfaces/msg/Time"](sec=k, nanosec=0)
-            header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="hand")
-            channel = kinds["sensor_msgs/msg/ChannelFloat32"](name="pressure", values=values[k, order])
-            message = kinds["tactile_msgs/msg/TactileState"](header=header, sensors=[channel])
-            writer.write(to, k * 10**9, store.serialize_cdr(message, "tactile_msgs/msg/TactileState"))
-    readings = adapter.read(tmp_path / "in", "/tactile", dome_map, ids=dome_map.ids[order])
-    assert np.array_equal(readings.values[:, 0], values) and readings.timestamps.tolist() == [0, 1, 2, 3, 4]
-    with pytest.raises(dermatome.DataError, match="/tactile"):
-        adapter.read(tmp_path / "in", "/nothing", dome_map)
-    adapter.write(tmp_path / "out", dome_map, readings, level=1)
-    renderer = dome_map.renderer(1)
-    with AnyReader([tmp_path / "out"]) as reader:
-        images = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/skin/image"]
-        clouds = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/skin/points"]
-    drawn = np.frombuffer(images[3].data.tobytes(), "<f4").reshape(images[3].height, images[3].width)
-    assert np.array_equal(drawn, renderer(values[3:4])[0, 0], equal_nan=True)
-    rows = np.frombuffer(clouds[3].data.tobytes(), np.float32).reshape(-1, 8)
-    assert np.allclose(rows[:, :3], dome_map.patches["dome"].levels[1].positions, atol=1e-7)
-    assert np.array_equal(rows[:, 6], dome_map.pool(values[3], 1))
-
-
 def test_lerobot_takes_the_features(dome_map):
     import dermatome.lerobot as adapter
 
@@ -149,12 +64,88 @@ def test_lerobot_takes_the_features(dome_map):
     frame = adapter.frame(dome_map, values, 1, images=images)
     reserved = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
     assert frame.keys() == features.keys() and not reserved & features.keys()
+    valid = frame["observation.tactile.dome.L1.valid"]
+    assert np.array_equal(valid == 1, np.isfinite(dome_map.pool(values, 1)))
+    dead = np.where(dome_map.pool(np.eye(256), 1)[:, 3] > 0, np.nan, values)
+    assert adapter.frame(dome_map, dead, 1)["observation.tactile.dome.L1.valid"][3] == 0
     for key, feature in features.items():
         assert "/" not in key
         assert frame[key].shape == feature["shape"] and isinstance(feature["shape"], tuple)
         assert np.isfinite(frame[key]).all()
         assert frame[key].dtype == (np.uint8 if feature["dtype"] == "image" else np.float32)
     assert adapter.masks(dome_map, 1)["observation.tactile.dome.L1"].all()
+
+
+def test_features_of_patches_have_names_of_their_own():
+    import dermatome.lerobot as adapter
+
+    one = lattice(8, 8)[0]
+    skin = [dermatome.Skin.from_arrays(one, patch=name) for name in ("arm/wrist", "arm_wrist")]
+    assert [adapter.key(each.patches[0], 0) for each in skin] == ["observation.tactile.arm_wrist.L0"] * 2
+    glue = pytest.importorskip("trimesh")  # Two objects of a file are two patches.
+    scene = glue.Scene()
+    for k, name in enumerate(("arm/wrist", "arm_wrist")):
+        positions, faces = lattice(8, 8)
+        scene.add_geometry(glue.Trimesh(positions + [0.2 * k, 0, 0], faces, process=False), node_name=name, geom_name=name)
+    made = dermatome.build(dermatome.Skin.from_bytes(scene.export(file_type="glb"), "glb"))
+    assert len(made.patches) == 2
+    values = np.arange(128.0)
+    for features in (adapter.features(made, 0), adapter.frame(made, values, 0)):
+        assert len(features) == 4
+    assert sum(adapter.frame(made, values, 0)[key].sum() for key in adapter.keys(made, 0).values()) == values.sum()
+    assert len(adapter.masks(made, 0)) == len(dermatome.Readings.from_arrays(values[None]).features(made, 0)) == 2
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_forces_keep_their_total_in_every_adapter(level, uneven_map, monkeypatch):
+    import dermatome.lerobot
+
+    force = np.random.default_rng(6).random((2, 1, 592))
+    force[:, 0, 300] = np.nan
+    readings = dermatome.Readings.from_arrays(force, units="N", channels="force")
+    expected = np.nansum(force[:, 0, uneven_map.present == 1], axis=1)
+    totals = {"pooled": np.nansum(readings.pooled(uneven_map, level)[:, 0], axis=1)}
+    features = readings.features(uneven_map, level)
+    totals["features"] = sum(feature["values"].sum(axis=1) for feature in features.values())
+    frames = [dermatome.lerobot.frame(uneven_map, row, level, extensive=True) for row in force[:, 0]]
+    kept = dermatome.lerobot.keys(uneven_map, level).values()
+    totals["lerobot"] = [sum(frame[key].sum() for key in kept) for frame in frames]
+    assert all(frame.keys() == dermatome.lerobot.features(uneven_map, level).keys() for frame in frames)
+    if importlib.util.find_spec("rerun"):
+        import rerun
+
+        import dermatome.rerun
+
+        logged = []
+        monkeypatch.setattr(rerun, "log", lambda path, *parts, **_: logged.append((path, parts)))
+        dermatome.rerun.log(uneven_map, readings, level=level)
+        totals["rerun"] = [float(parts[0].scalars.as_arrow_array()[0].as_py()) for path, parts in logged if path == "skin/total"]
+        assert len(logged) == 2 + 2 * 3
+    if importlib.util.find_spec("torch"):
+        import torch
+
+        from dermatome.torch import Pool, Touches
+
+        totals["Pool"] = np.nansum(Pool(uneven_map, level, extensive=True)(torch.from_numpy(force[:, 0])).numpy(), axis=1)
+        touches = Touches(uneven_map, readings, truth={"frame": [], "force": [], "centre": [], "patch": []}, level=level)
+        totals["Touches"] = [touches[k]["fields"].sum().item() for k in range(2)]
+    for name, total in totals.items():
+        assert np.allclose(total, expected, rtol=1e-5), name
+
+
+def test_rerun_puts_patches_where_their_links_are(tmp_path, monkeypatch):
+    rerun = pytest.importorskip("rerun")
+    import dermatome.rerun as adapter
+
+    robot = dermatome.build(Path(__file__).parents[3] / "meshes" / "robot.glb")
+    logged = {}
+    monkeypatch.setattr(rerun, "log", lambda path, *parts, **_: logged.setdefault(path, parts))
+    adapter.log(robot, level=robot.n_levels - 1)
+    poses = robot.index().poses
+    for name, patch in robot.patches.items():
+        transform = next(part for part in logged[f"skin/{name}"] if isinstance(part, rerun.Transform3D))
+        assert np.allclose(np.ravel(transform.translation.as_arrow_array().to_pylist()), poses[patch.link][:3, 3])
+    assert len({tuple(poses[link][:3, 3]) for link in robot.links}) == 3
 
 
 def test_rerun(dome_map, tmp_path):
