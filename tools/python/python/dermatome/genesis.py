@@ -18,7 +18,7 @@ def probes(
     normals: bool = False,
 ) -> dict[str, Any]:
     """The options `probe_local_pos` and `probe_radius` of a sensor, in the frame of the link, as in
-    `gs.sensors.ContactProbe(entity_idx=0, **probes(map))`.
+    `gs.sensors.ContactProbe(entity_idx=0, **probes(skin_map))`.
 
     Parameters
     ----------
