@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, as_floats, condition_readings
@@ -49,8 +49,8 @@ def joined(map: Map, ids: Any) -> list[str]:
     return said
 
 
-def condition(readings: Readings, map: Map, options: Options) -> dict[str, Any]:
-    """What changes in readings on the map: `values`, `timestamps`, `channels`, `units`, `measured`, `remarks`."""
+def condition(readings: Readings, map: Map, options: Options) -> Readings:
+    """The readings on the map, made comparable."""
     import numpy as np
 
     of_map = readings.on(map)
@@ -65,7 +65,6 @@ def condition(readings: Readings, map: Map, options: Options) -> dict[str, Any]:
     served = map.present == 1
     if readings.ids is not None:
         served &= np.isin(map.ids, readings.ids)
-    missing = int((~np.isfinite(values[:, :, served])).sum())
 
     shape = values.shape[1:]
     for name, neutral, given in (("scale", 1.0, options.scale), ("offset", 0.0, options.offset)):
@@ -85,7 +84,8 @@ def condition(readings: Readings, map: Map, options: Options) -> dict[str, Any]:
     clip = None if options.clip is None else tuple(options.clip)
     given = (map, values, times, list(of_map.channels), baseline, gains, clip, split)
     made, names = condition_readings(*given)
-    said = tally(map, values, made[:, :: 1 if split is None else 2], missing, served, times if has_times else None, options)
+    missing = unknown(of_map.values)
+    said = tally(map, values, made, missing, served, times if has_times else None, options)
     measured: Any = of_map.measured
     if measured is not None and split is not None:
         measured = np.repeat(measured, 2, axis=1)
@@ -94,7 +94,19 @@ def condition(readings: Readings, map: Map, options: Options) -> dict[str, Any]:
         made, names = condition_readings(*given, options.fill)
     units = of_map.units if split is None else tuple(unit for unit in of_map.units for _ in range(2))
     remarks = tuple(dict.fromkeys((*of_map.remarks, *said)))
-    return {"values": made, "timestamps": times, "channels": tuple(names), "units": units, "measured": measured, "remarks": remarks}
+    given_names = tuple(names)
+    return replace(of_map, values=made, timestamps=times, channels=given_names, units=units, measured=measured, remarks=remarks)
+
+
+def unknown(values: Any) -> Any:
+    """Which values (T, C, N) are not finite; None if there are none."""
+    import numpy as np
+
+    with np.errstate(all="ignore"):
+        if np.isfinite(values.sum()):  # Faster than a look at each.
+            return None
+    lost = ~np.isfinite(values)
+    return lost if lost.any() else None
 
 
 def per_taxel(name: str, given: Any, shape: tuple[int, ...]) -> Any:
@@ -112,43 +124,48 @@ def counted(count: int, things: str, how: str) -> str:
     return f"1 {things.rstrip('s')} is {how}" if count == 1 else f"{count} {things} are {how}"
 
 
-def tally(map: Map, values: Any, made: Any, missing: int, served: Any, times: Any, options: Options) -> list[str]:
+def tally(map: Map, values: Any, made: Any, missing: Any, served: Any, times: Any, options: Options) -> list[str]:
     """What the command says about readings before (`values`) and after (`made`) they were conditioned."""
     import numpy as np
 
-    frames = len(values)
-    first = options.baseline if np.ndim(options.baseline) == 0 else 0
-    found, said = np.isfinite(values), []
-    if frames < first:
-        said.append(f"the baseline is the mean of {frames} frames, there are no {first}")
-    lacks_baseline = np.zeros(values.shape[1:], dtype=bool)
+    frames, (count, taxels), gain = len(values), values.shape[1:], options.gain
+    first = min(int(options.baseline), frames) if np.ndim(options.baseline) == 0 else 0
+    said, lacks_baseline, mean = [], np.zeros((count, taxels), dtype=bool), np.zeros((count, taxels))
+    if np.ndim(options.baseline) == 0 and frames < options.baseline:
+        said.append(f"the baseline is the mean of {frames} frames, there are no {options.baseline}")
     if first:
-        lacks_baseline = ~found[: int(first)].any(axis=0)
+        found = np.isfinite(values[:first])
+        lacks_baseline = ~found.any(axis=0)
+        with np.errstate(all="ignore"):
+            mean = np.where(found, values[:first], 0).sum(axis=0) / found.sum(axis=0)
+    made = made[:, :: 1 if options.split is None else 2]
+
+    lost, too_large = unknown(made), 0
+    if lost is not None:
+        lost = lost[:, served_both := ~lacks_baseline & (map.present == 1)]
+        before = unknown(values)
+        too_large = int(np.count_nonzero(lost if before is None else lost & ~before[:, served_both]))
     clipped = 0
     if options.clip is not None:
-        free = values
-        if first:
-            with np.errstate(all="ignore"):
-                head = found[: int(first)]
-                free = values - np.where(head, values[: int(first)], 0).sum(axis=0) / head.sum(axis=0)
-        if isinstance(options.gain, Mapping):
-            free = free * np.array([options.gain.get(int(id), 1.0) for id in map.ids])
         low, high = options.clip
-        clipped = int(((np.abs(free) <= np.finfo(np.float32).max) & ((free < low) | (free > high))).sum())
-    too_large = int((found & ~np.isfinite(made) & ~lacks_baseline & (map.present == 1)).sum())
+        factor = np.array([gain.get(int(id), 1.0) for id in map.ids]) if isinstance(gain, Mapping) else 1.0
+        most, step = float(np.finfo(np.float32).max), max(1, (1 << 17) // max(count * taxels, 1))
+        for start in range(0, frames, step):  # So that numbers stay in the cache.
+            with np.errstate(all="ignore"):
+                free = (values[start : start + step] - mean) * factor
+            # NaN is neither.
+            below = np.count_nonzero(free < max(low, -most)) - np.count_nonzero(free < -most)
+            clipped += int(below + np.count_nonzero(free > min(high, most)) - np.count_nonzero(free > most))
     backwards = 0
     if times is not None:
         latest = np.fmax.accumulate(times)
         backwards = int((np.isnan(times) | (times < np.concatenate([[-np.inf], latest[:-1]]))).sum())
-    unknown = 0
-    if isinstance(options.gain, Mapping):
-        unknown = len(set(options.gain) - set(map.ids.tolist()))
     counts = (
-        (missing, "readings", "missing, NaN or infinite, and masked"),
+        (0 if missing is None else int(np.count_nonzero(missing[:, :, served])), "readings", "missing, NaN or infinite, and masked"),
         (clipped, "readings", "clipped"),
         (too_large, "readings", "beyond the range of 32-bit floats, and masked"),
         (backwards, "frames", "earlier than the frame before"),
         (int(lacks_baseline[:, served].sum()), "readings", "without a baseline, and masked"),
-        (unknown, "gains", "of no taxel of the map"),
+        (len(set(gain) - set(map.ids.tolist())) if isinstance(gain, Mapping) else 0, "gains", "of no taxel of the map"),
     )
-    return said + [counted(count, things, how) for count, things, how in counts if count]
+    return said + [counted(number, things, how) for number, things, how in counts if number]

@@ -230,7 +230,7 @@ class Readings:
         """
         readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)))
         options = _conditioning.Options(scale, offset, baseline, gain, clip, split, rate, fill)
-        return replace(readings.on(map), **_conditioning.condition(readings, map, options))
+        return _conditioning.condition(readings, map, options)
 
     def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:
         """What a LeRobot dataset keeps of these readings, as `dermatome render` describes it in `features.json`.
