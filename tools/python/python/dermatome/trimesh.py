@@ -6,10 +6,15 @@ from typing import Any
 
 from dermatome._adapter import level_of, need
 from dermatome._dermatome import Map, Skin
+from dermatome._errors import DataError
 
 
 def skin(mesh: Any, **options: Any) -> Skin:
     """A skin of a `trimesh.Trimesh`, in m; `options` are those of `Skin.from_arrays`."""
+    if not hasattr(mesh, "vertices"):
+        kind = type(mesh).__name__
+        needed = "a Trimesh" + ("; scene.to_mesh() is one, of all its meshes" if hasattr(mesh, "geometry") else "")
+        raise DataError(f"mesh: found {kind}; needed: {needed}")
     return Skin.from_arrays(mesh.vertices, mesh.faces, **options)
 
 
