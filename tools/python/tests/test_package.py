@@ -68,6 +68,45 @@ def test_stubs_are_those_of_the_module():
     assert said.returncode == 0, said.stdout + said.stderr
 
 
+USE = """
+import numpy as np
+import dermatome, dermatome.lerobot, dermatome.mujoco, dermatome.ros
+
+skin_map = dermatome.Map.read("map.glb")
+readings, truth = dermatome.touch(skin_map, presses=2)
+part: dermatome.Readings = readings[3:5]
+shapes = [one.values.shape for one in readings]
+part.condition(skin_map, scale=np.ones(9), baseline=3, gain={1: 2.0}, clip=[0, 1], units="N")
+part.condition(skin_map, gain=np.ones(9), baseline=[0.5] * 9, units=["N"])
+dermatome.ros.read("bag", "/skin", skin_map, values="pressure", ids=lambda message: message.ids, units="N", stamp="header")
+dermatome.ros.read("bag", "/skin", skin_map, values=["force", "heat"], channels=["force", "heat"])
+dermatome.mujoco.readings(None, dermatome.mujoco.attach_all(None, skin_map, bodies={"hand": "palm"}))
+"""
+MISTAKES = [
+    "dermatome.touch(skin_map, press=3)",
+    'dermatome.Readings.read("a.npy", layout="nct")',
+    "part.condition(skin_map, gains=3)",
+    'part.units = ("N",)',
+    'dermatome.ros.read("bag", "/skin", skin_map, stamp="clock")',
+    'dermatome.ros.write("bag", skin_map, part, level="1")',
+    "dermatome.mujoco.readings(None, 3)",
+    "dermatome.lerobot.features(skin_map, images=[1])",
+]
+
+
+def test_types_are_strict_and_find_mistakes(tmp_path):
+    (tmp_path / "use.py").write_text(USE)
+    (tmp_path / "wrong.py").write_text(USE + "\n".join(MISTAKES))
+    strict = [sys.executable, "-m", "mypy", "--strict"]
+    for what in (["-p", "dermatome"], ["use.py"]):
+        said = subprocess.run([*strict, *what], capture_output=True, text=True, cwd=tmp_path)
+        assert said.returncode == 0, said.stdout
+    said = subprocess.run([*strict, "wrong.py"], capture_output=True, text=True, cwd=tmp_path).stdout
+    found = {int(line.split(":")[1]) for line in said.splitlines() if " error: " in line}
+    first = USE.count("\n") + 1
+    assert found == set(range(first, first + len(MISTAKES))), said
+
+
 def test_types_are_final_and_frozen():
     for name in ("Skin", "Robot", "Map", "Patch", "Level", "Index"):
         thing = getattr(_dermatome, name)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
@@ -12,7 +11,7 @@ from dermatome._errors import DataError, FileError
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
@@ -57,7 +56,7 @@ class Readings:
         path: str | os.PathLike[str],
         map: Map | None = None,
         *,
-        layout: Any = None,
+        layout: Literal["tnc", "tcn"] | None = None,
         channels: str | Sequence[str] | None = None,
         units: str | Sequence[str] | None = None,
     ) -> Readings:
@@ -131,6 +130,9 @@ class Readings:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    def __iter__(self) -> Iterator[Readings]:
+        return (self[frame] for frame in range(len(self)))
 
     def __getitem__(self, frames: Any) -> Readings:
         import numpy as np
@@ -352,6 +354,8 @@ def _of(arrays: dict[str, Any]) -> Readings:
 
 def _stored(path: Any) -> tuple[Any, Any]:
     """The layout that an .npz names, and which of its values were measured (T, C, N)."""
+    import zipfile
+
     import numpy as np
 
     if not str(path).lower().endswith(".npz"):
