@@ -85,11 +85,12 @@ def test_bytes_are_never_readings(store, grid_map, tmp_path):
 def test_points_are_read_by_field(store, grid_map, tmp_path):
     cloud, field = store.types["sensor_msgs/msg/PointCloud2"], store.types["sensor_msgs/msg/PointField"]
     rng, order = np.random.default_rng(2), np.random.default_rng(3).permutation(30)
-    kind = [("x", "f4"), ("y", "f4"), ("z", "f4"), ("force", "f8"), ("heat", "i2"), ("gap", "u1"), ("id", "u4"), ("axes", "f4", 3)]
-    numbers = {"i2": 3, "u1": 2, "u4": 6, "f4": 7, "f8": 8}
+    kind = [("x", "f4"), ("y", "f4"), ("z", "f4"), ("force", "f8"), ("heat", "i2"), ("gap", "u1"), ("id", "u4"), ("cell", "u2"), ("axes", "f4", 3)]
+    numbers = {"i2": 3, "u1": 2, "u2": 4, "u4": 6, "f4": 7, "f8": 8}
     for big in (False, True):
         points = np.zeros(30, np.dtype([(name, (">" if big else "<") + t, *n) for name, t, *n in kind]))
         points["force"], points["heat"], points["id"] = rng.random(30), rng.integers(-99, 99, 30), grid_map.ids[order]
+        points["cell"] = grid_map.ids[order][::-1]
         points["axes"] = rng.random((30, 3))
         fields = [field(name, points.dtype.fields[name][1], numbers[t], *(n or [1])) for name, t, *n in kind]
         step = points.dtype.itemsize
@@ -101,7 +102,9 @@ def test_points_are_read_by_field(store, grid_map, tmp_path):
         several = adapter.read(path, "/skin", grid_map, values=["heat", "axes"])
         assert several.channels == ("heat", "axes0", "axes1", "axes2")
         assert np.array_equal(several.values[0][:, order], [points["heat"], *points["axes"].T])
-        assert adapter.read(path, "/skin", grid_map).channels == ("force", "heat", "gap", "axes0", "axes1", "axes2")
+        assert adapter.read(path, "/skin", grid_map).channels == ("force", "heat", "gap", "cell", "axes0", "axes1", "axes2")
+        turned = adapter.read(path, "/skin", grid_map, values="force", ids="cell")
+        assert np.array_equal(turned.values[0, 0, order[::-1]], points["force"])
         with pytest.raises(dermatome.DataError, match="'pressure'.*force"):
             adapter.read(path, "/skin", grid_map, values="pressure")
 
@@ -322,3 +325,18 @@ def test_a_recording_goes_through_bags(dome_map, store, tmp_path):
     rows = np.frombuffer(clouds[3].data.tobytes(), np.float32).reshape(-1, 8)
     assert np.allclose(rows[:, :3], dome_map.patches["dome"].levels[1].positions, atol=1e-7)
     assert np.array_equal(rows[:, 6], dome_map.pool(values[3], 1))
+
+
+def test_bags_of_ros_1(dome_map, tmp_path):
+    rosbag1 = pytest.importorskip("rosbags.rosbag1")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    kind = store.types["sensor_msgs/msg/Image"]
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=5, nanosec=0)
+    head = store.types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="hand")
+    pixels = np.random.default_rng(9).integers(0, 60_000, (16, 16)).astype("<u2")
+    message = kind(head, 16, 16, "mono16", 0, 32, pixels.view(np.uint8).ravel())
+    with rosbag1.Writer(tmp_path / "a.bag") as writer:
+        to = writer.add_connection("/skin", kind.__msgtype__, typestore=store)
+        writer.write(to, 10**9, store.serialize_ros1(message, kind.__msgtype__))
+    readings = adapter.read(tmp_path / "a.bag", "/skin", dome_map)
+    assert np.array_equal(readings.values[0, 0], pixels.ravel()) and readings.timestamps.tolist() == [5]

@@ -42,7 +42,7 @@ def numbers_of(message: Any, map: Map, count: int, wanted: Wanted) -> Numbers:
         return Numbers(np.atleast_2d(rows), [f"channel{k}" for k in range(len(np.atleast_2d(rows)))])
     names = None if wanted is None else [wanted] if isinstance(wanted, str) else list(wanted)
     if hasattr(message, "point_step"):
-        return _points(message, names)
+        return points_of(message, names)
     if names is not None:
         parts = [_named(message, name, map, count) for name in names]
         return Numbers(np.concatenate([part.values for part in parts]), [n for part in parts for n in part.names], parts[0].ids)
@@ -142,7 +142,7 @@ def _image(message: Any, count: int) -> Numbers:
     return Numbers(values, list(letters) or (["image"] if depth == 1 else [f"image{k}" for k in range(depth)]))
 
 
-def _points(message: Any, names: list[str] | None) -> Numbers:
+def points_of(message: Any, names: list[str] | None) -> Numbers:
     """A reading for each point: its field `value`, or all that are no position, normal, colour, time or id."""
     np = need("numpy", "ros")
     kinds = {}

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map
 from dermatome._errors import DataError, FileError, MissingFileError
-from dermatome._messages import Wanted, field_of, kind_of, numbers_of
+from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
 
 # Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
@@ -76,7 +76,7 @@ def read(
     frames: list[Any] = []
     at, recorded = [], []
     for message, time in _messages(path, topic, definitions):
-        own = ids(message) if callable(ids) else field_of(message, ids) if isinstance(ids, str) else ids
+        own = ids(message) if callable(ids) else _named_ids(message, ids) if isinstance(ids, str) else ids
         own = None if own is None else np.asarray(own).ravel()
         made = numbers_of(message, map, map.n_taxels if own is None else len(own), values)
         if own is None:
@@ -95,6 +95,11 @@ def read(
     names = frames[0].names if channels is None else channels
     readings = Readings.from_arrays(array, ids=columns, timestamps=times, channels=names, units=units)
     return replace(readings, remarks=remarks).on(map)
+
+
+def _named_ids(message: Any, name: str) -> Any:
+    """The ids in a field of a message or of its points."""
+    return points_of(message, [name]).values[0].astype(int) if hasattr(message, "point_step") else field_of(message, name)
 
 
 def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> Any:
