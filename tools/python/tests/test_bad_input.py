@@ -158,7 +158,10 @@ def test_recordings(dome_map, index, values, times, a, b, count):
         lambda: readings.condition(dome_map, baseline=count),
         lambda: readings.condition(dome_map, gain={count: a}, clip=(a, b)),
         lambda: readings.condition(dome_map, split=a, rate=b),
+        lambda: readings.condition(dome_map, scale=times, offset=values, fill="neighbours", units=[count]),
+        lambda: readings.condition(dome_map, baseline=values, gain=times, clip=[a]),
         lambda: readings.features(dome_map, count),
+        lambda: (len(list(readings)), repr(readings)),
     ):
         if readings is not None:
             accepts(call)

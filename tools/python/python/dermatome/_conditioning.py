@@ -73,7 +73,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
             raise DataError(f"{name}: found {number[~np.isfinite(number)][0]}; needed: finite numbers")
         if (number != neutral).any():
             values = values * number if name == "scale" else values + number
-    if np.ndim(baseline):
+    if not is_number(baseline):
         values, baseline = values - per_taxel("baseline", baseline, shape), 0
     gains: list[tuple[Any, Any]] = []
     if isinstance(options.gain, Mapping):
@@ -109,6 +109,16 @@ def unknown(values: Any) -> Any:
     return lost if lost.any() else None
 
 
+def is_number(given: Any) -> bool:
+    """Whether an argument is one number, and no array."""
+    import numpy as np
+
+    try:
+        return np.ndim(given) == 0
+    except (TypeError, ValueError):
+        return False
+
+
 def per_taxel(name: str, given: Any, shape: tuple[int, ...]) -> Any:
     """A number, or one for each taxel or channel and taxel, as an array that goes with (C, N)."""
     import numpy as np
@@ -129,9 +139,9 @@ def tally(map: Map, values: Any, made: Any, missing: Any, served: Any, times: An
     import numpy as np
 
     frames, (count, taxels), gain = len(values), values.shape[1:], options.gain
-    first = min(int(options.baseline), frames) if np.ndim(options.baseline) == 0 else 0
+    first = min(int(options.baseline), frames) if is_number(options.baseline) else 0
     said, lacks_baseline, mean = [], np.zeros((count, taxels), dtype=bool), np.zeros((count, taxels))
-    if np.ndim(options.baseline) == 0 and frames < options.baseline:
+    if is_number(options.baseline) and frames < options.baseline:
         said.append(f"the baseline is the mean of {frames} frames, there are no {options.baseline}")
     if first:
         found = np.isfinite(values[:first])

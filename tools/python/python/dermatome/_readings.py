@@ -382,7 +382,10 @@ def _times(given: Any, frames: int) -> NDArray[np.float64]:
 
     if given is None:
         return np.full(frames, np.nan)
-    array = np.asarray(given)
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros(0)  # `as_floats` says what is wrong.
     if array.dtype.kind in "mM":
         whole = array.astype(f"{array.dtype.kind}8[ns]")
         times = np.where(np.isnat(whole), np.nan, whole.astype(np.int64) * 1e-9)
