@@ -115,7 +115,7 @@ def test_arrays_of_taxels_condition(dome_map):
         assert np.allclose(made.values, np.clip((counts - counts[:2].mean(axis=0)) * scale, -0.2, 0.3))
     zero[7] = np.nan
     assert np.isnan(Readings.from_arrays(counts).condition(dome_map, baseline=zero).values[:, :, 7]).all()
-    for name, wrong in (("scale", np.ones(3)), ("offset", np.nan), ("baseline", np.ones((256, 2))), ("gain", np.ones((1, 2)))):
+    for name, wrong in (("scale", np.ones(3)), ("offset", np.nan), ("baseline", np.ones((256, 2))), ("gain", np.ones((1, 2))), ("clip", [1])):
         with pytest.raises(dermatome.DataError, match=name):
             Readings.from_arrays(counts).condition(dome_map, **{name: wrong})
 

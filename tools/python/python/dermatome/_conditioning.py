@@ -82,6 +82,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         # Before the mean of frames is subtracted: the result is the same.
         values = values * per_taxel("gain", options.gain, shape)
     clip = None if options.clip is None else tuple(options.clip)
+    if clip is not None and len(clip) != 2:
+        raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
     given = (map, values, times, list(of_map.channels), baseline, gains, clip, split)
     made, names = condition_readings(*given)
     missing = unknown(of_map.values)
