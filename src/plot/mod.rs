@@ -36,7 +36,7 @@ use crate::pyramid::LevelId;
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png};
 pub use picture::Picture;
-pub use plot_frame::plot_frame;
+pub use plot_frame::{FramePlotter, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
 
 /// What the colours of a plot say.

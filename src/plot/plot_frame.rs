@@ -15,12 +15,7 @@ use crate::plot::plot_map::{check_viewpoint, choose, choose_levels, title};
 use crate::plot::{PlotError, PlotOptions};
 use crate::pyramid::LevelId;
 use crate::signal::{Channel, LevelFrame, Quantity};
-
-struct ChannelView<'a> {
-    frame: &'a LevelFrame,
-    channel: &'a Channel,
-    shown: usize,
-}
+use crate::skin::PatchId;
 
 /// Draws the channel at `shown` of a frame with these channels: levels side by side, all at one scale and
 /// in one scale of colours.
@@ -64,58 +59,117 @@ pub fn plot_frame(
     shown: usize,
     options: &PlotOptions,
 ) -> Result<Picture, PlotError> {
-    let [low, high] = options.range.unwrap_or([0.0, 1.0]);
-    let rises = low.is_finite() && high.is_finite() && low < high;
-    let Some(channel) = channels.get(shown).filter(|_| rises) else {
-        return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
-    };
-    let channel = &ChannelView { frame, channel, shown };
-    let patches = choose(&map.patches, |patch| &patch.name, &options.patches)?;
-    let levels = choose_levels(&patches, &options.levels)?;
-    options.space.map_or(Ok(()), check_viewpoint)?;
-    map.validate()?;
-    let views: Vec<_> =
-        patches.iter().map(|patch| PatchView::of_map(map, patch)).collect::<Result<_, _>>()?;
-    let about = about(channel.channel);
-    let mut rows = Vec::new();
-    for (&patch, view) in patches.iter().zip(&views) {
-        let drawn: Vec<_> =
-            levels.iter().map(|&level| densities(map, patch, level, channel)).collect::<Result<_, _>>()?;
-        if let Some(viewpoint) = options.space {
-            let panel = |(&level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
-            rows.push(levels.iter().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
+    FramePlotter::new(map, channels, shown, options)?.draw(frame)
+}
+
+/// Draws many frames of one map as [`plot_frame`] does; what does not depend on the frame is checked and prepared once.
+pub struct FramePlotter<'a> {
+    map: &'a SkinMap,
+    channel: &'a Channel,
+    shown: usize,
+    options: &'a PlotOptions,
+    patches: Vec<(PatchId, PatchView<'a>)>,
+    levels: Vec<LevelId>,
+}
+
+impl<'a> FramePlotter<'a> {
+    /// A plotter of frames with these channels, which draws the one at `shown`.
+    ///
+    /// # Errors
+    /// As [`plot_frame`], but for those of frames and of the size of the picture.
+    pub fn new(
+        map: &'a SkinMap,
+        channels: &'a [Channel],
+        shown: usize,
+        options: &'a PlotOptions,
+    ) -> Result<Self, PlotError> {
+        let [low, high] = options.range.unwrap_or([0.0, 1.0]);
+        let rises = low.is_finite() && high.is_finite() && low < high;
+        let Some(channel) = channels.get(shown).filter(|_| rises) else {
+            return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
+        };
+        let chosen = choose(&map.patches, |patch| &patch.name, &options.patches)?;
+        let levels = choose_levels(&chosen, &options.levels)?;
+        options.space.map_or(Ok(()), check_viewpoint)?;
+        map.validate()?;
+        let view = |patch: &'a PatchMap| {
+            let id = map.patches.enumerate().find(|(_, p)| std::ptr::eq(*p, patch)).map(|(id, _)| id);
+            Ok((id.ok_or(PlotError::Empty)?, PatchView::of_map(map, patch)?))
+        };
+        let patches = chosen.into_iter().map(view).collect::<Result<_, PlotError>>()?;
+        Ok(Self { map, channel, shown, options, patches, levels })
+    }
+
+    /// Draws a frame.
+    ///
+    /// # Errors
+    /// If the frame is not one of the map, or the picture is narrower than its panels need or larger than 16384 pixels
+    /// a side.
+    pub fn draw(&self, frame: &LevelFrame) -> Result<Picture, PlotError> {
+        let Self { channel, options, .. } = *self;
+        let about = about(channel);
+        let mut rows = Vec::new();
+        for (patch, view) in &self.patches {
+            let of_level = |&level: &LevelId| self.densities(frame, *patch, level);
+            let drawn: Vec<_> = self.levels.iter().map(of_level).collect::<Result<_, _>>()?;
+            if let Some(viewpoint) = options.space {
+                let panel = |(&level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
+                rows.push(self.levels.iter().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
+            }
+            let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
+            rows.push(self.levels.iter().zip(drawn).map(panel).collect());
         }
-        let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
-        rows.push(levels.iter().zip(drawn).map(panel).collect());
+        let all = rows.iter().flatten().flatten().map(|(_, drawn)| drawn);
+        let colours = Colours::new(options.range, &about, all);
+        for (panel, drawn) in rows.iter_mut().flatten().flatten() {
+            panel.slot.caption = caption(panel, drawn, channel, frame.time, &about);
+        }
+        let (rows, layout) = lay_out(rows, |(panel, _)| &panel.slot, options.width_px)?;
+        let slots = slots(&rows, |(panel, _)| &panel.slot);
+        let mut groups = Vec::new();
+        let mut has_gaps = false;
+        for ((panel, drawn), view) in rows.iter().flatten().flatten().zip(layout.views(&slots)) {
+            let [low, high] = colours.range;
+            let shares = drawn.densities.map(|x| (x - low) / (high - low));
+            has_gaps |= shares.iter().any(|x| x.is_nan());
+            groups.push(layout.caption(&panel.slot.caption, &view));
+            groups.push(panel.draw_values(&view, &shares, colours.scale));
+        }
+        groups.push(layout.scale_bar());
+        groups.push(layout.colour_bar(colours.scale, &about.label, &colours.labels(about.factor)));
+        if has_gaps {
+            groups.push(layout.hatch_key(&about.label));
+        }
+        let what = format!("{} on", printable(&channel.name));
+        Ok(Picture {
+            title: title(&what, self.patches.iter().map(|(_, view)| view.name)),
+            size_px: [layout.width, layout.height],
+            em: layout.em,
+            groups,
+        })
     }
-    let colours =
-        Colours::new(options.range, &about, rows.iter().flatten().flatten().map(|(_, drawn)| drawn));
-    for (panel, drawn) in rows.iter_mut().flatten().flatten() {
-        panel.slot.caption = caption(panel, drawn, channel, &about);
+
+    /// What is drawn of a level of a patch; `None` for a level that the patch does not have.
+    fn densities<'f>(
+        &self,
+        frame: &'f LevelFrame,
+        id: PatchId,
+        level: LevelId,
+    ) -> Result<Option<Drawn<'f>>, PlotError> {
+        let patch = &self.map.patches[id];
+        let Some(MapLevel { level: shape, .. }) = patch.levels.get(level) else { return Ok(None) };
+        let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level };
+        let of_channel = frame.values.get(id).and_then(|channels| channels.get(self.shown));
+        let values = of_channel.and_then(|levels| levels.get(level)).ok_or_else(other)?;
+        if values.len() != shape.mesh.positions.len() {
+            return Err(other());
+        }
+        let densities = match self.channel.quantity {
+            Quantity::Intensive => values.clone(),
+            Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
+        };
+        Ok(Some(Drawn { level, values, densities }))
     }
-    let (rows, layout) = lay_out(rows, |(panel, _)| &panel.slot, options.width_px)?;
-    let slots = slots(&rows, |(panel, _)| &panel.slot);
-    let mut groups = Vec::new();
-    let mut has_gaps = false;
-    for ((panel, drawn), view) in rows.iter().flatten().flatten().zip(layout.views(&slots)) {
-        let [low, high] = colours.range;
-        let shares = drawn.densities.map(|x| (x - low) / (high - low));
-        has_gaps |= shares.iter().any(|x| x.is_nan());
-        groups.push(layout.caption(&panel.slot.caption, &view));
-        groups.push(panel.draw_values(&view, &shares, colours.scale));
-    }
-    groups.push(layout.scale_bar());
-    groups.push(layout.colour_bar(colours.scale, &about.label, &colours.labels(about.factor)));
-    if has_gaps {
-        groups.push(layout.hatch_key(&about.label));
-    }
-    let what = format!("{} on", printable(&channel.channel.name));
-    Ok(Picture {
-        title: title(&what, views.iter().map(|view| view.name)),
-        size_px: [layout.width, layout.height],
-        em: layout.em,
-        groups,
-    })
 }
 
 /// What a channel is called on a picture.
@@ -147,28 +201,6 @@ struct Drawn<'a> {
     values: &'a IdVec<VertexId, f64>,
     /// What is drawn: the values, or amounts per area of skin.
     densities: IdVec<VertexId, f64>,
-}
-
-/// `None` for a level that the patch does not have.
-fn densities<'a>(
-    map: &SkinMap,
-    patch: &PatchMap,
-    level: LevelId,
-    view: &ChannelView<'a>,
-) -> Result<Option<Drawn<'a>>, PlotError> {
-    let Some(MapLevel { level: shape, .. }) = patch.levels.get(level) else { return Ok(None) };
-    let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level };
-    let id = map.patches.enumerate().find(|(_, p)| std::ptr::eq(*p, patch)).map(|(id, _)| id);
-    let of_patch = id.and_then(|id| view.frame.values.get(id)).ok_or_else(other)?;
-    let values = of_patch.get(view.shown).and_then(|levels| levels.get(level)).ok_or_else(other)?;
-    if values.len() != shape.mesh.positions.len() {
-        return Err(other());
-    }
-    let densities = match view.channel.quantity {
-        Quantity::Intensive => values.clone(),
-        Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
-    };
-    Ok(Some(Drawn { level, values, densities }))
 }
 
 struct Colours {
@@ -224,9 +256,9 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
 }
 
 /// What a panel shows: which level and when, how many values are masked, and the largest.
-fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: &About) -> Caption {
+fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, about: &About) -> Caption {
     let Drawn { level, values, densities } = drawn;
-    let time = if view.frame.time.is_nan() { String::new() } else { format!(", {:.3} s", view.frame.time) };
+    let time = if time.is_nan() { String::new() } else { format!(", {time:.3} s") };
     let kind = if *level == LevelId::default() { "taxels" } else { "fields" };
     let known = || values.iter().filter(|x| !x.is_nan());
     let masked = values.len() - known().count();
@@ -236,7 +268,7 @@ fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, view: &ChannelView<'_>, about: 
         Some(x) => format!("max {} {}", signed(x / about.factor), about.unit).trim_end().to_owned(),
         None => "no reading".to_owned(),
     };
-    let Channel { unit, quantity, .. } = view.channel;
+    let Channel { unit, quantity, .. } = channel;
     if *quantity == Quantity::Extensive {
         measures += &format!(", total {} {}", signed(known().sum()), printable(unit));
     }
