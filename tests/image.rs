@@ -11,7 +11,7 @@ use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::signal::{Channel, Frame, LevelFrame, Quantity, Restrictor};
 use dermatome::skin::{PatchId, Skin};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use maps::level_id;
 use proptest::prelude::*;
 
@@ -153,23 +153,32 @@ fn linear_images_are_what_barycentric_weights_say() {
     }
 }
 
+/// The nearest taxel is the nearest of all, on level 0 and above, in images and in the ids that go with them.
 #[test]
-fn nearest_images_have_the_value_of_the_largest_weight() {
+fn nearest_is_the_nearest_vertex_of_the_level() {
     let map = cover();
     let atlas = atlas(&map, Resolution::Map, false);
     let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Nearest);
     let images = renderer.render(&on_levels(&map, |_, k| f64::from(k)));
+    let (mut seen, mut beyond) = (0, 0);
     for (image, part) in images.iter().zip(&atlas.parts) {
         let (chart, width) = (&part.charts[0], image.frame.size_px[0]);
-        let triangles = &map.patches[chart.patch].levels[chart.level].level.mesh.triangles;
-        for (k, &value) in (0_u32..).zip(&image.values) {
+        let patch = &map.patches[chart.patch];
+        let mesh = &patch.levels[chart.level].level.mesh;
+        for ((k, &value), id) in (0_u32..).zip(&image.values).zip(part.taxel_ids(&map)) {
             let Some(at) = chart.point(&map, k % width, k / width) else { continue };
-            let largest = at.barycentric.iter().copied().fold(0.0, f64::max);
-            let corners = triangles[at.face].into_iter().zip(at.barycentric);
-            let mut nearest = corners.filter(|(_, w)| *w >= largest - 1e-4).map(|(v, _)| v.raw() as f32);
-            assert!(nearest.any(|x| x == value), "pixel {k} of {}: {value}", image.name);
+            let corners = mesh.triangles[at.face];
+            let p: DVec3 = (0..3).map(|k| at.barycentric[k] * mesh.positions[corners[k]]).sum();
+            let nearest = mesh.positions.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
+            let shown = VertexId::new(value as usize);
+            let distance = p.distance(mesh.positions[shown]);
+            assert!(distance <= nearest + 1e-9, "pixel {k} of {}: {distance} for {nearest} m", image.name);
+            let of_level_0 = chart.level == level_id(0);
+            assert_eq!(id, if of_level_0 { patch.taxels.ids[shown].0 } else { shown.raw() });
+            (seen, beyond) = (seen + 1, beyond + usize::from(!corners.contains(&shown)));
         }
     }
+    assert!(seen > 1000 && beyond > 0, "of {seen} pixels {beyond} are nearest to no corner of their face");
 }
 
 /// The total is kept by every interpolation, at any size of the pixels, with dead taxels.

@@ -9,10 +9,11 @@ use glam::DVec2;
 use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
 use crate::atlas::layout::{ChartPosition, image_name};
+use crate::atlas::nearest::NearestVertices;
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
 use crate::atlas::turn::{TURNS, turned};
 use crate::cut::PlaceId;
-use crate::id::{FaceId, IdVec};
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
 use crate::mesh::SurfacePoint;
 use crate::pyramid::LevelId;
@@ -124,6 +125,22 @@ impl Chart {
         self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
     }
 
+    /// The id of the vertex that is nearest to a place of a face: the taxel's, above level 0 the index of the field.
+    pub(super) fn shown_id(
+        &self,
+        patch: &PatchMap,
+        nearest: &NearestVertices,
+        (face, weights): (FaceId, [f64; 3]),
+        seen: &mut Vec<VertexId>,
+    ) -> u32 {
+        let corners = patch.levels[self.level].level.mesh.triangles[face];
+        match nearest.find(corners, weights, |_| true, seen) {
+            Some(vertex) if self.level == LevelId::default() => patch.taxels.ids[vertex].0,
+            Some(vertex) => vertex.raw(),
+            None => u32::MAX,
+        }
+    }
+
     /// The place of a pixel's centre on the turned map; `column` and `row` are those of the chart.
     fn centre_at(&self, column: f64, row: f64) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);
@@ -168,18 +185,6 @@ impl Barycentric {
         let sum: f64 = inside.iter().sum();
         if sum > 0.0 && sum.is_finite() { inside.map(|x| x / sum) } else { [1.0, 0.0, 0.0] }
     }
-}
-
-/// The corner with the largest weight; the first of equal ones.
-pub(crate) fn largest(weights: [f64; 3]) -> usize {
-    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
-}
-
-/// The id of the corner that is nearest to a place of a face: the taxel's, above level 0 the index of
-/// the field.
-pub(super) fn shown_id(patch: &PatchMap, level: LevelId, face: FaceId, weights: [f64; 3]) -> u32 {
-    let nearest = patch.levels[level].level.mesh.triangles[face][largest(weights)];
-    if level == LevelId::default() { patch.taxels.ids[nearest].0 } else { nearest.raw() }
 }
 
 /// Map positions in the rasteriser's integers.

@@ -6,8 +6,8 @@ use std::{ops::Range, sync::Arc};
 use glam::DVec3;
 
 use crate::atlas::bound::check_map;
-use crate::atlas::chart::shown_id;
 use crate::atlas::layout::{ChartPosition, image_name};
+use crate::atlas::nearest::NearestVertices;
 use crate::atlas::{AtlasError, AtlasPart, Chart, Stretch, face_stretch};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -75,7 +75,7 @@ const IDS: [&str; 2] = ["taxel.id", "face.id"];
 /// | `A` | coverage: 1 or 0 | 0 |
 /// | `position.{X,Y,Z}` | point of the level's mesh in the link's frame, in m | 0 |
 /// | `normal.{X,Y,Z}` | unit normal, interpolated | 0 |
-/// | `taxel.id` | of the nearest corner: its vendor id, above level 0 its index | `u32::MAX` |
+/// | `taxel.id` | of the nearest vertex: its vendor id, above level 0 its index | `u32::MAX` |
 /// | `face.id` | index of the face in the level's mesh | `u32::MAX` |
 /// | `bary.{U,V}` | weights of the face's second and third corner | 0 |
 /// | `stretch.angle` | `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map, negative if the face is mirrored, infinite if it is squeezed to a line | 0 |
@@ -94,6 +94,7 @@ pub struct LevelImage {
 struct ShadedChart {
     chart: Chart,
     normals: IdVec<VertexId, DVec3>,
+    nearest: NearestVertices,
     light: DVec3,
 }
 
@@ -101,7 +102,12 @@ impl ShadedChart {
     fn new(map: &SkinMap, chart: Chart) -> Self {
         let patch = &map.patches[chart.patch];
         let level = &patch.levels[chart.level].level;
-        Self { normals: patch.normals(level), light: light(&level.mesh), chart }
+        Self {
+            normals: patch.normals(level),
+            nearest: NearestVertices::new(&level.mesh),
+            light: light(&level.mesh),
+            chart,
+        }
     }
 
     /// The measures of one pixel, in the order of [`MEASURES`].
@@ -129,7 +135,7 @@ impl ShadedChart {
         ids: &mut [Vec<u32>; 2],
     ) {
         let level = &patch.levels[self.chart.level];
-        let mut current: Option<(FaceId, Stretch)> = None;
+        let (mut current, mut seen): (Option<(FaceId, Stretch)>, _) = (None, Vec::new());
         self.chart.each_in_row(level, row, |column, face, weights| {
             let stretch = match current {
                 Some((of, stretch)) if of == face => stretch,
@@ -140,7 +146,7 @@ impl ShadedChart {
             for (samples, value) in measures.iter_mut().zip(self.measures(level, face, weights, stretch)) {
                 samples[at] = narrow(value);
             }
-            let shown = [shown_id(patch, self.chart.level, face, weights), face.raw()];
+            let shown = [self.chart.shown_id(patch, &self.nearest, (face, weights), &mut seen), face.raw()];
             ids.iter_mut().zip(shown).for_each(|(samples, id)| samples[at] = id);
         });
     }

@@ -14,6 +14,7 @@ mod error;
 mod grid;
 mod layout;
 mod level_image;
+mod nearest;
 mod pack;
 mod rasterize;
 mod stretch;
@@ -24,18 +25,17 @@ use std::{collections::BTreeSet, sync::Arc};
 use glam::DVec2;
 
 use crate::atlas::bound::{check_size, check_total};
-use crate::atlas::chart::shown_id;
 use crate::atlas::layout::{ChartPosition, PartLayout, image_name, layout};
 use crate::map::{ImageFrame, SkinMap};
 use crate::pyramid::LevelId;
 
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
-pub(crate) use chart::largest;
 pub use error::AtlasError;
 pub use layout::{AtlasOptions, Resolution};
 pub(crate) use level_image::{ImageRows, SampleType, Samples};
 pub use level_image::{LevelImage, skin_images};
+pub(crate) use nearest::NearestVertices;
 pub use pack::Pack;
 pub(crate) use stretch::{Stretch, face_stretch};
 
@@ -201,9 +201,11 @@ impl AtlasPart {
         let mut ids = vec![u32::MAX; width * height];
         for chart in &self.charts {
             let patch = &map.patches[chart.patch];
+            let level = &patch.levels[chart.level];
+            let (nearest, mut seen) = (NearestVertices::new(&level.level.mesh), Vec::new());
             for ((start, _), row) in chart.rows(width).zip(0..) {
-                chart.each_in_row(&patch.levels[chart.level], row, |column, face, weights| {
-                    ids[start + column] = shown_id(patch, chart.level, face, weights);
+                chart.each_in_row(level, row, |column, face, weights| {
+                    ids[start + column] = chart.shown_id(patch, &nearest, (face, weights), &mut seen);
                 });
             }
         }

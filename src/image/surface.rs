@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::atlas::Chart;
+use crate::atlas::{Chart, NearestVertices};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::image::face_weights::FaceWeights;
@@ -17,8 +17,8 @@ pub enum Interpolation {
     /// weights of the others are scaled to the sum 1; without any live corner the pixel is NaN.
     #[default]
     Linear,
-    /// The value of the live corner with the largest weight: on equilateral faces the Voronoi cells
-    /// of the vertices. NaN without any live corner.
+    /// The value of the nearest live vertex: the Voronoi cells of the vertices on the skin. NaN where no corner of the
+    /// face is live.
     Nearest,
 }
 
@@ -29,7 +29,8 @@ pub(super) struct PixelSurface {
     width: usize,
     /// Area of a pixel, in m^2.
     pub(super) pixel_area: f64,
-    interpolation: Interpolation,
+    /// For [`Interpolation::Nearest`].
+    nearest: Option<NearestVertices>,
     /// Number of vertices of the level: of its values.
     pub(super) vertices: usize,
     /// Where the places of the map lie, in pixels of the chart: right, and down.
@@ -84,14 +85,16 @@ impl PixelSurface {
         }
         let vertices = level.level.mesh.positions.len();
         let runs = Runs::new(&all, faces.len());
-        Self { chart: chart.clone(), width, pixel_area, interpolation, vertices, at, faces, runs }
+        let is_nearest = interpolation == Interpolation::Nearest;
+        let nearest = is_nearest.then(|| NearestVertices::new(&level.level.mesh));
+        Self { chart: chart.clone(), width, pixel_area, nearest, vertices, at, faces, runs }
     }
 
     /// The pattern for these live vertices.
     pub(super) fn pattern(&self, live: &[bool]) -> Pattern {
-        match self.interpolation {
-            Interpolation::Linear => Pattern::Faces,
-            Interpolation::Nearest => Pattern::Cells(self.cells(live)),
+        match &self.nearest {
+            None => Pattern::Faces,
+            Some(nearest) => Pattern::Cells(self.cells(nearest, live)),
         }
     }
 
@@ -129,18 +132,17 @@ impl PixelSurface {
     }
 
     /// The cells of the live vertices.
-    fn cells(&self, live: &[bool]) -> Runs {
-        let mut all: Vec<Run> = Vec::new();
+    fn cells(&self, nearest: &NearestVertices, live: &[bool]) -> Runs {
+        let (mut all, mut seen): (Vec<Run>, _) = (Vec::new(), Vec::new());
         for run in &self.runs.all {
             let face = &self.faces[run.source as usize];
             for k in 0..run.length {
                 let column = run.column + k;
-                let mut corners = face.corners.into_iter().zip(face.at(column, run.row));
-                let first = corners.find(|(v, _)| live[v.index()]);
-                let larger = |best: (VertexId, f64), next: (VertexId, f64)| {
-                    if live[next.0.index()] && next.1 > best.1 { next } else { best }
+                let weights = face.at(column, run.row);
+                let Some(source) = nearest.find(face.corners, weights, |v| live[v.index()], &mut seen) else {
+                    continue;
                 };
-                let Some(source) = first.map(|first| corners.fold(first, larger).0.raw()) else { continue };
+                let source = source.raw();
                 match all.last_mut() {
                     Some(last)
                         if last.source == source

@@ -50,7 +50,7 @@ def read_glb(path):
         if ids is None:
             # Fields are numbered as the vertices of the uncut level.
             ids = np.arange(len(texture)) if unsplit is None else accessor(unsplit)[:, 0].astype(np.int64)
-        yield mesh["name"], texture, triangles, ids
+        yield mesh["name"], texture, triangles, ids, accessor(attributes["POSITION"]).astype(float)
 
 
 def part_name(name):
@@ -84,7 +84,7 @@ def coverage(texture, triangles, width, height):
     return inside, near & ~inside
 
 
-def check(name, texture, triangles, ids, part):
+def check(name, texture, triangles, ids, positions, part):
     channels = {key: channel.pixels for key, channel in part.channels.items()}
     flat = lambda key: channels[key]
     alpha = flat("A")
@@ -112,9 +112,17 @@ def check(name, texture, triangles, ids, part):
             reach = np.hypot(*(corners[:, (k + 1) % 3] - corners[:, k]).T)
             if np.any(side < -1e-3 * np.maximum(reach, 1e-9)):
                 return "face.id names a face that does not hold the pixel"
-        names = ids[triangles[face[covered]]]
-        if not np.all((names == taxel[covered][:, None]).any(1)):
-            return "taxel.id is no corner of its face"
+        names, first = np.unique(ids, return_index=True)
+        at = np.minimum(np.searchsorted(names, taxel[covered]), len(names) - 1)
+        if not np.array_equal(names[at], taxel[covered]):
+            return "taxel.id names no taxel"
+        there = np.stack([flat(f"position.{axis}")[covered] for axis in "XYZ"], -1).astype(float)
+        distance = lambda points: np.linalg.norm(points - there, axis=-1)
+        nearest = np.min([distance(positions[triangles[face[covered]][:, k]]) for k in range(3)], 0)
+        # Ids that several taxels have name one of them.
+        is_unique = len(names) == len(np.unique(positions, axis=0))
+        if is_unique and np.any(distance(positions[first[at]]) > nearest + 1e-6):
+            return "taxel.id is not the nearest vertex"
     return None
 
 
@@ -123,10 +131,10 @@ def main(glb, exr):
     levels = list(read_glb(glb))
     if len(parts) != len(levels):
         return f"{len(parts)} parts for {len(levels)} levels"
-    for name, texture, triangles, ids in levels:
+    for name, texture, triangles, ids, positions in levels:
         if part_name(name) not in parts:
             return f"no part {part_name(name)}"
-        wrong = check(name, texture, triangles, ids, parts[part_name(name)])
+        wrong = check(name, texture, triangles, ids, positions, parts[part_name(name)])
         if wrong:
             return f"{name}: {wrong}"
     print(f"OpenEXR: {len(parts)} parts agree with the map")

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::atlas::{Chart, largest};
+use crate::atlas::{Chart, NearestVertices};
 use crate::io::error::Result;
 use crate::io::export::part::{Part, narrowed};
 use crate::io::file::{OutPath, unfit, write_file};
@@ -92,6 +92,7 @@ fn canvas(path: &Path, map: &SkinMap, part: &Part<'_>, pixel: f64, radius: f32) 
         probe_radius: Vec::new(),
     };
     let (level, normals) = (&part.at.level, part.patch.normals(&part.at.level));
+    let (nearest, mut seen) = (NearestVertices::new(&level.mesh), Vec::new());
     for row in 0..height {
         let points = (0..width).map(|column| chart.point(map, column, row));
         let pixels: Vec<_> = points
@@ -101,7 +102,8 @@ fn canvas(path: &Path, map: &SkinMap, part: &Part<'_>, pixel: f64, radius: f32) 
                 let mean =
                     |of: &dyn Fn(usize) -> DVec3| (0..3).map(|k| of(k) * point.barycentric[k]).sum::<DVec3>();
                 let normal = mean(&|k| normals[corners[k]]).normalize_or(normals[corners[0]]);
-                let nearest = corners[largest(point.barycentric)];
+                let nearest =
+                    nearest.find(corners, point.barycentric, |_| true, &mut seen).unwrap_or(corners[0]);
                 let position = mean(&|k| level.mesh.positions[corners[k]]);
                 (i64::from(nearest.raw()), narrowed(position), narrowed(normal), radius)
             })

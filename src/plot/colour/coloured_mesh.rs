@@ -2,11 +2,11 @@
 
 use glam::DVec2;
 
-use crate::atlas::{Stretch, face_stretch, largest};
+use crate::atlas::{Stretch, face_stretch};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::MapLevel;
 use crate::mesh::{TriMesh, rectangle_around};
-use crate::plot::colour::field_colours::{dominant_fields, field_colours};
+use crate::plot::colour::field_colours::{dominant_fields, field_colours, largest};
 use crate::plot::colour::{Colour, DIVERGING, INK, SEQUENTIAL, SKIN, Scale, ScaleLimits, hatch};
 use crate::plot::patch_view::PatchView;
 use crate::plot::{Paint, PlotError};

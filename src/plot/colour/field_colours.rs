@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use crate::atlas::largest;
 use crate::id::{IdVec, VertexId};
 use crate::map::MapLevel;
 use crate::mesh::TriMesh;
@@ -80,6 +79,11 @@ fn smallest_last(ring: &[Vec<usize>]) -> Vec<usize> {
         }
     }
     order
+}
+
+/// The corner with the largest weight; the first of equal ones.
+pub(super) fn largest(weights: [f64; 3]) -> usize {
+    (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }
 
 #[cfg(test)]
