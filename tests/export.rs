@@ -8,7 +8,7 @@ use std::io::Read;
 use std::path::Path;
 
 use common::{dermatome, json, listing, notes, refuses};
-use dermatome::io::{read_map, read_robot, write_map, write_skin};
+use dermatome::io::{read_draft, read_map, read_robot, write_map, write_skin};
 use dermatome::map::{PatchMap, SkinMap};
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
@@ -246,5 +246,20 @@ fn what_does_not_fit_is_refused() {
     for kind in ["csv", "usda", "json"] {
         dermatome(at, &format!("export odd.glb -o odd.{kind}")).assert().success();
         dermatome(at, &format!("export tiny.glb -o tiny.{kind}")).assert().success();
+    }
+}
+
+/// The taxels that `export` writes are a skin again, with their ids, by either table.
+#[test]
+fn exported_taxels_are_read_again() {
+    let (folder, map) = ball();
+    let patch = first(&map);
+    for name in ["t.csv", "t.npz"] {
+        notes(folder.path(), &format!("export map.glb -o {name}"), &[&format!("wrote {name}")]);
+        let draft = read_draft(&folder.path().join(name)).unwrap();
+        let [sheet] = &*draft.sheets else { panic!("{name}: {} sheets", draft.sheets.len()) };
+        assert_eq!(sheet.ids.as_deref(), Some(&*patch.taxels.ids), "{name}");
+        assert_eq!(sheet.presence.as_deref(), Some(&*patch.taxels.presence), "{name}");
+        assert_eq!(sheet.positions, *patch.levels[LevelId::new(0)].level.mesh.positions, "{name}");
     }
 }

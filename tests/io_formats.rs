@@ -451,7 +451,6 @@ fn broken_tables_are_refused_by_line_and_column() {
     }
     let cases = [
         ("id,x,y\n1,0,0\n", good, "a column `z`"),
-        ("id,x,y,z,densty\n", good, "line 1, column 5"),
         ("id,x,y,z\n1,0,zero,0\n", good, "line 2, column `y`"),
         ("id,x,y,z\n1,0,0\n", good, "line 2"),
         ("id,x,y,z,area\n1,0,0,0,1\n2,0,0,0,\n", good, "line 3, column `area`"),
@@ -694,4 +693,29 @@ fn real_covers_are_read() {
         assert!(squared.abs_diff_eq(DMat3::IDENTITY, 1e-15), "{name}: a rotation to the last digit");
         assert!(sheet.presence.iter().flatten().all(|&p| p == Presence::Present), "{name}");
     }
+}
+
+/// Columns that are not known are noted; ids go by either name, and those below zero are refused.
+#[test]
+fn tables_of_taxels_take_what_others_write() {
+    let exported = "patch,link,taxel_id,x,y,z,nx,ny,nz,tx,ty,tz,u,v,area,presence\n\
+                    palm,hand,7,0,0,0,0,0,1,1,0,0,0,0,1e-5,present\npalm,hand,9,1,0,0,0,0,1,1,0,0,1,0,1e-5,absent\n";
+    for text in [exported.to_owned(), exported.replace(',', ";"), exported.replace("taxel_id", "id")] {
+        let draft = read_text("csv", &text).unwrap();
+        let sheet = &draft.sheets[0];
+        assert_eq!(sheet.ids.as_deref(), Some(&[7, 9].map(TaxelId)[..]));
+        assert_eq!(sheet.tangents.as_deref(), Some(&[DVec3::X; 2][..]));
+        assert_eq!(sheet.presence.as_deref(), Some(&[Presence::Present, Presence::Absent][..]));
+        let remarks: Vec<String> = draft.remarks.iter().map(ToString::to_string).collect();
+        assert!(remarks.len() == 1 && remarks[0].contains("2 columns are not used: u, v"), "{remarks:?}");
+    }
+    let ids = |id: &str| {
+        read_text("csv", &format!("id,x,y,z\n{id},0,0,0\n")).map(|draft| draft.sheets[0].ids.clone())
+    };
+    assert_eq!(ids("-1").unwrap(), Some(vec![TaxelId(u32::MAX)]));
+    for id in ["-2", "1.5", "4294967296"] {
+        assert!(ids(id).unwrap_err().to_string().contains("column `id`"), "{id}");
+    }
+    let comma = read_text("csv", "id;x;y;z\n1;0,5;0;0\n").unwrap_err().to_string();
+    assert!(comma.contains("column `x`: found \"0,5\"; needed: a number with a decimal point"), "{comma}");
 }

@@ -173,7 +173,7 @@ fn broken_tables_are_refused_with_their_line() {
     for (text, needed) in [
         ("", "empty file"),
         ("i,j,dx,dy\n", "a column `dz`"),
-        ("i;j;dx;dy;dz\n", "separated by semicolons, \"i;j;dx;dy;dz\""),
+        ("i;j;dx;dy;dz\n1;2;0,5;0;0\n", "column `dx`: found \"0,5\"; needed: a number with a decimal point"),
         ("i,j,dx,dy,dz,colour\n", "\"colour\""),
         ("i,i,x,y,z\n", "line 1, column 2: found \"i\" again"),
         ("i,j,dx,dy,dz\n1,2,3\n", "line 2: found 3 cells"),

@@ -15,6 +15,9 @@ use crate::skin::{
 /// larger, so that its unit shows down to a fingertip of 5 mm.
 const LARGEST_PART: f64 = 5.0;
 
+/// Smallest size of a skin, in m: that of one taxel.
+const SMALLEST_PART: f64 = 1e-3;
+
 /// A skin as a file has it, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Draft {
@@ -145,7 +148,8 @@ impl Draft {
     pub(super) fn doubtful_unit(&self) -> Option<(&Sheet, f64)> {
         let extents = self.sheets.iter().map(|sheet| (sheet, sheet.extent()));
         let largest = extents.max_by(|a, b| a.1.total_cmp(&b.1));
-        largest.filter(|&(_, extent)| extent > LARGEST_PART && extent.is_finite())
+        let is_odd = |extent: f64| extent > LARGEST_PART || (extent > 0.0 && extent < SMALLEST_PART);
+        largest.filter(|&(_, extent)| is_odd(extent) && extent.is_finite())
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::id::{FaceId, VertexId};
 use crate::skin::SkinError;
-use crate::skin::sentence::{across, coincident, count, edge_list, first_few, length};
+use crate::skin::sentence::{coincident, count, doubtful_unit, edge_list, first_few, length};
 
 /// One change or doubt about a sheet or patch; `Display` makes a sentence of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +90,9 @@ remark_kinds! {
     Turned { faces: usize, of: usize, outside: OutsideFrom } => "{}", turned(*faces, *of, *outside);
     Components { patches: Vec<String> } =>
         "falls into {} pieces that share no edge; they are now {}", patches.len(), first_few(patches);
+    /// Columns of its table are not used.
+    ColumnsNotRead { columns: Vec<String> } =>
+        "{} not used: {}", count(columns.len(), "column is", "columns are"), first_few(columns);
     Renamed { name: String } => "the name is taken; this patch is now {name}";
     NormalsReplaced { taxels: usize } =>
         "{} not of unit length or not outwards; that of the faces is used instead",
@@ -123,9 +126,7 @@ remark_kinds! {
     OutsideFromAxis { components: usize } => "no normals tell the outside, and {} to neither side; of the two \
           sides the one that faces most towards +x, +y or +z was assumed",
         count(*components, "component bulges", "components bulge");
-    DoubtfulUnit { extent: f64 } =>
-        "it is {} m across: is the file in millimetres? Lengths are read as metres, so divide them by 1000",
-        across(*extent);
+    DoubtfulUnit { extent: f64 } => "{}", doubtful_unit(*extent);
 }
 
 /// What decided which side of a patch is outside.

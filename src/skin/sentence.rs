@@ -15,9 +15,15 @@ pub(super) fn coincident(taxels: usize, distance: f64) -> String {
     format!("{} where another one lies{near}", count(taxels, "taxel lies", "taxels lie"))
 }
 
-/// A size in m of what CAD and scanners wrote in millimetres.
-pub(super) fn across(extent: f64) -> String {
-    if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") }
+/// A skin of a size, in m, that makes no sense in metres.
+pub(super) fn doubtful_unit(extent: f64) -> String {
+    let across = if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") };
+    if extent < 1.0 {
+        return format!("it is {} across: is the file in metres, and read in another unit?", length(extent));
+    }
+    format!(
+        "it is {across} m across: is the file in millimetres? Lengths are read as metres, so divide them by 1000"
+    )
 }
 
 /// A length in m, in mm where that is readable.

@@ -73,9 +73,16 @@ impl Presence {
         }
     }
 
+    const ALL: [Self; 3] = [Self::Absent, Self::Present, Self::ThermalPad];
+
     /// What the number `code` of a file stands for.
     pub(crate) fn from_code(code: f64) -> Option<Self> {
-        [Self::Absent, Self::Present, Self::ThermalPad].into_iter().find(|p| f64::from(p.code()) == code)
+        Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
+    }
+
+    /// What a word of a table stands for.
+    pub(crate) fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|p| p.word() == word)
     }
 }
 

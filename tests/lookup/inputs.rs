@@ -90,10 +90,14 @@ fn wrong_numbers_are_named() {
         ("x,y", "line 1: found columns \"x,y\"; needed: a column `z`"),
         ("x,y,z,x", "column 4: found \"x\" again"),
         ("1,-2.5,3e0", "line 1: found the numbers \"1,-2.5,3e0\"; the header is missing"),
-        ("x\ty\tz", "separated by tabs, \"x\\ty\\tz\"; needed: columns separated by commas"),
     ] {
         let error = fixture.refusal(&format!("{columns}\n0,0,0\n"), "");
         assert!(error.contains(expected), "{columns}: {error}");
+    }
+    let commas = fixture.lookup("x,y,z,time[ms]\n0,0,0.5,1500\n", "");
+    for separator in [";", "\t"] {
+        let other = fixture.lookup(&"x,y,z,time[ms]\n0,0,0.5,1500\n".replace(',', separator), "");
+        assert_eq!((other.code, other.rows), (0, commas.rows.clone()), "{}", other.said);
     }
 }
 

@@ -32,6 +32,12 @@ enum Kind {
     Unicode,
     /// Text of one byte for each character.
     Bytes,
+    /// Dates of 64 bits: this many of their unit are a second.
+    Dates {
+        per_second: u32,
+    },
+    /// Objects, records, complex numbers: not read.
+    Other,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,8 +90,10 @@ impl NpyHeader {
             let quote = t.chars().next().filter(|c| ['\'', '"'].contains(c))?;
             t[1..].split_once(quote).map(|(descriptor, _)| descriptor)
         });
-        let elements = descriptor.and_then(ElementType::parse);
-        let elements = elements.ok_or("numbers (f2, f4, f8, integers, bool) or strings, not records")?;
+        field("descr").ok_or("a type of its elements, as 'descr': '<f4'")?;
+        // Of an array that is not read the type does not matter.
+        let other = ElementType::little_endian(Kind::Other, 0);
+        let elements = descriptor.and_then(ElementType::parse).unwrap_or(other);
         let order = field("fortran_order").ok_or("'fortran_order': False")?;
         let shape = field("shape").and_then(|t| t.strip_prefix('(')?.split_once(')'));
         let (shape, _) = shape.ok_or("a shape such as (100, 642)")?;
@@ -125,6 +133,16 @@ impl ElementType {
         let mut letters = descriptor.chars();
         let order = letters.next().filter(|c| "<>|=".contains(*c))?;
         let kind = letters.next()?;
+        if kind == 'M' {
+            let per_second = match letters.as_str() {
+                "8[s]" => 1,
+                "8[ms]" => 1000,
+                "8[us]" => 1_000_000,
+                "8[ns]" => 1_000_000_000,
+                _ => return None,
+            };
+            return Some(Self { is_big_endian: order == '>', kind: Kind::Dates { per_second }, size: 8 });
+        }
         let size: usize = letters.as_str().parse().ok().filter(|n| *n <= MAX_HEADER)?;
         let (kind, bytes) = match (kind, size) {
             ('f', 2 | 4 | 8) => (Kind::Float, size),
@@ -142,7 +160,12 @@ impl ElementType {
     }
 
     pub(in crate::io) const fn is_number(self) -> bool {
-        matches!(self.kind, Kind::Float | Kind::Signed | Kind::Unsigned)
+        matches!(self.kind, Kind::Float | Kind::Signed | Kind::Unsigned | Kind::Dates { .. })
+    }
+
+    /// Whether its elements are read at all.
+    pub(in crate::io) const fn is_read(self) -> bool {
+        !matches!(self.kind, Kind::Other)
     }
 
     /// What numpy calls it, but for the order of its bytes.
@@ -153,6 +176,8 @@ impl ElementType {
             Kind::Unsigned => format!("u{}", self.size),
             Kind::Unicode => "str".into(),
             Kind::Bytes => "bytes".into(),
+            Kind::Dates { .. } => "dates".into(),
+            Kind::Other => "of a type that is not read".into(),
         }
     }
 
@@ -176,6 +201,11 @@ impl ElementType {
             (Kind::Signed, 2) => fill(bytes, out, big, |b| f64::from(i16::from_le_bytes(b))),
             (Kind::Signed, 4) => fill(bytes, out, big, |b| f64::from(i32::from_le_bytes(b))),
             (Kind::Signed, 8) => fill(bytes, out, big, |b| i64::from_le_bytes(b) as f64),
+            (Kind::Dates { per_second }, _) => fill(bytes, out, big, |b| match i64::from_le_bytes(b) {
+                // Not a time.
+                i64::MIN => f64::NAN,
+                date => date as f64 / f64::from(per_second),
+            }),
             (Kind::Unsigned, 1) => fill(bytes, out, big, |[b]| f64::from(b)),
             (Kind::Unsigned, 2) => fill(bytes, out, big, |b| f64::from(u16::from_le_bytes(b))),
             (Kind::Unsigned, 4) => fill(bytes, out, big, |b| f64::from(u32::from_le_bytes(b))),
@@ -335,16 +365,21 @@ mod tests {
         assert_eq!(found.total_bytes(), Some(94));
         let huge = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({}, 2)}}", u64::MAX);
         assert_eq!(parse(&huge).unwrap().total_bytes(), None);
+        for other in ["[('a', '<f4')]", "'<f16'", "'|O'", "'\u{e9}'", "'<\u{e9}4'", "'<M8[D]'"] {
+            let found =
+                parse(&format!("{{'descr': {other}, 'fortran_order': False, 'shape': (1,)}}")).unwrap();
+            assert!(!found.elements.is_read() && !found.elements.is_number(), "{other}");
+        }
+        let dates = parse("{'descr': '<M8[ms]', 'fortran_order': False, 'shape': (2,)}").unwrap().elements;
+        let mut seconds = [0.0; 2];
+        let bytes: Vec<u8> = [1500, i64::MIN].into_iter().flat_map(i64::to_le_bytes).collect();
+        dates.numbers(&bytes, &mut seconds);
+        assert!(seconds[0] == 1.5 && seconds[1].is_nan());
         for broken in [
             "",
             "{'descr': '<f4', 'shape': (1,)}",
-            "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1,)}",
-            "{'descr': '<f16', 'fortran_order': False, 'shape': (1,)}",
-            "{'descr': '|O', 'fortran_order': False, 'shape': (1,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (-1,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': 5}",
-            "{'descr': '\u{e9}', 'fortran_order': False, 'shape': (1,)}",
-            "{'descr': '<\u{e9}4', 'fortran_order': False, 'shape': (1,)}",
             "'descr'",
         ] {
             assert!(parse(broken).is_err(), "{broken}");

@@ -118,7 +118,8 @@ pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoE
     array_at(storage, String::new(), range)
 }
 
-/// The arrays of an `.npz`, of which none has more or fewer elements than its shape says.
+/// The arrays of an `.npz`, of which none has more or fewer elements than its shape says. Of those of a type that is not
+/// read, only the header is looked at.
 pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray>, IoError> {
     let path = storage.path;
     let (file, length) = storage.open()?;
@@ -160,7 +161,7 @@ fn array_at(storage: Storage<'_>, name: String, range: ByteRange) -> Result<Stor
     let path = storage.path;
     let header = NpyHeader::read(path, &element(&name), &mut range.open(storage)?)?;
     let needed = header.total_bytes();
-    if needed == Some(range.size) {
+    if needed == Some(range.size) || !header.elements.is_read() {
         return Ok(StoredArray { name, header, range });
     }
     let found = format!("the shape {} in {} bytes", header.describe(), range.size);

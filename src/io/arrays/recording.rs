@@ -202,7 +202,11 @@ impl RecordingWriter {
                 "units": channels.iter().map(|c| &c.unit).collect::<Vec<_>>(),
             },
         });
-        self.features.insert(format!("observation.tactile.{}", key.replace('/', "_")), feature);
+        // LeRobot wants no slash; patches that differ in it alone are numbered.
+        let name = format!("observation.tactile.{}", key.replace('/', "_"));
+        let others = (2..).map(|number: usize| format!("{name}_{number}"));
+        let free = std::iter::once(name.clone()).chain(others).find(|name| !self.features.contains_key(name));
+        self.features.insert(free.unwrap_or(name), feature);
     }
 
     /// Writes a frame and its images, in the order of the atlas; those of other levels than the

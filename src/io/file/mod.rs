@@ -1,9 +1,10 @@
 //! What every reader and writer needs of a file, whatever its format: [`Source`] is a file that is read
-//! whole, [`lines`] reads line by line, [`outputs`] writes files whole or not at all,
+//! whole, [`lines`] reads line by line, [`times`] are in all tables, [`outputs`] writes files whole or not at all,
 //! [`xml`] has the elements of a file.
 
 pub(super) mod lines;
 pub(super) mod outputs;
+pub(super) mod times;
 #[cfg(feature = "robots")]
 pub(super) mod xml;
 

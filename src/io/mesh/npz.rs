@@ -1,5 +1,6 @@
 //! Meshes of numpy: an `.npz` with the arrays `V` and `F`, as libigl and others save them.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -7,40 +8,73 @@ use glam::DVec3;
 use crate::io::IoError;
 use crate::io::arrays::read::{NumberArray, read_number_arrays};
 use crate::io::file::{Source, invalid};
-use crate::skin::{Draft, Sheet, TaxelId};
+use crate::skin::{Draft, Presence, Sheet, TaxelId};
 
 /// Reads `V` (n x 3), `F` (m x 3, or m x 4 for quadrangles, counted from 0), `N` (n x 3, normals) and
-/// `ids` (n); `vertices`, `faces` and `normals` mean the same, and everything but `V` may be missing.
+/// `ids` (n); `vertices`, `faces` and `normals` mean the same, and everything but `V` may be missing. An exported
+/// table of taxels is read, too: `positions`, `normals`, `tangents`, `areas`, `present`, `taxel_ids`, and `patch_of`,
+/// the number of the sheet of each.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let path = source.path();
-    let names = ["V", "vertices", "F", "faces", "N", "normals", "ids"];
-    let mut arrays = read_number_arrays(source, &names)?;
-    let mut take = |names: [&str; 2]| {
-        let place = arrays.iter().position(|array| names.contains(&array.name.as_str()));
-        place.map(|place| arrays.swap_remove(place))
-    };
-    let Some(vertices) = take(["V", "vertices"]) else {
+    let names = ["V", "vertices", "positions", "F", "faces", "N", "normals", "ids", "taxel_ids", "tangents"];
+    let names: Vec<&str> = names.into_iter().chain(["areas", "present", "patch_of"]).collect();
+    let arrays = read_number_arrays(source, &names)?;
+    let find = |names: &[&str]| arrays.iter().find(|array| names.contains(&array.name.as_str()));
+    let Some(vertices) = find(&["V", "vertices", "positions"]) else {
         return Err(invalid(path, "file", "no array V", "V of shape (n, 3), and F of shape (m, 3)"));
     };
-    let mut sheet = Sheet { name: source.stem(), positions: vectors(path, &vertices)?, ..Sheet::default() };
+    let mut sheet = Sheet { name: source.stem(), positions: vectors(path, vertices)?, ..Sheet::default() };
     let count = sheet.positions.len();
-    if let Some(normals) = take(["N", "normals"]) {
-        sheet.normals = Some(vectors(path, &normals)?);
-        fits(path, &normals, count)?;
+    let of_each = |names: &[&str]| {
+        let array = find(names);
+        array.map(|array| fits(path, array, count).map(|()| array)).transpose()
+    };
+    sheet.normals = of_each(&["N", "normals"])?.map(|array| vectors(path, array)).transpose()?;
+    sheet.tangents = of_each(&["tangents"])?.map(|array| vectors(path, array)).transpose()?;
+    sheet.areas = of_each(&["areas"])?.map(|array| array.numbers.clone());
+    if let Some(ids) = of_each(&["ids", "taxel_ids"])? {
+        sheet.ids = Some(whole(path, ids, f64::from(u32::MAX))?.into_iter().map(TaxelId).collect());
     }
-    if let Some(ids) = take(["ids", "ids"]) {
-        fits(path, &ids, count)?;
-        sheet.ids = Some(whole(path, &ids, f64::from(u32::MAX))?.into_iter().map(TaxelId).collect());
+    if let Some(codes) = of_each(&["present"])? {
+        let presence: Option<_> = codes.numbers.iter().map(|&code| Presence::from_code(code)).collect();
+        let needed = "0 absent, 1 present or 2 thermal pad";
+        let refuse = || invalid(path, "array `present`", "another number", needed);
+        sheet.presence = Some(presence.ok_or_else(refuse)?);
     }
-    if let Some(faces) = take(["F", "faces"]) {
+    if let Some(faces) = find(&["F", "faces"]) {
         let &[_, corners @ (3 | 4)] = faces.shape.as_slice() else {
-            return Err(refused(path, &faces, "a shape (m, 3) or (m, 4)"));
+            return Err(refused(path, faces, "a shape (m, 3) or (m, 4)"));
         };
-        for face in whole(path, &faces, count as f64 - 1.0)?.chunks_exact(corners) {
+        for face in whole(path, faces, count as f64 - 1.0)?.chunks_exact(corners) {
             sheet.triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
         }
     }
-    Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+    let sheets = match of_each(&["patch_of"])?.filter(|_| sheet.triangles.is_empty()) {
+        Some(patches) => apart(&sheet, &whole(path, patches, count as f64)?),
+        None => vec![sheet],
+    };
+    Ok(Draft { sheets, ..Draft::default() })
+}
+
+/// The taxels of a sheet as one sheet for each number.
+fn apart(all: &Sheet, patch_of: &[u32]) -> Vec<Sheet> {
+    fn take<T: Clone>(of: Option<&Vec<T>>, rows: &[usize]) -> Option<Vec<T>> {
+        of.map(|of| rows.iter().map(|&row| of[row].clone()).collect())
+    }
+    let mut rows: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    patch_of.iter().enumerate().for_each(|(row, patch)| rows.entry(*patch).or_default().push(row));
+    let is_one = rows.len() < 2;
+    let sheet = |(patch, rows): (u32, Vec<usize>)| Sheet {
+        name: if is_one { all.name.clone() } else { format!("{}.{patch}", all.name) },
+        positions: rows.iter().map(|&row| all.positions[row]).collect(),
+        normals: take(all.normals.as_ref(), &rows),
+        tangents: take(all.tangents.as_ref(), &rows),
+        areas: take(all.areas.as_ref(), &rows),
+        ids: take(all.ids.as_ref(), &rows),
+        presence: take(all.presence.as_ref(), &rows),
+        ..Sheet::default()
+    };
+    rows.into_iter().map(sheet).collect()
 }
 
 fn refused(path: &Path, array: &NumberArray, needed: &str) -> IoError {

@@ -86,8 +86,8 @@ impl PropertyAccess for Row {
 
 /// Reads a PLY file as one sheet named after it; polygons become fans, `tristrips` triangles.
 ///
-/// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; negative
-/// ones become the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
+/// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; -1
+/// becomes the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
 /// thermal pad).
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let broken = |e: ParseError| parse_error(source, &e);
@@ -220,11 +220,11 @@ fn read_vertices(source: &Source, element: &ElementDef, rows: &[Row], sheet: &mu
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be a whole u32")]
 fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
-    if value < 0.0 {
+    if value == -1.0 {
         return Ok(TaxelId(u32::MAX));
     }
-    if value.fract() != 0.0 || value > f64::from(u32::MAX) {
-        let needed = format!("a whole number up to {}", u32::MAX);
+    if value.fract() != 0.0 || !(0.0..=f64::from(u32::MAX)).contains(&value) {
+        let needed = format!("a whole number, 0 to {}, or -1 where there is none", u32::MAX);
         return Err(source.invalid(format!("vertex {k}, taxel id"), value.to_string(), needed));
     }
     Ok(TaxelId(value as u32))

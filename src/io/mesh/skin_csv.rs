@@ -9,12 +9,14 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use crate::id::VertexId;
 use crate::io::error::Result;
 use crate::io::file::OutPath;
-use crate::io::file::Source;
+use crate::io::file::{Source, finite};
 use crate::io::mesh::parts::all_triangles;
 use crate::io::table::calibration::{BY_ROW, Corners, Taxels};
 use crate::io::table::writer::{TableWriter, write_table};
 use crate::io::table::{Columns, Row, Table};
-use crate::skin::{Covariance, Draft, Link, LinkId, Patch, Presence, Sheet, Skin, TaxelId};
+use crate::skin::{
+    Covariance, Draft, Link, LinkId, Patch, Presence, Remark, RemarkKind, Sheet, Skin, TaxelId,
+};
 
 /// Columns of the table of taxels.
 const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present,patch,on_link,\
@@ -27,8 +29,10 @@ const ON_LINK: &str = "on_link";
 /// The same in tables from elsewhere.
 const LINK: &str = "link";
 
-/// A column that a table of calibrated taxels has besides.
+/// A column that a table of calibrated taxels has besides, and those of an exported table.
 const SIGMA: &str = "sigma";
+const TANGENT: [&str; 3] = ["tx", "ty", "tz"];
+const PRESENCE: &str = "presence";
 
 /// The table of triangles that is read and written with the table of taxels `path`.
 pub fn triangles_path(path: &Path) -> PathBuf {
@@ -48,14 +52,15 @@ struct ColumnIndices {
     sigma: Option<usize>,
     covariance: Option<[usize; 6]>,
     rotation: Option<[usize; 4]>,
+    tangent: Option<[usize; 3]>,
 }
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `weight`, `present` (0
-/// absent, 1 present, 2 thermal pad), `patch` and `on_link` or `link` (names; every patch becomes a
-/// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; ids below zero become the
-/// placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
+/// absent, 1 present, 2 thermal pad, or `presence` in words), `tx,ty,tz` (tangent), `patch` and `on_link` or `link` (names; every patch becomes a
+/// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; other columns are not
+/// read. The id -1 is the placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
 /// all normals given are +z. Triangles: `row0,row1,row2`, the rows
@@ -82,8 +87,10 @@ impl ColumnIndices {
         let normal = columns.find_vector(["nx", "ny", "nz"])?;
         let covariance = columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?;
         let rotation = columns.find_vector(["qx", "qy", "qz", "qw"])?;
-        let [id, area, density, weight, present, patch, sigma] =
-            ["id", "area", "density", "weight", "present", "patch", SIGMA].map(|name| columns.find(name));
+        let tangent = columns.find_vector(TANGENT)?.filter(|_| rotation.is_none());
+        let [id, area, density, weight, patch, sigma] =
+            ["id", "area", "density", "weight", "patch", SIGMA].map(|name| columns.find(name));
+        let present = columns.find("present").or_else(|| columns.find(PRESENCE));
         Ok(Self {
             position,
             normal,
@@ -97,6 +104,7 @@ impl ColumnIndices {
             sigma,
             covariance,
             rotation,
+            tangent,
         })
     }
 }
@@ -113,15 +121,16 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the place in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
-    let known: Vec<&str> = COLUMNS.split(',').chain([LINK, SIGMA]).collect();
+    let known: Vec<&str> = COLUMNS.split(',').chain([LINK, SIGMA, PRESENCE]).chain(TANGENT).collect();
     let table = Table::of(source)?;
-    table.refuse_unknown(&known)?;
+    let unused: Vec<String> = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
     let indices = ColumnIndices::new(&table.columns)?;
     let mut sheets = Sheets::default();
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     for sheet in &mut sheets.draft.sheets {
         drop_placeholders(sheet, indices.normal.is_some());
     }
+    remark_unused(&mut sheets.draft, source, unused);
     Ok((sheets.draft, sheets.homes))
 }
 
@@ -171,6 +180,10 @@ impl Sheets {
                 push((row, columns[0], place), &mut sheet.normals, axis(DVec3::Z))?;
             }
         }
+        if let Some(columns) = indices.tangent {
+            let tangent = row.numbers_if_any(columns)?.map(DVec3::from_array);
+            push((row, columns[0], place), &mut sheet.tangents, tangent)?;
+        }
         if let Some(columns) = indices.covariance {
             let covariance = row.numbers_if_any(columns)?.map(Covariance::from);
             push((row, columns[0], place), &mut sheet.covariances, covariance)?;
@@ -187,9 +200,10 @@ impl Sheets {
             push((row, column, place), numbers, row.number_if_any(column)?)?;
         }
         if let Some(column) = indices.present {
-            let presence = Presence::from_code(row.number(column)?);
-            let presence =
-                presence.ok_or_else(|| row.invalid(column, "0 absent, 1 present or 2 thermal pad"))?;
+            let word = row.text(column);
+            let presence = finite(word).map_or_else(|| Presence::from_word(word), Presence::from_code);
+            let needed = "0 (`absent`), 1 (`present`) or 2 (`thermal`, a thermal pad)";
+            let presence = presence.ok_or_else(|| row.invalid(column, needed))?;
             sheet.presence.get_or_insert_default().push(presence);
         }
         self.homes.push((at, VertexId::new(place).raw()));
@@ -225,15 +239,25 @@ fn push<T>(
 }
 
 fn taxel_id(row: Row<'_>, column: usize) -> Result<TaxelId> {
-    let id = row.text(column).parse::<i64>().ok();
-    let id = id.and_then(|id| if id < 0 { Some(u32::MAX) } else { u32::try_from(id).ok() });
-    id.map(TaxelId).ok_or_else(|| row.invalid(column, format!("a whole number up to {}", u32::MAX)))
+    if row.text(column) == "-1" {
+        return Ok(TaxelId(u32::MAX));
+    }
+    row.taxel(column)
+}
+
+/// Notes columns that are not read.
+fn remark_unused(draft: &mut Draft, source: &Source, columns: Vec<String>) {
+    if !columns.is_empty() {
+        let kind = RemarkKind::ColumnsNotRead { columns };
+        draft.remarks.push(Remark { patch: source.stem(), kind });
+    }
 }
 
 fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) -> Result<()> {
     let table = Table::of(source)?;
     let corners = Corners::new(&table.columns)?;
-    table.refuse_unknown(&corners.names)?;
+    let unused = table.columns.unknown(&corners.names).map(|(_, name)| name.to_owned()).collect();
+    remark_unused(draft, source, unused);
     let sheets = &draft.sheets;
     let id = |&(sheet, place): &(usize, u32)| sheets[sheet].ids.as_ref().map(|ids| ids[place as usize]);
     let taxels = Taxels::new(homes.len(), homes.iter().filter_map(id));

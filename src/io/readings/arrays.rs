@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::io::IoError;
 use crate::io::arrays::npy::ElementType;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
+use crate::io::file::times::{LATEST, time_column};
 use crate::io::file::{excerpt, invalid};
-use crate::io::readings::header::{About, LATEST, MAX_NUMBERS};
+use crate::io::readings::header::{About, MAX_NUMBERS};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
 
@@ -21,8 +22,10 @@ pub enum ReadingsLayout {
     ChannelsFirst,
 }
 
-/// Arrays that say something about the values.
-const ABOUT: [&str; 4] = ["ids", "timestamps", "channels", "units"];
+/// Whether an array says something about the values.
+fn is_about(name: &str) -> bool {
+    ["ids", "taxel_ids", "channels", "units"].contains(&name) || time_column(name).is_some()
+}
 
 /// Bytes of an array in Fortran order, which is held in memory: its first frame ends near its end.
 const MAX_FORTRAN: u64 = 1 << 30;
@@ -30,7 +33,8 @@ const MAX_FORTRAN: u64 = 1 << 30;
 pub(super) struct ArrayReadings {
     path: PathBuf,
     values: Rows,
-    times: Option<Rows>,
+    /// The times, and how many of their units are a second.
+    times: Option<(Rows, f64)>,
     layout: ReadingsLayout,
     channels: usize,
     row: Vec<f64>,
@@ -48,11 +52,19 @@ impl ArrayReadings {
         let values = find_values(path, &arrays)?;
         let (frames, width, channels) = check_shape(path, values, layout)?;
         let about = |name: &str| arrays.iter().find(|a| a.name == name && a.name != values.name);
-        let ids = about("ids").map(|array| read_ids(path, array, values, width)).transpose()?;
+        let ids = about("ids").or_else(|| about("taxel_ids"));
+        let ids = ids.map(|array| read_ids(path, array, values, width)).transpose()?;
         let channels = read_channels(path, about("channels"), about("units"), channels)?;
-        let times = about("timestamps").map(|array| {
+        let of_times = |array: &&StoredArray| time_column(&array.name).is_some() && array.name != values.name;
+        let times = arrays.iter().find(of_times).map(|array| {
             need_shape(path, array, frames, "one for each frame")?;
-            Rows::open(path, array, 1)
+            if !array.header.elements.is_number() {
+                return Err(invalid(path, array.element(), array.header.describe(), "numbers or dates"));
+            }
+            let per_second = time_column(&array.name).unwrap_or(Ok(1));
+            let per_second =
+                per_second.map_err(|needed| invalid(path, array.element(), array.name.as_str(), needed))?;
+            Ok((Rows::open(path, array, 1)?, f64::from(per_second)))
         });
         let times = times.transpose()?;
         let has_times = times.is_some();
@@ -86,13 +98,14 @@ impl ArrayReadings {
             }
         }
         *time = f64::NAN;
-        if let Some(times) = &mut self.times {
+        if let Some((times, per_second)) = &mut self.times {
             let mut number = [f64::NAN];
             times.read(&self.path, &mut number)?;
-            [*time] = number;
+            *time = number[0] / *per_second;
             if time.is_nan() || time.abs() > LATEST {
                 let element = format!("{}, row {}", times.element, times.done - 1);
-                return Err(invalid(&self.path, element, time.to_string(), "a time in s"));
+                let needed = "a time in s; name the array `time[ms]`, `time[us]` or `time[ns]` if it is not";
+                return Err(invalid(&self.path, element, time.to_string(), needed));
             }
         }
         Ok(true)
@@ -108,7 +121,7 @@ fn find_values<'a>(path: &Path, arrays: &'a [StoredArray]) -> Result<&'a StoredA
             invalid(path, named.element(), named.header.describe(), needed)
         });
     }
-    let mut candidates = arrays.iter().filter(|a| !ABOUT.contains(&a.name.as_str())).filter(fits);
+    let mut candidates = arrays.iter().filter(|a| !is_about(&a.name)).filter(fits);
     match (candidates.next(), candidates.next()) {
         (Some(only), None) => Ok(only),
         _ => {
@@ -222,7 +235,7 @@ fn read_channels(
 
 /// Refuses an array of another shape than `(count,)`.
 fn need_shape(path: &Path, array: &StoredArray, count: u64, why: &str) -> Result<(), IoError> {
-    if array.header.shape == [count] {
+    if array.header.shape == [count] && array.header.elements.is_read() {
         return Ok(());
     }
     let needed = format!("the shape ({count},): {why}");

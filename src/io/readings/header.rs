@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use crate::io::IoError;
 use crate::io::file::excerpt;
-use crate::io::file::lines::{LineLocation, finite};
+use crate::io::file::lines::LineLocation;
+use crate::io::file::times::time_column;
 use crate::signal::{Channel, SignalError};
 use crate::skin::TaxelId;
 
@@ -63,16 +64,15 @@ pub(super) fn parse_header<'t>(
     let mut meanings = Vec::new();
     for (k, word) in words.enumerate() {
         let column = || format!("column {}", k + 1);
-        match word.split('[').next().unwrap_or_default().trim().to_ascii_lowercase().as_str() {
-            "time" | "timestamp" | "timestamps" if meanings.iter().any(Meaning::is_time) => {
+        if let Some(per_second) = time_column(word) {
+            if meanings.iter().any(Meaning::is_time) {
                 return Err(at.invalid_part(column(), "a second time", "one time"));
             }
-            "time" | "timestamp" | "timestamps" => {
-                let per_second = per_second(word).ok_or_else(|| {
-                    at.invalid_part(column(), excerpt(word), "a time in s, ms, us or ns, as time[ms]")
-                })?;
-                meanings.push(Meaning::Time { per_second });
-            }
+            let per_second = per_second.map_err(|needed| at.invalid_part(column(), excerpt(word), needed))?;
+            meanings.push(Meaning::Time { per_second });
+            continue;
+        }
+        match word.split('[').next().unwrap_or_default().trim().to_ascii_lowercase().as_str() {
             "" | "frame" | "index" => meanings.push(Meaning::Unused),
             _ => meanings.push(columns.reading(word).map_err(|e| match e {
                 Broken::NotAnId => at.invalid_part(column(), excerpt(word), SHAPES),
@@ -118,82 +118,6 @@ impl Meaning {
     const fn is_time(&self) -> bool {
         matches!(self, Self::Time { .. })
     }
-}
-
-/// How many of the units of a time are a second: `time` and `time[s]` 1, `time[ms]` 1000.
-pub(super) fn per_second(word: &str) -> Option<u32> {
-    match word.split_once('[').map_or("s", |(_, unit)| unit.trim_end_matches(']').trim()) {
-        "s" => Some(1),
-        "ms" => Some(1000),
-        "us" | "\u{b5}s" | "\u{3bc}s" => Some(1_000_000),
-        "ns" => Some(1_000_000_000),
-        _ => None,
-    }
-}
-
-/// More seconds than this are no time in s: 1e11 s after 1970 is the year 5138, 1e11 ms is 1973.
-pub(super) const LATEST: f64 = 1e11;
-
-/// The time in a cell, in s: a number, or a date and time of ISO 8601, from 1970 on.
-pub(super) fn seconds(
-    word: &str,
-    per_second: u32,
-    column: usize,
-    at: LineLocation<'_>,
-) -> Result<f64, IoError> {
-    let invalid = |needed| Err(at.invalid_part(format!("column {}", column + 1), excerpt(word), needed));
-    match finite(word).map(|number| number / f64::from(per_second)) {
-        Some(time) if time.abs() <= LATEST => Ok(time),
-        Some(_) => invalid("a time in s; name the column `time[ms]`, `time[us]` or `time[ns]` if it is not"),
-        None => date(word).map_or_else(|| invalid("a finite time, or a date as 2026-01-31T12:00:00.5Z"), Ok),
-    }
-}
-
-/// Seconds from 1970 on of `2026-01-31T12:00:00.5+01:00`; without a zone, of UTC.
-fn date(word: &str) -> Option<f64> {
-    let (day, time) = word.split_once(['T', 't', ' '])?;
-    let whole = |text: &str, most: i64| -> Option<i64> {
-        let is_digits = !text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit());
-        text.parse().ok().filter(|&n| is_digits && n <= most)
-    };
-    let mut parts = day.splitn(3, '-');
-    let (year, month, day) =
-        (whole(parts.next()?, 9999)?, whole(parts.next()?, 12)?, whole(parts.next()?, 31)?);
-    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let longest = match month {
-        2 => 28 + i64::from(is_leap),
-        4 | 6 | 9 | 11 => 30,
-        _ => 31,
-    };
-    if month < 1 || !(1..=longest).contains(&day) {
-        return None;
-    }
-    let time = time.trim_end_matches(['Z', 'z']);
-    let sign = time.find(['+', '-']);
-    let (time, zone) = sign.map_or((time, ""), |at| time.split_at(at));
-    let zone = match zone.split_at_checked(1) {
-        None => 0,
-        Some((sign, zone)) => {
-            let (hours, minutes) = zone.split_once(':').or(zone.split_at_checked(2))?;
-            let minutes = 60 * whole(hours, 23)? + if minutes.is_empty() { 0 } else { whole(minutes, 59)? };
-            if sign == "-" { -minutes } else { minutes }
-        }
-    };
-    let mut parts = time.splitn(3, ':');
-    let (hours, minutes) = (whole(parts.next()?, 24)?, whole(parts.next()?, 59)?);
-    let seconds = parts.next().map_or(Some(0.0), |text| finite(text).filter(|s| (0.0..61.0).contains(s)))?;
-    // Days of the calendar, of years that begin in March.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let days = 365 * year + year.div_euclid(4) - year.div_euclid(100)
-        + year.div_euclid(400)
-        + (153 * month + 2) / 5
-        + day
-        - 1
-        - 719_468;
-    let minutes = 60 * hours + minutes - zone;
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-    let whole = (86_400 * days + 60 * minutes) as f64;
-    Some(whole + seconds)
 }
 
 enum Broken {
@@ -279,29 +203,6 @@ mod tests {
         assert_eq!(header("5,6", true).unwrap().cells, [Unused, time(1), Reading(0), Reading(1)]);
         assert_eq!(header("timestamp[ms],5", false).unwrap().cells, [time(1000), Reading(0)]);
         assert_eq!(header("5,6", false).unwrap().cells, [Reading(0), Reading(1)]);
-    }
-
-    #[test]
-    fn times_are_seconds_or_dates() {
-        let at = LineLocation { path: Path::new("a.csv"), line: 1 };
-        let time = |word: &str, per_second| seconds(word, per_second, 0, at);
-        assert_eq!(time("1500", 1000).unwrap(), 1.5);
-        assert_eq!(time("1970-01-02T00:00:01.5Z", 1).unwrap(), 86_401.5);
-        assert_eq!(time("2026-01-31 12:00:00+01:30", 1).unwrap(), 1_769_855_400.0);
-        assert_eq!(time("2024-02-29T23:59:59-0100", 1000).unwrap(), 1_709_254_799.0);
-        for odd in [
-            "1.7e12",
-            "nan",
-            "2026-13-01T00:00",
-            "2026-02-31T00:00",
-            "2100-02-29T00:00",
-            "2026-04-31T00:00",
-            "2026-01-01",
-            "T",
-            "2026-01-01T00:00+x",
-        ] {
-            assert!(time(odd, 1).is_err(), "{odd}");
-        }
     }
 
     #[test]

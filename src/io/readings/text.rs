@@ -1,4 +1,4 @@
-//! Readings as lines of numbers: CySkin's text (`index time value...` below a line of ids) and CSV; and
+//! Readings as lines of numbers: CySkin's text (`index time value...` below a line of ids), logs of YARP, CSV; and
 //! as a long table, `time,taxel_id,value`, with a row for each reading, sorted by time. The rows of one time are a frame there.
 //!
 //! A row is read as soon as its line has ended, so that a pipe delivers frame by frame. Which taxels a
@@ -10,11 +10,10 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use crate::io::IoError;
-use crate::io::file::lines::{LineLocation, Lines};
+use crate::io::file::lines::{LineLocation, Lines, POINT_NEEDED, has_decimal_comma};
+use crate::io::file::times::{seconds, time_column};
 use crate::io::file::{cannot_read, excerpt};
-use crate::io::readings::header::{
-    About, Cell, Header, MAX_NUMBERS, SHAPES, parse_header, per_second, seconds,
-};
+use crate::io::readings::header::{About, Cell, Header, MAX_NUMBERS, SHAPES, parse_header};
 use crate::io::table::cells::{Cells, Separator};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -43,11 +42,8 @@ impl TextLines {
         let has_tabs =
             is_csv || line.split('\t').any(|name| name.trim().to_ascii_lowercase().starts_with("time"));
         let signs = if has_tabs { &[',', ';', '\t'][..] } else { &[',', ';'] };
-        let separator = match signs.iter().find(|&&sign| line.contains(sign)) {
-            Some(&sign) => Separator::Sign(sign),
-            None if is_csv => Separator::Sign(','),
-            None => Separator::Blanks,
-        };
+        let other = if is_csv { Separator::Sign(',') } else { Separator::Blanks };
+        let separator = Separator::of(line, signs).unwrap_or(other);
         let mut words = Cells::default();
         words.split(line, separator, true);
         Ok(Self { lines, separator, words })
@@ -71,6 +67,8 @@ pub(super) struct TextReadings {
     cells: Vec<Cell>,
     numbers: usize,
     has_rows: bool,
+    /// Whether the line read last is a row that is still to be taken.
+    is_ahead: bool,
 }
 
 impl TextReadings {
@@ -86,12 +84,29 @@ impl TextReadings {
         let has_times = cells.iter().any(|cell| matches!(cell, Cell::Time { .. }));
         let numbers = width * channels.len();
         let about = About { ids, channels, width, frames: None, has_times };
-        Ok((Self { lines, cells, numbers, has_rows: false }, about))
+        Ok((Self { lines, cells, numbers, has_rows: false, is_ahead: false }, about))
+    }
+
+    /// Reads the first row of a log of `yarpdatadumper`: rows of `number time value...`, the values of all taxels in
+    /// their order.
+    pub(super) fn open_log(path: &Path, input: Box<dyn Read + Send>) -> Result<(Self, About), IoError> {
+        let lines = TextLines::open(path, input, false)?;
+        let width = lines.words.len().saturating_sub(2);
+        if width == 0 || lines.words.iter().any(|word| word.parse::<f64>().is_err()) {
+            let needed = "rows of numbers, `number time value...`, as yarpdatadumper writes them";
+            let words: Vec<&str> = lines.words.iter().collect();
+            return Err(lines.at().invalid(excerpt(&words.join(" ")), needed));
+        }
+        let cells = [Cell::Unused, Cell::Time { per_second: 1 }].into_iter();
+        let cells = cells.chain((0..width).map(Cell::Reading)).collect();
+        let about =
+            About { ids: None, channels: vec![Channel::default()], width, frames: None, has_times: true };
+        Ok((Self { lines, cells, numbers: width, has_rows: false, is_ahead: true }, about))
     }
 
     /// Reads the next row; false after the last one.
     pub(super) fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        if !self.lines.advance()? {
+        if !std::mem::take(&mut self.is_ahead) && !self.lines.advance()? {
             return match self.has_rows {
                 true => Ok(false),
                 false => {
@@ -124,10 +139,9 @@ fn take_row<'t>(
         let invalid = |needed: &str| at.invalid_part(format!("column {}", k + 1), excerpt(word), needed);
         match *cell {
             Cell::Unused => {}
-            Cell::Time { per_second } => *time = seconds(word, per_second, k, at)?,
-            Cell::Reading(_) if word.is_empty() => {}
+            Cell::Time { per_second } => *time = seconds(word, per_second).map_err(invalid)?,
             Cell::Reading(place) => {
-                values[place] = word.parse().map_err(|_| invalid("a number, NaN or nothing"))?;
+                values[place] = reading(word).map_err(invalid)?;
             }
         }
     }
@@ -135,6 +149,12 @@ fn take_row<'t>(
         0 => Ok(()),
         more => Err(wrong(cells.len() + more)),
     }
+}
+
+/// A reading, NaN where there is none; an error says what is needed.
+fn reading(word: &str) -> Result<f64, &'static str> {
+    let needed = if has_decimal_comma(word) { POINT_NEEDED } else { "a number, NaN or nothing" };
+    if word.is_empty() { Ok(f64::NAN) } else { word.parse().map_err(|_| needed) }
 }
 
 /// A long table that is read frame by frame.
@@ -228,9 +248,11 @@ impl Rows {
         let find = |known: &[&str]| {
             names.iter().position(|name| known.contains(&name.split('[').next().unwrap_or_default().trim()))
         };
-        let places = [find(&["time", "timestamp"]), find(&["taxel_id", "taxel"]), find(&["value"])];
-        let [Some(time), Some(id), Some(value)] = places else { return Ok(None) };
-        let Some(per_second) = per_second(&names[time]) else { return Ok(None) };
+        let mut times = names.iter().enumerate().filter_map(|(k, name)| Some((k, time_column(name)?.ok()?)));
+        let places = [find(&["taxel_id", "taxel", "id"]), find(&["value"])];
+        let (Some((time, per_second)), [Some(id), Some(value)]) = (times.next(), places) else {
+            return Ok(None);
+        };
         let name = lines.words.get(value).unwrap_or_default();
         let unit = name.split_once('[').map_or("", |(_, unit)| unit.trim_end_matches(']').trim());
         let channel = Channel::new("", unit).map_err(|e| lines.at().invalid(excerpt(name), e.to_string()))?;
@@ -247,11 +269,9 @@ impl Rows {
             return Err(at.invalid(format!("{} cells", words.len()), needed));
         }
         let word = |k| words.get(k).unwrap_or_default();
-        let value = match word(self.value) {
-            "" => f64::NAN,
-            text => text.parse().map_err(|_| at.invalid(text, "a number, NaN or nothing"))?,
-        };
-        let time = seconds(word(self.time), self.per_second, self.time, at)?;
+        let wrong = |k: usize, needed| at.invalid_part(format!("column {}", k + 1), excerpt(word(k)), needed);
+        let value = reading(word(self.value)).map_err(|needed| wrong(self.value, needed))?;
+        let time = seconds(word(self.time), self.per_second).map_err(|needed| wrong(self.time, needed))?;
         Ok(Some(Reading { time, id: at.taxel(word(self.id))?, value }))
     }
 }

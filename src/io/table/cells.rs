@@ -8,6 +8,13 @@ pub(crate) enum Separator {
     Blanks,
 }
 
+impl Separator {
+    /// The first of some signs that a line has.
+    pub(crate) fn of(line: &str, signs: &[char]) -> Option<Self> {
+        signs.iter().find(|&&sign| line.contains(sign)).map(|&sign| Self::Sign(sign))
+    }
+}
+
 /// The cells of a line, without blanks and quotes around them.
 #[derive(Debug, Default)]
 pub(crate) struct Cells {

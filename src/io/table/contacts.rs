@@ -67,11 +67,14 @@ pub fn read_contacts<R: Read>(
     let columns = &table.columns;
     let is_answers = OF_ANSWERS.iter().all(|name| columns.find(name).is_some());
     let frame_or_link = if is_answers { "frame" } else { "link" };
-    let is_read = |name: &str| name == frame_or_link || name != "link" && COLUMNS.contains(&name);
-    let unknown = columns.names.iter().filter(|name| !is_read(name)).cloned().collect();
+    let is_unread = |name: &str| name == "link" && name != frame_or_link;
+    let known: Vec<&str> =
+        COLUMNS.into_iter().chain([frame_or_link]).filter(|name| !is_unread(name)).collect();
+    let unknown = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
-    let [force, radius, time] = ["force", "radius", "time"].map(|name| columns.find(name));
+    let [force, radius] = ["force", "radius"].map(|name| columns.find(name));
+    let time = columns.find_time()?;
     let [name, only_link] = [frame_or_link, "only_link"].map(|name| columns.find(name));
     let patch = columns.find("patch").filter(|_| is_answers);
     let contact = move |row: Row<'_>| {
@@ -94,7 +97,7 @@ pub fn read_contacts<R: Read>(
             frame,
             link,
             only_link: text(only_link),
-            time: number(time)?,
+            time: row.time_if_any(time)?,
             line: row.at.line as u64,
         })
     };
@@ -147,15 +150,16 @@ pub fn read_map_places<R: Read>(
     let table = open(path, input)?;
     let columns = &table.columns;
     let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);
-    let is_read =
-        |name: &str| MAP_COLUMNS.contains(&name) && !(map.is_some() && ["px", "py"].contains(&name));
-    let unknown = columns.names.iter().filter(|name| !is_read(name)).cloned().collect();
+    let is_read = |name: &&str| !(map.is_some() && ["px", "py"].contains(name));
+    let known: Vec<&str> = MAP_COLUMNS.into_iter().filter(is_read).collect();
+    let unknown = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
     let (place_columns, is_map) = match (map, pixel) {
         (Some(map), _) => (map, true),
         (None, Some(pixel)) => (pixel, false),
         (None, None) => return Err(columns.at().invalid(columns.describe(), "columns `u,v` or `px,py`")),
     };
-    let [patch, level, time] = ["patch", "level", "time"].map(|name| columns.find(name));
+    let [patch, level] = ["patch", "level"].map(|name| columns.find(name));
+    let time = columns.find_time()?;
     let place = move |row: Row<'_>| {
         let whole = |column: usize| {
             row.text(column)
@@ -175,7 +179,7 @@ pub fn read_map_places<R: Read>(
             patch: patch.map_or("", |c| row.text(c)).to_owned(),
             level: level as usize,
             position,
-            time: time.map_or(Ok(None), |c| row.number_if_any(c))?,
+            time: row.time_if_any(time)?,
             line: row.at.line as u64,
         })
     };

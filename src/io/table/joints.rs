@@ -25,7 +25,7 @@ pub struct JointTable {
 pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
-    let time = table.columns.find("time");
+    let time = table.columns.find_time()?;
     // What follows another joint or does not move has no value of its own.
     let is_own = |k: &usize| robot.joints[*k].kind.has_value() && robot.joints[*k].mimic.is_none();
     let joints: Vec<usize> = (0..robot.joints.len()).filter(is_own).collect();
@@ -41,7 +41,7 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     let unused = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
     let mut rows = Vec::new();
     table.each_row(&mut |row| {
-        let at = time.map_or(Ok(0.0), |time| row.number(time))?;
+        let at = time.map_or(Ok(0.0), |time| row.time(time))?;
         let given = columns.iter().map(|&(k, column)| Ok((k, row.number(column)?)));
         rows.push((at, robot.joint_values(&given.collect::<Result<Vec<_>>>()?)));
         if time.is_none() && rows.len() > 1 {

@@ -1,8 +1,7 @@
-//! Tables with a line of column names, between commas: the one engine that reads and writes them.
-//! Recordings, which may be live streams with other separators, are read in `readings/text` with the
-//! same [`Cells`].
+//! Tables with a line of column names, between commas, semicolons or tabs: the one engine that reads and writes them.
+//! Recordings, which may be live streams, are read in `readings/text` with the same [`Cells`].
 //!
-//! Columns are found by name, in any order. Errors name the line and the column.
+//! Columns are found by name, in any order; `id` and `taxel_id` are one name. Errors name the line and the column.
 
 pub(super) mod by_taxel;
 pub(super) mod calibration;
@@ -25,6 +24,8 @@ use self::cells::{Cells, Separator};
 
 use crate::io::IoError;
 use crate::io::error::Result;
+use crate::io::file::lines::number_needed;
+use crate::io::file::times::{seconds, time_column};
 use crate::io::file::{LONGEST, LineLocation, Lines, Source, excerpt, finite};
 use crate::skin::TaxelId;
 
@@ -37,6 +38,7 @@ pub(crate) struct Table<R> {
     lines: Lines<R>,
     pub(crate) columns: Columns,
     cells: Cells,
+    separator: Separator,
     ended: bool,
 }
 
@@ -53,12 +55,14 @@ impl<R: BufRead> Table<R> {
     /// names may be in capitals.
     pub(crate) fn open(mut lines: Lines<R>) -> Result<Self> {
         let mut cells = Cells::default();
-        read_row(&mut lines, &mut cells)?;
+        let separator = Separator::of(lines.current()?.map_or("", |(line, _)| line), &[',', ';', '\t']);
+        let separator = separator.unwrap_or(Separator::Sign(','));
+        read_row(&mut lines, &mut cells, separator)?;
         let ignores_case = lines.comment.is_some();
         let name = |name: &str| if ignores_case { name.to_ascii_lowercase() } else { name.to_owned() };
         let at = lines.at();
         let columns = Columns::new(at.path, at.line.max(1), cells.iter().map(name).collect())?;
-        Ok(Self { lines, columns, cells, ended: false })
+        Ok(Self { lines, columns, cells, separator, ended: false })
     }
 
     /// Reads the next row; false at the end. After an error about a row the next one may be read.
@@ -72,7 +76,7 @@ impl<R: BufRead> Table<R> {
         if self.ended {
             return Ok(false);
         }
-        read_row(&mut self.lines, &mut self.cells)?;
+        read_row(&mut self.lines, &mut self.cells, self.separator)?;
         let (found, needed) = (self.cells.len(), self.columns.names.len());
         if found != needed {
             let needed = format!("{needed}, as the first line has");
@@ -92,17 +96,6 @@ impl<R: BufRead> Table<R> {
         Ok(())
     }
 
-    /// Refuses columns that are not `known`, so that a misspelt name is not silently ignored.
-    pub(crate) fn refuse_unknown(&self, known: &[&str]) -> Result<()> {
-        match self.columns.unknown(known).next() {
-            None => Ok(()),
-            Some((k, name)) => {
-                let (part, needed) = (format!("column {}", k + 1), format!("one of {}", known.join(",")));
-                Err(self.columns.at().invalid_part(part, excerpt(name), needed))
-            }
-        }
-    }
-
     /// What `read` makes of each row, one after the other. After an error about a row the next one follows;
     /// after another error nothing does.
     pub(crate) fn into_rows<T>(
@@ -116,7 +109,8 @@ impl<R: BufRead> Table<R> {
     }
 }
 
-/// Visits the rows of a table that has these columns and no others, each with their places.
+/// Visits the rows of a table that has these columns and no others, each with their places: a misspelt name is not
+/// silently ignored.
 pub(crate) fn each_row_of<const N: usize>(
     path: &Path,
     names: [&str; N],
@@ -124,23 +118,25 @@ pub(crate) fn each_row_of<const N: usize>(
 ) -> Result<()> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
-    table.refuse_unknown(&names)?;
+    if let Some((k, name)) = table.columns.unknown(&names).next() {
+        let (part, needed) = (format!("column {}", k + 1), format!("one of {}", names.join(",")));
+        return Err(table.columns.at().invalid_part(part, excerpt(name), needed));
+    }
     let columns = table.columns.need_vector(names)?;
     table.each_row(&mut |row| visit(row, columns))
 }
 
 /// Splits the row that begins on the line where `lines` stands; it may have more of them.
-fn read_row<R: BufRead>(lines: &mut Lines<R>, cells: &mut Cells) -> Result<()> {
-    let comma = Separator::Sign(',');
+fn read_row<R: BufRead>(lines: &mut Lines<R>, cells: &mut Cells, separator: Separator) -> Result<()> {
     let Some((line, _)) = lines.current()? else {
-        cells.split("", comma, false);
+        cells.split("", separator, false);
         return Ok(());
     };
     if lines.has_row_per_line {
-        cells.split(line, comma, line.matches('"').count().is_multiple_of(2));
+        cells.split(line, separator, line.matches('"').count().is_multiple_of(2));
         return Ok(());
     }
-    if !cells.split(line, comma, true) {
+    if !cells.split(line, separator, true) {
         return Ok(());
     }
     let mut row = line.to_owned();
@@ -152,7 +148,7 @@ fn read_row<R: BufRead>(lines: &mut Lines<R>, cells: &mut Cells) -> Result<()> {
         }
         row.push('\n');
         row.push_str(line);
-        if !cells.split(&row, comma, true) {
+        if !cells.split(&row, separator, true) {
             return Ok(());
         }
     }
@@ -180,7 +176,20 @@ impl<'a> Row<'a> {
     }
 
     pub(crate) fn number(&self, column: usize) -> Result<f64> {
-        finite(self.text(column)).ok_or_else(|| self.invalid(column, "a finite number"))
+        let word = self.text(column);
+        finite(word).ok_or_else(|| self.invalid(column, number_needed(word)))
+    }
+
+    /// A time in s.
+    pub(crate) fn time(&self, column: TimeColumn) -> Result<f64> {
+        seconds(self.text(column.column), column.per_second)
+            .map_err(|needed| self.invalid(column.column, needed))
+    }
+
+    /// A time in s, or an empty cell.
+    pub(crate) fn time_if_any(&self, column: Option<TimeColumn>) -> Result<Option<f64>> {
+        let column = column.filter(|time| !self.text(time.column).is_empty());
+        column.map(|column| self.time(column)).transpose()
     }
 
     /// A finite number, or an empty cell.
@@ -234,6 +243,21 @@ impl<'a> Row<'a> {
 /// How far a quaternion may be from unit length: three decimals are enough to mean a rotation.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
+/// A column of times, and how many of their unit are a second.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TimeColumn {
+    column: usize,
+    per_second: u32,
+}
+
+/// How many of the units of a column of times are a second; names of tables are in lower case and whole.
+fn time_unit(name: &str) -> Option<std::result::Result<u32, &'static str>> {
+    time_column(name).filter(|_| name.starts_with("time"))
+}
+
+/// Names of the one column that has the ids of taxels.
+const IDS: [&str; 2] = ["id", "taxel_id"];
+
 /// The columns of a table, found by the names in its first line.
 #[derive(Debug)]
 pub(crate) struct Columns {
@@ -248,8 +272,9 @@ impl Columns {
         if names.iter().all(String::is_empty) {
             return Err(at.invalid("nothing", "the names of the columns"));
         }
-        if let Some((found, needed)) = unlike_names(&names) {
-            return Err(at.invalid(found, needed));
+        if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+            let found = format!("the numbers {}; the header is missing", excerpt(&names.join(",")));
+            return Err(at.invalid(found, "a first line with the names of the columns"));
         }
         let mut seen = HashSet::new();
         // Spreadsheets write columns without a name behind the others.
@@ -265,11 +290,30 @@ impl Columns {
     }
 
     pub(crate) fn unknown<'a>(&'a self, known: &'a [&str]) -> impl Iterator<Item = (usize, &'a str)> {
-        self.names.iter().map(String::as_str).enumerate().filter(|(_, name)| !known.contains(name))
+        let has_ids = IDS.iter().any(|name| known.contains(name));
+        let has_times = known.contains(&"time");
+        let is_known = move |name: &str| {
+            known.contains(&name) || has_ids && IDS.contains(&name) || has_times && time_unit(name).is_some()
+        };
+        self.names.iter().map(String::as_str).enumerate().filter(move |(_, name)| !is_known(name))
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
-        self.names.iter().position(|n| n == name)
+        let other = IDS.into_iter().find(|id| *id != name).filter(|_| IDS.contains(&name));
+        let find = |name: &str| self.names.iter().position(|n| n == name);
+        find(name).or_else(|| find(other?))
+    }
+
+    /// The column of times, `time` in s or as in `time[ms]`.
+    pub(crate) fn find_time(&self) -> Result<Option<TimeColumn>> {
+        let times = self.names.iter().enumerate();
+        let Some((column, unit)) = times.filter_map(|(k, name)| Some((k, time_unit(name)?))).next() else {
+            return Ok(None);
+        };
+        let invalid = |needed| {
+            self.at().invalid_part(format!("column {}", column + 1), excerpt(&self.names[column]), needed)
+        };
+        Ok(Some(TimeColumn { column, per_second: unit.map_err(invalid)? }))
     }
 
     pub(crate) fn need(&self, name: &str) -> Result<usize> {
@@ -296,18 +340,4 @@ impl Columns {
         }
         Ok(places)
     }
-}
-
-/// What is there instead of the names of columns, and what is needed: a row of numbers, or names with
-/// another separator.
-fn unlike_names(names: &[String]) -> Option<(String, &'static str)> {
-    let line = excerpt(&names.join(","));
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        let found = format!("the numbers {line}; the header is missing");
-        return Some((found, "a first line with the names of the columns"));
-    }
-    let [all] = names else { return None };
-    let separators = [('\t', "tabs"), (';', "semicolons")];
-    let (_, word) = separators.into_iter().find(|(separator, _)| all.contains(*separator))?;
-    Some((format!("columns that seem to be separated by {word}, {line}"), "columns separated by commas"))
 }

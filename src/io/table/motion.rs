@@ -65,7 +65,7 @@ fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFi
     let table = Table::of(source)?;
     let unused = table.columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
     let link = table.columns.need("link")?;
-    let time = table.columns.find("time");
+    let time = table.columns.find_time()?;
     let position = table.columns.need_vector(["x", "y", "z"])?;
     let rotation = table.columns.need_vector(["qx", "qy", "qz", "qw"])?;
     let scales: Vec<_> = SCALES.iter().filter_map(|name| table.columns.find(name)).collect();
@@ -78,7 +78,7 @@ fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFi
                 return Err(row.invalid(scale, "1: links are rigid; scale the skin when its map is built"));
             }
         }
-        let at = time.map_or(Ok(0.0), |time| row.number(time))?;
+        let at = time.map_or(Ok(0.0), |time| row.time(time))?;
         let name = row.text(link);
         let found = match names.ids().filter(|&link| names[link] == name).collect::<Vec<_>>()[..] {
             [] => return Err(row.invalid(link, "the name of a link of the map")),

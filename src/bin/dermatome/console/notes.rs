@@ -83,7 +83,7 @@ pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
         let all = ids().count();
         note!(
             common,
-            "{without} of {all} taxels have a placeholder id, 0 or {}: readings by id do not reach them",
+            "{without} of {all} taxels have a placeholder id, 0 or {}: those of one id share its readings",
             u32::MAX
         );
     }

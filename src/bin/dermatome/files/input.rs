@@ -85,9 +85,8 @@ pub(crate) fn read_good_patches(
         .map_err(Error::from)
         .with_context(|| format!("{} holds no sound skin", path.display()))?;
     note_remarks(&assembled.remarks, common);
-    if read.unit == Unit::M
-        && assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::DoubtfulUnit { .. }))
-    {
+    let is_large = |r: &Remark| matches!(r.kind, RemarkKind::DoubtfulUnit { extent } if extent > 1.0);
+    if read.unit == Unit::M && assembled.remarks.iter().any(is_large) {
         if paths.iter().any(|path| RobotArgs::describes(path)) {
             note!(common, "scale=\"0.001 0.001 0.001\" in its <mesh> reads a mesh in millimetres");
         } else {
