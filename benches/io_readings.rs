@@ -7,7 +7,7 @@ use dermatome::{
     io::{ReadingsLayout, ReadingsReader, ReadingsWriter},
     map::SkinMap,
     mesh::shapes,
-    signal::{Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, SignalError},
+    signal::{Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Stage},
     skin::Skin,
 };
 
@@ -78,11 +78,7 @@ fn frames(c: &mut Criterion) {
     c.bench_function("split_642_taxels", |b| {
         b.iter(|| {
             frame.time += 0.004;
-            let pass_on = |out: &Frame| -> Result<(), SignalError> {
-                black_box(out);
-                Ok(())
-            };
-            conditioner.push(&frame, pass_on)
+            black_box(conditioner.apply(&frame));
         });
     });
 }

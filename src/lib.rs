@@ -19,9 +19,8 @@
 //!    [`io::write_map`] keeps.
 //! 5. [`atlas::skin_images`] rasterises the maps for [`io::write_images`], an [`atlas::Atlas`] for
 //!    images of readings; [`plot::plot_map`] draws them.
-//! 6. [`io::ReadingsReader`] reads a recording or a stream, [`signal::Join`] finds its taxels,
-//!    [`signal::Restrictor`] carries each frame to every level and [`image::Renderer`] draws it;
-//!    [`signal::ContactTracker`] finds what touches the skin.
+//! 6. [`io::ReadingsReader`] reads a recording or a stream; a [`recording::Recording`] finds its taxels, carries
+//!    each frame to every level, draws it and finds what touches the skin.
 //! 7. [`contact::ContactIndex`] finds the cells under a contact on every level.
 //!
 //! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
@@ -52,6 +51,7 @@ pub mod io;
 pub mod plot;
 pub mod report;
 mod error;
+pub mod recording;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod pipeline;

@@ -1,15 +1,18 @@
 //! The steady state allocates nothing: every step of a live stream, for frames that change as a whole,
 //! in part or not at all.
 
+use std::sync::Arc;
+
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::id::VertexId;
 use dermatome::image::{Interpolation, RenderOptions, Renderer};
+use dermatome::io::{Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
+use dermatome::recording::{Carried, Fill, Recording, RecordingOptions};
 use dermatome::signal::{
-    Channel, ConditionOptions, Conditioner, ContactTracker, Contrast, Edges, Frame, Quantity, Restrictor,
-    TouchOptions, TouchSimulation, TrackerOptions,
+    Channel, ConditionOptions, Frame, Quantity, Restrictor, TouchOptions, TouchSimulation, TrackerOptions,
 };
 use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 
@@ -35,7 +38,7 @@ fn allocations_are_counted() {
 #[test]
 fn whole_frames_allocate_nothing() {
     let skin = skin();
-    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let map = Arc::new(build(&skin, &BuildOptions::default()).unwrap());
     let touches = TouchOptions {
         presses: 4,
         touches: 2,
@@ -51,62 +54,65 @@ fn whole_frames_allocate_nothing() {
 #[test]
 fn partial_changes_allocate_nothing() {
     let skin = skin();
-    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let map = Arc::new(build(&skin, &BuildOptions::default()).unwrap());
     for quantity in [Quantity::Intensive, Quantity::Extensive] {
         let touches = TouchOptions { presses: 4, rate: 40.0, quantity, ..TouchOptions::default() };
         stream(&map, &skin, &touches);
     }
 }
 
-/// Every step, on a recording that is played twice: counts in the second time.
-fn stream(map: &SkinMap, skin: &Skin, touches: &TouchOptions) {
+/// Readings of a simulation, played twice.
+fn readings(skin: &Skin, touches: &TouchOptions) -> Readings {
+    let mut all = Readings::default();
+    for _ in 0..2 {
+        let mut simulation = TouchSimulation::new(skin, touches).unwrap();
+        all.channels = vec![simulation.channel().clone()];
+        while let Some((frame, _)) = simulation.next_frame() {
+            all.times.push(all.times.len() as f64 / touches.rate);
+            all.values.extend(frame.values.iter().flat_map(|patch| patch[0].iter()));
+        }
+    }
+    all.width = skin.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    all
+}
+
+/// Every stage, on a recording that is played twice: counts in the second time.
+fn stream(map: &Arc<SkinMap>, skin: &Skin, touches: &TouchOptions) {
     let atlas = Atlas::new(map, &AtlasOptions::default()).unwrap();
-    let simulation = TouchSimulation::new(skin, touches).unwrap();
-    let options = ConditionOptions {
+    let readings = readings(skin, touches);
+    let condition = ConditionOptions {
         baseline: 3,
         split_hz: Some(5.0),
         clip: Some([-1e9, 1e9]),
         ..ConditionOptions::default()
     };
-    let mut conditioner =
-        Conditioner::new(map, std::slice::from_ref(simulation.channel()), &options).unwrap();
-    let channels: Vec<Channel> = conditioner.channels().to_vec();
-    let mut restrictor = Restrictor::new(map, &channels);
-    let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));
-    let all = [Interpolation::Linear, Interpolation::Nearest];
-    let mut renderers = all.map(|interpolation| {
-        let options = RenderOptions { interpolation, level: None };
-        Renderer::new(map, &atlas, &channels, &options).unwrap()
-    });
-    let mut tracker =
-        ContactTracker::new(map, &channels[0], &TrackerOptions { channel: 0, ..Default::default() }).unwrap();
-    let mut regions = 0;
-    for time in 0..2 {
-        let mut simulation = TouchSimulation::new(skin, touches).unwrap();
-        while let Some((frame, _)) = simulation.next_frame() {
-            let count = |what: &str, work: &mut dyn FnMut()| {
-                let found = allocations(work);
-                assert!(time == 0 || found == 0, "{found} allocations of the {what} at {} s", frame.time);
-            };
-            let mut conditioned = None;
-            count("conditioner", &mut || {
-                let pushed: Result<(), std::convert::Infallible> = conditioner.push(frame, |frame| {
-                    let levels = restrictor.restrict(frame);
-                    renderers.iter_mut().for_each(|renderer| {
-                        renderer.render(levels);
-                    });
-                    contrast.of(levels);
-                    edges.of(levels);
-                    conditioned = Some(frame.time);
-                    Ok(())
-                });
-                pushed.unwrap();
+    for (carried, interpolation, fill) in [
+        (Carried::Values, Interpolation::Linear, Fill::None),
+        (Carried::Values, Interpolation::Nearest, Fill::Neighbours),
+        (Carried::Contrast, Interpolation::Linear, Fill::Neighbours),
+        (Carried::Edges, Interpolation::Nearest, Fill::None),
+    ] {
+        let reader = ReadingsReader::memory(readings.clone()).unwrap();
+        let options = RecordingOptions { condition: condition.clone(), fill, ..RecordingOptions::default() };
+        let mut recording = Recording::open(map, reader, &options).unwrap();
+        recording.carry(carried, None);
+        recording.draw(&atlas, interpolation).unwrap();
+        // Above what is left of earlier touches in the slow part.
+        let threshold = Some(0.05 * readings.values.iter().copied().fold(0.0, f64::max));
+        recording.follow_contacts(&TrackerOptions { threshold, ..TrackerOptions::default() }).unwrap();
+        let mut regions = 0;
+        for number in 0..readings.times.len() {
+            let found = allocations(|| {
+                let step = recording.next_step().unwrap().unwrap();
+                assert_eq!((step.number, step.images.len()), (number, atlas.parts.len()));
+                regions += step.contacts.len();
             });
-            count("tracker", &mut || regions += tracker.track(frame).len());
-            assert_eq!(time == 1, time == 1 && conditioned == Some(frame.time));
+            let is_first = number < readings.times.len() / 2;
+            assert!(is_first || found == 0, "{found} allocations of {carried:?} in frame {number}");
         }
+        assert!(recording.next_step().unwrap().is_none());
+        assert!(regions > 100, "{regions} regions are enough to see something");
     }
-    assert!(regions > 100, "{regions} regions are enough to see something");
 }
 
 /// One, some and many taxels that change, on a flat skin.

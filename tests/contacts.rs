@@ -14,9 +14,10 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
+use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
-    Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame,
-    Join, Quantity, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+    Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Quantity,
+    Touch, TouchOptions, TouchSimulation, TrackerOptions,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::{DVec2, DVec3};
@@ -554,7 +555,7 @@ fn fingers_on_a_real_cover() {
     let Some(folder) = data("cyskin") else { return };
     let draft = read_draft(&folder.join("curved_gesture_patch_isomap.json")).unwrap();
     let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
-    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let map = Arc::new(build(&skin, &BuildOptions::default()).unwrap());
     let (mut agree, mut of, mut recordings) = (0, 0, Vec::new());
     for fingers in 0..=5 {
         let path = folder.join(format!("recordings/{fingers}_finger_01.txt"));
@@ -579,23 +580,20 @@ fn fingers_on_a_real_cover() {
 }
 
 /// Number of taxels of the contacts in each frame of a recording.
-fn count_contacts(path: &Path, map: &SkinMap) -> Vec<Vec<usize>> {
-    let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
-    let join = Join::new(map, reader.ids.as_deref(), reader.width, Duplicates::First).unwrap();
-    assert_eq!(join.report().matched, 634);
-    let options = ConditionOptions { baseline: 5, ..ConditionOptions::default() };
-    let mut conditioner = Conditioner::new(map, &reader.channels, &options).unwrap();
-    let mut tracker = ContactTracker::new(map, &pascals(), &TrackerOptions::default()).unwrap();
-    let (mut counts, mut frame) = (Vec::new(), Frame::new(map, 1));
-    let mut values = Vec::new();
-    while reader.read(&mut values, &mut frame.time).unwrap() {
-        join.fill(&values, &mut frame);
-        let pushed: Result<(), std::convert::Infallible> = conditioner.push(&frame, |frame| {
-            counts.push(present(tracker.track(frame)).map(|region| region.taxels.len()).collect());
-            Ok(())
-        });
-        pushed.unwrap();
+fn count_contacts(path: &Path, map: &Arc<SkinMap>) -> Vec<Vec<usize>> {
+    let reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
+    let options = RecordingOptions {
+        duplicates: Duplicates::First,
+        condition: ConditionOptions { baseline: 5, ..ConditionOptions::default() },
+        ..RecordingOptions::default()
+    };
+    let mut recording = Recording::open(map, reader, &options).unwrap();
+    assert_eq!(recording.report().join.matched, 634);
+    recording.follow_contacts(&recording.tracker_options(0)).unwrap();
+    let mut counts = Vec::new();
+    while let Some(step) = recording.next_step().unwrap() {
+        counts.push(present(step.contacts).map(|region| region.taxels.len()).collect());
     }
-    println!("threshold {:.0}", tracker.threshold().unwrap());
+    println!("threshold {:.0}", recording.threshold().unwrap());
     counts
 }

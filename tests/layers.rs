@@ -7,10 +7,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules of the library; each may name only those before it.
+#[rustfmt::skip]
 const MODULES: &[&str] = &[
     "id", "parallel", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "robot", "remesh", "calib",
     "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot",
-    "report", "error", "page", "pipeline",
+    "report", "error", "recording", "page", "pipeline",
 ];
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.

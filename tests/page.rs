@@ -4,14 +4,17 @@
 mod common;
 mod maps;
 
+use std::sync::Arc;
+
 use assert_cmd::Command;
-use dermatome::id::VertexId;
-use dermatome::io::write_map;
+use common::npy;
+use dermatome::Error;
+use dermatome::io::{Readings, ReadingsLayout, ReadingsReader, write_map};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::page::Page;
-use dermatome::signal::{Channel, Frame, SignalError};
-use dermatome::skin::PatchId;
+use dermatome::recording::{Recording, RecordingOptions};
+use dermatome::signal::{Channel, SignalError};
 use maps::{skin, square_pyramid};
 use predicates::str::contains;
 
@@ -44,30 +47,37 @@ fn names_stay_text_and_fill_no_place_of_the_page() {
     assert_eq!(html.matches("<script").count(), 2, "the data and the script");
 }
 
+/// A page that plays a recording.
+fn play(map: &Arc<SkinMap>, reader: ReadingsReader) -> (Page<'_>, Result<(), Error>) {
+    let mut recording = Recording::open(map, reader, &RecordingOptions::default()).unwrap();
+    let mut page = Page::new(map, "palm").unwrap();
+    let played = page.play(&mut recording, 0, || ());
+    (page, played)
+}
+
 #[test]
 fn a_recording_that_does_not_fit_is_refused() {
-    let map = SkinMap::flat(shapes::lattice(600, 600, 0.004), 1e-3);
-    let mut page = Page::new(&map, "large").unwrap();
-    let frame = Frame::new(&map, 1);
-    let refused = (0..1000).find_map(|_| page.record(&frame, &[Channel::default()], 0).err());
-    assert!(
-        matches!(refused, Some(dermatome::Error::Signal(SignalError::TooLong { .. }))),
-        "{refused:?} after 1000 frames of 360000 taxels"
-    );
+    let map = Arc::new(SkinMap::flat(shapes::lattice(600, 600, 0.004), 1e-3));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    std::fs::write(&path, npy("|u1", &[200, 360_000], &vec![0; 72_000_000])).unwrap();
+    let (page, refused) = play(&map, ReadingsReader::open(&path, ReadingsLayout::default()).unwrap());
+    assert!(matches!(refused, Err(Error::Signal(SignalError::TooLong { .. }))), "{refused:?}");
+    assert_eq!(page.frames(), (1 << 26) / 360_000, "those before it are there");
 }
 
 #[test]
 fn readings_make_a_page_larger_but_keep_it_small() {
-    let map = palm("palm");
-    let mut page = Page::new(&map, "palm").unwrap();
-    for k in 0..200 {
-        let mut frame = Frame::new(&map, 1);
-        let values = &mut frame.values[PatchId::new(0)][0];
-        values.iter_mut().for_each(|x| *x = 0.0);
-        values[VertexId::new(k % 169)] = 1.0;
-        frame.time = 0.1 * k as f64;
-        page.record(&frame, &[Channel::new("force", "N").unwrap()], 0).unwrap();
-    }
+    let map = Arc::new(palm("palm"));
+    let readings = Readings {
+        channels: vec![Channel::new("force", "N").unwrap()],
+        width: 169,
+        times: (0..200).map(|k| 0.1 * f64::from(k)).collect(),
+        values: (0..200 * 169).map(|k| if k % 169 == k / 169 % 169 { 1.0 } else { 0.0 }).collect(),
+        ..Readings::default()
+    };
+    let (page, played) = play(&map, ReadingsReader::memory(readings).unwrap());
+    played.unwrap();
     let still = Page::new(&map, "palm").unwrap().to_html().unwrap();
     let moving = page.to_html().unwrap();
     assert!(moving.len() > still.len() && moving.len() < still.len() + 30_000, "{} bytes", moving.len());

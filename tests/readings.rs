@@ -11,20 +11,22 @@ use std::sync::{Arc, Mutex};
 
 use common::{data, npy, npy_ordered};
 use dermatome::id::VertexId;
-use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains};
+use dermatome::io::{
+    IoError, Readings, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains,
+};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::signal::{
-    Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, TouchOptions,
-    TouchSimulation,
+    Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, Stage,
+    TouchOptions, TouchSimulation,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Presence, Skin, TaxelId, assemble};
 use proptest::prelude::*;
 use tempfile::TempDir;
 
 /// A recording as it was read: `frames[t][c * width + n]`, and the times.
-struct Recording {
+struct Recorded {
     ids: Option<Vec<u32>>,
     channels: Vec<Channel>,
     width: usize,
@@ -32,27 +34,24 @@ struct Recording {
     times: Vec<f64>,
 }
 
-fn drain(mut reader: ReadingsReader) -> Result<Recording, IoError> {
-    let (mut values, mut time) = (Vec::new(), 0.0);
-    let (mut frames, mut times) = (Vec::new(), Vec::new());
-    while reader.read(&mut values, &mut time)? {
-        frames.push(values.clone());
-        times.push(time);
-    }
-    assert!(reader.frames.is_none_or(|n| n == frames.len() as u64), "as many frames as it said");
-    assert!(times.iter().all(|t| t.is_finite() == reader.has_times));
-    let ids = reader.ids.map(|ids| ids.into_iter().map(|id| id.0).collect());
-    Ok(Recording { ids, channels: reader.channels, width: reader.width, frames, times })
+fn drain(reader: ReadingsReader) -> Result<Recorded, IoError> {
+    let (count, has_times) = (reader.frames, reader.has_times);
+    let Readings { ids, channels, width, times, values } = Readings::collect(reader, || ())?;
+    assert!(count.is_none_or(|n| n == times.len() as u64), "as many frames as it said");
+    assert!(times.iter().all(|t| t.is_finite() == has_times));
+    let frames = values.chunks_exact(width * channels.len()).map(<[f64]>::to_vec).collect();
+    let ids = ids.map(|ids| ids.into_iter().map(|id| id.0).collect());
+    Ok(Recorded { ids, channels, width, frames, times })
 }
 
-fn read_as(name: &str, bytes: &[u8], layout: ReadingsLayout) -> Result<Recording, IoError> {
+fn read_as(name: &str, bytes: &[u8], layout: ReadingsLayout) -> Result<Recorded, IoError> {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join(name);
     fs::write(&path, bytes).unwrap();
     drain(ReadingsReader::open(&path, layout)?)
 }
 
-fn read(name: &str, bytes: &[u8]) -> Result<Recording, IoError> {
+fn read(name: &str, bytes: &[u8]) -> Result<Recorded, IoError> {
     read_as(name, bytes, ReadingsLayout::default())
 }
 
@@ -127,7 +126,7 @@ fn numbers(is_taxels_first: bool) -> Vec<f64> {
     numbers
 }
 
-fn check(found: &Recording, what: &str) {
+fn check(found: &Recorded, what: &str) {
     assert_eq!((found.width, found.channels.len(), found.frames.len()), (4, 2, 3), "{what}");
     for (t, frame) in found.frames.iter().enumerate() {
         for (k, &x) in frame.iter().enumerate() {
@@ -405,6 +404,15 @@ fn long_tables_give_frames() {
         let frames: Vec<Vec<f64>> = found.frames.iter().map(missing).collect();
         assert_eq!(frames, [[1.0, 2.0, -1.0], [-1.0, 3.0, -1.0], [-1.0, -1.0, 4.0]]);
     }
+    let words = message(read("a.csv", b"time;5\n0,0;1,5\n").map(|_| ()));
+    assert!(
+        words.contains("line 2, column 1: found \"0,0\"; needed: a number with a decimal point"),
+        "{words}"
+    );
+    let log = read("data.log", b"7 0.5 1 2 3\n8 0.75 4 5 6\n").unwrap();
+    assert_eq!((log.ids, log.width, log.times), (None, 3, vec![0.5, 0.75]), "a log of YARP names no taxels");
+    assert_eq!(log.frames, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+    assert!(message(read("data.log", b"5 6\n").map(|_| ())).contains("yarpdatadumper"));
     let dated = read("a.csv", b"time,5\n1970-01-01T00:01:00Z,1\n1970-01-01 00:01:00.5,2\n").unwrap();
     assert_eq!(dated.times, [60.0, 60.5]);
     let by_taxel = read("a.csv", b"time,taxel_id,value\n0,1,5\n0.1,1,6\n0,2,7\n0.1,2,8\n");
@@ -458,7 +466,7 @@ fn arrays_of_wrong_sizes_are_refused() {
         (npy("<f8", &[0, 1 << 60], b""), "at least one frame"),
         (npy("<f8", &[1, 1, 1, 6], &elements), "(1, 1, 1, 6) f8"),
         (npy("|S8", &[3, 2], &elements), "numbers of the shape (T, N)"),
-        (npy("|O", &[3, 2], &elements), "not records"),
+        (npy("|O", &[3, 2], &elements), "(3, 2) of a type that is not read"),
         (npy("<f8", &[3, 2], &elements)[..40].to_vec(), "an end within its header"),
         (b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(), "a header of 4294967295 bytes"),
         (b"not an array at all".to_vec(), "version 1, 2 or 3"),
@@ -645,28 +653,26 @@ fn columns_with_the_same_id_are_refused_or_the_first_is_taken() {
     assert!(foreign.to_string().contains("the first is 500, that of the map 1"), "{foreign}");
 }
 
-/// The times and numbers that come out.
+/// Frames as the conditioner passes them on.
+fn apply(conditioner: &mut Conditioner, frames: &[Frame]) -> Vec<Frame> {
+    let first = conditioner.frames_to_learn().min(frames.len());
+    frames[..first].iter().for_each(|frame| conditioner.learn(frame));
+    conditioner.settle();
+    frames.iter().map(|frame| conditioner.apply(frame).clone()).collect()
+}
+
+/// Frames of one channel with these times, in which the number of a taxel in its patch is added to a number.
 fn condition(map: &SkinMap, options: &ConditionOptions, frames: &[(f64, f64)]) -> (Vec<Frame>, Conditioner) {
     let mut conditioner = Conditioner::new(map, &[Channel::default()], options).unwrap();
-    let mut out = Vec::new();
-    let mut frame = Frame::new(map, 1);
-    for &(time, x) in frames {
-        frame.time = time;
+    let frame = |&(time, x): &(f64, f64)| {
+        let mut frame = Frame { time, ..Frame::new(map, 1) };
         for taxel in frame.values.iter_mut().flatten() {
             taxel.iter_mut().zip(0_u8..).for_each(|(y, k)| *y = x + f64::from(k));
         }
-        let keep = |f: &Frame| -> Result<(), SignalError> {
-            out.push(f.clone());
-            Ok(())
-        };
-        conditioner.push(&frame, keep).unwrap();
-    }
-    let keep = |f: &Frame| -> Result<(), SignalError> {
-        out.push(f.clone());
-        Ok(())
+        frame
     };
-    conditioner.finish(keep).unwrap();
-    (out, conditioner)
+    let frames: Vec<Frame> = frames.iter().map(frame).collect();
+    (apply(&mut conditioner, &frames), conditioner)
 }
 
 #[test]
@@ -697,18 +703,16 @@ fn a_taxel_without_a_baseline_is_masked() {
     let map = two_patches();
     let options = ConditionOptions { baseline: 2, ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options).unwrap();
-    let mut frame = Frame::new(&map, 1);
-    let (first, taxel) = (PatchId::new(0), VertexId::new(0));
-    let mut seen = Vec::new();
-    for x in [f64::NAN, 1.0, 4.0] {
-        frame.values[first][0][taxel] = x;
-        frame.values[first][0][VertexId::new(1)] = if x == 4.0 { 4.0 } else { f64::NAN };
-        let keep = |f: &Frame| -> Result<(), SignalError> {
-            seen.push((f.values[first][0][taxel], f.values[first][0][VertexId::new(1)]));
-            Ok(())
-        };
-        conditioner.push(&frame, keep).unwrap();
-    }
+    let (first, taxels) = (PatchId::new(0), [0, 1].map(VertexId::new));
+    let frames = [[f64::NAN, f64::NAN], [1.0, f64::NAN], [4.0, 4.0]].map(|values| {
+        let mut frame = Frame::new(&map, 1);
+        taxels.iter().zip(values).for_each(|(&taxel, x)| frame.values[first][0][taxel] = x);
+        frame
+    });
+    let seen: Vec<(f64, f64)> = apply(&mut conditioner, &frames)
+        .iter()
+        .map(|frame| (frame.values[first][0][taxels[0]], frame.values[first][0][taxels[1]]))
+        .collect();
     assert!(seen[0].0.is_nan(), "a reading that is missing stays so");
     assert_eq!((seen[1].0, seen[2].0), (0.0, 3.0), "the mean of those that are there");
     assert!(seen[2].1.is_nan());
@@ -777,13 +781,10 @@ fn a_split_has_two_channels_for_each() {
     assert_eq!(conditioner.channels()[1].quantity, Quantity::Extensive);
     let mut frame = Frame::new(&map, 2);
     frame.values[PatchId::new(1)][1][VertexId::new(2)] = 3.0;
-    let check = |out: &Frame| -> Result<(), SignalError> {
-        let found: Vec<f64> = (0..4).map(|c| out.values[PatchId::new(1)][c][VertexId::new(2)]).collect();
-        assert!(found[0].is_nan() && found[1].is_nan());
-        assert_eq!(found[2..], [3.0, 0.0], "the first reading is slow");
-        Ok(())
-    };
-    conditioner.push(&frame, check).unwrap();
+    let out = conditioner.apply(&frame);
+    let found: Vec<f64> = (0..4).map(|c| out.values[PatchId::new(1)][c][VertexId::new(2)]).collect();
+    assert!(found[0].is_nan() && found[1].is_nan());
+    assert_eq!(found[2..], [3.0, 0.0], "the first reading is slow");
 }
 
 proptest! {

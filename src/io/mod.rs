@@ -79,7 +79,7 @@ pub use observations::{
     builder::ObservationRemark, observations_from_stream, observations_to_stream, read_observations,
     write_observations,
 };
-pub use readings::{ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
+pub use readings::{Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::by_taxel::{read_acuities, read_boundary, read_gains, read_seams};

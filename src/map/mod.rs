@@ -17,7 +17,9 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, VertexCorners, signed_area};
 use crate::parallel::par_each;
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels};
-use crate::skin::{Link, LinkId, Motion, Patch, PatchId, SkinError, Taxels, check_patches, tangents_along};
+use crate::skin::{
+    Link, LinkId, Motion, Patch, PatchId, Skin, SkinError, Taxels, check_patches, tangents_along,
+};
 
 pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
@@ -380,5 +382,15 @@ impl SkinMap {
     pub fn validate(&self) -> Result<(), MapError> {
         check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
         self.patches.iter().try_for_each(PatchMap::validate)
+    }
+
+    /// The skin that was mapped: level 0 of every patch.
+    pub fn skin(&self) -> Skin {
+        let patches = self.patches.iter().filter_map(|patch| {
+            let mesh = patch.levels.get(LevelId::new(0))?.level.mesh.clone();
+            let (name, taxels) = (patch.name.clone(), patch.taxels.clone());
+            Some(Patch { name, link: patch.link, mesh, filled: patch.filled, taxels })
+        });
+        Skin { links: self.links.clone(), patches: patches.collect(), ..Skin::default() }
     }
 }

@@ -1,6 +1,6 @@
 //! `report.html`: a skin, its map and a recording as one file that a browser shows without a network.
 //!
-//! [`Page::new`] takes a map, [`Page::record`] the frames of a recording, and [`Page::to_html`] writes them
+//! [`Page::new`] takes a map, [`Page::play`] a recording, and [`Page::to_html`] writes them
 //! into the page that `tools/page` makes, which is kept packed (`page.html.gz`). The page draws the skin in
 //! space next to its map; its slider unfolds the one into the other
 //! ([`Unfolding`]). What it needs is packed (`pack`) from the map (`skin`) and
@@ -33,7 +33,7 @@ use crate::page::recording::{Recorder, RecordingHeader};
 use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
-use crate::signal::{Channel, Frame};
+use crate::recording::Recording;
 use crate::skin::link_names;
 use crate::unfold::Unfolding;
 
@@ -84,18 +84,39 @@ impl<'m> Page<'m> {
         Ok(Self { map, title: title.into(), recorder: None })
     }
 
-    /// Adds the next frame of a recording; of these channels the page shows number `shown`.
+    /// Plays a recording into the page, which shows its channel number `shown` and what touches the skin; calls
+    /// `progress` after each frame. After an error the page has the frames before it.
     ///
     /// # Errors
-    /// If the recording has more readings than a page can hold.
-    ///
-    /// # Panics
-    /// If the frame is of another map or lacks the channel.
-    pub fn record(&mut self, frame: &Frame, channels: &[Channel], shown: usize) -> Result<(), Error> {
-        if self.recorder.is_none() {
-            self.recorder = Some(Recorder::new(self.map, &channels[shown], shown)?);
-        }
-        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.record(frame)).map_err(Error::from)
+    /// As [`Recording::next_step`], and if the recording has more readings than a page can have.
+    pub fn play(
+        &mut self,
+        recording: &mut Recording,
+        shown: usize,
+        mut progress: impl FnMut(),
+    ) -> Result<(), Error> {
+        recording.follow_contacts(&recording.tracker_options(shown))?;
+        let mut recorder = Recorder::new(self.map, &recording.channels()[shown], shown);
+        let ended = loop {
+            match recording.next_step() {
+                Ok(None) => break Ok(()),
+                Ok(Some(step)) => {
+                    if let Err(e) = recorder.record(&step) {
+                        break Err(e.into());
+                    }
+                    progress();
+                }
+                Err(e) => break Err(e),
+            }
+        };
+        recorder.threshold = recording.threshold();
+        self.recorder = Some(recorder).filter(|recorder| recorder.frames() > 0);
+        ended
+    }
+
+    /// Number of frames that the page plays.
+    pub fn frames(&self) -> usize {
+        self.recorder.as_ref().map_or(0, Recorder::frames)
     }
 
     /// The page.
@@ -108,16 +129,18 @@ impl<'m> Page<'m> {
         html(self.map, &self.title, recording, packer, &template())
     }
 
-    /// The page for a [`LiveServer`], and what turns frames of these channels into what it shows, number
-    /// `shown` of them.
+    /// The page for a [`LiveServer`], and what turns the frames of a recording into what it shows of channel
+    /// number `shown`, and what touches the skin.
     ///
     /// # Errors
-    /// As [`Self::to_html`].
-    ///
-    /// # Panics
-    /// If there is no such channel.
-    pub fn to_live_html(self, channels: &[Channel], shown: usize) -> Result<(String, LiveFrames), Error> {
-        let (frames, header) = LiveFrames::new(self.map, &channels[shown], shown)?;
+    /// As [`Self::to_html`], and if there is no such channel.
+    pub fn to_live_html(
+        self,
+        recording: &mut Recording,
+        shown: usize,
+    ) -> Result<(String, LiveFrames), Error> {
+        recording.follow_contacts(&recording.tracker_options(shown))?;
+        let (frames, header) = LiveFrames::new(&recording.channels()[shown], shown);
         // It may fetch frames from where it comes from.
         let template =
             template().replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1);

@@ -7,9 +7,8 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::numeric::narrow;
 use crate::page::pack::Packer;
-use crate::signal::{
-    Channel, ContactEvent, ContactRegion, ContactTracker, Frame, Quantity, SignalError, TrackerOptions,
-};
+use crate::recording::Step;
+use crate::signal::{Channel, ContactEvent, ContactRegion, Quantity, SignalError};
 use crate::skin::PatchId;
 
 /// Readings that a page holds at most: a quarter of a gigabyte while it is made.
@@ -20,7 +19,8 @@ pub(super) struct Recorder<'m> {
     map: &'m SkinMap,
     channel: Channel,
     shown: usize,
-    tracker: ContactTracker,
+    /// Of contacts, if it is known.
+    pub(super) threshold: Option<f64>,
     times: Vec<f64>,
     totals: Vec<f64>,
     contacts: Vec<ContactRow>,
@@ -52,23 +52,26 @@ pub(super) struct RecordingHeader {
 type ContactRow = (usize, u64, u8, usize, usize, f64, Option<f64>, f64, f64, u32);
 
 impl<'m> Recorder<'m> {
-    pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Result<Self, SignalError> {
-        let options = TrackerOptions { channel: shown, ..TrackerOptions::default() };
-        Ok(Self {
+    pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Self {
+        Self {
             map,
             channel: channel.clone(),
             shown,
-            tracker: ContactTracker::new(map, channel, &options)?,
+            threshold: None,
             times: Vec::new(),
             totals: Vec::new(),
             contacts: Vec::new(),
             values: map.patches.map(|_| Vec::new()),
             readings: 0,
-        })
+        }
     }
 
-    pub(super) fn record(&mut self, frame: &Frame) -> Result<(), SignalError> {
-        let number = self.times.len();
+    pub(super) fn frames(&self) -> usize {
+        self.times.len()
+    }
+
+    pub(super) fn record(&mut self, step: &Step<'_>) -> Result<(), SignalError> {
+        let (frame, number) = (step.frame, self.times.len());
         let taxels: usize = self.map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         self.readings += taxels;
         if self.readings > MAX_READINGS {
@@ -86,7 +89,7 @@ impl<'m> Recorder<'m> {
             values.extend(read.iter().map(|&x| narrow(x)));
         }
         self.totals.push(total);
-        self.contacts.extend(self.tracker.track(frame).iter().map(|region| contact_row(number, region)));
+        self.contacts.extend(step.contacts.iter().map(|region| contact_row(number, region)));
         Ok(())
     }
 
@@ -118,7 +121,7 @@ impl<'m> Recorder<'m> {
             totals: self.totals,
             values,
             contacts: self.contacts,
-            threshold: self.tracker.threshold(),
+            threshold: self.threshold,
             is_live: false,
             channel: self.channel.name,
         }
@@ -142,7 +145,6 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
 #[derive(Debug)]
 pub struct LiveFrames {
     shown: usize,
-    tracker: ContactTracker,
     count: usize,
 }
 
@@ -155,14 +157,8 @@ struct LiveFrame {
 }
 
 impl LiveFrames {
-    /// Frames of a map of which one channel is shown, and what the page must know of them before the first.
-    pub(super) fn new(
-        map: &SkinMap,
-        channel: &Channel,
-        shown: usize,
-    ) -> Result<(Self, RecordingHeader), SignalError> {
-        let options = TrackerOptions { channel: shown, ..TrackerOptions::default() };
-        let tracker = ContactTracker::new(map, channel, &options)?;
+    /// Frames of which one channel is shown, and what the page must know of them before the first.
+    pub(super) fn new(channel: &Channel, shown: usize) -> (Self, RecordingHeader) {
         let header = RecordingHeader {
             channel: channel.name.clone(),
             unit: channel.unit.clone(),
@@ -177,18 +173,19 @@ impl LiveFrames {
             threshold: None,
             is_live: true,
         };
-        Ok((Self { shown, tracker, count: 0 }, header))
+        (Self { shown, count: 0 }, header)
     }
 
     /// The next frame, for [`LiveServer::show`](super::LiveServer::show).
     ///
     /// # Panics
-    /// If the frame is of another map or lacks the channel.
+    /// If the frame lacks the channel.
     #[must_use]
-    pub fn next(&mut self, frame: &Frame) -> String {
+    pub fn next(&mut self, step: &Step<'_>) -> String {
+        let frame = step.frame;
         let readings = frame.values.iter().flat_map(|of| of[self.shown].iter());
         let bytes: Vec<u8> = readings.flat_map(|&x| narrow(x).to_le_bytes()).collect();
-        let contacts = self.tracker.track(frame).iter().map(|region| contact_row(0, region)).collect();
+        let contacts = step.contacts.iter().map(|region| contact_row(0, region)).collect();
         let time = if frame.time.is_finite() { frame.time } else { self.count as f64 };
         self.count += 1;
         let json = serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts });

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 use crate::id::IdVec;
 use crate::map::SkinMap;
-use crate::signal::{Channel, Frame, SignalError};
+use crate::signal::{Channel, Frame, SignalError, Stage};
 use crate::skin::{PatchId, TaxelId};
 
 /// Memory that the frames of a baseline may take, in bytes.
@@ -47,29 +47,27 @@ pub struct ConditionReport {
     pub unknown_gains: usize,
 }
 
-/// Conditions frames one by one.
+/// Conditions frames one by one; a [`Recording`](crate::recording::Recording) does it with those of a file.
 ///
-/// The frames of a baseline are kept until the last of them is there, then all are passed on; after
-/// that each frame is passed on at once and nothing is allocated.
+/// It learns from the first frames if there is a baseline, and allocates nothing.
 ///
 /// ```
 /// use dermatome::{
 ///     map::SkinMap,
 ///     mesh::shapes,
-///     signal::{Channel, ConditionOptions, Conditioner, Frame, SignalError},
+///     signal::{Channel, ConditionOptions, Conditioner, Frame, Stage},
+///     skin::PatchId,
 /// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
-/// let options = ConditionOptions { baseline: 2, split_hz: Some(5.0), ..ConditionOptions::default() };
+/// let options = ConditionOptions { baseline: 1, split_hz: Some(5.0), ..ConditionOptions::default() };
 /// let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options)?;
 /// assert_eq!(conditioner.channels()[1].name, "pressure.fast");
-/// let (frame, mut count) = (Frame::new(&map, 1), 0);
-/// for _ in 0..5 {
-///     conditioner.push(&frame, |_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
-/// }
-/// conditioner.finish(|_conditioned| -> Result<(), SignalError> { Ok(count += 1) })?;
-/// assert_eq!(count, 5);
-/// # Ok::<(), SignalError>(())
+/// let frame = Frame::new(&map, 1);
+/// conditioner.learn(&frame);
+/// conditioner.settle();
+/// assert_eq!(conditioner.apply(&frame).values[PatchId::new(0)].len(), 2);
+/// # Ok::<(), dermatome::signal::SignalError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Conditioner {
@@ -90,11 +88,9 @@ pub struct Conditioner {
 #[derive(Debug, Clone)]
 struct Baseline {
     frames: usize,
-    kept: Vec<Frame>,
     /// Sums until it is known, then means.
     values: Vec<f64>,
     counts: Vec<u32>,
-    is_known: bool,
 }
 
 /// The slow parts, one per patch, channel and taxel, in this order.
@@ -150,10 +146,8 @@ impl Conditioner {
             gains: map.patches.map(|patch| patch.taxels.ids.iter().map(gain).collect()),
             baseline: Baseline {
                 frames: options.baseline,
-                kept: Vec::new(),
                 values: vec![0.0; entries],
                 counts: vec![0; entries],
-                is_known: !has_baseline,
             },
             clip: options.clip,
             filter: options.split_hz.map(|hz| LowPass {
@@ -178,49 +172,24 @@ impl Conditioner {
     pub fn report(&self) -> &ConditionReport {
         &self.report
     }
+}
 
-    /// Takes the next frame and passes on those that are conditioned: none while the baseline is not
-    /// known, then all that were kept, then this one alone.
-    ///
-    /// # Errors
-    /// The first of `pass_on`, which is then not called for the other frames.
-    ///
-    /// # Panics
-    /// If the frame has not the patches, channels and taxels that the conditioner was made for.
-    pub fn push<E>(
-        &mut self,
-        frame: &Frame,
-        mut pass_on: impl FnMut(&Frame) -> Result<(), E>,
-    ) -> Result<(), E> {
-        if self.baseline.is_known {
-            self.condition(frame);
-            return pass_on(&self.out);
-        }
+impl Stage for Conditioner {
+    /// The frames of the baseline.
+    fn frames_to_learn(&self) -> usize {
+        self.baseline.frames
+    }
+
+    fn learn(&mut self, frame: &Frame) {
         self.baseline.add(frame);
-        if self.baseline.kept.len() < self.baseline.frames {
-            return Ok(());
-        }
-        self.finish(pass_on)
     }
 
-    /// Passes on the frames that are still kept, if the recording ended before the baseline was known:
-    /// it is then the mean of these.
-    ///
-    /// # Errors
-    /// The first of `pass_on`.
-    pub fn finish<E>(&mut self, mut pass_on: impl FnMut(&Frame) -> Result<(), E>) -> Result<(), E> {
-        let kept = std::mem::take(&mut self.baseline.kept);
-        if !self.baseline.is_known {
-            self.report.without_baseline = self.baseline.divide();
-        }
-        kept.iter().try_for_each(|frame| {
-            self.condition(frame);
-            pass_on(&self.out)
-        })
+    fn settle(&mut self) {
+        self.report.without_baseline = self.baseline.divide();
     }
 
-    /// Fills `out`.
-    fn condition(&mut self, frame: &Frame) {
+    /// The frame, conditioned.
+    fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.gains.len(), "one entry per patch");
         // False for a time that is not a number, too.
         let goes_on = frame.time >= self.time;
@@ -264,6 +233,7 @@ impl Conditioner {
                 }
             }
         }
+        &self.out
     }
 }
 
@@ -278,7 +248,6 @@ fn parts(channel: &Channel) -> [Channel; 2] {
 
 impl Baseline {
     fn add(&mut self, frame: &Frame) {
-        self.kept.push(frame.clone());
         let entries = self.values.iter_mut().zip(&mut self.counts);
         for ((sum, count), &x) in entries.zip(frame.values.iter().flatten().flatten()) {
             if x.is_finite() {
@@ -290,7 +259,6 @@ impl Baseline {
 
     /// Makes means of the sums, and returns how many there are of nothing: these are NaN.
     fn divide(&mut self) -> usize {
-        self.is_known = true;
         for (sum, &count) in self.values.iter_mut().zip(&self.counts) {
             *sum /= f64::from(count);
         }

@@ -33,6 +33,14 @@ pub enum SignalError {
          pressure (Pa, kPa, bar, psi, mmHg, cmH2O, N/cm^2, kgf/cm^2), charge (pC), temperature (K, degC) or count"
     )]
     Unit { channel: String, unit: String },
+    #[error("{given} {what}s for {} channels ({}); one for each channel is needed", known.len(), list(known))]
+    ChannelCount { what: &'static str, given: usize, known: Vec<String> },
+    #[error("two channels are called {name:?}; a name of its own is needed for each")]
+    ChannelTwice { name: String },
+    #[error("the readings have no channel {name:?}; they have {}", list(known))]
+    NoChannel { name: String, known: Vec<String> },
+    #[error("slow and fast parts need times, and the readings have none")]
+    NoTimes,
     #[error("{option} is {found}; {needed} is needed")]
     Option { option: String, found: f64, needed: String },
     #[error("the skin has no working taxel that could feel a touch")]
@@ -47,8 +55,13 @@ pub enum SignalError {
     Skin(#[from] SkinError),
 }
 
+/// The first names of a list.
+fn list(names: &[String]) -> String {
+    names.iter().take(10).map(String::as_str).collect::<Vec<_>>().join(", ")
+}
+
 impl SignalError {
-    pub(super) fn option(option: impl Into<String>, found: f64, needed: impl Into<String>) -> Self {
+    pub(crate) fn option(option: impl Into<String>, found: f64, needed: impl Into<String>) -> Self {
         Self::Option { option: option.into(), found, needed: needed.into() }
     }
 }

@@ -10,7 +10,7 @@ use crate::map::SkinMap;
 use crate::mesh::edges;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
-use crate::signal::Frame;
+use crate::signal::{Frame, Stage};
 use crate::skin::PatchId;
 
 /// Sweeps stop when no value moves by more than this share of the range of the readings around the gap.
@@ -22,13 +22,13 @@ const MAX_SWEEPS: usize = 500;
 /// Fills missing readings; owns its buffers, and allocates nothing in the steady state.
 ///
 /// ```
-/// use dermatome::{id::VertexId, map::SkinMap, mesh::shapes, signal::{Filler, Frame}, skin::PatchId};
+/// use dermatome::{id::VertexId, map::SkinMap, mesh::shapes, signal::{Filler, Frame, Stage}, skin::PatchId};
 ///
 /// let map = SkinMap::flat(shapes::lattice(3, 3, 0.004), 1e-3);
 /// let (mut filler, mut frame) = (Filler::new(&map, 1), Frame::new(&map, 1));
 /// frame.values[PatchId::new(0)][0].iter_mut().for_each(|x| *x = 2.0);
 /// frame.values[PatchId::new(0)][0][VertexId::new(4)] = f64::NAN;
-/// let filled = filler.fill(&frame);
+/// let filled = filler.apply(&frame);
 /// assert_eq!(filled.values[PatchId::new(0)][0][VertexId::new(4)], 2.0);
 /// assert_eq!(filled.filled[PatchId::new(0)][0], [VertexId::new(4)]);
 /// ```
@@ -60,12 +60,11 @@ impl Filler {
         out.filled.iter_mut().flatten().for_each(|filled| filled.reserve(most));
         Self { neighbours, out, is_seen: vec![false; most], gap: Vec::with_capacity(most) }
     }
+}
 
+impl Stage for Filler {
     /// The frame with its gaps filled, and which taxels were.
-    ///
-    /// # Panics
-    /// If the frame has not the patches, channels and taxels that this was made for.
-    pub fn fill(&mut self, frame: &Frame) -> &Frame {
+    fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.neighbours.len(), "one entry per patch");
         let Self { neighbours, out, is_seen, gap } = self;
         out.time = frame.time;
@@ -156,15 +155,15 @@ mod tests {
             frame
         };
         let sparse = frame(&|v| v % 7 == 3 || v < 20);
-        let first = filler.fill(&sparse).clone();
+        let first = filler.apply(&sparse).clone();
         assert!(first.values[patch][0].iter().all(|x| (0.0..=1.0).contains(x)));
         assert_eq!(
             first.filled[patch][0].len(),
             sparse.values[patch][0].iter().filter(|x| x.is_nan()).count()
         );
-        filler.fill(&frame(&|v| v % 2 == 0));
-        assert_eq!(filler.fill(&sparse), &first, "no memory of earlier frames");
-        let none = filler.fill(&frame(&|_| false));
+        filler.apply(&frame(&|v| v % 2 == 0));
+        assert_eq!(filler.apply(&sparse), &first, "no memory of earlier frames");
+        let none = filler.apply(&frame(&|_| false)).clone();
         assert!(none.filled[patch][0].is_empty() && none.values[patch][0].iter().all(|x| x.is_nan()));
     }
 }

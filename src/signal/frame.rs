@@ -28,6 +28,29 @@ impl Frame {
     }
 }
 
+/// What sees the frames of a recording one after the other, each with its time, and passes them on as they are or changed.
+///
+/// It may keep state, and allocates nothing but while it learns. A reading that is missing stays missing, but where the
+/// stage marks it as [filled](Frame::filled).
+pub trait Stage {
+    /// How many first frames it has to see before it can pass on any.
+    fn frames_to_learn(&self) -> usize {
+        0
+    }
+
+    /// Sees one of these.
+    fn learn(&mut self, _frame: &Frame) {}
+
+    /// There are no more of them, or the recording has no more.
+    fn settle(&mut self) {}
+
+    /// The next frame, as the stages after this one see it.
+    ///
+    /// # Panics
+    /// If it has not the patches, channels and taxels that the stage was made for.
+    fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame;
+}
+
 /// The values of one channel of a patch on every level.
 type ChannelLevels = IdVec<LevelId, IdVec<VertexId, f64>>;
 

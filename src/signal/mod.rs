@@ -2,7 +2,7 @@
 //! level. Nothing here knows of pixels or files.
 //!
 //! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
-//! ([`Frame`]) or on every level ([`LevelFrame`]); `match_taxels` puts the columns of a recording to their
+//! ([`Frame`]) or on every level ([`LevelFrame`]), and what sees frames one after the other ([`Stage`]); `match_taxels` puts the columns of a recording to their
 //! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]), `fill` closes gaps ([`Filler`]); `restrict` carries
 //! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change ([`Contrast`], [`Edges`]);
 //! `contacts` finds what touches the skin ([`ContactTracker`]).
@@ -29,7 +29,7 @@ pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
 pub use fill::Filler;
-pub use frame::{Frame, LevelFrame};
+pub use frame::{Frame, LevelFrame, Stage};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
 pub use touch::{Press, Spreader, Touch, TouchOptions, TouchSimulation};

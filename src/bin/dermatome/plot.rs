@@ -3,13 +3,14 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::io::IoError;
 use dermatome::map::SkinMap;
 use dermatome::plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin};
 use dermatome::pyramid::LevelId;
-use dermatome::signal::Restrictor;
+use dermatome::recording::{Carried, FrameRange};
 use glob::Pattern;
 
 use crate::console::errors::advise;
@@ -17,7 +18,7 @@ use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern};
-use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel, range};
+use crate::readings::{ReadingsArgs, range, remark_join};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
 /// distortion, or with one frame of readings, and the skin in space.
@@ -114,7 +115,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         options.patches = select_patches(&args.map, names, &args.patches, |name| name)?;
     }
     let picture = match (map, &args.frame.readings) {
-        (Some(map), Some(readings)) => picture_of_frame(args, &map, readings, &options, common)?,
+        (Some(map), Some(readings)) => picture_of_frame(args, &Arc::new(map), readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
         (None, None) => {
@@ -139,24 +140,20 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 fn picture_of_frame(
     args: &Args,
-    map: &SkinMap,
+    map: &Arc<SkinMap>,
     path: &Path,
     options: &PlotOptions,
     common: &Common,
 ) -> anyhow::Result<Picture> {
     let FrameArgs { frame, channel, .. } = &args.frame;
-    let pass = Pass::open(&args.readings_args, FramesArgs::one(*frame), path, map)?;
-    let channels = pass.channels().to_vec();
-    let shown = channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
-    pass.remark(&path.display().to_string(), common);
-    let mut restrictor = Restrictor::new(map, &channels);
-    let mut picture = None;
-    pass.run(|_, frame| {
-        let frame = restrictor.restrict(frame);
-        picture = Some(plot_frame(map, frame, &channels, shown, options).map_err(Error::from)?);
-        Ok(())
-    })?;
-    picture.ok_or_else(|| {
+    let mut recording = args.readings_args.open(FrameRange::one(*frame), path, map)?;
+    let shown = recording.channel(channel.as_deref()).map_err(Error::from)?;
+    remark_join(&recording, path, common);
+    recording.carry(Carried::Values, None);
+    let channels = recording.channels().to_vec();
+    let levels = recording.next_step()?.and_then(|step| step.levels);
+    let picture = levels.map(|levels| plot_frame(map, levels, &channels, shown, options));
+    picture.transpose().map_err(Error::from)?.ok_or_else(|| {
         advise(
             format!("{} ends before frame {frame}", path.display()),
             "frames count from 0; give --frame a smaller number",

@@ -1,16 +1,13 @@
-//! The readings of `render`, `plot` and `report`: how they are read, which frames are taken, and the pass that
-//! joins them to a map and conditions them.
+//! The readings of `render`, `plot` and `report`: how they are read and conditioned, and which frames are taken.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use dermatome::{
-    Error,
-    io::{IoError, ReadingsLayout, ReadingsReader, read_gains},
-    map::SkinMap,
-    signal::{
-        Channel, ConditionOptions, ConditionReport, Conditioner, Duplicates, Filler, Frame, Join, JoinReport,
-    },
-};
+use dermatome::Error;
+use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_gains};
+use dermatome::map::SkinMap;
+use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
+use dermatome::signal::{ConditionOptions, Duplicates, JoinReport};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
@@ -57,12 +54,6 @@ pub(crate) struct ReadingsArgs {
     fill: Fill,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fill {
-    None,
-    Neighbours,
-}
-
 const FILLS: [Choice<Fill>; 2] = [
     ("none", Fill::None, "Nothing"),
     (
@@ -88,31 +79,26 @@ pub(crate) struct FramesArgs {
 }
 
 impl FramesArgs {
-    /// Refuses a range without frames.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
+    /// The frames, refused if there can be none.
+    pub(crate) fn range(&self) -> anyhow::Result<FrameRange> {
         match self.to {
             Some(to) if to < self.from => Err(advise(
                 format!("--to {to} is before --from {}", self.from),
                 "name the first and the last frame, counted from 0",
             )),
-            _ => Ok(()),
+            _ => Ok(FrameRange { from: self.from, to: self.to, every: self.every as usize }),
         }
     }
 
-    /// Refuses readings that end before the first frame: of `read` frames, `taken` were taken.
-    pub(crate) fn check_any(&self, read: usize, taken: usize) -> anyhow::Result<()> {
-        if taken > 0 {
+    /// Refuses readings that end before the first frame.
+    pub(crate) fn check_any(&self, report: &RecordingReport) -> anyhow::Result<()> {
+        if report.frames > 0 {
             return Ok(());
         }
         Err(advise(
-            format!("the readings have {read} frames, none of them from frame {} on", self.from),
+            format!("the readings have {} frames, none of them from frame {} on", report.read, self.from),
             "name an earlier frame with --from; frames are counted from 0",
         ))
-    }
-
-    /// One frame alone.
-    pub(crate) fn one(number: usize) -> Self {
-        Self { from: number, to: Some(number), every: 1 }
     }
 }
 
@@ -125,6 +111,9 @@ const DUPLICATES: [Choice<Duplicates>; 2] = [
     ("refuse", Duplicates::Refuse, "Refuse the readings"),
     ("first", Duplicates::First, "Use the first column"),
 ];
+
+/// Frames farther apart than this, in s, have their times in another unit, as it seems.
+const SLOW_S: f64 = 5.0;
 
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     number(text, "a positive number", |x| x > 0.0)
@@ -139,34 +128,57 @@ pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Tally {
-    pub(crate) read: usize,
-    pub(crate) frames: usize,
-    pub(crate) channels: usize,
-    pub(crate) has_times: bool,
-    /// Readings of matched taxels that are missing, NaN or infinite.
-    pub(crate) missing: usize,
-    /// How columns and taxels fit each other.
-    pub(crate) join: JoinReport,
-    pub(crate) condition: ConditionReport,
-}
+impl ReadingsArgs {
+    /// Opens readings on a map: those of a file, or of standard input.
+    pub(crate) fn open(
+        &self,
+        frames: FrameRange,
+        path: &Path,
+        map: &Arc<SkinMap>,
+    ) -> Result<Recording, Error> {
+        let readings = if is_stream(path) {
+            let name = Path::new("standard input");
+            let fail = |source| IoError::Read { path: name.to_owned(), source };
+            ReadingsReader::stream(name, live_input().map_err(fail)?)?
+        } else {
+            ReadingsReader::open(path, self.layout)?
+        };
+        let gains = self.gain.as_deref().map_or(Ok(Vec::new()), read_gains)?;
+        let options = RecordingOptions {
+            names: self.channels.clone(),
+            units: self.units.clone(),
+            rate_hz: self.rate,
+            duplicates: self.duplicates,
+            condition: ConditionOptions {
+                baseline: self.baseline,
+                gains,
+                clip: self.clip,
+                split_hz: self.split,
+            },
+            fill: self.fill,
+            frames,
+        };
+        Ok(Recording::open(map, readings, &options)?)
+    }
 
-impl Tally {
-    /// Notes about readings that are not as they should be; `baseline` frames were asked for.
-    pub(crate) fn remark(&self, baseline: usize, common: &Common) {
-        let condition = &self.condition;
-        let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.channels);
-        let backwards = if self.has_times { condition.backwards } else { 0 };
-        if !self.has_times {
+    /// Notes about readings that are not as they should be.
+    pub(crate) fn remark(&self, report: &RecordingReport, common: &Common) {
+        let RecordingReport { read, missing, condition, .. } = report;
+        let unknown_baselines =
+            condition.without_baseline.saturating_sub(report.join.masked * report.channels);
+        let backwards = if report.has_times { condition.backwards } else { 0 };
+        if !report.has_times {
             note!(common, "the frames have no times; --rate HZ gives them some");
         }
-        if self.read < baseline {
-            let read = self.read;
-            note!(common, "the baseline is the mean of {read} frames, there are no {baseline}");
+        if self.rate.is_none() && report.interval.is_some_and(|seconds| seconds >= SLOW_S) {
+            let seconds = report.interval.unwrap_or_default();
+            note!(common, "the frames are {seconds:.3} s apart; a column of times in ms is called time[ms]");
+        }
+        if *read < self.baseline {
+            note!(common, "the baseline is the mean of {read} frames, there are no {}", self.baseline);
         }
         let counts = [
-            (self.missing as u64, "readings", "missing, NaN or infinite, and masked"),
+            (*missing as u64, "readings", "missing, NaN or infinite, and masked"),
             (condition.clipped, "readings", "clipped"),
             (condition.too_large, "readings", "beyond the range of 32-bit floats, and masked"),
             (backwards, "frames", "earlier than the frame before"),
@@ -180,165 +192,23 @@ impl Tally {
     }
 }
 
-pub(crate) struct Pass<'a> {
-    args: &'a ReadingsArgs,
-    frames: FramesArgs,
-    reader: ReadingsReader,
-    join: Join,
-    conditioner: Conditioner,
-    filler: Option<Filler>,
-    frame: Frame,
-}
-
-impl<'a> Pass<'a> {
-    pub(crate) fn open(
-        args: &'a ReadingsArgs,
-        frames: FramesArgs,
-        path: &Path,
-        map: &SkinMap,
-    ) -> anyhow::Result<Self> {
-        let mut reader = if is_stream(path) {
-            let name = Path::new("standard input");
-            let fail = |source| IoError::Read { path: name.to_owned(), source };
-            live_input().map_err(fail).and_then(|input| ReadingsReader::stream(name, input))
-        } else {
-            ReadingsReader::open(path, args.layout)
-        }
-        .map_err(Error::from)?;
-        name_channels(&mut reader.channels, &args.channels, &args.units)?;
-        if args.split.is_some() && !reader.has_times && args.rate.is_none() {
-            return Err(advise(
-                "--split needs times, and the readings have none",
-                "say how many frames come in a second with --rate HZ",
-            ));
-        }
-        let join =
-            Join::new(map, reader.ids.as_deref(), reader.width, args.duplicates).map_err(Error::from)?;
-        let gains = args.gain.as_deref().map_or(Ok(Vec::new()), read_gains).map_err(Error::from)?;
-        let options =
-            ConditionOptions { baseline: args.baseline, gains, clip: args.clip, split_hz: args.split };
-        let conditioner = Conditioner::new(map, &reader.channels, &options).map_err(Error::from)?;
-        let frame = Frame::new(map, reader.channels.len());
-        let is_filled = args.fill == Fill::Neighbours;
-        let filler = is_filled.then(|| Filler::new(map, conditioner.channels().len()));
-        Ok(Pass { args, frames, reader, join, conditioner, filler, frame })
+/// Notes about columns of `path` and taxels that do not fit each other.
+pub(crate) fn remark_join(recording: &Recording, path: &Path, common: &Common) {
+    let path = if is_stream(path) { "standard input".into() } else { path.display().to_string() };
+    let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = recording.report().join;
+    if unknown > 0 {
+        let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
+        let more = if unknown > ids.len() { ", ..." } else { "" };
+        let ids = ids.join(", ");
+        note!(common, "{path}: {unknown} columns are of no taxel of the map: {ids}{more}");
     }
-
-    pub(crate) fn channels(&self) -> &[Channel] {
-        self.conditioner.channels()
+    if masked > 0 {
+        note!(common, "{path}: {matched} taxels have readings, {masked} have none and are masked");
     }
-
-    /// Number of frames that are passed on, if it is known.
-    pub(crate) fn frames(&self) -> Option<u64> {
-        let all = self.reader.frames?;
-        let end = self.frames.to.map_or(all, |to| all.min(to as u64 + 1));
-        Some(end.saturating_sub(self.frames.from as u64).div_ceil(u64::from(self.frames.every)))
+    if shared > 0 {
+        note!(common, "{path}: {shared} ids belong to several taxels, which share the readings");
     }
-
-    /// Notes about columns and taxels that do not fit each other.
-    pub(crate) fn remark(&self, path: &str, common: &Common) {
-        let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = self.join.report();
-        if *unknown > 0 {
-            let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
-            let more = if *unknown > ids.len() { ", ..." } else { "" };
-            let ids = ids.join(", ");
-            note!(common, "{path}: {unknown} columns are of no taxel of the map: {ids}{more}");
-        }
-        if *masked > 0 {
-            note!(common, "{path}: {matched} taxels have readings, {masked} have none and are masked");
-        }
-        if *shared > 0 {
-            note!(common, "{path}: {shared} ids belong to several taxels, which share the readings");
-        }
-        if *duplicates > 0 {
-            note!(common, "{path}: {duplicates} columns have the id of an earlier one");
-        }
+    if duplicates > 0 {
+        note!(common, "{path}: {duplicates} columns have the id of an earlier one");
     }
-
-    /// Passes on the frames that were asked for, each with its number.
-    pub(crate) fn run(
-        mut self,
-        mut pass_on: impl FnMut(usize, &Frame) -> anyhow::Result<()>,
-    ) -> anyhow::Result<Tally> {
-        let channels = self.reader.channels.len();
-        let has_times = self.reader.has_times || self.args.rate.is_some();
-        let mut tally = Tally { channels, has_times, join: self.join.report().clone(), ..Tally::default() };
-        let FramesArgs { from, to, every } = self.frames;
-        let rate = self.args.rate;
-        let (mut number, mut filler) = (0, self.filler);
-        let has_times = self.reader.has_times;
-        // Ends with no error after the last frame that is wanted.
-        let mut deliver = |frame: &Frame, frames: &mut usize| -> Result<(), Option<anyhow::Error>> {
-            let is_asked = number >= from && (number - from) % every as usize == 0;
-            if is_asked && to.is_none_or(|to| number <= to) {
-                pass_on(number, filler.as_mut().map_or(frame, |filler| filler.fill(frame)))?;
-                *frames += 1;
-            }
-            number += 1;
-            if to.is_some_and(|to| number > to) { Err(None) } else { Ok(()) }
-        };
-        let (mut values, mut time, mut read) = (Vec::new(), f64::NAN, 0_usize);
-        let ended = loop {
-            match self.reader.read(&mut values, &mut time) {
-                Ok(true) => {}
-                Ok(false) => break Ok(()),
-                Err(e) => break Err(Some(Error::from(e).into())),
-            }
-            self.frame.time = match rate {
-                Some(rate) if !has_times => read as f64 / rate,
-                _ => time,
-            };
-            read += 1;
-            tally.missing += self.join.fill(&values, &mut self.frame);
-            if let Err(e) = self.conditioner.push(&self.frame, |frame| deliver(frame, &mut tally.frames)) {
-                break Err(e);
-            }
-        };
-        let ended = ended.and_then(|()| self.conditioner.finish(|frame| deliver(frame, &mut tally.frames)));
-        tally.read = read;
-        tally.condition = self.conditioner.report().clone();
-        match ended {
-            Err(Some(e)) => Err(e),
-            Err(None) | Ok(()) => Ok(tally),
-        }
-    }
-}
-
-/// Gives the channels the names and the units that the user names, if any.
-fn name_channels(channels: &mut [Channel], known: &[String], units: &[String]) -> anyhow::Result<()> {
-    for (given, what, example) in [(known, "name", "force.N,temperature"), (units, "unit", "Pa,K")] {
-        if !given.is_empty() && given.len() != channels.len() {
-            return Err(advise(
-                format!("{} {what}s for {} channels ({})", given.len(), channels.len(), names(channels)),
-                format!("give one {what} for each channel, as in {example}"),
-            ));
-        }
-    }
-    if let Some((_, name)) = known.iter().enumerate().find(|(k, name)| known[..*k].contains(name)) {
-        return Err(advise(
-            format!("two channels are called {name:?}"),
-            "give each channel a name of its own",
-        ));
-    }
-    if known.is_empty() && units.is_empty() {
-        return Ok(());
-    }
-    for (k, channel) in channels.iter_mut().enumerate() {
-        // Readings without a name are called pressure until their unit says what they are.
-        let old = if *channel == Channel::default() { "" } else { &channel.name };
-        let (name, unit) = (known.get(k).map_or(old, String::as_str), units.get(k).unwrap_or(&channel.unit));
-        *channel = Channel::new(name, unit).map_err(Error::from)?;
-    }
-    Ok(())
-}
-
-pub(crate) fn find_channel(channels: &[Channel], name: &str) -> anyhow::Result<usize> {
-    channels.iter().position(|channel| channel.name == name).ok_or_else(|| {
-        let what = format!("the readings have no channel {name:?}; they have {}", names(channels));
-        advise(what, "give --channel one of them, or leave it out to take the first")
-    })
-}
-
-fn names(channels: &[Channel]) -> String {
-    channels.iter().take(10).map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
 }

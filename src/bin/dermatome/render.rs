@@ -8,11 +8,12 @@ use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
-use dermatome::image::{Interpolation, RenderOptions, Renderer};
+use dermatome::image::Interpolation;
 use dermatome::io::read_map;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
-use dermatome::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor};
+use dermatome::recording::{Carried, RecordingReport};
+use dermatome::signal::Channel;
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
@@ -22,7 +23,7 @@ use crate::console::progress;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
 use crate::options::{Choice, Common, one_of, side_mm};
-use crate::readings::{FramesArgs, Pass, ReadingsArgs, Tally};
+use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
 use crate::render::output::{Array, ColourArgs, Content, Kind, Output, Pictures};
 
@@ -108,52 +109,53 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "{count} {charts} in one image: {fill:.0} % of the {width} x {height} pixels of {name} show skin"
         );
     }
-    let pass = Pass::open(&args.readings_args, args.frames, &args.readings, &map)?;
-    let read = pass.channels().to_vec();
-    let mut values = args.images.values(&map, &read);
-    let channels = values.channels(&read);
+    let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, &map)?;
+    let images = &args.images;
+    recording.carry(images.carried(), level);
+    let channels = recording.level_channels().to_vec();
     if kind == Kind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
     }
-    check_memory(&atlas, channels.len(), level, args.images.max_memory)?;
-    let from =
-        if is_stream(&args.readings) { "standard input".into() } else { args.readings.display().to_string() };
-    pass.remark(&from, common);
-    let options = RenderOptions { interpolation: args.pixels.interpolate, level };
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &options).map_err(Error::from)?;
+    if !images.values_only {
+        check_memory(&atlas, channels.len(), level, images.max_memory)?;
+        recording.draw(&atlas, args.pixels.interpolate)?;
+    }
+    remark_join(&recording, &args.readings, common);
     let content = Content {
         map: &map,
-        atlas: (!args.images.values_only).then_some(&atlas),
+        atlas: (!images.values_only).then_some(&atlas),
         channels: &channels,
         level,
-        has_static: args.images.is_static,
+        has_static: images.is_static,
     };
     let mut output = Output::open(&args.output, kind, &args.colours, &content, &common.outputs)?;
-    let mut contacts = args.contacts.open(&map, &read, &args.readings_args, common)?;
-    let bar = progress::frames(common, pass.frames(), is_stream(&args.readings));
+    let mut contacts = args.contacts.open(&map, &mut recording, common)?;
+    let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &atlas, channels.len());
-    space.check(pass.frames().unwrap_or(0))?;
+    space.check(recording.frames().unwrap_or(0))?;
+    space.announce(recording.frames().unwrap_or(0), args, common);
     let mut written = 0;
-    let tally = pass.run(|number, frame| {
-        space.check(written + 1)?;
-        let levels = values.of(frame);
-        let images = if args.images.values_only { &[] } else { renderer.render(levels) };
-        output.write(number, levels, images, &channels)?;
-        if let Some(contacts) = &mut contacts {
-            contacts.track(number, frame)?;
+    let mut write_all = || -> anyhow::Result<()> {
+        while let Some(step) = recording.next_step()? {
+            space.check(written + 1)?;
+            output.write(&step, &channels)?;
+            if let Some(contacts) = &mut contacts {
+                contacts.write(&step)?;
+            }
+            bar.inc(1);
+            written += 1;
         }
-        bar.inc(1);
-        written += 1;
         Ok(())
-    });
+    };
+    let ended = write_all();
     bar.finish_and_clear();
     // Of a stream that ends badly, what came before is kept: it will not come again.
-    let tally = match tally {
-        Err(error) if written == 0 || !is_stream(&args.readings) => return Err(error),
-        tally => tally,
-    };
-    if let Ok(tally) = &tally {
-        args.frames.check_any(tally.read, tally.frames)?;
+    if ended.is_err() && (written == 0 || !is_stream(&args.readings)) {
+        return ended.map(|()| ExitCode::SUCCESS);
+    }
+    let (report, threshold) = (recording.report(), recording.threshold());
+    if ended.is_ok() {
+        args.frames.check_any(&report)?;
     }
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
@@ -161,25 +163,26 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::wrote(std::slice::from_ref(&args.output), common);
     }
     outputs::publish(common)?;
-    if tally.is_err() && signals::stopped().is_some() {
+    if ended.is_err() && signals::stopped().is_some() {
         note_count(common, written, "frames", "written; the stream was stopped");
     }
-    let tally = tally?;
-    tally.remark(args.readings_args.baseline, common);
+    ended?;
+    args.readings_args.remark(&report, common);
+    let found = found.map(|count| (count, threshold));
     match found {
         Some((count, Some(threshold))) => {
             let contacts = if count == 1 { "contact" } else { "contacts" };
-            note!(common, "{count} {contacts} above {threshold:.4}");
+            let digits =
+                if threshold < 1e-3 { format!("{threshold:.1e}") } else { format!("{threshold:.4}") };
+            note!(common, "{count} {contacts} above {digits}");
         }
-        Some((_, None)) => note!(
-            common,
-            "no contacts: all {written} frames went into the estimate of the noise, or no reading differs from the \
-             first; give --threshold"
-        ),
+        Some((_, None)) => {
+            note!(common, "no contacts: the noise cannot be estimated from one frame; give --threshold")
+        }
         None => {}
     }
     if args.json {
-        print_json("dermatome.render/1", &report(&tally, &channels, &parts, found))?;
+        print_json("dermatome.render/1", &json_report(&report, &channels, &parts, found))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -196,7 +199,7 @@ impl Args {
             ));
         }
         self.colours.check(kind)?;
-        self.frames.check()?;
+        self.frames.range()?;
         if self.images.values_only && kind != Kind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));
         }
@@ -205,57 +208,18 @@ impl Args {
 }
 
 impl ImageArgs {
-    fn values(&self, map: &SkinMap, channels: &[Channel]) -> Values {
-        let restrictor = match self.level.map(LevelId::from) {
-            Some(level) if !self.contrast && !self.edges => Restrictor::to_level(map, channels, level),
-            _ => Restrictor::new(map, channels),
-        };
-        Values {
-            restrictor,
-            contrast: self.contrast.then(|| Contrast::new(map, channels)),
-            edges: self.edges.then(|| Edges::new(map, channels)),
+    fn carried(&self) -> Carried {
+        match (self.contrast, self.edges) {
+            (true, _) => Carried::Contrast,
+            (_, true) => Carried::Edges,
+            _ => Carried::Values,
         }
-    }
-}
-
-/// Values on all levels: the readings, their contrast or their edges.
-struct Values {
-    restrictor: Restrictor,
-    contrast: Option<Contrast>,
-    edges: Option<Edges>,
-}
-
-impl Values {
-    fn of(&mut self, frame: &Frame) -> &LevelFrame {
-        let levels = self.restrictor.restrict(frame);
-        match (&mut self.contrast, &mut self.edges) {
-            (Some(contrast), _) => contrast.of(levels),
-            (_, Some(edges)) => edges.of(levels),
-            _ => levels,
-        }
-    }
-
-    /// The channels of what is drawn of these: edges have two for each.
-    fn channels(&self, read: &[Channel]) -> Vec<Channel> {
-        if self.edges.is_none() {
-            return read.to_vec();
-        }
-        let gradient = |channel: &Channel| {
-            let unit = channel.pixel_unit();
-            let unit = if unit.is_empty() { unit } else { format!("{unit}/m") };
-            ["u", "v"].map(|axis| Channel {
-                name: format!("{}.gradient.{axis}", channel.name),
-                unit: unit.clone(),
-                quantity: Quantity::Intensive,
-            })
-        };
-        read.iter().flat_map(gradient).collect()
     }
 }
 
 /// What `--json` prints; `found` is the number of contacts and their threshold.
-fn report(
-    tally: &Tally,
+fn json_report(
+    read: &RecordingReport,
     channels: &[Channel],
     images: &[&AtlasPart],
     found: Option<(usize, Option<f64>)>,
@@ -264,16 +228,16 @@ fn report(
         images.iter().map(|image| (image.name.clone(), value(image))).collect()
     };
     let mut report = json!({
-        "frames": tally.frames,
+        "frames": read.frames,
         "channels": channels.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect::<Vec<_>>(),
         "size": of_images(&|image| json!([image.frame.size_px[1], image.frame.size_px[0]])),
         "fill": of_images(&|image| json!(image.fill())),
-        "matched": tally.join.matched,
-        "unknown": tally.join.unknown,
-        "masked": tally.join.masked,
-        "missing": tally.missing,
-        "clipped": tally.condition.clipped,
-        "backwards": if tally.has_times { tally.condition.backwards } else { 0 },
+        "matched": read.join.matched,
+        "unknown": read.join.unknown,
+        "masked": read.join.masked,
+        "missing": read.missing,
+        "clipped": read.condition.clipped,
+        "backwards": if read.has_times { read.condition.backwards } else { 0 },
     });
     if let Some((contacts, threshold)) = found {
         report["contacts"] = json!(contacts);
@@ -296,6 +260,9 @@ fn check_one_image(atlas: &Atlas, level: Option<LevelId>) -> anyhow::Result<()> 
 /// Bytes that a pixel takes besides its values: coverage, spans and weights.
 const BYTES_PER_PIXEL: u64 = 48;
 
+/// Outputs of more megabytes are announced before they are written.
+const LARGE_MB: u64 = 100;
+
 /// The space that frames of a file take on the disk: a few bytes of an array or a table can ask for
 /// many images.
 struct Space {
@@ -315,6 +282,21 @@ impl Space {
         let is_bounded = kind != Kind::Pipe && !is_stream(&args.readings);
         let bytes_per_frame = if is_bounded { 4 * channels as u64 * (pixels + values) } else { 0 };
         Self { bytes_per_frame, max_mb: args.images.max_disk }
+    }
+
+    /// Notes what will be written if that is large, and what makes it smaller.
+    fn announce(&self, frames: u64, args: &Args, common: &Common) {
+        let mb = self.bytes_per_frame.saturating_mul(frames) / 1_000_000;
+        if mb < LARGE_MB {
+            return;
+        }
+        let smaller = match args.images.values_only {
+            true => "--level K writes one level, --every N fewer frames",
+            false => "--values-only writes numbers alone, --level K one level, --size H W smaller images",
+        };
+        let packed =
+            if outputs::kind(&args.output) == "npz" { ", less where they can be compressed" } else { "" };
+        note!(common, "{frames} frames are up to {mb} MB{packed}; {smaller}");
     }
 
     fn check(&self, frames: u64) -> anyhow::Result<()> {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use anyhow::Context;
 use clap::builder::Resettable;
@@ -15,7 +16,7 @@ use crate::console::print::{plain, print};
 use crate::console::progress;
 use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::Common;
-use crate::readings::{FramesArgs, Pass, ReadingsArgs, find_channel};
+use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///
@@ -57,8 +58,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         return Err(Error::from(IoError::UnknownKind { path: output.clone(), known: ".html" }).into());
     }
     outputs::guard(std::slice::from_ref(output), &common.outputs)?;
-    args.frames.check()?;
-    let map = read_map(&args.map).map_err(Error::from)?;
+    args.frames.range()?;
+    let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
     let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
     let mut page = Page::new(&map, title)?;
     if args.live {
@@ -79,21 +80,23 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 }
 
 /// Shows readings while they come.
-fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
+fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
     let path = args.readings.as_deref().unwrap_or(Path::new("-"));
-    let pass = Pass::open(&args.readings_args, args.frames, path, map)?;
-    let channels = pass.channels().to_vec();
-    let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
-    let (html, mut frames) = page.to_live_html(&channels, shown)?;
+    let mut recording = args.readings_args.open(args.frames.range()?, path, map)?;
+    let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
+    let (html, mut frames) = page.to_live_html(&mut recording, shown)?;
     let server = LiveServer::start(html).context("cannot serve the page to this machine")?;
     print(&format!("{}\n", server.address()))?;
-    pass.remark(&path.display().to_string(), common);
-    let tally = pass.run(|_, frame| {
-        server.show(frames.next(frame));
-        Ok(())
-    });
+    remark_join(&recording, path, common);
+    let ended = loop {
+        match recording.next_step() {
+            Ok(Some(step)) => server.show(frames.next(&step)),
+            ended => break ended.map(|_| ()),
+        }
+    };
     server.end();
-    tally?.remark(args.readings_args.baseline, common);
+    ended?;
+    args.readings_args.remark(&recording.report(), common);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -102,32 +105,27 @@ fn serve(args: &Args, map: &SkinMap, page: Page<'_>, common: &Common) -> anyhow:
 fn record(
     args: &Args,
     path: &Path,
-    map: &SkinMap,
+    map: &Arc<SkinMap>,
     page: &mut Page<'_>,
     common: &Common,
 ) -> anyhow::Result<anyhow::Result<()>> {
-    let pass = Pass::open(&args.readings_args, args.frames, path, map)?;
-    let channels = pass.channels().to_vec();
-    let shown = args.channel.as_deref().map_or(Ok(0), |name| find_channel(&channels, name))?;
-    pass.remark(&path.display().to_string(), common);
-    let bar = progress::frames(common, pass.frames(), is_stream(path));
-    let mut recorded = 0;
-    let tally = pass.run(|_, frame| {
-        page.record(frame, &channels, shown)?;
-        recorded += 1;
-        bar.inc(1);
-        Ok(())
-    });
+    let mut recording = args.readings_args.open(args.frames.range()?, path, map)?;
+    let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
+    remark_join(&recording, path, common);
+    let bar = progress::frames(common, recording.frames(), is_stream(path));
+    let played = page.play(&mut recording, shown, || bar.inc(1));
     bar.finish_and_clear();
-    let tally = match tally {
-        Err(error) if recorded > 0 && is_stream(path) => {
-            note_count(common, recorded, "frames", "kept of the stream, which ended badly");
-            return Ok(Err(error));
+    let report = recording.report();
+    if let Err(error) = played {
+        if page.frames() == 0 || !is_stream(path) {
+            return Err(error.into());
         }
-        tally => tally?,
-    };
-    args.frames.check_any(tally.read, tally.frames)?;
-    tally.remark(args.readings_args.baseline, common);
+        note_count(common, page.frames() as u64, "frames", "kept of the stream, which ended badly");
+        return Ok(Err(error.into()));
+    }
+    args.frames.check_any(&report)?;
+    args.readings_args.remark(&report, common);
+    let channels = recording.channels();
     if channels.len() > 1 && args.channel.is_none() {
         let count = channels.len();
         note!(

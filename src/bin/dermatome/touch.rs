@@ -4,9 +4,7 @@ use std::{collections::HashSet, path::PathBuf, process::ExitCode};
 
 use dermatome::Error;
 use dermatome::io::{ReadingsWriter, write_touches};
-use dermatome::map::SkinMap;
 use dermatome::signal::{Quantity, Touch, TouchOptions, TouchSimulation};
-use dermatome::skin::{Patch, Skin};
 
 use crate::console::notes::note;
 use crate::files::input::{read_map_if_any, read_skin};
@@ -80,7 +78,7 @@ const READS: [Choice<Quantity>; 2] = [
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.truth.as_deref().map_or(Ok(()), outputs::check_table)?;
     let skin = match read_map_if_any(&args.skin)? {
-        Some(map) => finest(&map),
+        Some(map) => map.skin(),
         None => read_skin(
             &args.skin,
             &args.read,
@@ -113,21 +111,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         distinct(|touch| touch.press)
     );
     Ok(ExitCode::SUCCESS)
-}
-
-/// The skin of a map: its level 0.
-fn finest(map: &SkinMap) -> Skin {
-    let patches = map.patches.iter().filter_map(|patch| {
-        let mesh = patch.levels.iter().next()?.level.mesh.clone();
-        Some(Patch {
-            name: patch.name.clone(),
-            link: patch.link,
-            mesh,
-            filled: patch.filled,
-            taxels: patch.taxels.clone(),
-        })
-    });
-    Skin { links: map.links.clone(), patches: patches.collect(), ..Skin::default() }
 }
 
 impl Args {

@@ -3,7 +3,7 @@
 //!
 //! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
 //! `header` says what their columns are; `arrays` reads recordings of numpy's arrays; [`ReadingsReader`] is
-//! the one type for all of them. `writer` writes recordings that it reads.
+//! the one type for all of them, and for those in memory ([`Readings`]). `writer` writes recordings that it reads.
 
 pub(super) mod arrays;
 mod header;
@@ -13,7 +13,7 @@ pub(super) mod writer;
 use std::{fs::File, io::Read, path::Path};
 
 use crate::io::IoError;
-use crate::io::file::{cannot_read, file_kind};
+use crate::io::file::{cannot_read, file_kind, invalid};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
 use crate::io::readings::text::{LongReadings, TextReadings};
@@ -25,10 +25,11 @@ use crate::skin::TaxelId;
 /// | file | content |
 /// |---|---|
 /// | `.txt` | a line of taxel ids, then rows of `index time value...` between blanks, as CySkin records |
+/// | `.log` | rows of `number time value...`, the taxels in the order of the map, as `yarpdatadumper` records |
 /// | `.csv` | a line of names between commas, semicolons or tabs: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `frame` and `time`, in s or as in `time[ms]` |
 /// | `.txt`, `.csv` | a long table, `time,taxel_id,value` or `time,taxel_id,value[UNIT]`, with a row for each reading |
 /// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)` as [`ReadingsLayout`] says |
-/// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` `(N,)`, `timestamps` `(T,)` in s, and the texts `channels` and `units` `(C,)` |
+/// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` or `taxel_ids` `(N,)`, `timestamps` or `time` `(T,)`, in s, as dates or as in `time[ms]`, and the texts `channels` and `units` `(C,)` |
 ///
 /// A time may be a date of ISO 8601, then counted from 1970 on. An empty cell, NaN and infinities are readings that are missing. The unit and name of a channel
 /// say of what kind it is ([`Channel::new`]).
@@ -67,6 +68,40 @@ enum Source {
     Text(TextReadings),
     Long(LongReadings),
     Arrays(ArrayReadings),
+    Memory(Readings, usize),
+}
+
+/// A whole recording in memory.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Readings {
+    /// The taxel that each column is of; `None`: all taxels in the order of the map.
+    pub ids: Option<Vec<TaxelId>>,
+    /// What is read of each taxel.
+    pub channels: Vec<Channel>,
+    /// Number of columns: taxels of a frame.
+    pub width: usize,
+    /// When each frame was taken, in s; NaN where that is not known.
+    pub times: Vec<f64>,
+    /// Frame after frame, channel after channel: one number per column.
+    pub values: Vec<f64>,
+}
+
+impl Readings {
+    /// Reads all frames; calls `progress` after each.
+    ///
+    /// # Errors
+    /// As [`ReadingsReader::read`].
+    pub fn collect(mut reader: ReadingsReader, mut progress: impl FnMut()) -> Result<Self, IoError> {
+        let (ids, channels, width) = (reader.ids.take(), std::mem::take(&mut reader.channels), reader.width);
+        let mut all = Self { ids, channels, width, ..Self::default() };
+        let (mut values, mut time) = (Vec::new(), f64::NAN);
+        while reader.read(&mut values, &mut time)? {
+            all.values.extend_from_slice(&values);
+            all.times.push(time);
+            progress();
+        }
+        Ok(all)
+    }
 }
 
 impl ReadingsReader {
@@ -87,11 +122,16 @@ impl ReadingsReader {
                 let (text, about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
                 Ok(Self::of(Source::Text(text), about))
             }
+            "log" => {
+                let file = File::open(path).map_err(cannot_read(path))?;
+                let (text, about) = TextReadings::open_log(path, Box::new(file))?;
+                Ok(Self::of(Source::Text(text), about))
+            }
             kind @ ("npy" | "npz") => {
                 let (arrays, about) = ArrayReadings::open(path, kind == "npz", layout)?;
                 Ok(Self::of(Source::Arrays(arrays), about))
             }
-            _ => Err(IoError::UnknownKind { path: path.into(), known: ".txt, .csv, .npy, .npz" }),
+            _ => Err(IoError::UnknownKind { path: path.into(), known: ".txt, .log, .csv, .npy, .npz" }),
         }
     }
 
@@ -109,6 +149,28 @@ impl ReadingsReader {
         Ok(Self::of(Source::Text(text), about))
     }
 
+    /// Reads a recording in memory.
+    ///
+    /// # Errors
+    /// If there is not one number for each frame, channel and column.
+    pub fn memory(readings: Readings) -> Result<Self, IoError> {
+        let Readings { ids, channels, width, times, values } = &readings;
+        let needed = times.len().saturating_mul(channels.len()).saturating_mul(*width);
+        if values.len() != needed {
+            let needed = format!("{needed}, one for each frame, channel and column");
+            let path = Path::new("readings in memory");
+            return Err(invalid(path, "values", format!("{} numbers", values.len()), needed));
+        }
+        let about = About {
+            ids: ids.clone(),
+            channels: channels.clone(),
+            width: *width,
+            frames: Some(times.len() as u64),
+            has_times: times.iter().any(|time| time.is_finite()),
+        };
+        Ok(Self::of(Source::Memory(readings, 0), about))
+    }
+
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,
     /// the time is in s. False after the last frame. Without times `time` becomes NaN.
     ///
@@ -120,6 +182,14 @@ impl ReadingsReader {
             Source::Text(text) => text.read(values, time),
             Source::Long(long) => long.read(values, time),
             Source::Arrays(arrays) => arrays.read(values, time),
+            Source::Memory(readings, next) => {
+                let Some(&at) = readings.times.get(*next) else { return Ok(false) };
+                let count = readings.channels.len() * readings.width;
+                values.clear();
+                values.extend_from_slice(&readings.values[*next * count..][..count]);
+                (*time, *next) = (at, *next + 1);
+                Ok(true)
+            }
         }
     }
 }

@@ -49,12 +49,13 @@ pub struct TrackerOptions {
     /// Such a part has at least this many taxels above the saddle.
     pub part: usize,
     /// The threshold is estimated from this many first frames, in which nothing should touch the
-    /// skin, and no region is reported; at least 2. Their mean is subtracted from each taxel.
+    /// skin, at least 2, or from those that there are. Their mean is subtracted from each taxel.
     ///
     /// The noise is the standard deviation of the readings of the noisiest taxels but for a
     /// twentieth. The threshold is the Gaussian quantile of this noise at which one taxel of the skin
-    /// is above it by chance in a million frames. Readings without any noise, as simulated ones are,
-    /// have a hundredth of the largest reading so far as threshold.
+    /// is above it by chance in a million frames. Readings without any noise, as simulated ones are, have a
+    /// millionth of the largest reading of these frames as threshold: 0 where they are all 0, so that every reading
+    /// above is a touch.
     pub noise_frames: usize,
     /// How far the centre of a contact may move from a frame to the next, in m, if the two regions
     /// share no taxel.

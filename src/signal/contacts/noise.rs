@@ -25,9 +25,9 @@ const NOISIEST: f64 = 0.95;
 /// 250 Hz. It takes two taxels to make a region.
 const FRAMES_PER_FALSE_ALARM: f64 = 1e6;
 
-/// Threshold over the largest reading so far, for readings without noise. *Heuristic*: what is a
-/// hundredth of a full press is no longer felt as touch by sensors of eight bits.
-const SHARE_OF_LARGEST: f64 = 0.01;
+/// Threshold over the largest reading at rest, for readings without noise: above the rounding of a baseline that was
+/// subtracted. *Heuristic*.
+const SHARE_OF_REST: f64 = 1e-6;
 
 /// The threshold of contacts, as it is known by now.
 #[derive(Debug, Clone)]
@@ -35,62 +35,51 @@ pub(super) enum Threshold {
     Known(f64),
     /// The readings of the first frames, one frame after the other.
     Learning {
-        frames: usize,
         kept: Vec<f64>,
     },
-    /// There is no noise: the largest reading so far.
-    Noiseless {
-        largest: f64,
-    },
+    /// The frames were too few.
+    Unknown,
 }
 
 impl Threshold {
     pub(super) fn new(options: &TrackerOptions) -> Self {
-        let learning = Self::Learning { frames: options.noise_frames, kept: Vec::new() };
-        options.threshold.map_or(learning, Self::Known)
+        options.threshold.map_or(Self::Learning { kept: Vec::new() }, Self::Known)
     }
 
     /// The threshold, in the unit of the channel, if it is known by now.
     pub(super) fn known(&self) -> Option<f64> {
         match self {
             Self::Known(threshold) => Some(*threshold),
-            Self::Learning { .. } => None,
-            Self::Noiseless { largest } => (*largest > 0.0).then(|| SHARE_OF_LARGEST * largest),
+            Self::Learning { .. } | Self::Unknown => None,
         }
     }
 
-    /// The threshold for this frame; `None` while it is not known. Fills in where taxels rest once that
-    /// is known.
-    pub(super) fn update(
-        &mut self,
-        frame: &Frame,
-        channel: usize,
-        rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>,
-    ) -> Option<f64> {
-        let readings = || frame.values.iter().flat_map(|patch| &patch[channel]).copied();
-        match self {
-            Self::Known(_) => {}
-            Self::Noiseless { largest } => {
-                let beyond = readings().zip(rest.iter().flatten()).map(|(x, rest)| x - rest);
-                *largest = beyond.filter(|x| x.is_finite()).fold(*largest, f64::max);
-            }
-            Self::Learning { frames, kept } => {
-                kept.extend(readings());
-                let taxels = readings().count();
-                if kept.len() >= *frames * taxels {
-                    let noise = noise(kept, *frames, taxels);
-                    let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
-                    of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
-                    *self = if noise > 0.0 {
-                        Self::Known(noise * quantiles(*frames, taxels))
-                    } else {
-                        Self::Noiseless { largest: 0.0 }
-                    };
-                }
-                return None;
-            }
+    /// Keeps the readings of a frame; returns the number of frames kept.
+    pub(super) fn learn(&mut self, frame: &Frame, channel: usize) -> usize {
+        let Self::Learning { kept } = self else { return 0 };
+        let before = kept.len();
+        kept.extend(frame.values.iter().flat_map(|patch| &patch[channel]));
+        kept.len() / (kept.len() - before).max(1)
+    }
+
+    /// Estimates the threshold from the frames kept, and where taxels rest.
+    pub(super) fn settle(&mut self, rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>) {
+        let Self::Learning { kept } = self else { return };
+        let taxels: usize = rest.iter().map(|patch| patch.len()).sum();
+        let frames = kept.len() / taxels.max(1);
+        if frames < 2 {
+            *self = Self::Unknown;
+            return;
         }
-        self.known()
+        let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
+        of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
+        let noise = noise(kept, frames, taxels);
+        *self = Self::Known(if noise > 0.0 {
+            noise * quantiles(frames, taxels)
+        } else {
+            let finite = kept.iter().filter(|x| x.is_finite());
+            SHARE_OF_REST * finite.fold(0.0, |largest, x| x.abs().max(largest))
+        });
     }
 }
 

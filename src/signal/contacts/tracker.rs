@@ -10,7 +10,7 @@ use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
 use crate::signal::contacts::tracks::Tracks;
-use crate::signal::{Channel, ContactEvent, Frame, Quantity, SignalError, TrackerOptions};
+use crate::signal::{Channel, ContactEvent, Frame, Quantity, SignalError, Stage, TrackerOptions};
 use crate::skin::PatchId;
 
 /// Finds contacts in frames of readings and follows them from frame to frame.
@@ -101,17 +101,20 @@ impl ContactTracker {
         self.noise.known()
     }
 
-    /// The contacts of the next frame, by patch and first taxel, then those that have ended with it.
+    /// The contacts of the next frame, by patch and first taxel, then those that have ended with it. If the
+    /// threshold is estimated and the tracker has not [learned](Stage::learn), there are none in the first frames:
+    /// it learns from these.
     ///
     /// # Panics
     /// If the frame has not the patches, the channel and the taxels that the tracker was made for.
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.keep_last();
-        let threshold = self.noise.update(frame, self.options.channel, &mut self.rest);
-        if let Some(high) = threshold {
+        if let Some(high) = self.noise.known() {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
+        } else if self.noise.learn(frame, self.options.channel) >= self.options.noise_frames {
+            self.settle();
         }
         self.finder.number(&self.found);
         let reach = self.options.reach;
@@ -141,6 +144,11 @@ impl ContactTracker {
         };
         self.found.sort_unstable_by_key(|region| (rank(region), region.place()));
         self.shown = self.found.partition_point(|region| rank(region) < 2);
+        &self.found[..self.shown]
+    }
+
+    /// The contacts of the last frame, as [`Self::track`] gave them.
+    pub fn contacts(&self) -> &[ContactRegion] {
         &self.found[..self.shown]
     }
 
@@ -174,6 +182,27 @@ impl ContactTracker {
             Pressed { patch, around, values, quantity: self.quantity }.measure(region);
             region.force *= self.newtons;
         }
+    }
+}
+
+impl Stage for ContactTracker {
+    /// The frames from which the threshold is estimated.
+    fn frames_to_learn(&self) -> usize {
+        if self.options.threshold.is_some() { 0 } else { self.options.noise_frames }
+    }
+
+    fn learn(&mut self, frame: &Frame) {
+        self.noise.learn(frame, self.options.channel);
+    }
+
+    fn settle(&mut self) {
+        self.noise.settle(&mut self.rest);
+    }
+
+    /// The frame as it is; see [`ContactTracker::contacts`].
+    fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
+        self.track(frame);
+        frame
     }
 }
 

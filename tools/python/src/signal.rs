@@ -6,17 +6,16 @@ use std::{
 };
 
 use dermatome::{
-    Skin, SkinMap,
+    SkinMap,
     atlas::{Atlas, AtlasOptions, Pack, Resolution},
     image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
-    io::{IoError, ReadingsLayout, ReadingsReader},
-    pyramid::LevelId,
+    io::{Readings, ReadingsLayout, ReadingsReader},
+    recording::{Fill, Recording, RecordingOptions},
     signal::{
-        Channel, ConditionOptions, Conditioner, ContactEvent, ContactRegion, ContactTracker, Duplicates,
-        Filler, Frame, Join, Quantity, Restrictor, SignalError, Touch, TouchOptions, TouchSimulation,
-        TrackerOptions,
+        Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
+        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions,
     },
-    skin::{Patch, TaxelId},
+    skin::TaxelId,
 };
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
@@ -399,51 +398,17 @@ impl PyContactTracker {
     }
 }
 
-/// A recording as it is read.
-#[derive(Debug, Default)]
-struct Recording {
-    values: Vec<f64>,
-    times: Vec<f64>,
-    width: usize,
-    channels: Vec<Channel>,
-    ids: Option<Vec<TaxelId>>,
-}
-
-impl Recording {
-    fn read(path: &std::path::Path, layout: ReadingsLayout, stop: &Stop) -> Result<Self, IoError> {
-        let mut reader = ReadingsReader::open(path, layout)?;
-        let mut recording = Self {
-            width: reader.width,
-            channels: reader.channels.clone(),
-            ids: reader.ids.clone(),
-            ..Self::default()
-        };
-        let (mut values, mut time) = (Vec::new(), f64::NAN);
-        while reader.read(&mut values, &mut time)? {
-            stop.check();
-            recording.values.extend_from_slice(&values);
-            recording.times.push(time);
-        }
-        Ok(recording)
+/// Readings as arrays: values (T, C, N), ids, times, names and units of the channels.
+fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
+    let Readings { ids, channels, width, times, values } = readings;
+    let arrays = PyDict::new(py);
+    arrays.set_item("values", shaped(py, [times.len(), channels.len(), width], values)?)?;
+    arrays.set_item("ids", ids.map(|ids| vector(py, ids.into_iter().map(|id| id.0))))?;
+    arrays.set_item("timestamps", vector(py, times))?;
+    for (key, of) in [("channels", (|c| &c.name) as fn(&Channel) -> &String), ("units", |c| &c.unit)] {
+        arrays.set_item(key, channels.iter().map(of).collect::<Vec<_>>())?;
     }
-
-    /// As arrays: values (T, C, N), ids, times, names and units of the channels.
-    fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-        let arrays = PyDict::new(py);
-        let shape = [self.times.len(), self.channels.len(), self.width];
-        arrays.set_item("values", shaped(py, shape, self.values)?)?;
-        arrays.set_item("ids", self.ids.map(|ids| vector(py, ids.into_iter().map(|id| id.0))))?;
-        arrays.set_item("timestamps", vector(py, self.times))?;
-        arrays.set_item(
-            "channels",
-            self.channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>(),
-        )?;
-        arrays.set_item(
-            "units",
-            self.channels.iter().map(|channel| channel.unit.as_str()).collect::<Vec<_>>(),
-        )?;
-        Ok(arrays)
-    }
+    Ok(arrays)
 }
 
 /// The arrays of a recording: `values` (T, C, n), `ids` (n,) or None, `timestamps` (T,) in s, `channels`, `units`.
@@ -456,7 +421,8 @@ pub(crate) fn read_readings<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let known = [("tnc", ReadingsLayout::TaxelsFirst), ("tcn", ReadingsLayout::ChannelsFirst)];
     let layout = word("layout", layout, &known)?;
-    run(py, 0, move |stop| Recording::read(&path, layout, stop))?.map_err(error)?.into_dict(py)
+    let read = move |stop: &Stop| Readings::collect(ReadingsReader::open(&path, layout)?, || stop.check());
+    arrays(py, run(py, 0, read)?.map_err(error)?)
 }
 
 /// Readings of columns with these ids as readings of the taxels of a map: (T, C, n) to (T, C, N).
@@ -484,60 +450,74 @@ pub(crate) fn join_readings<'py>(
     Ok(shaped(py, [frames, channels, taxels], joined)?.into_any())
 }
 
-/// Readings of the taxels of a map, (T, C, N), made comparable: their values and the names of their channels.
+/// Readings (T, C, n) on the taxels of a map, made comparable: the arrays of a recording with values (T, C, N), and
+/// `measured`, which of these are readings and not filled.
 #[pyfunction]
-#[pyo3(signature = (map, values, times, names, baseline, gains, clip=None, split_hz=None, fill="none"))]
+#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, gains=Vec::new(), clip=None, split_hz=None,
+    rate_hz=None, fill="none"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
     py: Python<'py>,
     map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
-    times: &Bound<'py, PyAny>,
-    names: Vec<String>,
+    ids: Option<&Bound<'py, PyAny>>,
+    timestamps: &Bound<'py, PyAny>,
+    channels: Vec<String>,
+    units: Vec<String>,
     baseline: i64,
     gains: Vec<(u32, f64)>,
     clip: Option<[f64; 2]>,
     split_hz: Option<f64>,
+    rate_hz: Option<f64>,
     fill: &str,
-) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
-    let is_filled = word("fill", fill, &[("none", false), ("neighbours", true)])?;
-    let map = Arc::clone(&map.get().map);
-    let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+) -> PyResult<Bound<'py, PyDict>> {
+    let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
     let values = floats("values", values)?;
-    let shape = [times.len()?, names.len(), taxels];
-    if values.shape() != shape {
-        let [frames, channels, taxels] = shape;
-        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, {taxels})")));
+    let needed = [timestamps.len()?, channels.len(), units.len()];
+    let &[frames, of_channels, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
+    };
+    if [frames, of_channels, of_channels] != needed {
+        let [frames, channels, _] = needed;
+        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, n)")));
     }
-    let (times, values) = (one_each("timestamps", times, shape[0])?, values.as_slice()?.to_vec());
+    let ids = ids.map(|ids| one_number_each("ids", ids, width)).transpose()?;
+    let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
+    let readings = Readings {
+        ids: ids.map(|ids| ids.into_iter().map(TaxelId).collect()),
+        channels: channels.into_iter().zip(units).map(channel).collect(),
+        width,
+        times: one_each("timestamps", timestamps, frames)?,
+        values: values.as_slice()?.to_vec(),
+    };
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
-    let options = ConditionOptions { baseline: count("baseline", baseline)?, gains, clip, split_hz };
-    let channel = |name: &String| Channel { name: name.clone(), ..Channel::default() };
-    let channels: Vec<_> = names.iter().map(channel).collect();
-    let made = run(py, 0, move |stop| -> Result<_, SignalError> {
-        let mut conditioner = Conditioner::new(&map, &channels, &options)?;
-        let names: Vec<_> = conditioner.channels().iter().map(|channel| channel.name.clone()).collect();
-        let (mut frame, mut out) = (Frame::new(&map, channels.len()), Vec::new());
-        let join = Join::new(&map, None, taxels, Duplicates::Refuse)?;
-        let mut filler = is_filled.then(|| Filler::new(&map, names.len()));
-        let mut keep = |frame: &Frame| -> Result<(), SignalError> {
+    let condition = ConditionOptions { baseline: count("baseline", baseline)?, gains, clip, split_hz };
+    let options = RecordingOptions { rate_hz, condition, fill, ..RecordingOptions::default() };
+    let map = Arc::clone(&map.get().map);
+    let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
+        let mut recording = Recording::open(&map, ReadingsReader::memory(readings)?, &options)?;
+        let width = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        let mut out = Readings { channels: recording.channels().to_vec(), width, ..Readings::default() };
+        let mut measured: Vec<bool> = Vec::new();
+        while let Some(step) = recording.next_step()? {
             stop.check();
-            let frame = filler.as_mut().map_or(frame, |filler| filler.fill(frame));
-            for channel in 0..names.len() {
-                frame.values.iter().for_each(|patch| out.extend_from_slice(&patch[channel]));
+            out.times.push(step.frame.time);
+            for channel in 0..out.channels.len() {
+                for (values, filled) in step.frame.values.iter().zip(&step.frame.filled) {
+                    let first = measured.len();
+                    out.values.extend_from_slice(&values[channel]);
+                    measured.extend(values[channel].iter().map(|x| x.is_finite()));
+                    filled[channel].iter().for_each(|taxel| measured[first + taxel.index()] = false);
+                }
             }
-            Ok(())
-        };
-        for (read, time) in values.chunks((shape[1] * taxels).max(1)).zip(times) {
-            join.fill(read, &mut frame);
-            frame.time = time;
-            conditioner.push(&frame, &mut keep)?;
         }
-        conditioner.finish(&mut keep)?;
-        Ok((out, names))
+        Ok((out, measured))
     })?;
-    let (values, names) = made.map_err(error)?;
-    Ok((shaped(py, [shape[0], names.len(), taxels], values)?.into_any(), names))
+    let (readings, measured) = made.map_err(error)?;
+    let measured = shaped(py, [readings.times.len(), readings.channels.len(), readings.width], measured)?;
+    let conditioned = arrays(py, readings)?;
+    conditioned.set_item("measured", measured)?;
+    Ok(conditioned)
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
@@ -560,16 +540,6 @@ pub(crate) fn as_numbers<'py>(
     count: usize,
 ) -> PyResult<Bound<'py, PyArray1<u32>>> {
     Ok(vector(value.py(), one_number_each(name, value, count)?))
-}
-
-/// The skin of a map: its level 0.
-fn finest(map: &SkinMap) -> Skin {
-    let patches = map.patches.iter().filter_map(|patch| {
-        let mesh = patch.levels.get(LevelId::new(0))?.level.mesh.clone();
-        let (name, taxels) = (patch.name.clone(), patch.taxels.clone());
-        Some(Patch { name, link: patch.link, mesh, filled: patch.filled, taxels })
-    });
-    Skin { links: map.links.clone(), patches: patches.collect(), ..Skin::default() }
 }
 
 /// The arrays of a simulated recording: as `read_readings`, and `truth`.
@@ -598,7 +568,7 @@ pub(crate) fn simulate_touch<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let skin = match (skin.cast::<PySkin>(), skin.cast::<PyMap>()) {
         (Ok(skin), _) => Arc::clone(&skin.get().skin),
-        (_, Ok(map)) => Arc::new(finest(&map.get().map)),
+        (_, Ok(map)) => Arc::new(map.get().map.skin()),
         _ => return Err(bad("skin", skin.get_type().name()?, "a Skin or a Map")),
     };
     let options = TouchOptions {
@@ -619,12 +589,12 @@ pub(crate) fn simulate_touch<'py>(
         seed,
     };
     let names: Vec<String> = skin.patches.iter().map(|patch| patch.name.clone()).collect();
-    let made = run(py, 0, move |stop| -> Result<(Recording, Vec<Touch>), dermatome::Error> {
+    let made = run(py, 0, move |stop| -> Result<(Readings, Vec<Touch>), dermatome::Error> {
         let mut simulation = TouchSimulation::new(&skin, &options)?;
         let taxels = skin.patches.iter().map(|patch| &patch.taxels.ids);
         let ids: Vec<TaxelId> = taxels.flat_map(|ids| ids.iter().copied()).collect();
         let channels = vec![simulation.channel().clone()];
-        let mut recording = Recording { width: ids.len(), channels, ids: Some(ids), ..Recording::default() };
+        let mut recording = Readings { width: ids.len(), channels, ids: Some(ids), ..Readings::default() };
         let mut truth = Vec::new();
         while let Some((frame, touches)) = simulation.next_frame() {
             stop.check();
@@ -635,7 +605,7 @@ pub(crate) fn simulate_touch<'py>(
         Ok((recording, truth))
     })?;
     let (recording, truth) = made.map_err(error)?;
-    let arrays = recording.into_dict(py)?;
+    let arrays = arrays(py, recording)?;
     let columns = PyDict::new(py);
     let whole = |of: fn(&Touch) -> usize| vector(py, truth.iter().map(move |touch| of(touch) as i64));
     columns.set_item("frame", whole(|touch| touch.frame))?;

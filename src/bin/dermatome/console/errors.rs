@@ -229,6 +229,11 @@ fn option_help(error: &Error) -> &'static str {
             SignalError::NoneMatched { .. } => {
                 "give the map of the skin that was recorded; `dermatome info` lists what a map has"
             }
+            SignalError::ChannelCount { .. } | SignalError::ChannelTwice { .. } => {
+                "give each channel one name and one unit, as in --channels force.N,temperature --readings-unit N,K"
+            }
+            SignalError::NoChannel { .. } => "give --channel one of them, or leave it out to take the first",
+            SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
             _ => "correct the readings",
         },

@@ -5,10 +5,11 @@ use std::{path::PathBuf, sync::Arc};
 use dermatome::Error;
 use dermatome::io::{IoError, RegionWriter};
 use dermatome::map::SkinMap;
-use dermatome::signal::{Channel, ContactEvent, ContactTracker, Frame, TrackerOptions};
+use dermatome::recording::{Recording, Step};
+use dermatome::signal::{ContactEvent, TrackerOptions};
 
 use crate::options::Common;
-use crate::readings::{ReadingsArgs, find_channel, positive};
+use crate::readings::positive;
 
 /// Which contacts are found.
 #[derive(Debug, Clone, clap::Args)]
@@ -38,7 +39,6 @@ pub(super) struct ContactsArgs {
 }
 
 pub(super) struct Contacts {
-    tracker: ContactTracker,
     writer: RegionWriter,
     onsets: usize,
 }
@@ -47,44 +47,33 @@ impl ContactsArgs {
     pub(super) fn open(
         &self,
         map: &Arc<SkinMap>,
-        channels: &[Channel],
-        readings: &ReadingsArgs,
+        recording: &mut Recording,
         common: &Common,
-    ) -> anyhow::Result<Option<Contacts>> {
+    ) -> Result<Option<Contacts>, Error> {
         let Some(path) = &self.contacts else { return Ok(None) };
-        let channel = self.channel.as_deref().map_or(Ok(0), |name| find_channel(channels, name))?;
-        let defaults = TrackerOptions::default();
-        let noise_frames = match readings.baseline {
-            0 => defaults.noise_frames,
-            frames => frames.max(2),
-        };
-        let options = TrackerOptions {
-            channel,
+        let channel = recording.channel(self.channel.as_deref())?;
+        recording.follow_contacts(&TrackerOptions {
             threshold: self.threshold,
             low: self.low,
             least: self.least,
             prominence: self.prominence,
-            noise_frames,
-            ..defaults
-        };
-        let tracker = ContactTracker::new(map, &channels[channel], &options).map_err(Error::from)?;
-        let writer = RegionWriter::create(common.outputs.file(path), map).map_err(Error::from)?;
-        Ok(Some(Contacts { tracker, writer, onsets: 0 }))
+            ..recording.tracker_options(channel)
+        })?;
+        let writer = RegionWriter::create(common.outputs.file(path), map)?;
+        Ok(Some(Contacts { writer, onsets: 0 }))
     }
 }
 
 impl Contacts {
-    /// Finds the regions of frame `number`.
-    pub(super) fn track(&mut self, number: usize, frame: &Frame) -> Result<(), Error> {
-        let regions = self.tracker.track(frame);
-        self.onsets += regions.iter().filter(|region| region.event == ContactEvent::Onset).count();
-        Ok(self.writer.write(number as u64, frame.time, regions)?)
+    /// Writes the regions of a frame.
+    pub(super) fn write(&mut self, step: &Step<'_>) -> Result<(), Error> {
+        self.onsets += step.contacts.iter().filter(|region| region.event == ContactEvent::Onset).count();
+        Ok(self.writer.write(step.number as u64, step.frame.time, step.contacts)?)
     }
 
-    /// Completes the table: the number of contacts, and the threshold that was used.
-    pub(super) fn finish(self) -> Result<(usize, Option<f64>), IoError> {
-        let threshold = self.tracker.threshold();
+    /// Completes the table, and counts the contacts.
+    pub(super) fn finish(self) -> Result<usize, IoError> {
         self.writer.finish()?;
-        Ok((self.onsets, threshold))
+        Ok(self.onsets)
     }
 }

@@ -7,14 +7,14 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, LevelImage};
-use dermatome::image::TactileImage;
 use dermatome::io::{
     FrameContent, IoError, OutPath, Outputs, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
 };
 use dermatome::map::SkinMap;
 use dermatome::plot::{ImageOptions, image_png};
 use dermatome::pyramid::LevelId;
-use dermatome::signal::{Channel, LevelFrame};
+use dermatome::recording::Step;
+use dermatome::signal::Channel;
 
 use crate::console::errors::advise;
 use crate::console::notes::note_count;
@@ -218,18 +218,13 @@ impl<'a> Output<'a> {
         })
     }
 
-    /// Writes frame `number` of the recording.
-    pub(super) fn write(
-        &mut self,
-        number: usize,
-        levels: &LevelFrame,
-        images: &[TactileImage],
-        channels: &[Channel],
-    ) -> anyhow::Result<()> {
+    /// Writes a frame.
+    pub(super) fn write(&mut self, step: &Step<'_>, channels: &[Channel]) -> anyhow::Result<()> {
+        let Step { number, frame, levels, images, .. } = *step;
         match self {
             Self::Folder { sequence, shown } => {
                 for (k, image) in images.iter().enumerate() {
-                    let content = FrameContent { channels, time: levels.time, shown: shown.get(k) };
+                    let content = FrameContent { channels, time: frame.time, shown: shown.get(k) };
                     let file = sequence.file(&image.name, number);
                     write_frame(file, image, &content).map_err(|e| sequence.after(e.into()))?;
                 }
@@ -248,7 +243,10 @@ impl<'a> Output<'a> {
                 }
                 sequence.publish().map_err(|e| sequence.after(e.into()))?;
             }
-            Self::Array(writer) => writer.write(levels, images).map_err(Error::from)?,
+            Self::Array(writer) => {
+                let levels = levels.expect("values are carried to levels");
+                writer.write(levels, images).map_err(Error::from)?;
+            }
             Self::Pipe(pipe) => write_raw_frame(pipe, images)
                 .map_err(|source| Error::from(IoError::Write { path: STANDARD_OUTPUT.into(), source }))?,
         }

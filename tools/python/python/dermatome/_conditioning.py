@@ -84,16 +84,18 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     clip = None if options.clip is None else tuple(options.clip)
     if clip is not None and len(clip) != 2:
         raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
-    given = (map, values, times, list(of_map.channels), baseline, gains, clip, split)
-    made, names = condition_readings(*given)
+    about = (None, times, list(of_map.channels), list(of_map.units))
+    given: dict[str, Any] = {"baseline": baseline, "gains": gains, "clip": clip, "split_hz": split, "fill": options.fill}
+    arrays = condition_readings(map, values, *about, **given)
+    made, names, is_filled = arrays["values"], arrays["channels"], options.fill != "none"
     missing = unknown(of_map.values)
-    said = tally(map, values, made, missing, served, times if has_times else None, options)
+    unfilled = np.where(arrays["measured"], made, np.nan) if is_filled else made
+    said = tally(map, values, unfilled, missing, served, times if has_times else None, options)
     measured: Any = of_map.measured
     if measured is not None and split is not None:
         measured = np.repeat(measured, 2, axis=1)
-    if options.fill != "none":
-        measured = np.isfinite(made) if measured is None else np.isfinite(made) & measured
-        made, names = condition_readings(*given, options.fill)
+    if is_filled:
+        measured = arrays["measured"] if measured is None else arrays["measured"] & measured
     units = of_map.units if split is None else tuple(unit for unit in of_map.units for _ in range(2))
     remarks = tuple(dict.fromkeys((*of_map.remarks, *said)))
     given_names = tuple(names)

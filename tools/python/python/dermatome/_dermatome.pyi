@@ -490,14 +490,18 @@ def join_readings(map: Map, values: ArrayLike, ids: ArrayLike) -> _F64: ...
 def condition_readings(
     map: Map,
     values: ArrayLike,
-    times: ArrayLike,
-    names: Sequence[str],
-    baseline: int,
-    gains: Sequence[tuple[int, float]],
+    ids: ArrayLike | None,
+    timestamps: ArrayLike,
+    channels: Sequence[str],
+    units: Sequence[str],
+    *,
+    baseline: int = 0,
+    gains: Sequence[tuple[int, float]] = ...,
     clip: tuple[float, float] | None = None,
     split_hz: float | None = None,
+    rate_hz: float | None = None,
     fill: str = "none",
-) -> tuple[_F64, list[str]]: ...
+) -> dict[str, Any]: ...
 def is_extensive(name: str, unit: str) -> bool: ...
 def as_floats(name: str, value: ArrayLike) -> _F64: ...
 def as_numbers(name: str, value: ArrayLike, count: int) -> _U32: ...

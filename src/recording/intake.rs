@@ -1,0 +1,171 @@
+//! Frames as they come: read, joined to the map, conditioned, chosen and filled.
+
+use std::collections::VecDeque;
+
+use crate::Error;
+use crate::io::ReadingsReader;
+use crate::map::SkinMap;
+use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
+use crate::signal::{Channel, Conditioner, Filler, Frame, Join, SignalError, Stage};
+
+pub(super) struct Intake {
+    reader: ReadingsReader,
+    join: Join,
+    conditioner: Conditioner,
+    filler: Option<Filler>,
+    range: FrameRange,
+    rate_hz: Option<f64>,
+    /// The frame that was read last, or that comes next of those that were kept.
+    frame: Frame,
+    values: Vec<f64>,
+    /// The first frames, from which stages have learned.
+    kept: VecDeque<Frame>,
+    has_learned: bool,
+    /// Times of the first and of the last frame that was read.
+    frame_times: [f64; 2],
+    /// Number of the next frame.
+    next: usize,
+    report: RecordingReport,
+}
+
+impl Intake {
+    pub(super) fn new(
+        map: &SkinMap,
+        mut reader: ReadingsReader,
+        options: &RecordingOptions,
+    ) -> Result<Self, SignalError> {
+        name_channels(&mut reader.channels, &options.names, &options.units)?;
+        if let Some(hz) = options.rate_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
+            return Err(SignalError::option("the rate of frames in Hz", hz, "a positive number"));
+        }
+        let has_times = reader.has_times || options.rate_hz.is_some();
+        if options.condition.split_hz.is_some() && !has_times {
+            return Err(SignalError::NoTimes);
+        }
+        let join = Join::new(map, reader.ids.as_deref(), reader.width, options.duplicates)?;
+        let conditioner = Conditioner::new(map, &reader.channels, &options.condition)?;
+        let is_filled = options.fill == Fill::Neighbours;
+        Ok(Self {
+            filler: is_filled.then(|| Filler::new(map, conditioner.channels().len())),
+            range: options.frames,
+            rate_hz: options.rate_hz.filter(|_| !reader.has_times),
+            frame: Frame::new(map, reader.channels.len()),
+            values: Vec::new(),
+            kept: VecDeque::new(),
+            has_learned: false,
+            frame_times: [f64::NAN; 2],
+            next: 0,
+            report: RecordingReport {
+                channels: reader.channels.len(),
+                has_times,
+                join: join.report().clone(),
+                ..RecordingReport::default()
+            },
+            reader,
+            join,
+            conditioner,
+        })
+    }
+
+    pub(super) fn channels(&self) -> &[Channel] {
+        self.conditioner.channels()
+    }
+
+    pub(super) fn baseline(&self) -> usize {
+        self.conditioner.frames_to_learn()
+    }
+
+    pub(super) fn frames(&self) -> Option<u64> {
+        Some(self.range.count(self.reader.frames?))
+    }
+
+    pub(super) fn report(&self) -> RecordingReport {
+        let steps = self.report.read.saturating_sub(1) as f64;
+        let interval = (self.frame_times[1] - self.frame_times[0]) / steps;
+        RecordingReport {
+            interval: Some(interval).filter(|interval| interval.is_finite()),
+            condition: self.conditioner.report().clone(),
+            ..self.report.clone()
+        }
+    }
+
+    /// The next frame that is wanted, and its number.
+    pub(super) fn next_frame(&mut self) -> Result<Option<(usize, &Frame)>, Error> {
+        if !self.has_learned {
+            self.learn()?;
+        }
+        loop {
+            if self.range.ends_before(self.next) {
+                return Ok(None);
+            }
+            match self.kept.pop_front() {
+                Some(frame) => self.frame = frame,
+                None if self.read()? => {}
+                None => return Ok(None),
+            }
+            self.next += 1;
+            if self.range.contains(self.next - 1) {
+                break;
+            }
+            self.conditioner.apply(&self.frame);
+        }
+        self.report.frames += 1;
+        let frame = self.conditioner.apply(&self.frame);
+        let frame = self.filler.as_mut().map_or(frame, |filler| filler.apply(frame));
+        Ok(Some((self.next - 1, frame)))
+    }
+
+    /// Keeps the first frames until the stages have learned from them.
+    fn learn(&mut self) -> Result<(), Error> {
+        let count = self.conditioner.frames_to_learn();
+        while self.kept.len() < count && self.read()? {
+            self.conditioner.learn(&self.frame);
+            self.kept.push_back(self.frame.clone());
+        }
+        if count > 0 {
+            self.conditioner.settle();
+        }
+        self.has_learned = true;
+        Ok(())
+    }
+
+    /// Reads the next frame; false after the last one.
+    fn read(&mut self) -> Result<bool, Error> {
+        if !self.reader.read(&mut self.values, &mut self.frame.time)? {
+            return Ok(false);
+        }
+        if let Some(rate) = self.rate_hz {
+            self.frame.time = self.report.read as f64 / rate;
+        }
+        self.frame_times[1] = self.frame.time;
+        if self.report.read == 0 {
+            self.frame_times[0] = self.frame.time;
+        }
+        self.report.read += 1;
+        self.report.missing += self.join.fill(&self.values, &mut self.frame);
+        Ok(true)
+    }
+}
+
+/// Gives the channels other names and units, where there are any.
+fn name_channels(channels: &mut [Channel], names: &[String], units: &[String]) -> Result<(), SignalError> {
+    for (given, what) in [(names, "name"), (units, "unit")] {
+        if !given.is_empty() && given.len() != channels.len() {
+            let known = channels.iter().map(|channel| channel.name.clone()).collect();
+            return Err(SignalError::ChannelCount { what, given: given.len(), known });
+        }
+    }
+    if let Some((_, name)) = names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
+        return Err(SignalError::ChannelTwice { name: name.clone() });
+    }
+    if names.is_empty() && units.is_empty() {
+        return Ok(());
+    }
+    for (k, channel) in channels.iter_mut().enumerate() {
+        // Readings without a name are called pressure until their unit says what they are.
+        let old = if *channel == Channel::default() { "" } else { &channel.name };
+        let (name, unit) = (names.get(k).map_or(old, String::as_str), units.get(k).unwrap_or(&channel.unit));
+        *channel = Channel::new(name, unit)?;
+    }
+    Ok(())
+}

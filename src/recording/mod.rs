@@ -1,0 +1,230 @@
+//! A recording on a map: readings as they come, made comparable, on every level, as images, and what touches the skin.
+//!
+//! [`Recording::open`] joins readings to a map. Each call of [`Recording::next_step`] reads a frame and passes it
+//! through these, in this order; those that were not asked for are left out:
+//!
+//! 1. `join`: columns become taxels ([`Join`](crate::signal::Join)); a missing reading is NaN from here on.
+//! 2. `stages`, which see every frame: baseline, gain, bounds and filters ([`Conditioner`](crate::signal::Conditioner)).
+//!    What estimates zeros, faults or responses is a [`Stage`](crate::signal::Stage) here.
+//! 3. `frames`: from here on there are only the frames asked for. None of what follows depends on those left out.
+//! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
+//! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
+//! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing.
+//!
+//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5.
+
+mod intake;
+mod levels;
+mod options;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::Error;
+use crate::atlas::Atlas;
+use crate::image::{Interpolation, RenderOptions, Renderer, TactileImage};
+use crate::io::ReadingsReader;
+use crate::map::SkinMap;
+use crate::pyramid::LevelId;
+use crate::recording::intake::Intake;
+use crate::recording::levels::Levels;
+use crate::signal::{
+    Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, TrackerOptions,
+};
+
+pub use levels::Carried;
+pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
+
+/// One frame of a recording, and what follows from it.
+#[derive(Debug, Clone, Copy)]
+pub struct Step<'r> {
+    /// Its number in the recording, from 0 on.
+    pub number: usize,
+    /// The readings of the taxels.
+    pub frame: &'r Frame,
+    /// The values of every level, if they are [carried](Recording::carry).
+    pub levels: Option<&'r LevelFrame>,
+    /// Images of these, in the order of the atlas, if they are [drawn](Recording::draw).
+    pub images: &'r [TactileImage],
+    /// What touches the skin, if that is [followed](Recording::follow_contacts).
+    pub contacts: &'r [ContactRegion],
+}
+
+/// A recording, or a live stream, on a map; frames come one by one.
+///
+/// It owns its buffers: while a stage learns, from the frames of a baseline or of the noise, frames are kept; after that
+/// no stage allocates anything.
+///
+/// ```
+/// use std::{path::Path, sync::Arc};
+///
+/// use dermatome::io::ReadingsReader;
+/// use dermatome::map::SkinMap;
+/// use dermatome::mesh::shapes;
+/// use dermatome::recording::{Carried, Recording, RecordingOptions};
+///
+/// let map = Arc::new(SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3));
+/// let text = "time,1[N],3[N]\n0.0,0.5,\n0.1,0.75,0.25\n";
+/// let readings = ReadingsReader::stream(Path::new("-"), text.as_bytes())?;
+/// let mut recording = Recording::open(&map, readings, &RecordingOptions::default())?;
+/// recording.carry(Carried::Values, None);
+/// while let Some(step) = recording.next_step()? {
+///     println!("{}: {:?}", step.frame.time, step.levels);
+/// }
+/// assert_eq!((recording.report().frames, recording.report().missing), (2, 1));
+/// # Ok::<(), dermatome::Error>(())
+/// ```
+pub struct Recording {
+    map: Arc<SkinMap>,
+    intake: Intake,
+    levels: Option<Levels>,
+    renderer: Option<Renderer>,
+    tracker: Option<ContactTracker>,
+    /// The first frames and their numbers, from which the tracker has learned.
+    kept: VecDeque<(usize, Frame)>,
+    has_learned: bool,
+    /// The one of them that is passed on.
+    current: Frame,
+}
+
+impl Recording {
+    /// Joins readings to a map; nothing is read yet but what they say of themselves.
+    ///
+    /// # Errors
+    /// If the columns do not fit the map, or the names, units or another option do not fit the readings.
+    pub fn open(
+        map: &Arc<SkinMap>,
+        readings: ReadingsReader,
+        options: &RecordingOptions,
+    ) -> Result<Self, SignalError> {
+        let intake = Intake::new(map, readings, options)?;
+        Ok(Self {
+            map: Arc::clone(map),
+            intake,
+            levels: None,
+            renderer: None,
+            tracker: None,
+            kept: VecDeque::new(),
+            has_learned: false,
+            current: Frame::default(),
+        })
+    }
+
+    /// The channels of the frames.
+    pub fn channels(&self) -> &[Channel] {
+        self.intake.channels()
+    }
+
+    /// The number of the channel of this name; without a name the first.
+    ///
+    /// # Errors
+    /// [`SignalError::NoChannel`].
+    pub fn channel(&self, name: Option<&str>) -> Result<usize, SignalError> {
+        let Some(name) = name else { return Ok(0) };
+        let channels = self.channels();
+        channels.iter().position(|channel| channel.name == name).ok_or_else(|| SignalError::NoChannel {
+            name: name.into(),
+            known: channels.iter().map(|channel| channel.name.clone()).collect(),
+        })
+    }
+
+    /// Number of frames that will be passed on in all, if it is known.
+    pub fn frames(&self) -> Option<u64> {
+        self.intake.frames()
+    }
+
+    /// What was read so far, and what was done to it.
+    pub fn report(&self) -> RecordingReport {
+        self.intake.report()
+    }
+
+    /// Carries frames to every level, or of those above level 0 to `level` alone.
+    pub fn carry(&mut self, carried: Carried, level: Option<LevelId>) {
+        self.levels = Some(Levels::new(&self.map, self.intake.channels(), carried, level));
+    }
+
+    /// The channels of what is carried to levels and drawn: edges have two for each channel of the frames.
+    pub fn level_channels(&self) -> &[Channel] {
+        self.levels.as_ref().map_or(self.intake.channels(), |levels| &levels.channels)
+    }
+
+    /// Draws what is carried to levels: the readings on all of them, unless [`Self::carry`] was called before.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn draw(&mut self, atlas: &Atlas, interpolation: Interpolation) -> Result<(), Error> {
+        if self.levels.is_none() {
+            self.carry(Carried::Values, None);
+        }
+        let level = self.levels.as_ref().and_then(|levels| levels.level);
+        let options = RenderOptions { interpolation, level };
+        self.renderer = Some(Renderer::new(&self.map, atlas, self.level_channels(), &options)?);
+        Ok(())
+    }
+
+    /// The default options of contacts in a channel: noise and rest are estimated from the frames of the baseline.
+    pub fn tracker_options(&self, channel: usize) -> TrackerOptions {
+        let defaults = TrackerOptions::default();
+        let noise_frames = match self.intake.baseline() {
+            0 => defaults.noise_frames,
+            frames => frames.max(2),
+        };
+        TrackerOptions { channel, noise_frames, ..defaults }
+    }
+
+    /// Finds what touches the skin, and follows it from frame to frame. Where the threshold is estimated, the first
+    /// step waits for the frames that it is estimated from.
+    ///
+    /// # Errors
+    /// If an option is not usable, or there is no such channel.
+    pub fn follow_contacts(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        let channels = self.channels();
+        let channel = channels.get(options.channel).ok_or_else(|| SignalError::NoChannel {
+            name: options.channel.to_string(),
+            known: channels.iter().map(|channel| channel.name.clone()).collect(),
+        })?;
+        self.tracker = Some(ContactTracker::new(&self.map, channel, options)?);
+        Ok(())
+    }
+
+    /// The threshold of contacts, given or estimated; `None` while it is not known.
+    pub fn threshold(&self) -> Option<f64> {
+        self.tracker.as_ref().and_then(ContactTracker::threshold)
+    }
+
+    /// The next frame; `None` after the last one.
+    ///
+    /// # Errors
+    /// If the readings cannot be read any further. What was passed on before stays valid, and so does
+    /// [`Self::report`].
+    pub fn next_step(&mut self) -> Result<Option<Step<'_>>, Error> {
+        if let Some(tracker) = self.tracker.as_mut().filter(|_| !self.has_learned) {
+            let count = tracker.frames_to_learn();
+            while self.kept.len() < count
+                && let Some((number, frame)) = self.intake.next_frame()?
+            {
+                tracker.learn(frame);
+                self.kept.push_back((number, frame.clone()));
+            }
+            tracker.settle();
+        }
+        self.has_learned = true;
+        let (number, frame) = match self.kept.pop_front() {
+            Some((number, frame)) => {
+                self.current = frame;
+                (number, &self.current)
+            }
+            None => match self.intake.next_frame()? {
+                Some(next) => next,
+                None => return Ok(None),
+            },
+        };
+        let levels = self.levels.as_mut().map(|levels| levels.of(frame));
+        let images = match (&mut self.renderer, levels) {
+            (Some(renderer), Some(levels)) => renderer.render(levels),
+            _ => &[],
+        };
+        let contacts = self.tracker.as_mut().map_or(&[][..], |tracker| tracker.track(frame));
+        Ok(Some(Step { number, frame, levels, images, contacts }))
+    }
+}

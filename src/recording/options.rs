@@ -1,0 +1,93 @@
+//! What is done to a recording on its way to frames, and what was done.
+
+use crate::signal::{ConditionOptions, ConditionReport, Duplicates, JoinReport};
+
+/// How readings are joined to a map and made comparable.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RecordingOptions {
+    /// Names of the channels, instead of those of the readings; none, or one for each.
+    pub names: Vec<String>,
+    /// Units of the channels, likewise.
+    pub units: Vec<String>,
+    /// Frames per second of readings that have no times.
+    pub rate_hz: Option<f64>,
+    /// What to do with an id that several columns have.
+    pub duplicates: Duplicates,
+    /// Baseline, gains, bounds and filters.
+    pub condition: ConditionOptions,
+    /// What takes the place of missing readings.
+    pub fill: Fill,
+    /// Which frames are wanted.
+    pub frames: FrameRange,
+}
+
+/// What takes the place of missing readings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Fill {
+    /// Nothing: they stay missing.
+    #[default]
+    None,
+    /// The weighted mean of the taxels around each, marked as [filled](crate::signal::Frame::filled).
+    Neighbours,
+}
+
+/// Which frames of a recording are wanted, counted from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRange {
+    /// The first one.
+    pub from: usize,
+    /// The last one; `None`: that of the recording.
+    pub to: Option<usize>,
+    /// Every n-th of these; 0 as 1.
+    pub every: usize,
+}
+
+impl Default for FrameRange {
+    fn default() -> Self {
+        Self { from: 0, to: None, every: 1 }
+    }
+}
+
+impl FrameRange {
+    /// One frame alone.
+    pub fn one(number: usize) -> Self {
+        Self { from: number, to: Some(number), every: 1 }
+    }
+
+    pub(super) fn contains(&self, number: usize) -> bool {
+        number >= self.from
+            && (number - self.from).is_multiple_of(self.every.max(1))
+            && !self.ends_before(number)
+    }
+
+    pub(super) fn ends_before(&self, number: usize) -> bool {
+        self.to.is_some_and(|to| number > to)
+    }
+
+    /// How many of `all` frames it has.
+    pub(super) fn count(&self, all: u64) -> u64 {
+        let end = self.to.map_or(all, |to| all.min((to as u64).saturating_add(1)));
+        end.saturating_sub(self.from as u64).div_ceil(self.every.max(1) as u64)
+    }
+}
+
+/// What was read so far, and what was done to it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RecordingReport {
+    /// Frames that were read.
+    pub read: usize,
+    /// Frames that were passed on.
+    pub frames: usize,
+    /// Channels of the readings.
+    pub channels: usize,
+    /// Whether frames have a time.
+    pub has_times: bool,
+    /// Mean time between two frames, in s, if they have times.
+    pub interval: Option<f64>,
+    /// Readings of matched taxels that are missing, NaN or infinite.
+    pub missing: usize,
+    /// How columns and taxels fit each other.
+    pub join: JoinReport,
+    /// What was done to the readings.
+    pub condition: ConditionReport,
+}
