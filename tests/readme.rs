@@ -7,18 +7,21 @@ use std::{fs, path::Path};
 use assert_cmd::Command;
 use tempfile::TempDir;
 
-/// Lines of `sh` blocks that call the command; `cargo run --release -- X` is `dermatome X`.
-fn commands(readme: &str) -> Vec<String> {
-    let mut in_shell = false;
-    let mut found = Vec::new();
+/// Lines of `sh` blocks that call the command; `cargo run --release -- X` is `dermatome X`. With each the lines of the
+/// `text` block that follows its own, if one does before the next `sh` block.
+fn commands(readme: &str) -> Vec<(String, Vec<String>)> {
+    let mut block = "";
+    let mut found: Vec<(String, Vec<String>)> = Vec::new();
     for line in readme.lines() {
         if let Some(fence) = line.strip_prefix("```") {
-            in_shell = fence == "sh";
-        } else if in_shell {
+            block = fence;
+        } else if block == "sh" {
             let line = line.replace("cargo run --release -- ", "dermatome ");
             if line.starts_with("dermatome ") || line.contains("| dermatome ") {
-                found.push(line);
+                found.push((line, Vec::new()));
             }
+        } else if let ("text", Some((_, printed))) = (block, found.last_mut()) {
+            printed.push(line.into());
         }
     }
     found
@@ -35,16 +38,18 @@ fn checkout() -> TempDir {
     folder
 }
 
-/// Runs a line of a shell, without its comment.
-fn run(folder: &Path, line: &str) {
+/// Runs a line of a shell, without its comment: what it prints, notes included.
+fn run(folder: &Path, line: &str) -> String {
     let binary = assert_cmd::cargo::cargo_bin!("dermatome");
     let path = [binary.parent().unwrap(), Path::new("/usr/bin"), Path::new("/bin")];
-    Command::new("sh")
+    let run = Command::new("sh")
         .args(["-euc", line.split(" #").next().unwrap()])
         .current_dir(folder)
         .env("PATH", std::env::join_paths(path).unwrap())
         .assert()
         .success();
+    let output = run.get_output();
+    [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text)).concat()
 }
 
 #[test]
@@ -55,9 +60,62 @@ fn every_command_of_the_readme_works() {
     let commands = commands(&pages.concat());
     assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");
     let folder = checkout();
-    commands.iter().for_each(|line| run(folder.path(), line));
+    let mut printed = String::new();
+    for (line, expected) in &commands {
+        printed += &run(folder.path(), line);
+        let missing: Vec<_> =
+            expected.iter().filter(|line| !printed.lines().any(|other| other == *line)).collect();
+        assert!(missing.is_empty(), "after {line} the page has {missing:#?}, printed was {printed}");
+        if !expected.is_empty() {
+            printed.clear();
+        }
+    }
     // What they write lies in one folder, which git ignores.
     assert_eq!(common::listing(folder.path()), ["meshes", "out"]);
+}
+
+/// The numbers of docs/experiment.md, as the page rounds them.
+#[test]
+fn the_experiment_gives_the_numbers_of_its_page() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/experiment.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let json = |words: &str| {
+        let run = common::dermatome(&folder, words).assert().success();
+        common::json(&run.get_output().stdout)
+    };
+    let calibrated = |simulated: &str, words: &str| {
+        let simulate = format!("simulate {simulated} --truth t.csv -o o.csv");
+        common::dermatome(&folder, &simulate).assert().success();
+        json(&format!("calibrate o.csv --truth t.csv -o s.glb --json {words}"))
+    };
+    for (noise, name) in [("0", "none"), ("1", "1 mm")] {
+        let fit = calibrated(&format!("--noise-mm {noise}"), "");
+        let built = json("build s.glb -o b --json");
+        let level = &built["patches"][0]["levels"][0];
+        let of = |key: &str| level[key].as_f64().unwrap();
+        let row = format!(
+            "| {name} | {:.2} mm | {:.0} | {:.3} | {:.3} | {:.3} | {} |",
+            fit["rmse_aligned_mm"].as_f64().unwrap().abs(),
+            fit["chi2"].as_f64().unwrap().abs(),
+            of("qc_mean"),
+            of("qc_max"),
+            of("area_mean"),
+            level["flips"]
+        );
+        assert!(page.contains(&row), "{row}");
+    }
+    for (robust, name) in [("none", "least squares (`--robust none`)"), ("auto", "default")] {
+        let mean = |outliers: &str| {
+            let of_seed = |seed: u32| {
+                let simulated = format!("--noise-mm 1 --seed {seed} --outliers {outliers}");
+                calibrated(&simulated, &format!("--robust {robust}"))["rmse_aligned_mm"].as_f64().unwrap()
+            };
+            (0..20).map(of_seed).sum::<f64>() / 20.0
+        };
+        let row =
+            format!("| {name} | {:.2} mm | {:.2} mm | {:.2} mm |", mean("0"), mean("0.05"), mean("0.2"));
+        assert!(page.contains(&row), "{row}");
+    }
 }
 
 #[test]

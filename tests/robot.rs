@@ -576,7 +576,7 @@ fn the_outside_is_meshed_anew() {
          <visual><origin xyz='0 0 0.5'/><geometry><sphere radius='0.001'/></geometry></visual></link>",
     );
     let words = "info r.urdf --outer --spacing 1cm --json";
-    let run = notes(folder.path(), words, &["out of touch", "`a.3`", "10 mm apart"]);
+    let run = notes(folder.path(), words, &["inside the body, left out", "`a.3`", "10 mm apart"]);
     let info = json(&run.get_output().stdout);
     let patches = info["patches"].as_array().unwrap();
     assert_eq!(patches.len(), 1, "{patches:?}");

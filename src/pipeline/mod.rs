@@ -331,7 +331,7 @@ fn good<T>(
 /// ```
 ///
 /// # Errors
-/// A file that cannot be read or written, a skin that is not sound, and those of [`build`].
+/// A file that cannot be read or written, a skin that breaks a rule, and those of [`build`].
 pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<Built, Error> {
     let draft = read_draft(skin)?;
     let assemble_options = AssembleOptions { keep_going: options.keep_going, ..AssembleOptions::default() };

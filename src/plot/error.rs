@@ -40,7 +40,7 @@ pub enum PlotError {
     Channel { channel: usize, channels: usize, range: [f64; 2] },
     #[error(
         "the colours cannot show values from {} to {}; a range rises, one of areas has 1 between its ends, and \
-         receptive fields and taxel ids have none",
+         receptive fields have none",
         range[0], range[1]
     )]
     Range { range: [f64; 2] },

@@ -48,7 +48,7 @@ pub(crate) struct Args {
     acuity: AcuityArgs,
     #[command(flatten)]
     flatten: FlattenArgs,
-    /// Over what --magnify and --acuity compare [default: skin]
+    /// Densities of --magnify and --acuity are relative to the mean of: [default: skin]
     #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
     magnify_over: Option<MagnifyOver>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make

@@ -109,7 +109,7 @@ fn remark_free(found: &Calibration, common: &Common) {
         let taxels = rest.iter().map(|f| f.taxels).sum::<usize>();
         note!(
             common,
-            "nor where {taxels} taxels in {} more components are; --verbose names each component",
+            "no contact determines where {taxels} taxels in {} more components are; --verbose names each",
             rest.len()
         );
     }

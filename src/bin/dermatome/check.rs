@@ -55,7 +55,7 @@ fn as_json(findings: &[Finding], draft: &Draft) -> Value {
     let object = |finding: &Finding| {
         let mut object = json!({
             "kind": finding.kind.to_string(), "severity": finding.severity().to_string(), "patch": finding.patch,
-            "elements": finding.elements.numbers(), "message": finding.message(), "mended_by": cure(&finding.kind),
+            "elements": finding.elements.numbers(), "message": finding.message(), "repaired_by": cure(&finding.kind),
         });
         if let Some((sheet, vertices)) = vertices_of(finding, draft) {
             object["file_vertices"] = json!(sheet.numbers.as_ref().map(|all| named(&vertices, all)));

@@ -172,7 +172,7 @@ fn append_vertices(
     let joints = binding.map_or(Ok(None), |binding| binding.joints(attributes))?;
     all_or_none("JOINTS_0", join(&mut sheet.joints, joints, first))?;
 
-    // A primitive without normals is flat by the rules of glTF, so its triangles know better.
+    // A primitive without normals is flat by the rules of glTF: its triangles say more than normals of vertices.
     for (all, part) in
         [(&mut sheet.normals, attributes.normals()?), (&mut sheet.tangents, attributes.tangents()?)]
     {

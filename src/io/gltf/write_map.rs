@@ -17,7 +17,7 @@ use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{OutPath, replace_file, unfit};
 use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
-use crate::io::gltf::writer::{Form, Hung, SceneWriter};
+use crate::io::gltf::writer::{Form, PatchNode, SceneWriter};
 use crate::io::gltf::{FrameExtras, LevelExtras, RowsExtras};
 use crate::map::{MapError, MapLevel, SkinMap};
 use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
@@ -145,7 +145,7 @@ fn write_levels(
                     link = links[at].parent;
                 }
             }
-            nodes.push(Hung { link: patch.link, node: node(level_name(patch, level), mesh), joints });
+            nodes.push(PatchNode { link: patch.link, node: node(level_name(patch, level), mesh), joints });
         }
         let name = Some(format!("level {level}"));
         writer.add_scene(name, links, &wanted, nodes)?;

@@ -14,7 +14,7 @@ use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{file_kind, unfit};
-use crate::io::gltf::writer::{Form, Hung, SceneWriter, Stored};
+use crate::io::gltf::writer::{Form, PatchNode, SceneWriter, Stored};
 use crate::mesh::TriMesh;
 use crate::numeric::narrow;
 use crate::skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints};
@@ -38,7 +38,7 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         sheet.taxels(&patch.taxels, patch.mesh.positions.len(), Codes::Whole)?;
         let mesh = mesh(patch.name.clone(), sheet.finish());
         let node = node(patch.name.clone(), writer.root.push(mesh));
-        nodes.push(Hung { link: patch.link, node, joints: joints_of(&patch.taxels) });
+        nodes.push(PatchNode { link: patch.link, node, joints: joints_of(&patch.taxels) });
     }
     writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
     writer.add_animations(&skin.animations)?;

@@ -54,7 +54,7 @@ stored!(u8, U8; u16, U16; u32, U32; f32, F32;);
 const TYPES: [Type; 4] = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4];
 
 /// A patch on its link.
-pub(super) struct Hung {
+pub(super) struct PatchNode {
     pub(super) link: LinkId,
     pub(super) node: Node,
     /// The links that its vertices follow, in the order of their numbers in `JOINTS_0`; none if it is
@@ -145,7 +145,7 @@ impl<'p> SceneWriter<'p> {
         name: Option<String>,
         links: &IdVec<LinkId, Link>,
         wanted: &IdVec<LinkId, bool>,
-        patches: Vec<Hung>,
+        patches: Vec<PatchNode>,
     ) -> Result<()> {
         let mut nodes = IdVec::<LinkId, Option<Index<Node>>>::filled(None, links.len());
         let mut roots = Vec::new();
@@ -174,7 +174,7 @@ impl<'p> SceneWriter<'p> {
             })
         };
         let patches: Vec<_> =
-            patches.into_iter().map(|hung| Ok((node_of(hung.link)?, hung))).collect::<Result<_>>()?;
+            patches.into_iter().map(|patch| Ok((node_of(patch.link)?, patch))).collect::<Result<_>>()?;
         // All joints of a skin have one root.
         let top = |mut link: LinkId| {
             while let Some(parent) = links[link].parent {
@@ -182,13 +182,13 @@ impl<'p> SceneWriter<'p> {
             }
             link
         };
-        let is_split = |hung: &Hung| hung.joints.iter().any(|&joint| top(joint) != top(hung.joints[0]));
-        if patches.iter().any(|(_, hung)| is_split(hung)) {
+        let is_split = |patch: &PatchNode| patch.joints.iter().any(|&joint| top(joint) != top(patch.joints[0]));
+        if patches.iter().any(|(_, patch)| is_split(patch)) {
             let extras = self.extras(&NodeExtras::Root)?;
             let children = Some(std::mem::take(&mut roots));
             roots.push(self.root.push(Node { children, extras, ..Node::default() }));
         }
-        for (parent, Hung { link, mut node, joints }) in patches {
+        for (parent, PatchNode { link, mut node, joints }) in patches {
             if joints.is_empty() {
                 let node = self.root.push(node);
                 self.adopt(parent, node);

@@ -57,7 +57,7 @@ impl Queue {
         self.waiting.retain(|&v| waits(v));
         // Neighbours in memory are planned together.
         self.waiting.par_sort_unstable();
-        // Who was refused and woken in the same round is there twice.
+        // A vertex that was refused and woken in one round is listed twice.
         self.waiting.dedup();
         // Small stars first: their fillings are nearly always fans, and rings stay small.
         let key = |v: VertexId| (surface.degree[v], self.ranks[v]);
@@ -82,7 +82,7 @@ impl Queue {
         }
     }
 
-    /// Whether the neighbours of `v` may be others than at the beginning of the round.
+    /// Whether the neighbours of `v` may have changed since the round began.
     pub(super) fn has_changed(&self, v: VertexId) -> bool {
         self.changed[v] == self.round
     }

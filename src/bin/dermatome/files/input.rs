@@ -73,7 +73,7 @@ pub(crate) fn read_good_patches(
     chosen.keep_faces(&mut draft, path)?;
     if read.outer {
         let dropped = keep_outer(&mut draft);
-        note_count(common, dropped as u64, "faces", "within others, out of touch, and left out");
+        note_count(common, dropped as u64, "faces", "inside the body, left out");
         if draft.sheets.is_empty() {
             return Err(advise(format!("{}: no face is outside", path.display()), "leave out --outer"));
         }
@@ -83,7 +83,7 @@ pub(crate) fn read_good_patches(
     let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);
     let mut assembled = assemble(&draft, options)
         .map_err(Error::from)
-        .with_context(|| format!("{} holds no sound skin", path.display()))?;
+        .with_context(|| format!("the skin in {} cannot be used", path.display()))?;
     note_remarks(&assembled.remarks, common);
     let is_large = |r: &Remark| matches!(r.kind, RemarkKind::DoubtfulUnit { extent } if extent > 1.0);
     if read.unit == Unit::M && assembled.remarks.iter().any(is_large) {
@@ -94,7 +94,7 @@ pub(crate) fn read_good_patches(
         }
     }
     if assembled.remarks.iter().any(|r| matches!(r.kind, RemarkKind::CutKept { .. })) && !read.has_seams() {
-        note!(common, "--weld all closes the cut");
+        note!(common, "the mesh is cut open along a line; --weld all joins it");
     }
     let is_guessed = |remark: &Remark| {
         matches!(remark.kind, RemarkKind::OutsideFromCentre { .. } | RemarkKind::OutsideFromAxis { .. })

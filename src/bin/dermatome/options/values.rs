@@ -16,7 +16,7 @@ pub(crate) fn length(text: &str) -> Result<f64, String> {
     length_in(text, 1.0).ok_or_else(|| "needed: a length, as in 0.1, 0.1m or 100mm".into())
 }
 
-/// The same; a bare number is in mm.
+/// A length in m; a number without a unit is in mm.
 pub(crate) fn length_mm(text: &str) -> Result<f64, String> {
     length_in(text, 1e-3).ok_or_else(|| "needed: a length, as in 5, 5mm or 0.005m".into())
 }
