@@ -20,7 +20,9 @@ fn commands(readme: &str) -> Vec<(String, Vec<String>)> {
             if line.starts_with("dermatome ") || line.contains("| dermatome ") {
                 found.push((line, Vec::new()));
             }
-        } else if let ("text", Some((_, printed))) = (block, found.last_mut()) {
+        } else if let ("text", Some((_, printed))) = (block, found.last_mut())
+            && !line.starts_with("cargo ")
+        {
             printed.push(line.into());
         }
     }

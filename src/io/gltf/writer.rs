@@ -182,7 +182,8 @@ impl<'p> SceneWriter<'p> {
             }
             link
         };
-        let is_split = |patch: &PatchNode| patch.joints.iter().any(|&joint| top(joint) != top(patch.joints[0]));
+        let is_split =
+            |patch: &PatchNode| patch.joints.iter().any(|&joint| top(joint) != top(patch.joints[0]));
         if patches.iter().any(|(_, patch)| is_split(patch)) {
             let extras = self.extras(&NodeExtras::Root)?;
             let children = Some(std::mem::take(&mut roots));
