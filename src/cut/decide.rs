@@ -11,7 +11,7 @@ use crate::cut::shorten::shorten;
 use crate::cut::trial::{Trial, TrialMap};
 use crate::cut::{Cut, CutError};
 use crate::id::{IdVec, VertexId};
-use crate::mesh::{TriMesh, loop_length};
+use crate::mesh::{TriMesh, boundary_edges, loop_length};
 use crate::numeric::argsort;
 use crate::parallel::par_map;
 
@@ -26,6 +26,10 @@ const ENOUGH: f64 = 0.14;
 const FALL: f64 = 3.0;
 /// As [`FALL`], where a surface has a map without any cut; it must fall by as much in any case.
 const FIRST_FALL: f64 = 4.0;
+/// A map with more excess is poor: more seam is tried on any surface, a plain disk too. The excess must fall by
+/// [`POOR_FALL`] for each length of the square root of the area, and at least by that.
+const POOR: f64 = 0.6;
+const POOR_FALL: f64 = 2.0;
 /// A loop is strained if the map stretches or shrinks it by more than `e^0.2`.
 const STRAINED: f64 = 0.2;
 /// Conformal factors that a seam may leave, one after the other: cones are added until no larger one is
@@ -46,8 +50,18 @@ pub(crate) struct Decision {
     pub(crate) area_ratio: f64,
 }
 
+/// Whether the map of a plain disk may be poor: one solution shows that most disks need no trial. Without a cone
+/// of the first factor of [`LEFT`] no map is.
+pub(crate) fn may_be_poor(mesh: &TriMesh) -> bool {
+    let mut fixed = IdVec::filled(false, mesh.positions.len());
+    boundary_edges(mesh).iter().flatten().for_each(|&v| fixed[v] = true);
+    let cone = ConformalFactor::new(mesh).and_then(|factor| factor.next_cone(&fixed));
+    cone.is_some_and(|(_, most)| most > LEFT[0])
+}
+
 /// Decides how to cut a mesh, on which seams have these costs, by trial maps; with a `limit`, cones are
-/// added until the area ratio of the map is below it.
+/// added until the area ratio of the map is below it. Returns the seams with falling area ratios, the one to take
+/// last.
 /// Fails if the mesh is not an oriented manifold in one piece.
 pub(crate) fn decide(
     mesh: &TriMesh,
@@ -55,30 +69,36 @@ pub(crate) fn decide(
     how: &Cut,
     map: &TrialMap<'_>,
     limit: Option<f64>,
-) -> Result<Decision, CutError> {
+) -> Result<Vec<Decision>, CutError> {
     let graph = SeamGraph::new(mesh, costs)?;
     let is_disk = graph.genus() == 0 && graph.loops.len() == 1;
-    if *how == Cut::None || (is_disk && limit.is_none()) {
-        return Ok(Decision::default());
+    if *how == Cut::None || (is_disk && *how == Cut::All) {
+        return Ok(vec![Decision::default()]);
     }
     let base = must_cut(&graph);
     graph.checked(&base.edges)?;
     if *how == Cut::All {
         let all = (0..graph.loops.len()).map(|k| graph.apex(k));
         let recipe = Recipe::new(&graph, &base.joined(&graph, all));
-        return Ok(Decision { recipe, area_ratio: 0.0 });
+        return Ok(vec![Decision { recipe, area_ratio: 0.0 }]);
     }
     let search = Search { graph: &graph, map, factor: ConformalFactor::new(mesh) };
-    let mut found = if base.edges.is_empty() {
+    let found = if base.edges.is_empty() {
         let whole = search.tried(base, f64::INFINITY);
         if is_disk || whole.trial.excess <= WHOLE { whole } else { search.with_loops(whole) }
     } else {
         search.with_cones(base)
     };
-    if let Some(limit) = limit {
-        found = search.below(found, limit);
-    }
-    Ok(Decision { recipe: Recipe::new(&graph, &found.seam), area_ratio: found.trial.area_ratio })
+    let found = match limit {
+        Some(limit) => search.below(found, limit),
+        None if found.trial.excess > POOR => vec![search.relieved(found)],
+        None => vec![found],
+    };
+    let decision = |found: Found| Decision {
+        recipe: Recipe::new(&graph, &found.seam),
+        area_ratio: found.trial.area_ratio,
+    };
+    Ok(found.into_iter().map(decision).collect())
 }
 
 #[derive(Debug, Clone)]
@@ -109,10 +129,15 @@ impl Search<'_, '_> {
     }
 
     /// A seam that must be, with the number of cones that pays best.
-    fn with_cones(&self, mut seam: Seam) -> Found {
+    fn with_cones(&self, seam: Seam) -> Found {
+        self.more_cones(seam.clone(), None).unwrap_or_else(|| self.tried(seam, f64::INFINITY))
+    }
+
+    /// A seam with the number of cones that pays best; `None` if it is `known` and no cone is added to it.
+    fn more_cones(&self, mut seam: Seam, known: Option<&Trial>) -> Option<Found> {
         let mut best: Option<Found> = None;
         for left in LEFT {
-            if !self.add_cones(&mut seam, left) && best.is_some() {
+            if !self.add_cones(&mut seam, left) && (best.is_some() || known.is_some()) {
                 continue;
             }
             let found = self.tried(seam.clone(), f64::INFINITY);
@@ -123,28 +148,53 @@ impl Search<'_, '_> {
                 break;
             }
         }
-        best.unwrap_or_else(|| self.tried(seam, f64::INFINITY))
+        best
     }
 
-    /// Adds cones to a found seam until the area ratio is below `limit`; where none is, the seam of the
-    /// least ratio.
-    fn below(&self, found: Found, limit: f64) -> Found {
+    /// A poor map with more cones, if that is much better.
+    fn relieved(&self, poor: Found) -> Found {
+        let Some(new) = self.more_cones(poor.seam.clone(), Some(&poor.trial)) else { return poor };
+        let more = (new.trial.length - poor.trial.length).max(1.0);
+        if new.trial.excess * POOR_FALL.powf(more) < poor.trial.excess { new } else { poor }
+    }
+
+    /// Adds cones to a found seam until the area ratio is below `limit`: the seams that lowered the ratio. Factors that
+    /// are likely to keep no such ratio are left out at first, and tried where no other keeps it either.
+    fn below(&self, found: Found, limit: f64) -> Vec<Found> {
+        let all = || LEFT.into_iter().chain(LEFT_FOR_RATIO);
+        let least = all().fold(f64::INFINITY, f64::min);
+        let is_hopeful = |&left: &f64| left <= HOPELESS * limit.ln() || left == least;
+        let tried = self.with_factors(found.clone(), limit, all().filter(is_hopeful).collect());
+        let is_kept = tried.last().is_some_and(|last| last.trial.area_ratio <= limit);
+        if is_kept || all().all(|left| is_hopeful(&left)) {
+            return tried;
+        }
+        let mut tried: Vec<Found> =
+            tried.into_iter().skip(1).chain(self.with_factors(found, limit, all().collect())).collect();
+        tried.sort_by(|a, b| b.trial.area_ratio.total_cmp(&a.trial.area_ratio));
+        tried
+    }
+
+    /// Adds cones to a found seam, down to one conformal factor after the other, until the area ratio is below `limit`:
+    /// that seam and those that lowered the ratio.
+    fn with_factors(&self, found: Found, limit: f64, factors: Vec<f64>) -> Vec<Found> {
         let mut seam = found.seam.clone();
-        let mut best = found;
-        for (k, left) in LEFT.into_iter().chain(LEFT_FOR_RATIO).enumerate() {
-            let is_last = k + 1 == LEFT.len() + LEFT_FOR_RATIO.len();
-            if best.trial.area_ratio <= limit {
+        let mut least = found.trial.area_ratio;
+        let mut tried = vec![found];
+        for left in factors {
+            if least <= limit {
                 break;
             }
-            if (left > HOPELESS * limit.ln() && !is_last) || !self.add_cones(&mut seam, left) {
+            if !self.add_cones(&mut seam, left) {
                 continue;
             }
             let found = self.tried(seam.clone(), f64::INFINITY);
-            if found.trial.area_ratio < best.trial.area_ratio {
-                best = found;
+            if found.trial.area_ratio < least {
+                least = found.trial.area_ratio;
+                tried.push(found);
             }
         }
-        best
+        tried
     }
 
     /// Lets a seam reach cones until no larger conformal factor than `left` is left; says whether it changed.

@@ -26,8 +26,8 @@
 //! # The rule
 //!
 //! What must be cut is cut. How many cones it reaches, and whether loops are joined, is what a trial map
-//! shows to pay (`decide`); a plain disk is cut only where a limit of the area ratio asks for it. The
-//! trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
+//! shows to pay (`decide`); a plain disk is cut where its map is poor without, as that of a fingertip, or where a
+//! limit of the area ratio asks for it. The trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
 //! itself and shortened again (`recipe`).
 //!
 //! # Files, in reading order
@@ -50,9 +50,10 @@ mod trial;
 
 pub use cut_mesh::{CutMesh, PlaceId};
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
-pub(crate) use decide::{Decision, decide};
+pub(crate) use decide::{Decision, decide, may_be_poor};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
+pub(crate) use recipe::Recipe;
 pub(crate) use seam_graph::seam_costs;
 
 use crate::skin::TaxelId;
@@ -61,7 +62,7 @@ use crate::skin::TaxelId;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Cut {
     /// Closed patches and handles are cut; patches with several loops where it makes their map much
-    /// better; a plain disk never.
+    /// better; any patch, a plain disk too, where its map is poor and a short seam halves the excess of its energy.
     #[default]
     Auto,
     /// As [`Cut::Auto`], and the seam reaches more cones, of a plain disk too, until no face of the map is

@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use crate::Error;
-use crate::cut::{Cut, CutMesh, Decision, decide, is_plain_disk, seam_costs};
+use crate::cut::{Cut, CutMesh, Decision, Recipe, decide, may_be_poor, seam_costs};
 use crate::flatten::{FlattenOptions, Method, distortion, flatten, flatten_roughly};
 use crate::mesh::TriMesh;
-use crate::pyramid::{CoarsenOptions, Level, coarsen};
+use crate::pyramid::{CoarsenOptions, Level, Pyramid, coarsen};
 use crate::skin::Taxels;
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
@@ -38,6 +38,17 @@ fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error
     Ok(coarsen(mesh, taxels, &options)?.levels.into_iter().last())
 }
 
+/// Whether a mesh is a plain disk that stays whole, from a pyramid of it: most do, and need no trial.
+pub(super) fn stays_whole(mesh: &TriMesh, taxels: &Taxels, whole: &Pyramid) -> Result<bool, Error> {
+    let is_small = |level: &&Level| level.mesh.positions.len() <= 4 * DECIDED_ON;
+    let of_size = whole.levels.iter().rev().find(|level| level.mesh.positions.len() >= DECIDED_ON / 4);
+    let level = match of_size.or(whole.levels.first()).filter(is_small) {
+        Some(level) => return Ok(!may_be_poor(&level.mesh)),
+        None => decided_level(mesh, taxels)?,
+    };
+    Ok(!may_be_poor(level.as_ref().map_or(mesh, |level| &level.mesh)))
+}
+
 /// Cuts a mesh open where that is needed or worth it, from trial maps; `None` where it is mapped as it is.
 /// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
@@ -49,9 +60,7 @@ pub(super) fn cut_open(
     options: &FlattenOptions,
 ) -> Result<Option<CutMesh>, Error> {
     cut.validate()?;
-    let limit = if let Cut::AreaRatio(wanted) = *cut { Some(wanted.powf(KEPT)) } else { None };
-    // Nothing is decided on a disk, so it need not be coarsened for that.
-    if *cut == Cut::None || (limit.is_none() && is_plain_disk(mesh)) {
+    if *cut == Cut::None {
         return Ok(None);
     }
     let costs = seam_costs(taxels, side);
@@ -60,29 +69,44 @@ pub(super) fn cut_open(
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
     // A seam is as good as the best map after it, which may overlap itself.
     let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, most).ok();
-    let made = |limit: Option<f64>| -> Result<_, Error> {
-        let Decision { recipe, area_ratio } = match &level {
-            None => decide(mesh, costs.as_ref(), cut, &map, limit)?,
-            Some(level) => {
-                let found = decide(&level.mesh, of_level.as_ref(), cut, &map, limit)?;
-                Decision { recipe: found.recipe.on_finer(&level.origins), ..found }
-            }
-        };
-        Ok((recipe.cut(mesh, costs.as_ref())?, area_ratio))
+    let decided = |limit: Option<f64>| match &level {
+        None => decide(mesh, costs.as_ref(), cut, &map, limit),
+        Some(level) => decide(&level.mesh, of_level.as_ref(), cut, &map, limit),
     };
-    let Some(wanted) = limit else { return Ok(made(None)?.0) };
+    let made = |recipe: &Recipe| match &level {
+        None => recipe.cut(mesh, costs.as_ref()),
+        Some(level) => recipe.on_finer(&level.origins).cut(mesh, costs.as_ref()),
+    };
+    let Cut::AreaRatio(limit) = *cut else {
+        let decided = decided(None)?.pop();
+        return Ok(decided.map(|decided| made(&decided.recipe)).transpose()?.flatten());
+    };
+    let wanted = limit.powf(KEPT);
     let (mut aim, mut best) = (wanted, None);
     for _ in 0..JUDGED {
-        let (cut, on_trial) = made(Some(aim))?;
-        let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options);
-        if best.as_ref().is_none_or(|(least, _)| area_ratio < *least) {
-            best = Some((area_ratio, cut));
+        let mut tried = decided(Some(aim))?;
+        let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
+        // Where no trial keeps the ratio, the map of the skin may be better with another of the seams.
+        if on_trial <= aim {
+            tried = tried.split_off(tried.len() - 1);
+        }
+        let mut least = f64::INFINITY;
+        for Decision { recipe, .. } in tried.iter().rev() {
+            let cut = made(recipe)?;
+            let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options);
+            least = least.min(area_ratio);
+            if best.as_ref().is_none_or(|(best, _)| area_ratio < *best) {
+                best = Some((area_ratio, cut));
+            }
+            if area_ratio <= wanted {
+                break;
+            }
         }
         // Where the trial map does not keep the ratio, a lower aim changes nothing.
-        if area_ratio <= wanted || on_trial > aim || area_ratio.is_infinite() {
+        if least <= wanted || on_trial > aim || least.is_infinite() {
             break;
         }
-        aim = on_trial.powf(wanted.ln() / area_ratio.ln());
+        aim = on_trial.powf(wanted.ln() / least.ln());
     }
     Ok(best.and_then(|(_, cut)| cut))
 }

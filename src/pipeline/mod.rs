@@ -37,12 +37,12 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::atlas::{fitting_pixel, pixels_of, skin_images};
-use crate::cut::{Cut, cut_along, pairs_by_patch};
-use crate::flatten::{FlattenOptions, flatten_pyramid, patch_scales};
+use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
+use crate::flatten::{Boundary, FlattenOptions, flatten_pyramid, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
-use crate::pipeline::cut_open::cut_open;
+use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::written::measure_as_written;
 use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, world_pose};
@@ -228,8 +228,19 @@ fn coarsen_patch(
     options: &BuildOptions,
 ) -> Result<Coarsened, Error> {
     let Patch { mesh, taxels, .. } = patch;
+    let BuildOptions { cut, flatten, .. } = options;
+    let may_stay = !matches!(cut, Cut::AreaRatio(_)) && is_plain_disk(mesh);
     let cut = match seam {
-        [] => cut_open(mesh, taxels, &options.cut, side, &options.flatten)?,
+        [] if may_stay => {
+            let whole = coarsen(mesh, taxels, &options.coarsen)?;
+            // A boundary that is prescribed is that of the disk.
+            let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
+            if is_uncut || stays_whole(mesh, taxels, &whole)? {
+                return Ok(Coarsened::Whole(whole));
+            }
+            cut_open(mesh, taxels, cut, side, flatten)?
+        }
+        [] => cut_open(mesh, taxels, cut, side, flatten)?,
         edges => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match cut {

@@ -173,28 +173,33 @@ pub(crate) fn note_dropped(triangles: &Path, common: &Common) {
     note!(common, "{} belonged to the table that is replaced, and is removed", triangles.display());
 }
 
-/// Prints which finest maps are poor, in one line with the option that improves them, and which are not at
-/// a minimum.
+/// Prints which finest maps are poor, the worst first, in one line with the option that improves them, and which
+/// are not at a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
-    let is_poor =
-        |patch: &&PatchReport| patch.levels.first().is_some_and(|finest| finest.distortion.is_poor());
-    let poor: Vec<&PatchReport> = patches.iter().filter(is_poor).collect();
-    let names: Vec<String> = poor.iter().map(|patch| patch.name.clone()).collect();
-    if let Some(finest) = poor.first().and_then(|patch| patch.levels.first()) {
-        let (energy, ratio) = (finest.distortion.symmetric_dirichlet, finest.distortion.qc_max);
+    let finest = |patch: &PatchReport| Some((patch.name.clone(), patch.levels.first()?.distortion));
+    let mut poor: Vec<_> = patches.iter().filter_map(finest).filter(|(_, map)| map.is_poor()).collect();
+    poor.sort_by(|(_, a), (_, b)| b.symmetric_dirichlet.total_cmp(&a.symmetric_dirichlet));
+    if let Some((_, worst)) = poor.first() {
         let advice = match (options.method, cut) {
-            (Method::Linear { .. } | Method::Conformal, _) => "--method intrinsic distorts less",
-            (_, Cut::None) => "--cut auto cuts where that helps",
-            (_, Cut::Auto) => "--max-area-ratio 2 cuts further",
-            (_, Cut::AreaRatio(_)) => "a lower --max-area-ratio cuts further",
-            _ => "--cut auto looks for a seam of its own",
+            (Method::Linear { .. } | Method::Conformal, _) => ": --method intrinsic distorts less",
+            (_, Cut::None) => ": --cut auto cuts where that helps",
+            (_, Cut::Auto) => ": --max-area-ratio 2 cuts further",
+            (_, Cut::AreaRatio(wanted)) if worst.area_max <= *wanted => {
+                ": a lower --max-area-ratio cuts further"
+            }
+            (_, Cut::AreaRatio(_)) => "",
+            _ => ": --cut auto looks for a seam of its own",
         };
-        let (poor, is) = if names.len() == 1 { ("map", "is") } else { ("maps", "are") };
+        let names: Vec<String> = poor.iter().map(|(name, _)| name.clone()).collect();
+        let (maps, are, the) =
+            if poor.len() == 1 { ("map", "is", "") } else { ("maps", "are", "the first: ") };
         note!(
             common,
-            "{} {poor} {is} poor, {} (symmetric Dirichlet {energy:.1}, largest s1/s2 {ratio:.1}): {advice}",
-            names.len(),
-            first_names(&names)
+            "{} {maps} {are} poor, {} ({the}symmetric Dirichlet {:.1}, largest s1/s2 {:.1}){advice}",
+            poor.len(),
+            first_names(&names),
+            worst.symmetric_dirichlet,
+            worst.qc_max,
         );
     }
     for patch in patches {
