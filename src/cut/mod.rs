@@ -61,8 +61,9 @@ use crate::skin::TaxelId;
 /// How to cut patches before they are mapped.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Cut {
-    /// Closed patches and handles are cut; patches with several loops where it makes their map much
-    /// better; any patch, a plain disk too, where its map is poor and a short seam halves the excess of its energy.
+    /// Closed patches and handles are cut; patches with several loops where it makes their map much better; any
+    /// patch, a plain disk too, where its map is poor and a short seam halves the excess of its energy. Where no
+    /// map is found then, all loops are joined.
     #[default]
     Auto,
     /// As [`Cut::Auto`], and the seam reaches more cones, of a plain disk too, until no face of the map is

@@ -114,7 +114,7 @@ use magnification::Magnification;
 use overlap::check_map;
 use placement::{direction_like, main_direction, normalise_map};
 use refine::{Inherited, best_map};
-use relax::{Goal, Relaxed, Scaffold, minimise_from_scratch};
+use relax::{Goal, Relaxed, Scaffold, Start, relax, start_from_scratch};
 
 /// A map, and how far its minimisation came.
 #[derive(Debug, Clone, PartialEq)]
@@ -217,7 +217,7 @@ pub(crate) fn flatten_roughly(mesh: &TriMesh, most: f64) -> Result<Uv, FlattenEr
     let domain = FlattenDomain::new(mesh)?;
     let goal = Goal { energy: Energy::SymmetricDirichlet, overlap: Overlap::Allow };
     let limits = NewtonLimits { most: SymmetricDirichlet::ISOMETRY + most, ..ROUGH };
-    let reached = minimise_from_scratch(&domain, goal, Some(limits))?;
+    let reached = relax(&domain, Start::Far(start_from_scratch(&domain)?), goal, Some(limits))?;
     Ok(domain.to_metres(&reached.uv))
 }
 

@@ -13,6 +13,7 @@
 //!          |                      |                                     | without that fault
 //! keep     | the inherited map    | it may be a bad local minimum: the  | the best legal map of the
 //!          |                      | level is small, or faces collapsed  | attempts, also from scratch
+//!          |                      |                                     | and with gradual rest shapes
 //! ```
 //!
 //! The second and third row are [`relax`](super::relax), also for a map from scratch. In the fourth every attempt is
@@ -38,6 +39,7 @@
 //! also from scratch, if small             | none
 //! two steps to a round with a frame       | none
 //! from scratch, if collapsed              | none
+//! gradual rest shapes, if collapsed       | none; two CAD bodies of 14 handles and 51 loops have no map
 //! ```
 //!
 //! What had no effect at all was left out: starts with fatter needles, by the symmetric Dirichlet energy or from the
@@ -51,7 +53,7 @@ use crate::flatten::insertion::Insertion;
 use crate::flatten::magnification::Magnification;
 use crate::flatten::overlap::check_map;
 use crate::flatten::relax::{
-    Goal, Relaxed, Scaffold, Start, is_better, make_locally_injective, minimise_from_scratch, relax,
+    Goal, Relaxed, Scaffold, Start, is_better, make_locally_injective, relax, start_from_scratch,
 };
 use crate::flatten::start::{conformal::spectral_conformal, linear::linear};
 use crate::flatten::{Convergence, FlattenError, FlattenOptions, Method, Overlap};
@@ -94,17 +96,24 @@ pub(crate) fn best_map(
         Method::Intrinsic { energy, .. } => energy,
     };
     let goal = Goal { energy, overlap: options.overlap };
+    let from_scratch = |limits| relax(domain, Start::Far(start_from_scratch(domain)?), goal, limits);
     let mut attempts = Attempts { domain, goal, best: None, failed: None };
     if let Some(inherited) = inherited {
         let is_small = domain.vertices() <= RESTARTED;
-        let (inherited, anew) = rayon::join(
-            || inherited.minimised(domain, goal),
-            || is_small.then(|| minimise_from_scratch(domain, goal, Some(ANEW))),
-        );
+        let (inherited, anew) =
+            rayon::join(|| inherited.minimised(domain, goal), || is_small.then(|| from_scratch(Some(ANEW))));
         std::iter::once(inherited).chain(anew).for_each(|map| attempts.take(map));
     }
-    if attempts.best.as_ref().is_none_or(|map| map.is_caught(domain)) {
-        attempts.take(minimise_from_scratch(domain, goal, None));
+    if attempts.are_poor() {
+        attempts.take(from_scratch(None));
+    }
+    // A descent that collapsed faces have stopped goes on, and is tried from scratch.
+    let gradually = |start| relax(domain, Start::Gradual(start), goal, None);
+    if let Some(best) = attempts.best.as_ref().filter(|map| map.is_caught(domain)).map(|map| map.uv.clone()) {
+        attempts.take(gradually(best));
+    }
+    if attempts.are_poor() {
+        attempts.take(start_from_scratch(domain).and_then(gradually));
     }
     let Attempts { best, failed, .. } = attempts;
     best.ok_or_else(|| failed.unwrap_or(FlattenError::NotInjective { flips: 0, overlaps: 0 }))
@@ -124,6 +133,11 @@ struct Attempts<'d> {
 }
 
 impl Attempts<'_> {
+    /// Whether there is no legal map yet, or only one with collapsed faces.
+    fn are_poor(&self) -> bool {
+        self.best.as_ref().is_none_or(|map| map.is_caught(self.domain))
+    }
+
     fn take(&mut self, found: Result<Relaxed, FlattenError>) {
         let Self { domain, goal, .. } = *self;
         let overlap = if domain.prescribed.is_empty() { goal.overlap } else { Overlap::Allow };

@@ -2,7 +2,7 @@
 
 use crate::flatten::distortion::FAR;
 use crate::flatten::domain::FlattenDomain;
-use crate::flatten::energy::elements::Uv;
+use crate::flatten::energy::elements::{ElementMesh, Uv};
 use crate::flatten::energy::newton::{Ended, NewtonLimits, Solver};
 use crate::flatten::energy::objective::{Objective, dirichlet};
 use crate::flatten::fillers::Fillers;
@@ -34,6 +34,12 @@ const BAD_START: f64 = FAR;
 /// stretched this many times more in one direction than in the other.
 const POOR: f64 = 10.0;
 const COLLAPSED: f64 = 1000.0;
+
+/// How much a gradual descent lets the rest shape of a face be stretched, at most, its steps between new rest shapes,
+/// and how often they are made at most.
+const GRADUAL: f64 = 2.0;
+const GRADUAL_STEPS: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 3, gain: ENOUGH, most: f64::INFINITY };
+const GRADUAL_ROUNDS: usize = 60;
 
 /// Weights of all fillers together, round by round, of a surface that weighs 1: heavy fillers make
 /// room early, light ones do not hinder a rim that slides. The last one stays.
@@ -103,24 +109,17 @@ pub(crate) fn is_better(domain: &FlattenDomain<'_>, goal: Goal, map: &Relaxed, o
     rank(map) < rank(other)
 }
 
-/// The map of least energy from the conformal map, or from one inside a circle where that is a bad start;
-/// `limits` instead of the usual ones for the size.
-pub(crate) fn minimise_from_scratch(
-    domain: &FlattenDomain<'_>,
-    goal: Goal,
-    limits: Option<NewtonLimits>,
-) -> Result<Relaxed, FlattenError> {
-    let start = if domain.prescribed.is_empty() {
-        let conformal = spectral_conformal(domain)?;
-        let is_good = domain.elements.is_flip_free(&conformal)
-            && has_no_branch_points(domain, &conformal)
-            && keeps_holes(&domain.disk.loops, &conformal)
-            && dirichlet(&domain.elements, &conformal).energy() < BAD_START;
-        if is_good { conformal } else { tutte(domain)? }
-    } else {
-        start_within(domain)?
-    };
-    relax(domain, Start::Far(start), goal, limits)
+/// The conformal map, or one inside a circle where that is a bad start; with prescribed places one within them.
+pub(crate) fn start_from_scratch(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
+    if !domain.prescribed.is_empty() {
+        return start_within(domain);
+    }
+    let conformal = spectral_conformal(domain)?;
+    let is_good = domain.elements.is_flip_free(&conformal)
+        && has_no_branch_points(domain, &conformal)
+        && keeps_holes(&domain.disk.loops, &conformal)
+        && dirichlet(&domain.elements, &conformal).energy() < BAD_START;
+    if is_good { Ok(conformal) } else { tutte(domain) }
 }
 
 /// A start within a prescribed boundary: by springs, which a convex one keeps apart; else the flips
@@ -149,6 +148,9 @@ pub(crate) fn make_locally_injective(domain: &FlattenDomain<'_>, mut uv: Uv) -> 
 pub(crate) enum Start {
     /// Far from the optimum.
     Far(Uv),
+    /// Far from it, with faces so collapsed that they would stop each step: rest shapes change gradually from those
+    /// on the map to those of the skin.
+    Gradual(Uv),
     /// From the optimum of a coarser level, with the scaffold that it needed.
     Near(Uv, Scaffold),
 }
@@ -167,14 +169,15 @@ pub(crate) fn relax(
     limits: Option<NewtonLimits>,
 ) -> Result<Relaxed, FlattenError> {
     let is_large = domain.vertices() > FACTORED;
+    let is_gradual = matches!(start, Start::Gradual(_));
     let (start, scaffold, solver) = match start {
         Start::Near(uv, Scaffold::None) if is_large => (uv, Scaffold::None, Solver::Iterative),
         Start::Near(uv, scaffold) => (uv, scaffold, Solver::Direct),
-        Start::Far(uv) => (uv, Scaffold::None, Solver::Direct),
+        Start::Far(uv) | Start::Gradual(uv) => (uv, Scaffold::None, Solver::Direct),
     };
     let limits = limits.unwrap_or(if is_large { TRUNCATED } else { EXACT });
     let objective = Objective::new(&domain.elements, goal.energy);
-    let descent = Descent { domain, objective, goal, solver, limits };
+    let descent = Descent { domain, objective, goal, solver, limits, is_gradual };
     let mut reached = descent.free(start, scaffold)?;
     if reached.is_hopeless {
         return Ok(reached.relaxed);
@@ -209,6 +212,7 @@ struct Descent<'d> {
     goal: Goal,
     solver: Solver,
     limits: NewtonLimits,
+    is_gradual: bool,
 }
 
 /// Where a descent ended, and the last maps before it that kept what the end may not keep.
@@ -267,12 +271,25 @@ impl<'d> Descent<'d> {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
             is_kept && (is_apart || !must_be_apart)
         };
+        for _ in 0..GRADUAL_ROUNDS {
+            let Some(elements) = self.bounded(&relaxed.uv) else { break };
+            let objective = self.objective.on(&elements);
+            let ended = objective.minimise(&mut relaxed.uv, Solver::Direct, GRADUAL_STEPS, &mut go_on);
+            if ended.map_err(failed)? == Ended::Stopped {
+                break;
+            }
+        }
         let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
         let ended = ended.map_err(failed)?;
         *is_hopeless = ended == Ended::Hopeless;
         relaxed.convergence.converged = ended == Ended::Converged;
         relaxed.convergence.gradient = self.objective.relative_gradient(&relaxed.uv);
         Ok(reached)
+    }
+
+    /// The elements of a gradual descent at a map; `None` where they are those of the skin.
+    fn bounded(&self, uv: &Uv) -> Option<ElementMesh> {
+        self.is_gradual.then(|| self.domain.elements.bounded(uv, GRADUAL)).flatten()
     }
 
     /// With fillers, made anew every few steps.
@@ -286,7 +303,9 @@ impl<'d> Descent<'d> {
             let Some(fillers) = scaffold.fillers(self.domain, &relaxed.uv) else { break };
             let weight = WEIGHTS[(k * round / ROUND).min(WEIGHTS.len() - 1)];
             let mut uv = fillers.with_posts(&relaxed.uv);
-            let elements = self.objective.elements.with(fillers.elements(&uv, weight));
+            let bounded = self.bounded(&relaxed.uv);
+            let own = bounded.as_ref().unwrap_or(self.objective.elements);
+            let elements = own.with(fillers.elements(&uv, weight));
             let objective = Objective::new(&elements, self.goal.energy);
             let limits = NewtonLimits { steps: round, ..self.limits };
             let mut go_on = |uv: &Uv| {
@@ -296,7 +315,8 @@ impl<'d> Descent<'d> {
             let ended = objective.minimise(&mut uv, Solver::Direct, limits, &mut go_on).map_err(failed)?;
             relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();
             let energy = self.objective.energy(&relaxed.uv);
-            relaxed.convergence.converged = before - energy <= self.limits.gain * energy;
+            let is_gained = before - energy > self.limits.gain * energy;
+            relaxed.convergence.converged = bounded.is_none() && !is_gained;
             last = Some((elements, uv));
             if relaxed.convergence.converged || matches!(ended, Ended::Stopped | Ended::Hopeless) {
                 break;

@@ -38,10 +38,12 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{Boundary, FlattenOptions, flatten_pyramid, patch_scales};
+use crate::flatten::{
+    Boundary, Distortion, FlattenError, FlattenOptions, Overlap, flatten_pyramid, patch_scales,
+};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
-use crate::map::{PatchMap, SkinMap};
+use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::written::measure_as_written;
 use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
@@ -164,10 +166,13 @@ pub fn build_with_progress(
     skin.validate()?;
     let seams = given_seams(skin, &options.cut)?;
     let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
+    let side = |patch: &Patch| {
+        let side = options.seam_side.and_then(DVec3::try_normalize)?;
+        Some(world_pose(&skin.links, patch.link).inverse().transform_vector3(side))
+    };
     let coarsened = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
-        let side = options.seam_side.and_then(DVec3::try_normalize);
-        let side = side.map(|side| world_pose(&skin.links, patch.link).inverse().transform_vector3(side));
-        let coarsened = coarsen_patch(patch, &seam, side, options).map_err(|e| e.in_patch(&patch.name))?;
+        let coarsened =
+            coarsen_patch(patch, &seam, side(patch), options).map_err(|e| e.in_patch(&patch.name))?;
         Ok((patch, coarsened))
     });
     let mut failed = Vec::new();
@@ -181,7 +186,14 @@ pub fn build_with_progress(
     };
     let jobs: Vec<_> = jobs.into_iter().zip(scales).collect();
     let maps = each_patch(Stage::Flatten, jobs, progress, |((patch, pyramid), scale)| {
-        map_patch(patch, pyramid, scale, options).map_err(|e| e.in_patch(&patch.name))
+        let mut map = map_patch(patch, pyramid, scale, options);
+        // Loops that are joined leave fewer holes to keep.
+        if map.is_err() && options.cut == Cut::Auto && !is_plain_disk(&patch.mesh) {
+            let options = BuildOptions { cut: Cut::All, ..options.clone() };
+            let joined = coarsen_patch(patch, &[], side(patch), &options);
+            map = joined.and_then(|pyramid| map_patch(patch, pyramid, scale, &options)).or(map);
+        }
+        map.map_err(|e| e.in_patch(&patch.name))
     });
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
@@ -249,6 +261,17 @@ fn coarsen_patch(
     })
 }
 
+/// Refuses a map whose file breaks what the intrinsic method promises.
+fn check_promises(level: &MapLevel, options: &FlattenOptions) -> Result<(), Error> {
+    let Distortion { flips, crossings: overlaps, .. } = level.distortion;
+    let is_kept = flips == 0 && (overlaps == 0 || options.overlap == Overlap::Allow);
+    if is_kept || !options.starts_coarse() {
+        Ok(())
+    } else {
+        Err(FlattenError::NotInjective { flips, overlaps }.into())
+    }
+}
+
 /// The map of a patch, `scale` times as long as the skin, and how many levels of its pyramid have none.
 fn map_patch(
     patch: &Patch,
@@ -276,9 +299,10 @@ fn map_patch(
     let mut held = 0;
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
-        match measure_as_written(level) {
+        let written = measure_as_written(level).map_err(Error::from);
+        match written.and_then(|()| check_promises(level, &options.flatten)) {
             Ok(()) => held += 1,
-            Err(error) if held == 0 => return Err(error.into()),
+            Err(error) if held == 0 => return Err(error),
             Err(_) => break,
         }
     }
@@ -365,7 +389,7 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
 mod tests {
     use super::*;
     use crate::cut::{CutMesh, PlaceId};
-    use crate::flatten::distortion;
+    use crate::flatten::{Method, distortion};
     use crate::mesh::{Adjacency, TriMesh, shapes};
     use crate::pyramid::LevelId;
     use crate::skin::PatchId;
@@ -407,6 +431,25 @@ mod tests {
             for (level, map) in made.opened.levels.iter().zip(&maps) {
                 assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
             }
+        }
+    }
+    /// A map may lose in the 32-bit numbers of its file what it is in 64 bits.
+    #[test]
+    fn a_level_that_overlaps_itself_in_its_file_is_refused() {
+        let skin = Skin::from_mesh("skin", shapes::lattice(4, 4, 0.01));
+        let mut map = build(&skin, &BuildOptions::default()).unwrap();
+        let level = &mut map.patches[PatchId::new(0)].levels[LevelId::new(0)];
+        for (flips, crossings, overlap, is_kept) in [
+            (0, 0, Overlap::Prevent, true),
+            (0, 1, Overlap::Prevent, false),
+            (0, 1, Overlap::Allow, true),
+            (1, 0, Overlap::Allow, false),
+        ] {
+            (level.distortion.flips, level.distortion.crossings) = (flips, crossings);
+            let options = FlattenOptions { overlap, ..FlattenOptions::default() };
+            assert_eq!(check_promises(level, &options).is_ok(), is_kept, "{flips}, {crossings}, {overlap:?}");
+            let conformal = FlattenOptions { method: Method::Conformal, ..options };
+            assert!(check_promises(level, &conformal).is_ok(), "it promises nothing");
         }
     }
 }

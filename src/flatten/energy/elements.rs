@@ -41,6 +41,24 @@ impl Element {
         outer(b - a, g1) + outer(c - a, g2)
     }
 
+    /// The face with a rest shape between its own and that on the map: the singular values there, raised to a power
+    /// that brings both within `most` and `1 / most`; `None` where both are.
+    fn bounded(&self, uv: &Uv, most: f64) -> Option<Self> {
+        let j = self.jacobian(uv);
+        let SingularValues { s1, s2 } = SingularValues::of(&j);
+        let largest = s1.max(s2.recip()).ln();
+        if largest.is_nan() || largest.is_infinite() || largest <= most.ln() {
+            return None;
+        }
+        let power = most.ln() / largest - 1.0;
+        let turn = DVec2::new(j.x_axis.x + j.y_axis.y, j.x_axis.y - j.y_axis.x);
+        let mirror = DVec2::new(j.x_axis.x - j.y_axis.y, j.x_axis.y + j.y_axis.x);
+        let axis = DVec2::from_angle(0.5 * (mirror.to_angle() - turn.to_angle()));
+        let [along, across] = [s1, s2].map(|s| s.powf(power));
+        let stretch = |g: DVec2| axis * (along * axis.dot(g)) + axis.perp() * (across * axis.perp().dot(g));
+        Some(Self { gradients: self.gradients.map(stretch), ..*self })
+    }
+
     /// Singular values of the map of this face.
     pub(crate) fn singular_values(&self, uv: &Uv) -> SingularValues {
         SingularValues::of(&self.jacobian(uv))
@@ -145,6 +163,16 @@ impl ElementMesh {
         }
     }
 
+    /// The elements with rest shapes that the map `uv` stretches by `most` in each direction, at most (the progressive
+    /// reference of `(liu2018)`); `None` where it stretches no face more.
+    pub(crate) fn bounded(&self, uv: &Uv, most: f64) -> Option<Self> {
+        let bounded: Vec<Option<Element>> = par_map(&self.faces, |e| e.bounded(uv, most));
+        bounded.iter().any(Option::is_some).then(|| {
+            let faces = self.faces.iter().zip(bounded).map(|(e, bounded)| bounded.unwrap_or(*e)).collect();
+            Self { faces, ..self.clone() }
+        })
+    }
+
     pub(crate) fn is_held(&self, vertex: usize) -> bool {
         self.held.get(vertex) == Some(&true)
     }
@@ -182,5 +210,34 @@ impl ElementMesh {
 
     pub(crate) fn is_flip_free(&self, uv: &Uv) -> bool {
         self.first_flip(uv).is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rest shape moves towards the map until both singular values are within the bound, along the same axes.
+    #[test]
+    fn bounded_rest_shapes_are_stretched_by_the_bound_at_most() {
+        let corners = [0, 1, 2].map(VertexId::new);
+        let face = Element { corners, gradients: [-DVec2::ONE, DVec2::X, DVec2::Y], weight: 1.0 };
+        let mesh = ElementMesh::new(vec![face].into(), vec![DVec3::ZERO; 3]);
+        for (s1, s2) in [(1.5, 0.7), (100.0, 20.0), (3.0, 1e-6), (1e-3, 1e-5)] {
+            let j =
+                DMat2::from_angle(0.4) * DMat2::from_diagonal(DVec2::new(s1, s2)) * DMat2::from_angle(1.1);
+            let uv = [DVec2::ZERO, j.x_axis, j.y_axis].into_iter().collect();
+            let found = mesh.bounded(&uv, 2.0).map(|mesh| mesh.faces[FaceId::new(0)].singular_values(&uv));
+            let largest = [s1, s2].map(f64::ln).into_iter().fold(0.0, |most: f64, log| most.max(log.abs()));
+            if largest <= 2.0_f64.ln() {
+                assert!(found.is_none());
+                continue;
+            }
+            let found = found.expect("it is stretched by more");
+            let wanted = [s1, s2].map(|s: f64| s.powf(2.0_f64.ln() / largest));
+            for (is, wanted) in [found.s1, found.s2].into_iter().zip(wanted) {
+                assert!((is / wanted - 1.0).abs() < 1e-6, "{found:?} for {wanted}");
+            }
+        }
     }
 }
