@@ -336,6 +336,9 @@ fn invalid_outputs_and_options_are_refused_before_work() {
         refuses(&folder, &format!("render map/map.glb r.csv {args}"), &[what]);
     }
     assert!(!folder.path().join("x.npz").exists());
+    // Large outputs are announced with what makes them smaller.
+    let announced = ["5 frames are up to 105 MB, less where they can be compressed; --values-only"];
+    notes(folder.path(), "render map/map.glb r.csv -o big.npz --level 0 --size 2300 2300", &announced);
     assert!(fs::read_to_string(folder.path().join("r.csv")).unwrap().starts_with("time,"), "an input");
     fs::write(folder.path().join("a.npy"), npy("<f4", &[1, 120], &1_f32.to_le_bytes().repeat(120))).unwrap();
     refuses(folder.path(), "render map/map.glb a.npy -o a.npy --level 0", &["a.npy"]);

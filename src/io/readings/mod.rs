@@ -16,7 +16,7 @@ use crate::io::IoError;
 use crate::io::file::{cannot_read, file_kind, invalid};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
-use crate::io::readings::text::{LongReadings, TextReadings};
+use crate::io::readings::text::{LongReadings, TextReadings, count_rows};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
 
@@ -119,7 +119,10 @@ impl ReadingsReader {
                     return Ok(Self::of(Source::Long(long), about));
                 }
                 let file = File::open(path).map_err(cannot_read(path))?;
-                let (text, about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
+                let (text, mut about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
+                if is_file {
+                    about.frames = Some(count_rows(path)?.saturating_sub(1));
+                }
                 Ok(Self::of(Source::Text(text), about))
             }
             "log" => {

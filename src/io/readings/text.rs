@@ -62,6 +62,21 @@ impl TextLines {
     }
 }
 
+/// Lines of a file that are neither blank nor comments.
+pub(super) fn count_rows(path: &Path) -> Result<u64, IoError> {
+    let file = File::open(path).map_err(cannot_read(path))?;
+    let mut lines = Lines::new(BufReader::with_capacity(1 << 16, file), path, Some(b'#'));
+    lines.longest = LONGEST_LINE;
+    let mut count = 0;
+    loop {
+        lines.advance()?;
+        if lines.has_ended() {
+            return Ok(count);
+        }
+        count += 1;
+    }
+}
+
 pub(super) struct TextReadings {
     lines: TextLines,
     cells: Vec<Cell>,
