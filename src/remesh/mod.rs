@@ -12,20 +12,25 @@
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that the
 //! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
 //!
-//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`); `outer` finds which faces of
-//! a link can be touched.
+//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing), `thin`
+//! (faces without height, see `faces`); `outer` finds which faces of a link can be touched.
 
+mod faces;
+mod moves;
 mod outer;
 mod rounds;
 mod surface;
+mod thin;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bvh::BvhError;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_shorter};
-use crate::remesh::rounds::{Freedom, Rounds, sharp_neighbours};
+use crate::mesh::{Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_shorter, triangle_cross};
+use crate::remesh::faces::{FLAT, Thin, height};
+use crate::remesh::moves::sharp_neighbours;
+use crate::remesh::rounds::{Freedom, Rounds};
 use crate::remesh::surface::Surface;
 use crate::skin::{Patch, Skin, TaxelId};
 
@@ -36,6 +41,9 @@ const SHARP: f64 = 0.766_044_443_118_978;
 
 /// Where a line turns by more it has a corner: the cosine of 45 degrees.
 const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Faces of the surface lower than this part of the spacing are cracks between its faces: they are removed first.
+const CRACK: f64 = 1e-3;
 
 /// Most taxels of a patch.
 const MAX_TAXELS: f64 = 4e6;
@@ -91,23 +99,27 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     fill_shorter(&mut mesh, 3.0 * spacing)?;
     let (halfedges, _) = HalfedgeMesh::new(&mesh)?;
     check_count(&mesh, &halfedges, spacing)?;
-    let sharp = sharp_edges(&mesh, &halfedges);
-    let segments = halfedges.halfedges().filter(|&h| halfedges.is_edge(h) && sharp[h.face()][h.side()]);
-    let segments: Vec<[VertexId; 2]> = segments.map(|h| [halfedges.origin(h), halfedges.target(h)]).collect();
-    let lines = Surface::of_segments(&mesh.positions, &segments);
-    let freedom = freedoms(&mesh, &halfedges, &sharp);
-    let surface = Surface::new(mesh.clone())?;
     let mut rounds = Rounds {
+        sharp: mesh.triangles.map(|_| [false; 3]),
+        freedom: mesh.positions.map(|_| Freedom::Surface),
+        near: mesh.positions.map(|_| None),
+        positions: mesh.positions.clone(),
         mesh: halfedges,
-        sharp,
-        surface: &surface,
-        lines: lines.as_ref(),
+        surface: Surface::new(mesh)?,
+        lines: None,
         spacing,
         target: spacing,
-        near: freedom.map(|_| None),
-        freedom,
-        positions: mesh.positions,
     };
+    // Vertices in one place, and on edges, as many programs write them.
+    let height = CRACK * spacing;
+    rounds.remove_thin(Thin { height, short: 5.0 * height, longest: f64::INFINITY, is_last: false });
+    rounds.compact();
+    rounds.sharp = sharp_edges(&rounds.mesh, &rounds.positions, spacing);
+    let is_line = |h: &Halfedge| rounds.mesh.is_edge(*h) && rounds.is_sharp(*h);
+    let ends = |h: Halfedge| [rounds.mesh.origin(h), rounds.mesh.target(h)];
+    let segments: Vec<[VertexId; 2]> = rounds.mesh.halfedges().filter(is_line).map(ends).collect();
+    rounds.lines = Surface::of_segments(&rounds.positions, &segments);
+    rounds.freedom = freedoms(&rounds);
     rounds.run();
     Ok(TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions })
 }
@@ -124,28 +136,34 @@ fn check_count(mesh: &TriMesh, halfedges: &HalfedgeMesh, spacing: f64) -> Result
 }
 
 /// Whether each halfedge is on a sharp edge or a rim.
-fn sharp_edges(mesh: &TriMesh, halfedges: &HalfedgeMesh) -> IdVec<FaceId, [bool; 3]> {
-    let normals = mesh.triangles.ids().map(|face| mesh.face_cross(face).normalize_or_zero());
-    let normals: IdVec<FaceId, DVec3> = normals.collect();
+fn sharp_edges(
+    mesh: &HalfedgeMesh,
+    positions: &IdVec<VertexId, DVec3>,
+    spacing: f64,
+) -> IdVec<FaceId, [bool; 3]> {
+    let normal = |face: FaceId| {
+        let corners = mesh.corners(face).map(|v| positions[v]);
+        // What the normal of a face without height says is rounding.
+        let is_flat = height(corners) < FLAT * spacing;
+        if is_flat { DVec3::ZERO } else { triangle_cross(corners).normalize_or_zero() }
+    };
+    let normals: IdVec<FaceId, DVec3> = mesh.face_ids().map(normal).collect();
     let is_sharp = |h: Halfedge| {
-        let twin = halfedges.twin(h);
+        let twin = mesh.twin(h);
         twin == Halfedge::NONE || {
             let [a, b] = [h, twin].map(|h| normals[h.face()]);
             a.dot(b) < SHARP && a != DVec3::ZERO && b != DVec3::ZERO
         }
     };
-    mesh.triangles.ids().map(|face| [0, 1, 2].map(|side| is_sharp(Halfedge::new(face, side)))).collect()
+    mesh.face_ids().map(|face| [0, 1, 2].map(|side| is_sharp(Halfedge::new(face, side)))).collect()
 }
 
 /// A vertex between two sharp edges of about one direction may move along them; others with sharp edges are fixed.
-fn freedoms(
-    mesh: &TriMesh,
-    halfedges: &HalfedgeMesh,
-    sharp: &IdVec<FaceId, [bool; 3]>,
-) -> IdVec<VertexId, Freedom> {
+fn freedoms(rounds: &Rounds) -> IdVec<VertexId, Freedom> {
+    let at = &rounds.positions;
     let freedom = |v: VertexId| {
-        let directions: Vec<DVec3> = sharp_neighbours(halfedges, sharp, v)
-            .map(|w| (mesh.positions[w] - mesh.positions[v]).normalize_or_zero())
+        let directions: Vec<DVec3> = sharp_neighbours(&rounds.mesh, &rounds.sharp, v)
+            .map(|w| (at[w] - at[v]).normalize_or_zero())
             .collect();
         match directions[..] {
             [] => Freedom::Surface,
@@ -153,7 +171,7 @@ fn freedoms(
             _ => Freedom::Fixed,
         }
     };
-    mesh.positions.ids().map(freedom).collect()
+    at.ids().map(freedom).collect()
 }
 
 /// A skin that was meshed anew.

@@ -1,13 +1,11 @@
-//! The rounds of remeshing: edges of one length, six neighbours, and vertices in the middle of their neighbours, on
-//! the surface.
+//! The rounds of remeshing: edges of one length and six neighbours.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Halfedge, HalfedgeMesh, triangle_cross};
-use crate::parallel::par_ids;
-use crate::remesh::surface::{Projection, Surface};
+use crate::remesh::faces::{FLAT, THIN, Thin, keeps_side, keeps_side_around, largest_cosine};
+use crate::remesh::surface::Surface;
 
 /// Edges longer than this part of the target are split, shorter than that collapsed: after either, an edge is
 /// nearer to the target than before (botsch2004).
@@ -17,9 +15,6 @@ const SHORT: f64 = 4.0 / 5.0;
 /// Sharp edges, rims and their corners nearer to each other than this part of the target are details that
 /// taxels do not follow: they may merge.
 const DETAIL: f64 = 0.5;
-
-/// Faces may turn by this much when an edge collapses or turns: the cosine of 75 degrees.
-const TURN: f64 = 0.26;
 
 /// Long edges of CAD triangles are split from the longest down, each pass to this part: halves of a sliver are
 /// better than its ends.
@@ -37,10 +32,14 @@ const MAX_CHANGE: f64 = 1.2;
 const GENTLE: f64 = 0.3;
 /// A mean length that is off by less stays.
 const OFF: f64 = 0.01;
-/// The largest angle of a face that is nearly a line: the cosine of 170 degrees.
-const CAP: f64 = -0.985;
-/// Steps of smoothing in each round.
-const STEPS: usize = 3;
+/// Most passes of splitting in a round: the halves of an edge whose middle moves to the surface may be longer.
+const MAX_PASSES: usize = 4;
+/// The middle of an edge nearer to the surface than this part of the target is on it, and farther than this part of
+/// the edge is across a gap.
+const ON_SURFACE: f64 = 1e-3;
+const ACROSS_GAP: f64 = 0.4;
+/// Faces that are still lower than this part of the target at the end lose an edge however long it is.
+const LOW: f64 = 0.03;
 
 /// Where a vertex may move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,14 +53,14 @@ pub(super) enum Freedom {
 }
 
 /// A mesh that is changed until its edges have one length.
-pub(super) struct Rounds<'a> {
+pub(super) struct Rounds {
     pub(super) mesh: HalfedgeMesh,
     pub(super) positions: IdVec<VertexId, DVec3>,
     /// Whether the edge of each halfedge is a sharp one or a rim.
     pub(super) sharp: IdVec<FaceId, [bool; 3]>,
     pub(super) freedom: IdVec<VertexId, Freedom>,
-    pub(super) surface: &'a Surface,
-    pub(super) lines: Option<&'a Surface>,
+    pub(super) surface: Surface,
+    pub(super) lines: Option<Surface>,
     /// The mean length that edges are to have, in m, and the length that makes it so.
     pub(super) spacing: f64,
     pub(super) target: f64,
@@ -69,10 +68,10 @@ pub(super) struct Rounds<'a> {
     pub(super) near: IdVec<VertexId, Option<u32>>,
 }
 
-impl Rounds<'_> {
+impl Rounds {
     pub(super) fn run(&mut self) {
         for round in 0..MAX_ROUNDS {
-            self.split_long();
+            self.split_long(round == 0);
             self.collapse_short();
             self.compact();
             self.flip_edges(Self::evens_degrees);
@@ -91,11 +90,21 @@ impl Rounds<'_> {
             self.smooth();
         }
         self.flip_edges(Self::opens_angles);
-        self.flip_caps();
+        let [height, short, longest] = [THIN, DETAIL, 2.0].map(|part| part * self.target);
+        self.remove_thin(Thin { height, short, longest, is_last: true });
+        // What is left gives up more of its shape.
+        self.remove_thin(Thin {
+            height: LOW * self.target,
+            short: longest,
+            longest: 1.5 * longest,
+            is_last: true,
+        });
+        self.raise_thin(LOW * self.target);
+        self.compact();
     }
 
     /// Removes the dead vertices and faces; the others keep their order.
-    fn compact(&mut self) {
+    pub(super) fn compact(&mut self) {
         let alive = self.mesh.face_ids().filter(|&face| self.mesh.is_alive(face));
         self.sharp = alive.map(|face| self.sharp[face]).collect();
         let compacted = self.mesh.compact();
@@ -106,15 +115,15 @@ impl Rounds<'_> {
         self.mesh = compacted.mesh;
     }
 
-    fn length(&self, h: Halfedge) -> f64 {
+    pub(super) fn length(&self, h: Halfedge) -> f64 {
         self.positions[self.mesh.origin(h)].distance(self.positions[self.mesh.target(h)])
     }
 
-    fn cross(&self, face: FaceId) -> DVec3 {
+    pub(super) fn cross(&self, face: FaceId) -> DVec3 {
         self.mesh.face_cross(face, &self.positions)
     }
 
-    fn is_sharp(&self, h: Halfedge) -> bool {
+    pub(super) fn is_sharp(&self, h: Halfedge) -> bool {
         self.sharp[h.face()][h.side()]
     }
 
@@ -141,30 +150,19 @@ impl Rounds<'_> {
         }
     }
 
-    /// Flips the long side of faces that are nearly a line, sharp or not: where lines have merged, or bend less than
-    /// their vertices are apart, three vertices of one are a face.
-    fn flip_caps(&mut self) {
-        for h in self.mesh.halfedges() {
-            if !self.mesh.is_alive(h.face()) || self.mesh.twin(h) == Halfedge::NONE {
-                continue;
-            }
-            let [a, b, c, _] = self.mesh.diamond(h).map(|v| self.positions[v]);
-            let is_cap = (a - c).normalize_or_zero().dot((b - c).normalize_or_zero()) < CAP;
-            if is_cap {
-                self.flip(h, self.cross(self.mesh.twin(h).face()));
-            }
-        }
-    }
-
     /// Flips an edge if that is possible and neither face turns away from the normal `old`.
     fn flip(&mut self, h: Halfedge, old: DVec3) {
         let [a, b, c, d] = self.mesh.diamond(h).map(|v| self.positions[v]);
         let new = [[c, a, d], [d, b, c]].map(triangle_cross);
         if self.mesh.can_flip(h) && new.iter().all(|&cross| keeps_side(old, cross)) {
-            let faces = [h.face(), self.mesh.twin(h).face()];
-            self.mesh.flip(h);
-            self.update_sharp(&faces);
+            self.flip_inner(h);
         }
+    }
+
+    pub(super) fn flip_inner(&mut self, h: Halfedge) {
+        let faces = [h.face(), self.mesh.twin(h).face()];
+        self.mesh.flip(h);
+        self.update_sharp(&faces);
     }
 
     /// The spacing over the mean length of the edges that can change: an edge within the bounds of splitting and
@@ -180,26 +178,30 @@ impl Rounds<'_> {
         if ratio.is_finite() { ratio } else { 1.0 }
     }
 
-    fn split_long(&mut self) {
+    fn split_long(&mut self, is_first: bool) {
         let mut limit = self.edges().map(|h| self.length(h)).fold(0.0, f64::max);
         loop {
             limit = (limit * SHORTER).max(LONG * self.target);
             // Halves are as long as half of what is left at most: two passes at most see all of them.
-            while self.split_longer(limit) {}
+            let passes = if is_first { usize::MAX } else { MAX_PASSES };
+            let _ = (0..passes).try_for_each(|_| self.split_longer(limit, is_first).then_some(()));
             if limit <= LONG * self.target {
                 return;
             }
         }
     }
 
-    fn split_longer(&mut self, limit: f64) -> bool {
-        let (mut is_split, mut face) = (false, 0);
-        // Added faces are checked too.
-        while face < self.mesh.face_count() {
+    /// In the first round all edges lie on the surface, and added ones are split in the same pass.
+    fn split_longer(&mut self, limit: f64, is_first: bool) -> bool {
+        let (mut is_split, mut face, known) = (false, 0, self.mesh.face_count());
+        while face < if is_first { self.mesh.face_count() } else { known } {
             for h in [0, 1, 2].map(|side| Halfedge::new(FaceId::new(face), side)) {
                 if self.mesh.is_edge(h) && self.length(h) > limit {
-                    self.split(h);
-                    is_split = true;
+                    let middle =
+                        self.positions[self.mesh.origin(h)].midpoint(self.positions[self.mesh.target(h)]);
+                    let at = if is_first { Some(middle) } else { self.split_point(h, middle) };
+                    at.into_iter().for_each(|at| self.split(h, at));
+                    is_split |= at.is_some();
                 }
             }
             face += 1;
@@ -207,12 +209,31 @@ impl Rounds<'_> {
         is_split
     }
 
-    fn split(&mut self, h: Halfedge) {
+    /// The point of the surface, or of its lines, nearest to the middle of an edge; `None` where a face would turn
+    /// over or become thin, or the edge bridges a gap: it stays long.
+    fn split_point(&self, h: Halfedge, middle: DVec3) -> Option<DVec3> {
+        let sides = || [h, self.mesh.twin(h)].into_iter().filter(|&h| h != Halfedge::NONE);
+        let near = self.near[self.mesh.origin(h)];
+        let at = if self.is_sharp(h) {
+            self.lines.as_ref()?.nearest(middle, DVec3::ZERO, near)?.point
+        } else {
+            self.surface.nearest(middle, sides().map(|h| self.cross(h.face())).sum(), near)?.point
+        };
+        let off = at.distance(middle);
+        let fits = |h: Halfedge| {
+            let [p, q, c] =
+                [self.mesh.origin(h), self.mesh.target(h), self.mesh.apex(h)].map(|v| self.positions[v]);
+            [[p, at, c], [at, q, c]].into_iter().all(|new| self.fits([p, q, c], new))
+        };
+        (off < ON_SURFACE * self.target || off < ACROSS_GAP * self.length(h) && sides().all(fits))
+            .then_some(at)
+    }
+
+    fn split(&mut self, h: Halfedge, at: DVec3) {
         let is_sharp = self.is_sharp(h);
-        let [a, b] = [self.mesh.origin(h), self.mesh.target(h)].map(|v| self.positions[v]);
         let (old, twin) = (self.mesh.face_count(), self.mesh.twin(h));
         self.mesh.split(h);
-        self.positions.push(a.midpoint(b));
+        self.positions.push(at);
         self.freedom.push(if is_sharp { Freedom::Line } else { Freedom::Surface });
         self.near.push(None);
         let mut changed = vec![h.face()];
@@ -257,27 +278,31 @@ impl Rounds<'_> {
             return false;
         }
         let (from, to) = (self.positions[a], self.positions[b]);
+        let around = self.normal(a);
         let fits = self.mesh.leaving(a).all(|leaving| {
             let ends = [self.mesh.target(leaving), self.mesh.apex(leaving)];
             let [p, q] = ends.map(|v| self.positions[v]);
             let is_short = to.distance_squared(p).max(to.distance_squared(q)) <= (LONG * self.target).powi(2);
             ends.contains(&b)
-                || is_short && keeps_side(triangle_cross([from, p, q]), triangle_cross([to, p, q]))
+                || is_short && keeps_side_around([from, p, q], [to, p, q], FLAT * self.target, around)
         });
         if fits {
-            // The two other sides of a face that is removed become one edge.
-            let merged =
-                [h, self.mesh.twin(h)].into_iter().filter(|&side| side != Halfedge::NONE).map(|side| {
-                    let sides = [side.next(), side.previous()];
-                    (sides.map(|h| self.mesh.twin(h)), sides.iter().any(|&h| self.is_sharp(h)))
-                });
-            let merged: Vec<_> = merged.collect();
-            self.mesh.collapse(h);
-            for ([p, q], is_sharp) in merged {
-                self.set_sharp(if p == Halfedge::NONE { q } else { p }, is_sharp);
-            }
+            self.remove_origin(h);
         }
         fits
+    }
+
+    /// Shrinks the edge of `h` to its target. The two other sides of a face that is removed become one edge.
+    pub(super) fn remove_origin(&mut self, h: Halfedge) {
+        let merged = [h, self.mesh.twin(h)].into_iter().filter(|&side| side != Halfedge::NONE).map(|side| {
+            let sides = [side.next(), side.previous()];
+            (sides.map(|h| self.mesh.twin(h)), sides.iter().any(|&h| self.is_sharp(h)))
+        });
+        let merged: Vec<_> = merged.collect();
+        self.mesh.collapse(h);
+        for ([p, q], is_sharp) in merged {
+            self.set_sharp(if p == Halfedge::NONE { q } else { p }, is_sharp);
+        }
     }
 
     /// Whether the origin of `h` may merge with its target, as far as lines are concerned.
@@ -320,116 +345,4 @@ impl Rounds<'_> {
         let least = |faces: [[DVec3; 3]; 2]| faces.map(largest_cosine).into_iter().fold(-1.0, f64::max);
         least([[c, a, d], [d, b, c]]) < least([[a, b, c], [b, a, d]]) - 1e-9
     }
-
-    /// Moves every vertex into the middle of its neighbours, some steps, and back to the surface or its line.
-    fn smooth(&mut self) {
-        (0..STEPS).for_each(|_| self.move_all(Self::relaxed));
-        self.move_all(Self::projected);
-    }
-
-    fn move_all(&mut self, to: impl Fn(&Self, VertexId) -> Option<Projection> + Sync) {
-        let this = &*self;
-        let is_alive = |v: VertexId| this.mesh.leaving[v] != Halfedge::NONE;
-        let moved: IdVec<VertexId, Option<Projection>> =
-            par_ids(this.positions.len(), |v| is_alive(v).then(|| to(this, v)).flatten());
-        let old = self.positions.clone();
-        for (v, moved) in moved.enumerate() {
-            if let Some(Projection { point, near }) = *moved {
-                (self.positions[v], self.near[v]) = (point, near);
-            }
-        }
-        // Faces that would turn over keep their corners; their neighbours may turn over for that.
-        for _ in 0..3 {
-            let is_turned = |&face: &FaceId| {
-                let [old, new] = [&old, &self.positions].map(|all| self.mesh.face_cross(face, all));
-                self.mesh.is_alive(face) && !keeps_side(old, new)
-            };
-            let faces = (0..self.mesh.face_count()).into_par_iter().map(FaceId::new);
-            let turned: Vec<FaceId> = faces.filter(is_turned).collect();
-            if turned.is_empty() {
-                return;
-            }
-            for v in turned.into_iter().flat_map(|face| self.mesh.corners(face)) {
-                self.positions[v] = old[v];
-            }
-        }
-    }
-
-    /// The middle of the faces around a free vertex, in its tangent plane; on its line, that of its two neighbours.
-    fn relaxed(&self, v: VertexId) -> Option<Projection> {
-        let from = self.positions[v];
-        match self.freedom[v] {
-            Freedom::Fixed => None,
-            Freedom::Surface => {
-                let (mut sum, mut total, mut normal) = (DVec3::ZERO, 0.0, DVec3::ZERO);
-                for h in self.mesh.leaving(v) {
-                    let cross = self.cross(h.face());
-                    let corners = [self.mesh.target(h), self.mesh.apex(h)].map(|w| self.positions[w]);
-                    // The centres of the faces, weighted by their areas, make faces of one size.
-                    let area = cross.length();
-                    normal += cross;
-                    sum += (from + corners[0] + corners[1]) * (area / 3.0);
-                    total += area;
-                }
-                let normal = normal.normalize_or_zero();
-                let step = if total > 0.0 { sum / total - from } else { DVec3::ZERO };
-                Some(Projection { point: from + step - normal * normal.dot(step), near: self.near[v] })
-            }
-            Freedom::Line => {
-                let mut sum = DVec3::ZERO;
-                let mut count = 0;
-                for w in sharp_neighbours(&self.mesh, &self.sharp, v) {
-                    sum += self.positions[w];
-                    count += 1;
-                }
-                // Where lines have merged it is not known along which it may move.
-                let middle = (count == 2).then_some(0.5 * sum)?;
-                self.lines?.nearest(middle, DVec3::ZERO, self.near[v])
-            }
-        }
-    }
-
-    /// The nearest point of the surface for a free vertex.
-    fn projected(&self, v: VertexId) -> Option<Projection> {
-        if self.freedom[v] != Freedom::Surface {
-            return None;
-        }
-        let normal = self.mesh.leaving(v).map(|h| self.cross(h.face())).sum();
-        self.surface.nearest(self.positions[v], normal, self.near[v])
-    }
-}
-
-/// The neighbours of `v` along sharp edges; rims are sharp.
-pub(super) fn sharp_neighbours(
-    mesh: &HalfedgeMesh,
-    sharp: &IdVec<FaceId, [bool; 3]>,
-    v: VertexId,
-) -> impl Iterator<Item = VertexId> {
-    let mut ring = mesh.ring(v);
-    std::iter::from_fn(move || {
-        loop {
-            let h = ring.halfedge();
-            let w = ring.next()?;
-            if h == Halfedge::NONE || sharp[h.face()][h.side()] {
-                return Some(w);
-            }
-        }
-    })
-}
-
-/// Whether a face stays on its side; one that had no area may become anything.
-fn keeps_side(old: DVec3, new: DVec3) -> bool {
-    let lengths = (old.length_squared() * new.length_squared()).sqrt();
-    old == DVec3::ZERO || old.dot(new) > TURN * lengths
-}
-
-/// The cosine of the smallest angle of a triangle, whose largest it is; 1 for one without area.
-fn largest_cosine(corners: [DVec3; 3]) -> f64 {
-    let cosine = |k: usize| {
-        let [at, p, q] = [0, 1, 2].map(|j| corners[(j + k) % 3]);
-        let (u, v) = (p - at, q - at);
-        u.dot(v) / (u.length_squared() * v.length_squared()).sqrt()
-    };
-    let largest = [0, 1, 2].map(cosine).into_iter().fold(-1.0, f64::max);
-    if largest.is_nan() { 1.0 } else { largest }
 }

@@ -276,6 +276,17 @@ impl HalfedgeMesh {
         [c, d].into_iter().for_each(|v| self.degree[v] += 1);
     }
 
+    /// Removes the face of a halfedge on the boundary whose apex is not on it.
+    pub(crate) fn remove_face(&mut self, h: Halfedge) {
+        let [a, b, c] = [self.origin(h), self.target(h), self.apex(h)];
+        for twin in [h.next(), h.previous()].map(|side| self.twin(side)) {
+            self.join(twin, Halfedge::NONE);
+        }
+        [a, b].into_iter().for_each(|v| self.degree[v] -= 1);
+        self.on_boundary[c] = true;
+        self.alive[h.face()] = false;
+    }
+
     /// Whether the edge of `h` can shrink to its target without changing the topology of the surface; boundary
     /// vertices move along the boundary only.
     pub(crate) fn can_collapse(&self, h: Halfedge) -> bool {
@@ -430,7 +441,7 @@ mod tests {
         }
     }
 
-    /// Every edge is split, flipped and collapsed where it can be, each alone and one after the other.
+    /// Every edge is split, flipped and collapsed and every face at the rim removed where that can be, each alone and one after the other.
     #[test]
     fn changed_edges_leave_a_manifold() {
         for (name, mesh) in [
@@ -448,12 +459,15 @@ mod tests {
                 match change {
                     "split" if mesh.is_edge(h) => mesh.split(h),
                     "flipped" if mesh.is_edge(h) && is_inner && mesh.can_flip(h) => mesh.flip(h),
+                    "removed" if mesh.is_alive(h.face()) && !is_inner && !mesh.on_boundary[mesh.apex(h)] => {
+                        mesh.remove_face(h);
+                    }
                     "collapsed" if mesh.is_alive(h.face()) && mesh.can_collapse(h) => mesh.collapse(h),
                     _ => {}
                 }
             };
             let mut all = whole.clone();
-            for change in ["split", "flipped", "collapsed"] {
+            for change in ["split", "removed", "flipped", "collapsed"] {
                 for h in whole.halfedges() {
                     let mut one = whole.clone();
                     apply(change, &mut one, h);
