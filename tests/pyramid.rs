@@ -499,6 +499,15 @@ fn the_order_of_a_file_does_not_matter() {
     }
 }
 
+/// Ids that count through a skin give each patch the pyramid that it has alone.
+#[test]
+fn other_patches_do_not_matter() {
+    let mut patch = patch(cap(3_000));
+    let made = coarsen_patch(&patch, &CoarsenOptions::default()).unwrap();
+    patch.taxels.ids = patch.taxels.ids.map(|id| TaxelId(id.0 + 5_000));
+    assert_eq!(coarsen_patch(&patch, &CoarsenOptions::default()).unwrap(), made);
+}
+
 #[test]
 fn placeholder_ids_do_no_harm() {
     let mut patch = patch(cap(3_000));

@@ -88,7 +88,8 @@ pub(super) fn scaled_spacing(
 /// The vertices of one level in the order in which they may become centres: corners, then the
 /// boundary, then the inside; of each, taxels that read pressure before absent ones and thermal
 /// pads; of these, in the order of a hash of the taxel's id, so that neither the order in a file nor
-/// that of a vendor's numbering shows. Vertices of equal ids are ordered by number.
+/// that of a vendor's numbering shows; ids without gaps count from 1, so that other patches of a skin do not
+/// show either. Vertices of equal ids are ordered by number.
 ///
 /// `origins` says which of the taxels each vertex is. A seam counts as a boundary, its ends and
 /// branchings as corners.
@@ -99,6 +100,10 @@ pub(super) fn priorities(
     taxels: &Taxels,
     seam: Option<&IdVec<VertexId, SeamRole>>,
 ) -> Vec<VertexId> {
+    let ids = || taxels.ids.iter().map(|id| id.0);
+    let (least, most) = (ids().min().unwrap_or_default(), ids().max().unwrap_or_default());
+    let is_counted = (most - least) as usize + 1 == taxels.ids.len();
+    let before = if is_counted { least.saturating_sub(1) } else { 0 };
     let mut keyed: Vec<(u64, u64, VertexId)> = origins
         .par_iter()
         .enumerate()
@@ -113,7 +118,7 @@ pub(super) fn priorities(
                 true => 1,
                 false => 2,
             };
-            (class << 62 | is_silent << 61 | hash(u64::from(id.0)) >> 3, hash(u64::from(v.raw())), v)
+            (class << 62 | is_silent << 61 | hash(u64::from(id.0 - before)) >> 3, hash(u64::from(v.raw())), v)
         })
         .collect();
     keyed.par_sort_unstable();
