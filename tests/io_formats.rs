@@ -382,6 +382,44 @@ fn binary_stl_with_a_comment_that_says_solid_is_binary() {
     assert_eq!(read_bytes("stl", &bytes).unwrap().sheets[0].triangles.len(), 12);
 }
 
+/// Colours, texture coordinates, bytes after the triangles and unusual ends of lines and files stop nothing.
+#[test]
+fn what_is_not_read_stops_nothing() {
+    let facet =
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+    let text = format!("solid a\n{facet}endsolid a\n");
+    let mut binary = skin_to_bytes(Path::new("skin.stl"), &plain_skin()).unwrap();
+    binary[..5].copy_from_slice(b"solid");
+    binary.extend([7; 3]);
+    let deep = "<node>".repeat(300) + "<instance_geometry url='#g'/>" + &"</node>".repeat(300);
+    let dae = format!(
+        "<COLLADA><asset><unit meter='0,010'/></asset><library_geometries><geometry id='g'><mesh>\
+         <source id='s'><float_array>0 0 0 1 0 0 0 1 0</float_array></source>\
+         <vertices id='v'><input semantic='POSITION' source='#s'/></vertices>\
+         <triangles count='1'><input semantic='VERTEX' source='#v' offset='0'/><p>0 1 2</p></triangles>\
+         </mesh></geometry></library_geometries><library_visual_scenes><visual_scene>{deep}</visual_scene>\
+         </library_visual_scenes></COLLADA>"
+    );
+    let cases: [(&str, Vec<u8>, usize, usize); 9] = [
+        ("obj", b"v 0 0 0 nan 0 1\nv 1 0 0 0.1 0.2 0.3\nv 0 1 0 1 0 0\nf 1 2 3\n".into(), 1, 0),
+        ("obj", b"v 0 0 0 0.1 0.5 0.2 0.9\nv 1 0 0 1 1 1 1\nv 0 1 0\nf 1 2 3\n".into(), 1, 0),
+        ("obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/7 2/8 3/9\n".into(), 1, 0),
+        ("obj", b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r".into(), 1, 0),
+        ("stl", text.replace('\n', "\r").into(), 1, 0),
+        ("stl", format!("\u{feff}{text}").into(), 1, 0),
+        ("stl", format!("solid a\n{facet}").into(), 1, 1),
+        ("stl", binary, 12, 1),
+        ("dae", dae.into(), 1, 0),
+    ];
+    for (kind, bytes, triangles, remarks) in cases {
+        let draft = read_bytes(kind, &bytes).unwrap_or_else(|e| panic!("{kind}: {e}"));
+        let found: usize = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
+        assert_eq!((found, draft.remarks.len()), (triangles, remarks), "{}", String::from_utf8_lossy(&bytes));
+    }
+    let short = read_text("stl", "solid a\nfacet normal 0 0 1\nouter loop\n").unwrap_err().to_string();
+    assert!(short.contains("found the end"), "{short}");
+}
+
 /// Faces may have properties that vertices have, too, and lists that nothing here needs.
 #[test]
 fn properties_of_ply_faces_are_passed_over() {

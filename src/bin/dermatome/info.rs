@@ -3,6 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use dermatome::Error;
+use dermatome::io::IoError;
 use dermatome::mesh::{Adjacency, mean_edge_length};
 use dermatome::robot::{Joint, Robot, Role};
 use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, Skin, link_names};
@@ -46,7 +47,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         Skin::default()
     } else {
         let options = args.read.options(&[&args.file]);
-        read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common)?
+        match read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common) {
+            Err(error) if robot.is_some() && is_absent(&error) => {
+                note!(common, "no skin is read: {error}");
+                Skin::default()
+            }
+            skin => skin?,
+        }
     };
     let links = link_names(&skin.links);
     let row = |patch: &Patch| row(&links[patch.link], patch);
@@ -76,6 +83,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether the mesh files of a robot are absent.
+fn is_absent(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref::<Error>(), Some(Error::Io(IoError::MeshFile { .. })))
 }
 
 /// The name of an animation, and its first and last time.

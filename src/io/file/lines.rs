@@ -72,7 +72,11 @@ pub(crate) fn finite(word: &str) -> Option<f64> {
 impl Source {
     pub(crate) fn lines(&self) -> Result<impl Iterator<Item = (LineLocation<'_>, &str)>, IoError> {
         let at = |line| LineLocation { path: self.path(), line };
-        Ok(self.text()?.lines().zip(1..).map(move |(text, line)| (at(line), text)))
+        let text = self.text()?;
+        // Some old programs end lines with a carriage return alone.
+        let end = if text.contains('\n') { '\n' } else { '\r' };
+        let lines = text.split_terminator(end).map(|line| line.strip_suffix('\r').unwrap_or(line));
+        Ok(lines.zip(1..).map(move |(text, line)| (at(line), text)))
     }
 }
 

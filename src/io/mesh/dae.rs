@@ -11,7 +11,7 @@ use crate::io::file::{Source, excerpt, finite};
 use crate::skin::{Draft, Sheet};
 
 /// Nodes in nodes, and nodes that nodes use.
-const DEEPEST: usize = 64;
+const DEEPEST: usize = 1000;
 
 /// Most triangles, and most nodes, of a scene: nodes that use others multiply without end.
 const MOST_TRIANGLES: usize = 50_000_000;
@@ -55,12 +55,10 @@ fn metres(xml: &Xml<'_>) -> Result<f64> {
     let Some(unit) = child(xml.root(), "asset").and_then(|asset| child(asset, "unit")) else {
         return Ok(1.0);
     };
-    let metres = xml.number(unit, "meter")?.unwrap_or(1.0);
-    if metres > 0.0 {
-        Ok(metres)
-    } else {
-        Err(xml.invalid(unit, format!("meter {metres}"), "a length above 0"))
-    }
+    // Programs write the decimal comma of the language that they run in.
+    let text = unit.attribute("meter").unwrap_or("1");
+    let metres = finite(&text.trim().replacen(',', ".", 1)).filter(|&metres| metres > 0.0);
+    metres.ok_or_else(|| xml.invalid(unit, format!("meter={}", excerpt(text)), "a length above 0"))
 }
 
 struct Scene<'a, 'i> {

@@ -194,8 +194,11 @@ impl Reader {
     fn check_indices(&self, source: &Source) -> Result<()> {
         let counts = [self.positions.len(), self.texture_points, self.normals.len()];
         let words = ["v", "vt", "vn"];
-        for ((&(index, line), count), word) in self.largest.iter().zip(counts).zip(words) {
-            if index > count as u64 {
+        let is_read = [true, self.texture.is_some(), true];
+        for (((&(index, line), count), word), is_read) in
+            self.largest.iter().zip(counts).zip(words).zip(is_read)
+        {
+            if is_read && index > count as u64 {
                 let needed = format!("at most {count}, as many as the file has");
                 let element = format!("line {line}, corner of `f`");
                 return Err(source.invalid(element, format!("`{word}` number {index}"), needed));
@@ -268,22 +271,20 @@ impl Reader {
     }
 }
 
-/// Three coordinates. A position may be followed by a weight of 1, by a colour, or by both.
+/// Three coordinates. A position may be followed by a weight of 1, or by a colour of three or four numbers, with a
+/// weight before it or not, which is not read.
 fn vector(at: LineLocation<'_>, word: &str, rest: &str) -> Result<DVec3> {
-    let mut numbers = [0.0; 7];
-    let mut count = 0;
-    for token in rest.split_whitespace() {
-        let (Some(value), Some(slot)) = (finite(token), numbers.get_mut(count)) else {
-            let part = format!("number {} of `{word}`", count + 1);
-            return Err(at.invalid_part(part, excerpt(token), "a finite number, of seven at most"));
-        };
-        *slot = value;
-        count += 1;
-    }
+    let count = rest.split_whitespace().count();
     if !(count == 3 || (word == "v" && matches!(count, 4 | 6 | 7))) {
         return Err(at.invalid_part(format!("`{word}`"), format!("{count} numbers"), "3 numbers"));
     }
-    if matches!(count, 4 | 7) && numbers[3] != 1.0 {
+    let mut numbers = [1.0; 4];
+    let read = if count == 4 { 4 } else { 3 };
+    for (k, (slot, token)) in numbers.iter_mut().zip(rest.split_whitespace()).take(read).enumerate() {
+        let part = || format!("number {} of `{word}`", k + 1);
+        *slot = finite(token).ok_or_else(|| at.invalid_part(part(), excerpt(token), "a finite number"))?;
+    }
+    if numbers[3] != 1.0 {
         return Err(at.invalid_part("weight of `v`", numbers[3].to_string(), "1, or no weight at all"));
     }
     Ok(DVec3::new(numbers[0], numbers[1], numbers[2]))

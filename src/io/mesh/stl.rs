@@ -8,7 +8,7 @@ use crate::id::VertexId;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt, unfit, write_to};
 use crate::numeric::narrow;
-use crate::skin::{Draft, Patch, Sheet, Skin};
+use crate::skin::{Draft, Patch, Remark, RemarkKind, Sheet, Skin};
 
 /// Bytes before the triangles of a binary file: a comment and their number.
 const HEADER: usize = 84;
@@ -19,9 +19,20 @@ const FACET: usize = 50;
 ///
 /// The format shares no corners, so those at exactly the same place are one vertex. Facet normals
 /// are left out: the order of the corners says the same.
+///
+/// Bytes after the triangles of a binary file and a last solid without `endsolid` are noted.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
-    let sheets = if is_text(source.bytes()) { read_text(source)? } else { vec![read_binary(source)?] };
-    Ok(Draft { sheets, ..Draft::default() })
+    let mut remarks = Vec::new();
+    let sheets = if is_text(source.bytes()) {
+        read_text(source, &mut remarks)?
+    } else {
+        vec![read_binary(source, &mut remarks)?]
+    };
+    Ok(Draft { sheets, remarks, ..Draft::default() })
+}
+
+fn remark(patch: String, what: impl Into<String>) -> Remark {
+    Remark { patch, kind: RemarkKind::PassedOver { what: what.into() } }
 }
 
 /// Number of triangles in the header of a binary file, and the length of a file of as many.
@@ -30,23 +41,29 @@ fn declared(bytes: &[u8]) -> Option<(u32, u64)> {
     Some((count, HEADER as u64 + FACET as u64 * u64::from(count)))
 }
 
-/// Text starts with `solid`; so does the comment of many a binary file, whose length gives it away.
+/// Text starts with `solid`; so does the comment of many a binary file, whose length or zeros give it away.
 fn is_text(bytes: &[u8]) -> bool {
-    let solid = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    solid && declared(bytes).is_none_or(|(_, length)| length != bytes.len() as u64)
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let solid = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_binary = |(_, length)| length == bytes.len() as u64 || bytes[..HEADER].contains(&0);
+    solid && !declared(bytes).is_some_and(is_binary)
 }
 
-fn read_binary(source: &Source) -> Result<Sheet> {
+fn read_binary(source: &Source, remarks: &mut Vec<Remark>) -> Result<Sheet> {
     let bytes = source.bytes();
     let refuse = |found: String, needed: String| Err(source.invalid("header", found, needed));
     let Some((count, length)) = declared(bytes) else {
         let needed = format!("at least {HEADER}, or text that starts with `solid`");
         return refuse(format!("{} bytes", bytes.len()), needed);
     };
-    if length != bytes.len() as u64 {
+    let Some(rest) = (bytes.len() as u64).checked_sub(length) else {
         let found = format!("{count} triangles in {} bytes", bytes.len());
         return refuse(found, format!("{HEADER} bytes and {FACET} for each triangle"));
+    };
+    if rest > 0 {
+        remarks.push(remark(source.stem(), format!("{rest} bytes after its {count} triangles are not read")));
     }
+    let bytes = &bytes[..bytes.len() - usize::try_from(rest).unwrap_or(0)];
     let mut solid = Solid::new(source.stem());
     for (k, facet) in bytes[HEADER..].chunks_exact(FACET).enumerate() {
         // Its first three numbers are the normal, its last two bytes mean nothing.
@@ -63,7 +80,7 @@ fn read_binary(source: &Source) -> Result<Sheet> {
 }
 
 /// Reads the solids of a text: `solid`, facets of three vertices each, `endsolid`.
-fn read_text(source: &Source) -> Result<Vec<Sheet>> {
+fn read_text(source: &Source, remarks: &mut Vec<Remark>) -> Result<Vec<Sheet>> {
     let mut lines = source.lines()?.filter(|(_, line)| !line.trim().is_empty());
     let mut sheets = Vec::new();
     while let Some((at, line)) = lines.next() {
@@ -77,7 +94,12 @@ fn read_text(source: &Source) -> Result<Vec<Sheet>> {
             let element = || format!("solid {}, which starts on line {}, facet {k}", excerpt(&name), at.line);
             let refuse = |found: String| source.invalid(element(), found, "a triangle, or `endsolid`");
             let mut next = || lines.next().map(|(_, line)| line).ok_or_else(|| refuse("the end".into()));
-            let mut line = next()?;
+            let first = next();
+            if first.is_err() && k > 0 {
+                remarks.push(remark(name.clone(), "the file ends after a triangle, without `endsolid`"));
+                break;
+            }
+            let mut line = first?;
             if starts_with(line, "endsolid") {
                 break;
             }
