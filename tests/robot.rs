@@ -600,6 +600,40 @@ fn the_outside_is_meshed_anew() {
     refuses(folder.path(), "info r.urdf --spacing 0", &["above 0"]);
 }
 
+/// Small pieces of a link are left out with one note, and those of other files are not.
+#[test]
+fn crumbs_of_links_are_left_out() {
+    let ball = |x: f64, radius: f64| {
+        format!("<visual><origin xyz='{x} 0 0'/><geometry><sphere radius='{radius}'/></geometry></visual>")
+    };
+    let collision = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+    let shapes = [(0.0, 0.1), (0.5, 0.001), (0.7, 0.02)].map(|(x, radius)| ball(x, radius)).concat();
+    let folder = robot(&format!("<link name='a'>{shapes}{collision}</link>"));
+    for (words, names, note) in [
+        (
+            "",
+            &["a.1", "a.3"][..],
+            "left out, 1 of 3: `a.2`; --least-area 0 keeps them; --mesh collision has 1 shape",
+        ),
+        ("--least-area 0", &["a.1", "a.2", "a.3"], ""),
+        ("--least-area 10%", &["a.1"], "left out, 2 of 3: `a.2`, `a.3`;"),
+        ("--spacing 3cm", &["a.1"], "left out, 2 of 3: `a.2`, `a.3`;"),
+        ("--mesh collision", &["a"], ""),
+    ] {
+        let run = notes(folder.path(), &format!("info r.urdf --json {words}"), &[note]);
+        let patches = json(&run.get_output().stdout)["patches"].clone();
+        let found: Vec<&str> =
+            patches.as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
+        assert_eq!(found, names, "{words}");
+    }
+    notes(folder.path(), "build r.urdf -o o --patch a.2", &["a.2"]);
+    for words in ["--least-area 2", "--least-area -1%", "--least-area x"] {
+        refuses(folder.path(), &format!("info r.urdf {words}"), &["a share from 0 to 1"]);
+    }
+    fs::write(folder.path().join("t.csv"), "x,y,z\n0,0,0\n1,0,0\n0,1,0\n").unwrap();
+    refuses(folder.path(), "info t.csv --least-area 0", &["no robot description"]);
+}
+
 /// What the skin does not need stops nothing: it is left out with a note.
 #[test]
 fn what_the_skin_does_not_need_stops_nothing() {
@@ -619,7 +653,8 @@ fn what_the_skin_does_not_need_stops_nothing() {
     }
     let folder = robot(&two("<mesh filename='none.stl'/>", ""));
     notes(folder.path(), "info r.urdf --without b --quiet", &[]);
-    refuses(folder.path(), "info r.urdf --without a", &["none.stl", "--without"]);
+    refuses(folder.path(), "build r.urdf -o o --without a", &["none.stl", "--without"]);
+    notes(folder.path(), "info r.urdf --without a", &["no skin is read", "none.stl"]);
     refuses(folder.path(), "info r.urdf --without c", &["c in --without"]);
     let late = format!("<!-- made by -->\n<?xml version='1.0'?><robot name='r'>{}</robot>", link("a", BALL));
     fs::write(folder.path().join("late.urdf"), late.replace("by", "b\u{e9}")).unwrap();

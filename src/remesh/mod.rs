@@ -13,8 +13,10 @@
 //! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
 //!
 //! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing), `thin`
-//! (faces without height, see `faces`); `outer` finds which faces of a link can be touched.
+//! (faces without height, see `faces`); `outer` finds which faces of a link can be touched, `crumbs` which of its pieces
+//! are small.
 
+mod crumbs;
 mod faces;
 mod moves;
 mod outer;
@@ -34,6 +36,7 @@ use crate::remesh::rounds::{Freedom, Rounds};
 use crate::remesh::surface::Surface;
 use crate::skin::{Patch, Skin, TaxelId};
 
+pub use crumbs::drop_crumbs;
 pub use outer::keep_outer;
 
 /// Edges between faces that turn by more are sharp: the cosine of 40 degrees.

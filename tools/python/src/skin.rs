@@ -4,8 +4,8 @@ use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     Skin,
-    io::{IoError, ReadParts, draft_from_bytes, read_draft_with, skin_to_bytes, write_skin},
-    remesh::{keep_outer, remesh_skin},
+    io::{IoError, ReadParts, draft_from_bytes, is_robot, read_draft_with, skin_to_bytes, write_skin},
+    remesh::{drop_crumbs, keep_outer, remesh_skin},
     skin::{
         AssembleOptions, Draft, Link, Patch, Presence, Remark, Sheet, TaxelId, assemble, check as findings_of,
     },
@@ -99,6 +99,15 @@ impl PySkin {
         Ok(Self::new(assembled.skin, &assembled.remarks))
     }
 
+    /// The skin of a robot without the small pieces of its links.
+    fn without_crumbs(self, least_area: f64, spacing: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let spacings = spacing.map(|spacing| spacings(spacing, &self.skin)).transpose()?;
+        let (mut skin, mut remarks) = (Arc::unwrap_or_clone(self.skin), self.remarks);
+        let dropped = drop_crumbs(&mut skin, least_area, spacings.as_deref());
+        remarks.extend(dropped.iter().map(|name| format!("{name}: a small piece of its link, and left out")));
+        Ok(Self { skin: Arc::new(skin), remarks })
+    }
+
     /// The same surface, meshed anew with taxels this far apart.
     fn meshed_anew(self, py: Python<'_>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (spacings, skin, mut remarks) = (spacings(spacing, &self.skin)?, self.skin, self.remarks);
@@ -155,13 +164,16 @@ impl PySkin {
     /// spacing : float or dict of str to float, optional
     ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
     ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
+    /// least_area : float
+    ///     Leave out the pieces of a robot's link with less than this share of its area, or less than that of twelve
+    ///     taxels of `spacing`; the largest stays, and 0 keeps all.
     ///
     /// Returns
     /// -------
     /// Skin
     #[staticmethod]
     #[pyo3(signature = (path, *, unit=None, gap=2.5, weld="auto", repair=None, outside=None, fill_holes=None,
-        patches=None, keep_going=false, outer=false, spacing=None))]
+        patches=None, keep_going=false, outer=false, spacing=None, least_area=0.01))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn read(
         py: Python<'_>,
@@ -176,13 +188,17 @@ impl PySkin {
         keep_going: bool,
         outer: bool,
         spacing: Option<&Bound<'_, PyAny>>,
+        least_area: f64,
     ) -> PyResult<Self> {
         let paths: Vec<PathBuf> = path.extract().map(|path| vec![path]).or_else(|_| path.extract())?;
         let repair = repair.unwrap_or_else(|| paths.iter().any(|path| is_stl(path)));
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
+        let mut is_robot = patches.is_none() && matches!(&paths[..], [path] if is_robot(path));
         let mut draft = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
+        // Taxels of sensors are the skin itself.
+        is_robot &= draft.sheets.iter().all(|sheet| !sheet.triangles.is_empty());
         if outer && draft.sheets.is_empty() {
             return Err(bad("outer", "no face that is outside", "False"));
         }
@@ -195,7 +211,10 @@ impl PySkin {
         }
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
         draft.scale(metres);
-        let skin = Self::assembled(py, draft, options)?;
+        let mut skin = Self::assembled(py, draft, options)?;
+        if is_robot {
+            skin = skin.without_crumbs(least_area, spacing)?;
+        }
         match spacing {
             Some(spacing) => skin.meshed_anew(py, spacing),
             None => Ok(skin),

@@ -143,13 +143,21 @@ pub(crate) fn note_overlaps(patches: &[PatchReport], options: &FlattenOptions, c
     }
 }
 
-/// Prints which patches are cut open for their map.
+/// Prints which patches are cut open for their map; many in one line, unless all are asked for.
 pub(crate) fn note_seams(patches: &[PatchReport], common: &Common) {
-    for patch in patches {
-        let Some(finest) = patch.levels.first().filter(|finest| finest.seam > 0.0) else { continue };
-        let (name, seam) = (plain(&patch.name), finest.seam * 1e3);
-        note!(common, "{name}: the map is cut open along a seam of {seam:.0} mm");
+    let finest = |patch: &PatchReport| patch.levels.first().map_or(0.0, |finest| finest.seam * 1e3);
+    let cut: Vec<&PatchReport> = patches.iter().filter(|patch| finest(patch) > 0.0).collect();
+    if cut.len() <= MOST_ALIKE || common.verbose {
+        for patch in cut {
+            let (name, seam) = (plain(&patch.name), finest(patch));
+            note!(common, "{name}: the map is cut open along a seam of {seam:.0} mm");
+        }
+        return;
     }
+    let names: Vec<String> = cut.iter().map(|patch| patch.name.clone()).collect();
+    let seams: f64 = cut.iter().map(|patch| finest(patch)).sum();
+    let (count, names) = (cut.len(), first_names(&names));
+    note!(common, "{count} maps are cut open along seams of {seams:.0} mm in all: {names}; -v lists them");
 }
 
 /// Prints which maps do not keep the area ratio that was asked for.

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use dermatome::Error;
 use dermatome::io::{Packages, RobotSurface, is_robot, read_joint_values, read_robot, robot_draft};
-use dermatome::robot::{JointKind, Robot};
-use dermatome::skin::Draft;
+use dermatome::remesh::drop_crumbs;
+use dermatome::robot::{JointKind, Robot, Role};
+use dermatome::skin::{Draft, Skin};
 use glob::Pattern;
 
 use crate::console::errors::advise;
@@ -28,6 +29,10 @@ pub(crate) struct RobotArgs {
     /// than once
     #[arg(long, value_name = "NAME", value_parser = pattern)]
     without: Vec<Pattern>,
+    /// Leave out the pieces of a link with less than this share of its area, or less than that of twelve taxels of
+    /// --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1%]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    least_area: Option<f64>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
     /// normals along z; * and ? stand for any characters, may be given more than once. They are the skin then
     #[arg(long, value_name = "NAME", value_parser = pattern, conflicts_with = "surface")]
@@ -53,13 +58,14 @@ impl RobotArgs {
     /// Refuses options that a file of another kind has no use for.
     pub(super) fn refuse_unused(&self, path: &Path) -> anyhow::Result<()> {
         let patterns = [&self.links, &self.without, &self.taxels];
-        if self.surface.is_none() && patterns.iter().all(|p| p.is_empty()) && self.packages.is_empty() {
+        let is_given = self.surface.is_some() || self.least_area.is_some() || !self.packages.is_empty();
+        if !is_given && patterns.iter().all(|p| p.is_empty()) {
             return Ok(());
         }
         let what = format!("{} is no robot description", path.display());
         Err(advise(
             what,
-            "leave out --mesh, --links, --without, --taxels and --package, or give a .urdf or an .xml of MuJoCo",
+            "leave out --mesh, --links, --without, --least-area, --taxels and --package, or give a .urdf or an .xml of MuJoCo",
         ))
     }
 
@@ -108,6 +114,56 @@ impl RobotArgs {
         let surface = self.surface.unwrap_or_default();
         Ok(robot_draft(path, &robot, surface, &packages).map_err(Error::from)?)
     }
+}
+
+/// The least share of a link's area that a piece of it has, unless another is given.
+const LEAST_AREA: f64 = 0.01;
+
+impl RobotArgs {
+    /// Leaves out the small pieces of the links of a robot; prints which, and whether its collision shapes are fewer.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub(crate) fn drop_crumbs(
+        &self,
+        path: &Path,
+        skin: &mut Skin,
+        spacings: Option<&[f64]>,
+        common: &Common,
+    ) -> anyhow::Result<()> {
+        let robot = self.read(path)?;
+        let surface = self.surface.unwrap_or_default();
+        // Taxels of sensors are the skin itself.
+        let are_taxels = surface == RobotSurface::Auto && !robot.sensors.is_empty();
+        if are_taxels || surface == RobotSurface::Sensors {
+            return Ok(());
+        }
+        let pieces = skin.patches.len();
+        let names = drop_crumbs(skin, self.least_area.unwrap_or(LEAST_AREA), spacings);
+        if names.is_empty() {
+            return Ok(());
+        }
+        let shapes = robot.shapes.iter().filter(|shape| shape.role == Role::Collision).count();
+        let fewer = if surface != RobotSurface::Collision && (1..pieces).contains(&shapes) {
+            format!("; --mesh collision has {shapes} shapes")
+        } else {
+            String::new()
+        };
+        note!(
+            common,
+            "small pieces of links are left out, {} of {pieces}: {}; --least-area 0 keeps them{fewer}",
+            names.len(),
+            first_names(&names)
+        );
+        Ok(())
+    }
+}
+
+/// A parser of a share: a number from 0 to 1, or from 0% to 100%.
+fn share(text: &str) -> Result<f64, String> {
+    let (digits, whole) = text.strip_suffix('%').map_or((text, 1.0), |digits| (digits, 100.0));
+    let share = digits.trim().parse::<f64>().ok().map(|x| x / whole).filter(|x| (0.0..=1.0).contains(x));
+    share.ok_or_else(|| "needed: a share from 0 to 1, or from 0% to 100%".into())
 }
 
 /// The values of the joints of a robot.

@@ -70,6 +70,7 @@ class Skin:
         keep_going: bool = False,
         outer: bool = False,
         spacing: float | Mapping[str, float] | None = None,
+        least_area: float = 0.01,
     ) -> Skin: ...
     @staticmethod
     def from_bytes(data: bytes, kind: str = "glb") -> Skin: ...
