@@ -164,7 +164,12 @@ fn faces_are_chosen() {
     assert_eq!(size("--material rubber*"), (4, 2));
     assert_eq!(size("--material shell --box 3,2,1,1,-1,-1"), (4, 2), "the last square");
     assert_eq!(size("--box 0,0,0,1.5,1,0"), (5, 3), "centres in the box");
+    assert_eq!(size("--facing z,0deg"), (8, 6), "all faces");
     for (words, said) in [
+        ("--facing -z,179", "no face is left"),
+        ("--facing z,200", "degrees from 0 to 180"),
+        ("--facing up", "x, -x, y"),
+        ("--box hand:0,0,0,1,1,1", "no link of the name hand"),
         ("--material wood", "shell, rubber skin"),
         ("--box 0,0,0,1,1", "six numbers"),
         ("--box 5,5,5,6,6,6", "no face is left"),

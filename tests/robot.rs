@@ -381,13 +381,13 @@ fn bad_descriptions_are_refused_with_their_line() {
     for (elements, said) in cases {
         let folder = robot(elements);
         fs::write(folder.path().join("r.mesh"), "x").unwrap();
-        refuses(folder.path(), "info r.urdf", said);
+        refuses(folder.path(), "build r.urdf -o out", said);
     }
     let folder = tempfile::tempdir().unwrap();
     let bomb = "<!DOCTYPE r [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><robot name='&b;'/>";
     for (text, said) in [(bomb, "DTD"), ("<sdf/>", "<robot>"), ("", "bytes"), ("\u{1}", "line 1")] {
         fs::write(folder.path().join("r.urdf"), text).unwrap();
-        refuses(folder.path(), "info r.urdf", &[said]);
+        refuses(folder.path(), "build r.urdf -o out", &[said]);
     }
 }
 
@@ -406,11 +406,11 @@ fn packages_are_found() {
     dermatome(here, "info hand/urdf/r.urdf").assert().success();
     dermatome(here.join("hand/urdf"), "info r.urdf").assert().success();
     write_robot(here, &link("a", "<mesh filename='package://arm/m.stl'/>"));
-    refuses(here, "info r.urdf", &["--package arm=DIR"]);
+    refuses(here, "build r.urdf -o out", &["--package arm=DIR"]);
     dermatome(here, "info r.urdf --package arm=other/share/arm").assert().success();
     dermatome(here, "info r.urdf").env("ROS_PACKAGE_PATH", here.join("other/share")).assert().success();
     dermatome(here, "info r.urdf").env("AMENT_PREFIX_PATH", here.join("other")).assert().success();
-    refuses(here, "info r.urdf --package arm=elsewhere", &["looked for in: elsewhere"]);
+    refuses(here, "build r.urdf -o out --package arm=elsewhere", &["looked for in: elsewhere"]);
     refuses(here, "info r.urdf --package arm", &["NAME=DIR"]);
     refuses(here, "info r.urdf --package arm=nowhere", &["is no folder"]);
     fs::copy(here.join("hand/meshes/m.stl"), here.join("m.stl")).unwrap();
@@ -632,6 +632,27 @@ fn crumbs_of_links_are_left_out() {
     }
     fs::write(folder.path().join("t.csv"), "x,y,z\n0,0,0\n1,0,0\n0,1,0\n").unwrap();
     refuses(folder.path(), "info t.csv --least-area 0", &["no robot description"]);
+}
+
+/// A box and a direction choose faces, in the world or in the frame of a link.
+#[test]
+fn faces_are_chosen_in_the_frame_of_a_link() {
+    let turned = "<origin xyz='1 0 0' rpy='0 1.5707963267948966 0'/>";
+    let folder = robot(&(link("a", BALL) + &link("b", BALL) + &joint("a", "b", "fixed", turned)));
+    let faces = |words: &str| {
+        dermatome(folder.path(), &format!("convert r.urdf o.off {words}")).assert().success();
+        read_draft(&folder.path().join("o.off")).unwrap().sheets.remove(0)
+    };
+    let all = faces("").triangles.len();
+    for (words, same) in [
+        ("--facing x,40", "--facing b:z,40deg"),
+        ("--facing 1,0,0", "--facing b:0,0,1,60"),
+        ("--box 1,-1,-1,2,1,1", "--box b:-1,-1,0,1,1,1"),
+    ] {
+        let found = faces(words);
+        assert_eq!(found, faces(same), "{words}");
+        assert!(!found.triangles.is_empty() && 3 * found.triangles.len() < all, "{words}");
+    }
 }
 
 /// What the skin does not need stops nothing: it is left out with a note.

@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
+use dermatome::id::IdVec;
 use dermatome::io::read_faces;
-use dermatome::skin::{Draft, world_pose};
+use dermatome::skin::{Draft, LinkId, Sheet, world_pose};
 use glam::{DAffine3, DVec3};
 use glob::Pattern;
 
 use crate::console::errors::advise;
+use crate::console::print::plain;
+use crate::options::values::direction;
 
 /// Which patches of a file to take.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -27,9 +30,48 @@ pub(crate) struct PatchArgs {
     #[arg(long = "material", value_name = "NAME", value_parser = pattern)]
     materials: Vec<Pattern>,
     /// Take the faces, or bare taxels, whose centre lies in this box only: two corners in m, in the
-    /// world
-    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = corners, allow_hyphen_values = true)]
-    bounds: Option<[DVec3; 2]>,
+    /// world, or, as hand:X,..., in the frame of a link
+    #[arg(long = "box", value_name = "[LINK:]X,Y,Z,X,Y,Z", value_parser = corners, allow_hyphen_values = true)]
+    bounds: Option<InFrame<[DVec3; 2]>>,
+    /// Take the faces, or bare taxels with a normal, that face this direction within so many degrees only, as
+    /// x,45deg: x, -x, y, -y, z, -z, or three numbers, in the world or the frame of a link [degrees: 60]
+    #[arg(long, value_name = "[LINK:]DIR[,DEG]", value_parser = facing, allow_hyphen_values = true)]
+    facing: Option<InFrame<Facing>>,
+}
+
+/// A value in the frame of a link, or of the world.
+#[derive(Debug, Clone)]
+struct InFrame<T> {
+    link: Option<String>,
+    value: T,
+}
+
+/// A direction, and the largest angle from it, in rad.
+#[derive(Debug, Clone, Copy)]
+struct Facing {
+    direction: DVec3,
+    angle: f64,
+}
+
+impl<T> InFrame<T> {
+    fn parse(text: &str, value: impl Fn(&str) -> Result<T, String>) -> Result<Self, String> {
+        let (link, rest) =
+            text.rsplit_once(':').map_or((None, text), |(link, rest)| (Some(link.into()), rest));
+        Ok(Self { link, value: value(rest)? })
+    }
+
+    /// The poses of the links of a draft in this frame.
+    fn poses(&self, draft: &Draft) -> anyhow::Result<IdVec<LinkId, DAffine3>> {
+        let world: IdVec<LinkId, DAffine3> =
+            draft.links.ids().map(|link| world_pose(&draft.links, link)).collect();
+        let Some(name) = &self.link else { return Ok(world) };
+        let own = draft.links.ids().find(|&link| draft.links[link].name == *name).ok_or_else(|| {
+            let what = format!("there is no link of the name {} for --box or --facing", plain(name));
+            advise(what, "`dermatome info` lists the links")
+        })?;
+        let from_world = world[own].inverse();
+        Ok(world.iter().map(|pose| from_world * *pose).collect())
+    }
 }
 
 impl PatchArgs {
@@ -78,31 +120,68 @@ impl PatchArgs {
                 material.is_some_and(|&m| chosen.get(m as usize).copied().unwrap_or(false))
             });
         }
-        if let Some([low, high]) = self.bounds {
-            let links = draft.links.clone();
+        if let Some(bounds) = &self.bounds {
+            let (poses, [low, high]) = (bounds.poses(draft)?, bounds.value);
             draft.retain(|sheet, k| {
-                let pose = sheet.link.filter(|link| link.index() < links.len());
-                let pose = pose.map_or(DAffine3::IDENTITY, |link| world_pose(&links, link));
-                let at = |v: u32| sheet.positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
-                let centre = match sheet.triangles.get(k) {
-                    Some(&[a, b, c]) => (at(a) + at(b) + at(c)) / 3.0,
-                    None => sheet.positions[k],
-                };
-                let centre = pose.transform_point3(centre);
+                let corners = corners_of(sheet, k);
+                let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
+                let centre = pose_of(sheet, &poses).transform_point3(centre);
                 centre.cmpge(low).all() && centre.cmple(high).all()
             });
         }
+        if let Some(facing) = &self.facing {
+            let (poses, Facing { direction, angle }) = (facing.poses(draft)?, facing.value);
+            draft.retain(|sheet, k| {
+                let normal = match *corners_of(sheet, k) {
+                    [a, b, c] => (b - a).cross(c - a),
+                    _ => sheet.normals.as_ref().map_or(DVec3::ZERO, |normals| normals[k]),
+                };
+                let normal = pose_of(sheet, &poses).transform_vector3(normal);
+                normal != DVec3::ZERO && normal.angle_between(direction) <= angle
+            });
+        }
         draft.sheets.retain(|sheet| !sheet.positions.is_empty());
-        if draft.sheets.is_empty()
-            && (self.faces.is_some() || self.wants_materials() || self.bounds.is_some())
-        {
-            return refuse("no face is left".into(), "choose more with --faces, --material or --box");
+        let is_chosen = self.faces.is_some() || self.bounds.is_some() || self.facing.is_some();
+        if draft.sheets.is_empty() && (is_chosen || self.wants_materials()) {
+            return refuse(
+                "no face is left".into(),
+                "choose more with --faces, --material, --box or --facing",
+            );
         }
         Ok(())
     }
 }
+
+/// The corners of a triangle of a sheet, or the position of a bare taxel.
+fn corners_of(sheet: &Sheet, k: usize) -> Vec<DVec3> {
+    let at = |v: u32| sheet.positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
+    sheet.triangles.get(k).map_or_else(|| vec![sheet.positions[k]], |t| t.map(at).to_vec())
+}
+
+fn pose_of(sheet: &Sheet, poses: &IdVec<LinkId, DAffine3>) -> DAffine3 {
+    sheet.link.and_then(|link| poses.get(link)).copied().unwrap_or_default()
+}
+
+/// A direction and degrees, in a frame.
+fn facing(text: &str) -> Result<InFrame<Facing>, String> {
+    InFrame::parse(text, |text| {
+        let degrees = |text: &str| text.trim().trim_end_matches("deg").parse::<f64>().ok();
+        let both =
+            text.rsplit_once(',').and_then(|(way, angle)| Some((direction(way).ok()?, degrees(angle)?)));
+        let (direction, degrees) = both.map_or_else(|| Ok::<_, String>((direction(text)?, 60.0)), Ok)?;
+        if !(0.0..=180.0).contains(&degrees) {
+            return Err("needed: degrees from 0 to 180, as in x,45deg".into());
+        }
+        Ok(Facing { direction, angle: degrees.to_radians() })
+    })
+}
+
 /// Two corners of a box, in any order: the lower and the upper one.
-fn corners(text: &str) -> Result<[DVec3; 2], String> {
+fn corners(text: &str) -> Result<InFrame<[DVec3; 2]>, String> {
+    InFrame::parse(text, box_corners)
+}
+
+fn box_corners(text: &str) -> Result<[DVec3; 2], String> {
     let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
     match *numbers {
         [a, b, c, d, e, f] if numbers.iter().all(|x| x.is_finite()) && text.matches(',').count() == 5 => {

@@ -31,7 +31,7 @@ pub(crate) struct RobotArgs {
     without: Vec<Pattern>,
     /// Leave out the pieces of a link with less than this share of its area, or less than that of twelve taxels of
     /// --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1%]
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true)]
     least_area: Option<f64>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
     /// normals along z; * and ? stand for any characters, may be given more than once. They are the skin then
