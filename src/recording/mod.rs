@@ -64,7 +64,7 @@ pub struct Step<'r> {
 /// use dermatome::recording::{Carried, Recording, RecordingOptions};
 ///
 /// let map = Arc::new(SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3));
-/// let text = "time,1[N],3[N]\n0.0,0.5,\n0.1,0.75,0.25\n";
+/// let text = "time,1.force[N],3.force[N]\n0.0,0.5,\n0.1,0.75,0.25\n";
 /// let readings = ReadingsReader::stream(Path::new("-"), text.as_bytes())?;
 /// let mut recording = Recording::open(&map, readings, &RecordingOptions::default())?;
 /// recording.carry(Carried::Values, None);
