@@ -261,9 +261,9 @@ def check_shown(patches, level, channels, image, mask, values, options):
     weights = np.column_stack([1 - bary[rows, columns].sum(1), bary[rows, columns]])
     seen = np.zeros(len(rows), bool)
     for patch, levels in patches.items():
-        if level >= len(levels):
-            continue
-        shown = levels[level]
+        # A patch without the level shows its coarsest.
+        own = min(level, len(levels) - 1)
+        shown = levels[own]
         of_patch = np.flatnonzero(face[rows, columns] < len(shown.triangles))
         corners = shown.triangles[face[rows, columns][of_patch]]
         there = (shown.positions[corners] * weights[of_patch][:, :, None]).sum(1)
@@ -276,7 +276,7 @@ def check_shown(patches, level, channels, image, mask, values, options):
             return f"{patch}: normals are not of length 1"
         pixel = options.pixel ** 2
         for c, of_channel in enumerate(values[patch]):
-            drawn = draw(of_channel[level], corners, weights[of_patch], pixel, options.extensive)
+            drawn = draw(of_channel[own], corners, weights[of_patch], pixel, options.extensive)
             if not close(image[c][at][None].astype(float), drawn[options.frame][None], np.nanmax(np.abs(drawn), initial=0)):
                 return f"{patch}: pixels differ from the values of the map"
         seen[of_patch] = True
