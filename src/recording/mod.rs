@@ -5,7 +5,7 @@
 //!
 //! 1. `join`: columns become taxels ([`Join`](crate::signal::Join)); a missing reading is NaN from here on.
 //! 2. `stages`, which see every frame: baseline, gain, bounds and filters ([`Conditioner`](crate::signal::Conditioner)).
-//!    What estimates zeros, faults or responses is a [`Stage`](crate::signal::Stage) here.
+//!    What estimates zeros, faults or responses is a [`Stage`] here.
 //! 3. `frames`: from here on there are only the frames asked for. None of what follows depends on those left out.
 //! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);

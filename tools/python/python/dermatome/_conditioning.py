@@ -85,8 +85,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     if clip is not None and len(clip) != 2:
         raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
     about = (None, times, list(of_map.channels), list(of_map.units))
-    given: dict[str, Any] = {"baseline": baseline, "gains": gains, "clip": clip, "split_hz": split, "fill": options.fill}
-    arrays = condition_readings(map, values, *about, **given)
+    how: dict[str, Any] = {"baseline": baseline, "gains": gains, "clip": clip, "split_hz": split, "fill": options.fill}
+    arrays = condition_readings(map, values, *about, **how)
     made, names, is_filled = arrays["values"], arrays["channels"], options.fill != "none"
     missing = unknown(of_map.values)
     unfilled = np.where(arrays["measured"], made, np.nan) if is_filled else made
