@@ -48,10 +48,9 @@ columns! {
         link: Option<LinkId>,
         /// Corner indices into `positions`.
         triangles: Vec<[u32; 3]>,
-        /// Texture coordinates of the corners of each triangle, if the reader was told to read them.
+        /// Texture coordinates of the corners of each triangle, if they were asked for.
         texture: Option<Vec<[DVec2; 3]>>,
-        /// The material of each triangle, if the reader was told to read it; [`u32::MAX`] where there is
-        /// none.
+        /// The material of each triangle, if it was asked for; [`u32::MAX`] where there is none.
         materials: Option<Vec<u32>>,
     }
     /// Positions in the link's frame, in m.

@@ -33,8 +33,8 @@ pub(crate) struct PatchArgs {
     /// world, or, as hand:X,..., in the frame of a link
     #[arg(long = "box", value_name = "[LINK:]X,Y,Z,X,Y,Z", value_parser = corners, allow_hyphen_values = true)]
     bounds: Option<InFrame<[DVec3; 2]>>,
-    /// Take the faces, or bare taxels with a normal, that face this direction within so many degrees only, as
-    /// x,45deg: x, -x, y, -y, z, -z, or three numbers, in the world or the frame of a link [degrees: 60]
+    /// Take only the faces, or bare taxels, whose normal is within some degrees of a direction (x, -x, y, -y, z, -z
+    /// or three numbers), in the world or in the frame of a link; for example x,45deg [degrees: 60]
     #[arg(long, value_name = "[LINK:]DIR[,DEG]", value_parser = facing, allow_hyphen_values = true)]
     facing: Option<InFrame<Facing>>,
 }
