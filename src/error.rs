@@ -6,6 +6,8 @@
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum Error {
     #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
+    #[error(transparent)]
     Mesh(#[from] crate::mesh::MeshError),
     #[error(transparent)]
     Skin(#[from] crate::skin::SkinError),
@@ -59,6 +61,7 @@ macro_rules! kinds {
             pub fn kind(&self) -> &'static str {
                 match self {
                     $($(#[$gate])? Self::$variant(error) => error.kind(),)*
+                    Self::Cancelled(_) => "cancelled",
                     Self::Unfold(_) => "unfold",
                     Self::Patch { source, .. } => source.kind(),
                     Self::Several(errors) => errors.first().map_or("several", Self::kind),

@@ -28,7 +28,8 @@
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 pub mod id;
-pub mod parallel;
+mod parallel;
+pub mod run;
 mod numeric;
 pub mod mesh;
 pub mod skin;

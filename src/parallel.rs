@@ -3,15 +3,10 @@
 //! The iterators of rayon are compiled anew for each closure that they call, thousands of lines of
 //! machine code a site. The maps here share one parallel loop, which calls a closure once for each
 //! chunk of the items. Results are in the order of the items whatever the number of threads.
-//!
-//! Long work can be given up ([`stop_on`]): it looks for that before each chunk, and in the iterations of solvers.
 
-use std::cell::OnceCell;
 use std::iter::Sum;
 use std::ops::Range;
-use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -26,32 +21,9 @@ const PART: usize = 2048;
 /// Items that [`par_each`] holds in memory together.
 const BLOCK: usize = 1 << 16;
 
-thread_local! {
-    static STOP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
-}
-
-/// Lets whatever this thread computes be given up: soon after `flag` is set, it unwinds, as a panic without a message
-/// does. A thread keeps its first flag. Work that runs on a pool of threads needs the flag on all of them, so
-/// `stop_on` belongs into `rayon::ThreadPoolBuilder::start_handler`, and the pool to work that is given up together.
-pub fn stop_on(flag: Arc<AtomicBool>) {
-    STOP.with(|stop| {
-        let _ = stop.set(flag);
-    });
-}
-
-/// Unwinds if what this thread computes was given up.
-pub fn checkpoint() {
-    if STOP.with(|stop| stop.get().is_some_and(|flag| flag.load(Ordering::Relaxed))) {
-        resume_unwind(Box::new("given up"));
-    }
-}
-
 /// Calls `task` with the number and the range of each of the chunks of `0..count`.
 fn for_each_chunk(count: usize, chunks: usize, task: &(dyn Fn(usize, Range<usize>) + Sync)) {
-    (0..chunks).into_par_iter().for_each(|k| {
-        checkpoint();
-        task(k, chunk(count, chunks, k));
-    });
+    (0..chunks).into_par_iter().for_each(|k| task(k, chunk(count, chunks, k)));
 }
 
 /// The range of chunk `k` of `chunks` of `0..count`.
@@ -107,7 +79,6 @@ fn fill_rows<U: Send + Clone + Default>(starts: &[u32], fill: &(dyn Fn(usize, &m
         rest = behind;
     }
     tasks.into_par_iter().for_each(|(range, mut part)| {
-        checkpoint();
         for row in range {
             let (items, behind) = part.split_at_mut((starts[row + 1] - starts[row]) as usize);
             fill(row, items);
@@ -166,22 +137,5 @@ mod tests {
         let twice = par_collect(100, |range, out| range.for_each(|k| out.extend([k, k])));
         assert_eq!(twice.len(), 200);
         assert!(twice.is_sorted());
-    }
-
-    #[test]
-    fn work_is_given_up_on_all_threads_of_a_pool() {
-        let flag = Arc::new(AtomicBool::new(false));
-        let of_threads = Arc::clone(&flag);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
-        let pool = pool.start_handler(move |_| stop_on(Arc::clone(&of_threads))).build().unwrap();
-        let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            pool.install(|| {
-                for _ in 0..1000 {
-                    par_map(&[1, 2, 3], |k| k + 1);
-                    flag.store(true, Ordering::Relaxed);
-                }
-            });
-        }));
-        assert_eq!(stopped.unwrap_err().downcast_ref(), Some(&"given up"));
     }
 }

@@ -2,6 +2,7 @@
 
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
 use dermatome::remesh::{RemeshError, keep_outer, remesh, remesh_skin};
+use dermatome::run::Run;
 use dermatome::skin::{Draft, Sheet, Skin};
 use glam::DVec3;
 
@@ -151,7 +152,7 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
         let mesh = shapes::ball(10, radius);
         skin.patches.push(dermatome::skin::Patch::from_mesh(name, ball.link, mesh));
     }
-    let made = remesh_skin(&skin, &[0.01; 3]).unwrap();
+    let made = remesh_skin(&skin, &[0.01; 3], Run::default()).unwrap();
     made.skin.validate().unwrap();
     assert_eq!(made.left_out, ["crumb"]);
     let ids: Vec<u32> = made.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();

@@ -11,6 +11,8 @@ use crate::sparse::SparseError;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum CalibError {
+    #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
     #[error("there are {taxels} taxels and {observations} observations; at least one of each is needed")]
     Empty { taxels: usize, observations: usize },
     #[error("taxel {id} is declared twice")]

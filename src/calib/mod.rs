@@ -75,6 +75,7 @@ pub(in crate::calib) use solve::levenberg_marquardt::{Iterate, LinearSystem, Sol
 pub(in crate::calib) use solve::loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting};
 pub(in crate::calib) use solve::normal_equations::{BlockLayout, Problem};
 
+use crate::run::Run;
 use robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit};
 use solve::{initial::initial_poses, marginals::marginals};
 
@@ -100,12 +101,24 @@ use solve::{initial::initial_poses, marginals::marginals};
 /// Observations that break a promise ([`Observations::validate`]) or do not determine the pose of a
 /// taxel. A solve that does not converge is not an error: see [`Calibration::termination`].
 pub fn calibrate(observations: &Observations, options: &CalibOptions) -> Result<Calibration, CalibError> {
+    calibrate_with(observations, options, Run::default())
+}
+
+/// As [`calibrate`], in a [`Run`].
+///
+/// # Errors
+/// As [`calibrate`], and if it is cancelled.
+pub fn calibrate_with(
+    observations: &Observations,
+    options: &CalibOptions,
+    run: Run<'_>,
+) -> Result<Calibration, CalibError> {
     observations.validate()?;
     options.validate()?;
     let clock = Instant::now();
     let start = initial_poses(observations, options.initialization)?;
     let problem = Problem::new(observations, options.residual)?;
-    let mut solver = Solver { problem: &problem, options, iterations: Vec::new() };
+    let mut solver = Solver { problem: &problem, options, run, iterations: Vec::new() };
     let solution = estimate(&mut solver, start)?;
     let fit = goodness_of_fit(&solver, &solution);
     let iterations = solver.iterations;

@@ -9,7 +9,6 @@ use crate::calib::{CalibError, Pose};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::numeric::Random;
-use crate::parallel::checkpoint;
 
 /// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points
 /// are equally far.
@@ -84,7 +83,6 @@ impl SensorLayout {
         let mut chosen = Vec::with_capacity(count);
         let mut next = self.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
         while let Some(v) = next.filter(|_| chosen.len() < count) {
-            checkpoint();
             chosen.push(v);
             let here = self.frames[v].position;
             for (d, frame) in distances.iter_mut().zip(&self.frames) {

@@ -10,6 +10,9 @@ use crate::skin::{LinkId, PatchId};
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum ContactError {
+    /// It was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
     /// The map breaks a rule.
     #[error(transparent)]
     Map(#[from] MapError),

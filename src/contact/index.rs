@@ -18,8 +18,9 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::mesh::{Closest, Feature, SurfacePoint, TriMesh, pseudo_normal};
 use crate::numeric::along_curve;
-use crate::parallel::{checkpoint, par_map};
+use crate::parallel::par_map;
 use crate::pyramid::LevelId;
+use crate::run::Run;
 use crate::skin::{LinkId, Motion, PatchId, Presence};
 
 /// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
@@ -156,6 +157,14 @@ impl ContactIndex {
     /// # Errors
     /// The first query that cannot be answered.
     pub fn locate_all(&self, queries: &[Query]) -> Result<Hits, ContactError> {
+        self.locate_all_with(queries, Run::default())
+    }
+
+    /// As [`Self::locate_all`], in a [`Run`].
+    ///
+    /// # Errors
+    /// As [`Self::locate_all`], and if it is cancelled.
+    pub fn locate_all_with(&self, queries: &[Query], run: Run<'_>) -> Result<Hits, ContactError> {
         /// Queries that share a curve: enough for it to pay, and so few that their buffers are used again.
         const BATCH: usize = 1 << 17;
         let checked = queries.par_iter().enumerate().with_min_len(RUN);
@@ -165,7 +174,7 @@ impl ContactIndex {
         }
         let (mut hits, mut sorted) = (Hits::with_capacity(queries.len()), Vec::new());
         for batch in queries.chunks(BATCH) {
-            checkpoint();
+            run.check()?;
             let points: Vec<DVec3> =
                 batch.par_iter().with_min_len(RUN).map(|query| self.links.in_world(query)).collect();
             let order = along_curve(&points);

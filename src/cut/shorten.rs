@@ -6,7 +6,6 @@ use crate::cut::seam_graph::{EdgeId, Paths, SeamEdges, SeamGraph};
 use crate::id::VertexId;
 use crate::mesh::boundary_loops;
 use crate::numeric::{DisjointSets, order_by};
-use crate::parallel::checkpoint;
 
 /// A seam of more chains stays as it is: each takes a search of the surface, and a plate of 400 handles has
 /// 1200.
@@ -35,7 +34,6 @@ pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSe
         let weight = |chain: &Chain| chain.edges.iter().map(|&e| graph.weights[e]).sum::<u64>();
         let weights: Vec<u64> = all.iter().map(weight).collect();
         for k in order_by(all.len(), &|a, b| weights[b].cmp(&weights[a])) {
-            checkpoint();
             let chain = &all[k];
             let mut other = seam.clone();
             chain.edges.iter().for_each(|e| {

@@ -3,6 +3,7 @@
 use crate::id::{FaceId, VertexId};
 use crate::mesh::MeshError;
 use crate::pyramid::PyramidError;
+use crate::run::Cancelled;
 use crate::skin::{TaxelError, TaxelId};
 use crate::sparse::SparseError;
 
@@ -14,9 +15,12 @@ pub enum FlattenError {
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// It was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The mesh has no pyramid.
     #[error(transparent)]
-    Pyramid(#[from] PyramidError),
+    Pyramid(PyramidError),
     /// Closed, in several pieces, or with handles.
     #[error(
         "Euler characteristic {euler} with {loops} boundary loops in {components} components; a disk with holes is \
@@ -140,4 +144,13 @@ pub enum FlattenError {
         /// Why.
         source: SparseError,
     },
+}
+
+impl From<PyramidError> for FlattenError {
+    fn from(error: PyramidError) -> Self {
+        match error {
+            PyramidError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            error => Self::Pyramid(error),
+        }
+    }
 }

@@ -96,7 +96,8 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{SymmetricDirichlet, TriMesh};
-use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen};
+use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen_with};
+use crate::run::Run;
 use crate::skin::Taxels;
 
 pub(crate) use crossings::crossing_vertices;
@@ -163,11 +164,24 @@ pub fn flatten(
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<Flattening, FlattenError> {
+    flatten_with(mesh, taxels, options, Run::default())
+}
+
+/// As [`flatten`], in a [`Run`].
+///
+/// # Errors
+/// As [`flatten`], and if it is cancelled.
+pub fn flatten_with(
+    mesh: &TriMesh,
+    taxels: Option<&Taxels>,
+    options: &FlattenOptions,
+    run: Run<'_>,
+) -> Result<Flattening, FlattenError> {
     options.validate()?;
     if options.starts_coarse() && mesh.positions.len() > AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
-        let maps = flatten_pyramid(&pyramid_of(mesh)?, taxels, options)?;
+        let maps = flatten_pyramid_with(&pyramid_of(mesh, run)?, taxels, options, run)?;
         return maps.into_iter().next().ok_or(FlattenError::Size { area: mesh.area() });
     }
     let magnification = Magnification::new(options.method, taxels, &mesh.vertex_areas())?;
@@ -176,7 +190,7 @@ pub fn flatten(
     if let Some(places) = &prescribed {
         domain = domain.prescribed(places.iter().copied());
     }
-    let Relaxed { uv, convergence, .. } = best_map(&domain, None, options)?;
+    let Relaxed { uv, convergence, .. } = best_map(&domain, None, options, run)?;
     let found = domain.to_metres(&uv);
     let placed = prescribed.is_none().then(|| {
         let weights = magnification.face_weights(mesh);
@@ -213,11 +227,11 @@ const ROUGH: NewtonLimits = NewtonLimits { rest: 1e-4, steps: 60, gain: 3e-3, mo
 ///
 /// # Errors
 /// As [`flatten`].
-pub(crate) fn flatten_roughly(mesh: &TriMesh, most: f64) -> Result<Uv, FlattenError> {
+pub(crate) fn flatten_roughly(mesh: &TriMesh, most: f64, run: Run<'_>) -> Result<Uv, FlattenError> {
     let domain = FlattenDomain::new(mesh)?;
     let goal = Goal { energy: Energy::SymmetricDirichlet, overlap: Overlap::Allow };
     let limits = NewtonLimits { most: SymmetricDirichlet::ISOMETRY + most, ..ROUGH };
-    let reached = relax(&domain, Start::Far(start_from_scratch(&domain)?), goal, Some(limits))?;
+    let reached = relax(&domain, Start::Far(start_from_scratch(&domain)?), goal, Some(limits), run)?;
     Ok(domain.to_metres(&reached.uv))
 }
 
@@ -233,8 +247,8 @@ fn prescribed_by(
 }
 
 /// The pyramid of a mesh with a taxel at every vertex.
-fn pyramid_of(mesh: &TriMesh) -> Result<Pyramid, FlattenError> {
-    Ok(coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default())?)
+fn pyramid_of(mesh: &TriMesh, run: Run<'_>) -> Result<Pyramid, FlattenError> {
+    Ok(coarsen_with(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), run)?)
 }
 
 /// Flattens every level of a pyramid, coarse to fine. The weights and acuities of the taxels, its
@@ -270,6 +284,19 @@ pub fn flatten_pyramid(
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, Flattening>, FlattenError> {
+    flatten_pyramid_with(pyramid, taxels, options, Run::default())
+}
+
+/// As [`flatten_pyramid`], in a [`Run`].
+///
+/// # Errors
+/// As [`flatten_pyramid`], and if it is cancelled.
+pub fn flatten_pyramid_with(
+    pyramid: &Pyramid,
+    taxels: Option<&Taxels>,
+    options: &FlattenOptions,
+    run: Run<'_>,
+) -> Result<IdVec<LevelId, Flattening>, FlattenError> {
     options.validate()?;
     let Some(finest) = pyramid.levels.get(LevelId::new(0)) else {
         return Ok(IdVec::default());
@@ -297,7 +324,7 @@ pub fn flatten_pyramid(
             }
             None => None,
         };
-        let reached = match best_map(&domain, inherited, options) {
+        let reached = match best_map(&domain, inherited, options, run) {
             // The next finer level may be less thin.
             Err(
                 FlattenError::NoStart { .. }

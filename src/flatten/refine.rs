@@ -57,6 +57,7 @@ use crate::flatten::relax::{
 };
 use crate::flatten::start::{conformal::spectral_conformal, linear::linear};
 use crate::flatten::{Convergence, FlattenError, FlattenOptions, Method, Overlap};
+use crate::run::Run;
 
 /// Newton steps between two stages of an insertion: they only have to make room.
 const STAGE: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 12, gain: 1e-3, most: f64::INFINITY };
@@ -89,6 +90,7 @@ pub(crate) fn best_map(
     domain: &FlattenDomain<'_>,
     inherited: Option<Inherited<'_>>,
     options: &FlattenOptions,
+    run: Run<'_>,
 ) -> Result<Relaxed, FlattenError> {
     let energy = match options.method {
         Method::Conformal => return spectral_conformal(domain).map(linear_map),
@@ -96,25 +98,29 @@ pub(crate) fn best_map(
         Method::Intrinsic { energy, .. } => energy,
     };
     let goal = Goal { energy, overlap: options.overlap };
-    let from_scratch = |limits| relax(domain, Start::Far(start_from_scratch(domain)?), goal, limits);
+    let from_scratch = |limits| relax(domain, Start::Far(start_from_scratch(domain)?), goal, limits, run);
     let mut attempts = Attempts { domain, goal, best: None, failed: None };
     if let Some(inherited) = inherited {
         let is_small = domain.vertices() <= RESTARTED;
-        let (inherited, anew) =
-            rayon::join(|| inherited.minimised(domain, goal), || is_small.then(|| from_scratch(Some(ANEW))));
+        let (inherited, anew) = rayon::join(
+            || inherited.minimised(domain, goal, run),
+            || is_small.then(|| from_scratch(Some(ANEW))),
+        );
         std::iter::once(inherited).chain(anew).for_each(|map| attempts.take(map));
     }
+    run.check()?;
     if attempts.are_poor() {
         attempts.take(from_scratch(None));
     }
     // A descent that collapsed faces have stopped goes on, and is tried from scratch.
-    let gradually = |start| relax(domain, Start::Gradual(start), goal, None);
+    let gradually = |start| relax(domain, Start::Gradual(start), goal, None, run);
     if let Some(best) = attempts.best.as_ref().filter(|map| map.is_caught(domain)).map(|map| map.uv.clone()) {
         attempts.take(gradually(best));
     }
     if attempts.are_poor() {
         attempts.take(start_from_scratch(domain).and_then(gradually));
     }
+    run.check()?;
     let Attempts { best, failed, .. } = attempts;
     best.ok_or_else(|| failed.unwrap_or(FlattenError::NotInjective { flips: 0, overlaps: 0 }))
 }
@@ -158,11 +164,16 @@ impl Attempts<'_> {
 
 impl Inherited<'_> {
     /// The map of least energy of the finer level from here.
-    fn minimised(self, domain: &FlattenDomain<'_>, goal: Goal) -> Result<Relaxed, FlattenError> {
+    fn minimised(
+        self,
+        domain: &FlattenDomain<'_>,
+        goal: Goal,
+        run: Run<'_>,
+    ) -> Result<Relaxed, FlattenError> {
         let Self { start, scaffold, magnification } = self;
-        let inserted = insert(start, scaffold, magnification, goal)?;
+        let inserted = insert(start, scaffold, magnification, goal, run)?;
         let start = make_locally_injective(domain, domain.to_units(&inserted))?;
-        relax(domain, Start::Near(start, scaffold), goal, None)
+        relax(domain, Start::Near(start, scaffold), goal, None, run)
     }
 }
 
@@ -173,6 +184,7 @@ fn insert(
     scaffold: Scaffold,
     magnification: &Magnification,
     goal: Goal,
+    run: Run<'_>,
 ) -> Result<Uv, FlattenError> {
     let mut at_once = start.clone();
     if at_once.undo_until(0) == 0 {
@@ -180,7 +192,7 @@ fn insert(
     }
     let mut insertion = start;
     while insertion.left > 0 {
-        insert_stage(&mut insertion, scaffold, magnification, goal)?;
+        insert_stage(&mut insertion, scaffold, magnification, goal, run)?;
     }
     Ok(insertion.finished())
 }
@@ -192,6 +204,7 @@ fn insert_stage(
     scaffold: Scaffold,
     magnification: &Magnification,
     goal: Goal,
+    run: Run<'_>,
 ) -> Result<(), FlattenError> {
     let present = insertion.present();
     #[expect(
@@ -208,7 +221,7 @@ fn insert_stage(
     let domain = FlattenDomain::new(&mesh)?.magnified(&magnification.of_vertices(&vertices));
     let uv = domain.to_units(&vertices.iter().map(|&v| insertion.map[v]).collect());
     let start = make_locally_injective(&domain, uv)?;
-    let relaxed = relax(&domain, Start::Near(start, scaffold), goal, Some(STAGE))?;
+    let relaxed = relax(&domain, Start::Near(start, scaffold), goal, Some(STAGE), run)?;
     let uv = domain.to_metres(&relaxed.uv);
     insertion.place(&vertices, &uv, &scaffold.fillers(&domain, &uv).unwrap_or_default());
     Ok(())

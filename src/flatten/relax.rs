@@ -11,6 +11,7 @@ use crate::flatten::start::conformal::spectral_conformal;
 use crate::flatten::start::tutte::{equal_springs, tutte};
 use crate::flatten::start::untangle::untangle;
 use crate::flatten::{Convergence, Energy, FlattenError, Overlap};
+use crate::run::Run;
 use crate::sparse::SparseError;
 
 /// Systems up to this size are factored. Above, conjugate gradients reach the same energy sooner if
@@ -167,6 +168,7 @@ pub(crate) fn relax(
     start: Start,
     goal: Goal,
     limits: Option<NewtonLimits>,
+    run: Run<'_>,
 ) -> Result<Relaxed, FlattenError> {
     let is_large = domain.vertices() > FACTORED;
     let is_gradual = matches!(start, Start::Gradual(_));
@@ -177,7 +179,7 @@ pub(crate) fn relax(
     };
     let limits = limits.unwrap_or(if is_large { TRUNCATED } else { EXACT });
     let objective = Objective::new(&domain.elements, goal.energy);
-    let descent = Descent { domain, objective, goal, solver, limits, is_gradual };
+    let descent = Descent { domain, objective, goal, solver, limits, is_gradual, run };
     let mut reached = descent.free(start, scaffold)?;
     if reached.is_hopeless {
         return Ok(reached.relaxed);
@@ -213,6 +215,7 @@ struct Descent<'d> {
     solver: Solver,
     limits: NewtonLimits,
     is_gradual: bool,
+    run: Run<'d>,
 }
 
 /// Where a descent ended, and the last maps before it that kept what the end may not keep.
@@ -269,7 +272,7 @@ impl<'d> Descent<'d> {
         let must_be_apart = scaffold == Scaffold::Framed && apart.is_some();
         let mut go_on = |uv: &Uv| {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
-            is_kept && (is_apart || !must_be_apart)
+            is_kept && (is_apart || !must_be_apart) && !self.run.is_cancelled()
         };
         for _ in 0..GRADUAL_ROUNDS {
             let Some(elements) = self.bounded(&relaxed.uv) else { break };
@@ -281,6 +284,7 @@ impl<'d> Descent<'d> {
         }
         let ended = self.objective.minimise(&mut relaxed.uv, self.solver, self.limits, &mut go_on);
         let ended = ended.map_err(failed)?;
+        self.run.check()?;
         *is_hopeless = ended == Ended::Hopeless;
         relaxed.convergence.converged = ended == Ended::Converged;
         relaxed.convergence.gradient = self.objective.relative_gradient(&relaxed.uv);
@@ -310,9 +314,10 @@ impl<'d> Descent<'d> {
             let limits = NewtonLimits { steps: round, ..self.limits };
             let mut go_on = |uv: &Uv| {
                 self.note(uv, kept, apart);
-                true
+                !self.run.is_cancelled()
             };
             let ended = objective.minimise(&mut uv, Solver::Direct, limits, &mut go_on).map_err(failed)?;
+            self.run.check()?;
             relaxed.uv = uv.iter().take(self.domain.vertices()).copied().collect();
             let energy = self.objective.energy(&relaxed.uv);
             let is_gained = before - energy > self.limits.gain * energy;

@@ -4,9 +4,10 @@ use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, Recipe, decide, may_be_poor, seam_costs};
-use crate::flatten::{FlattenOptions, Method, distortion, flatten, flatten_roughly};
+use crate::flatten::{FlattenOptions, Method, distortion, flatten_roughly, flatten_with};
 use crate::mesh::TriMesh;
-use crate::pyramid::{CoarsenOptions, Level, Pyramid, coarsen};
+use crate::pyramid::{CoarsenOptions, Level, Pyramid, coarsen_with};
+use crate::run::Run;
 use crate::skin::Taxels;
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
@@ -22,7 +23,7 @@ const JUDGED: usize = 3;
 const KEPT: f64 = 0.995;
 
 /// The level of a mesh on which seams are decided; `None` where that is the mesh itself.
-fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error> {
+fn decided_level(mesh: &TriMesh, taxels: &Taxels, run: Run<'_>) -> Result<Option<Level>, Error> {
     // In steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
     if factor < 1.6 {
@@ -35,16 +36,21 @@ fn decided_level(mesh: &TriMesh, taxels: &Taxels) -> Result<Option<Level>, Error
         levels: Some(steps as usize),
         coarsest: 1,
     };
-    Ok(coarsen(mesh, taxels, &options)?.levels.into_iter().last())
+    Ok(coarsen_with(mesh, taxels, &options, run)?.levels.into_iter().last())
 }
 
 /// Whether a mesh is a plain disk that stays whole, from a pyramid of it: most do, and need no trial.
-pub(super) fn stays_whole(mesh: &TriMesh, taxels: &Taxels, whole: &Pyramid) -> Result<bool, Error> {
+pub(super) fn stays_whole(
+    mesh: &TriMesh,
+    taxels: &Taxels,
+    whole: &Pyramid,
+    run: Run<'_>,
+) -> Result<bool, Error> {
     let is_small = |level: &&Level| level.mesh.positions.len() <= 4 * DECIDED_ON;
     let of_size = whole.levels.iter().rev().find(|level| level.mesh.positions.len() >= DECIDED_ON / 4);
     let level = match of_size.or(whole.levels.first()).filter(is_small) {
         Some(level) => return Ok(!may_be_poor(&level.mesh)),
-        None => decided_level(mesh, taxels)?,
+        None => decided_level(mesh, taxels, run)?,
     };
     Ok(!may_be_poor(level.as_ref().map_or(mesh, |level| &level.mesh)))
 }
@@ -58,17 +64,18 @@ pub(super) fn cut_open(
     cut: &Cut,
     side: Option<DVec3>,
     options: &FlattenOptions,
+    run: Run<'_>,
 ) -> Result<Option<CutMesh>, Error> {
     cut.validate()?;
     if *cut == Cut::None {
         return Ok(None);
     }
     let costs = seam_costs(taxels, side);
-    let level = decided_level(mesh, taxels)?;
+    let level = decided_level(mesh, taxels, run)?;
     let of_level = level.as_ref().zip(costs.as_ref());
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
     // A seam is as good as the best map after it, which may overlap itself.
-    let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, most).ok();
+    let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, most, run).ok();
     let decided = |limit: Option<f64>| match &level {
         None => decide(mesh, costs.as_ref(), cut, &map, limit),
         Some(level) => decide(&level.mesh, of_level.as_ref(), cut, &map, limit),
@@ -79,11 +86,13 @@ pub(super) fn cut_open(
     };
     let Cut::AreaRatio(limit) = *cut else {
         let decided = decided(None)?.pop();
+        run.check()?;
         return Ok(decided.map(|decided| made(&decided.recipe)).transpose()?.flatten());
     };
     let wanted = limit.powf(KEPT);
     let (mut aim, mut best) = (wanted, None);
     for _ in 0..JUDGED {
+        run.check()?;
         let mut tried = decided(Some(aim))?;
         let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
         // Where no trial keeps the ratio, the map of the skin may be better with another of the seams.
@@ -93,7 +102,7 @@ pub(super) fn cut_open(
         let mut least = f64::INFINITY;
         for Decision { recipe, .. } in tried.iter().rev() {
             let cut = made(recipe)?;
-            let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options);
+            let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options, run);
             least = least.min(area_ratio);
             if best.as_ref().is_none_or(|(best, _)| area_ratio < *best) {
                 best = Some((area_ratio, cut));
@@ -113,7 +122,13 @@ pub(super) fn cut_open(
 
 /// The largest area ratio of the map of a mesh that is cut, without magnification, which changes areas on
 /// purpose; infinite without a map.
-fn area_ratio(mesh: &TriMesh, taxels: &Taxels, cut: Option<&CutMesh>, options: &FlattenOptions) -> f64 {
+fn area_ratio(
+    mesh: &TriMesh,
+    taxels: &Taxels,
+    cut: Option<&CutMesh>,
+    options: &FlattenOptions,
+    run: Run<'_>,
+) -> f64 {
     let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.opened_vertices())));
     let (mesh, taxels) = opened.as_ref().map_or((mesh, taxels), |(mesh, taxels)| (mesh, taxels));
     let mut options = options.clone();
@@ -121,7 +136,7 @@ fn area_ratio(mesh: &TriMesh, taxels: &Taxels, cut: Option<&CutMesh>, options: &
         *magnify = 0.0;
     }
     let taxels = Taxels { acuities: None, ..taxels.clone() };
-    let map = flatten(mesh, Some(&taxels), &options);
+    let map = flatten_with(mesh, Some(&taxels), &options, run);
     map.map_or(f64::INFINITY, |map| distortion(mesh, &map.uv).area_max)
 }
 
@@ -137,8 +152,15 @@ mod tests {
         let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         let corners = vec![at(0.0, 0.0), at(4.53e-4, 0.0), at(4.53e-4, 3e-6), at(0.0, 3e-6)];
         let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
-        let cut =
-            cut_open(&mesh, &Taxels::from(&mesh), &Cut::Auto, None, &FlattenOptions::default()).unwrap();
+        let cut = cut_open(
+            &mesh,
+            &Taxels::from(&mesh),
+            &Cut::Auto,
+            None,
+            &FlattenOptions::default(),
+            Run::default(),
+        )
+        .unwrap();
         let opened = Adjacency::new(&cut.unwrap().mesh(&mesh.positions)).unwrap();
         assert_eq!((opened.euler_characteristic(), opened.boundary_loops().len()), (1, 1));
     }

@@ -39,14 +39,15 @@ use crate::Error;
 use crate::atlas::{fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
 use crate::flatten::{
-    Boundary, Distortion, FlattenError, FlattenOptions, Overlap, flatten_pyramid, patch_scales,
+    Boundary, Distortion, FlattenError, FlattenOptions, Overlap, flatten_pyramid_with, patch_scales,
 };
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::written::measure_as_written;
-use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
+use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen_cut, coarsen_with};
+use crate::run::{Progress, Run, Stage};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, world_pose};
 
 /// Options of [`build`].
@@ -84,43 +85,24 @@ pub enum MagnifyOver {
 /// Side of a pixel, in m, unless another is asked for or needed.
 const PIXEL: f64 = 1e-3;
 
-/// A step of the flow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Making the pyramids.
-    Coarsen,
-    /// Making the maps of every level.
-    Flatten,
-}
-
-/// How far a stage is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
-    /// What is being done.
-    pub stage: Stage,
-    /// Patches that are done.
-    pub done: usize,
-    /// Patches in all.
-    pub total: usize,
-}
-
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
 /// If the skin is not valid ([`Skin::validate`]); all patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
 /// if that is all of them.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
-    build_with_progress(skin, options, &|_| ()).map(|built| Arc::unwrap_or_clone(built.map))
+    build_with(skin, options, Run::default()).map(|built| Arc::unwrap_or_clone(built.map))
 }
 
 /// As [`build`], with level 0 of each patch alone. Coarser levels are made only for a map that starts from theirs.
 ///
 /// # Errors
 /// As [`build`].
-pub fn build_finest(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
+pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<SkinMap, Error> {
     let levels = if options.flatten.starts_coarse() { options.coarsen.levels } else { Some(0) };
     let coarsen = CoarsenOptions { levels, ..options.coarsen.clone() };
-    let mut map = build(skin, &BuildOptions { coarsen, ..options.clone() })?;
+    let built = build_with(skin, &BuildOptions { coarsen, ..options.clone() }, run)?;
+    let mut map = Arc::unwrap_or_clone(built.map);
     map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
     Ok(map)
 }
@@ -152,16 +134,11 @@ pub struct Enlarged {
     pub pixels: u64,
 }
 
-/// As [`build`], with what its making was like; `progress` is called from any thread
-/// at the start of a stage and after each patch.
+/// As [`build`], in a [`Run`], with what its making was like.
 ///
 /// # Errors
-/// As [`build`].
-pub fn build_with_progress(
-    skin: &Skin,
-    options: &BuildOptions,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<Built, Error> {
+/// As [`build`], and if it is cancelled.
+pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<Built, Error> {
     let start = Instant::now();
     skin.validate()?;
     let seams = given_seams(skin, &options.cut)?;
@@ -170,14 +147,15 @@ pub fn build_with_progress(
         let side = options.seam_side.and_then(DVec3::try_normalize)?;
         Some(world_pose(&skin.links, patch.link).inverse().transform_vector3(side))
     };
-    let coarsened = each_patch(Stage::Coarsen, jobs, progress, |(patch, seam)| {
+    let coarsened = each_patch(Stage::Coarsen, jobs, run, |(patch, seam)| {
         let coarsened =
-            coarsen_patch(patch, &seam, side(patch), options).map_err(|e| e.in_patch(&patch.name))?;
+            coarsen_patch(patch, &seam, side(patch), options, run).map_err(|e| e.in_patch(&patch.name))?;
         Ok((patch, coarsened))
     });
     let mut failed = Vec::new();
     let coarsened_in = start.elapsed();
     // Every pyramid is taken once, by the thread that maps it.
+    run.check()?;
     let jobs = good(coarsened, options, &mut failed)?;
     let patches: Vec<&Patch> = jobs.iter().map(|(patch, _)| *patch).collect();
     let scales = match options.magnify_over {
@@ -185,16 +163,17 @@ pub fn build_with_progress(
         MagnifyOver::Patch => vec![1.0; patches.len()],
     };
     let jobs: Vec<_> = jobs.into_iter().zip(scales).collect();
-    let maps = each_patch(Stage::Flatten, jobs, progress, |((patch, pyramid), scale)| {
-        let mut map = map_patch(patch, pyramid, scale, options);
+    let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
+        let mut map = map_patch(patch, pyramid, scale, options, run);
         // Loops that are joined leave fewer holes to keep.
         if map.is_err() && options.cut == Cut::Auto && !is_plain_disk(&patch.mesh) {
             let options = BuildOptions { cut: Cut::All, ..options.clone() };
-            let joined = coarsen_patch(patch, &[], side(patch), &options);
-            map = joined.and_then(|pyramid| map_patch(patch, pyramid, scale, &options)).or(map);
+            let joined = coarsen_patch(patch, &[], side(patch), &options, run);
+            map = joined.and_then(|pyramid| map_patch(patch, pyramid, scale, &options, run)).or(map);
         }
         map.map_err(|e| e.in_patch(&patch.name))
     });
+    run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
     let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
@@ -238,26 +217,27 @@ fn coarsen_patch(
     seam: &[[VertexId; 2]],
     side: Option<DVec3>,
     options: &BuildOptions,
+    run: Run<'_>,
 ) -> Result<Coarsened, Error> {
     let Patch { mesh, taxels, .. } = patch;
     let BuildOptions { cut, flatten, .. } = options;
     let may_stay = !matches!(cut, Cut::AreaRatio(_)) && is_plain_disk(mesh);
     let cut = match seam {
         [] if may_stay => {
-            let whole = coarsen(mesh, taxels, &options.coarsen)?;
+            let whole = coarsen_with(mesh, taxels, &options.coarsen, run)?;
             // A boundary that is prescribed is that of the disk.
             let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
-            if is_uncut || stays_whole(mesh, taxels, &whole)? {
+            if is_uncut || stays_whole(mesh, taxels, &whole, run)? {
                 return Ok(Coarsened::Whole(whole));
             }
-            cut_open(mesh, taxels, cut, side, flatten)?
+            cut_open(mesh, taxels, cut, side, flatten, run)?
         }
-        [] => cut_open(mesh, taxels, cut, side, flatten)?,
+        [] => cut_open(mesh, taxels, cut, side, flatten, run)?,
         edges => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match cut {
-        None => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen)?),
-        Some(cut) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen)?)),
+        None => Coarsened::Whole(coarsen_with(mesh, taxels, &options.coarsen, run)?),
+        Some(cut) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen, run)?)),
     })
 }
 
@@ -278,16 +258,17 @@ fn map_patch(
     pyramid: Coarsened,
     scale: f64,
     options: &BuildOptions,
+    run: Run<'_>,
 ) -> Result<(PatchMap, usize), Error> {
     let (levels, maps) = match pyramid {
         Coarsened::Whole(pyramid) => {
-            let maps = flatten_pyramid(&pyramid, Some(&patch.taxels), &options.flatten)?;
+            let maps = flatten_pyramid_with(&pyramid, Some(&patch.taxels), &options.flatten, run)?;
             (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
         }
         Coarsened::Cut(pyramid) => {
             let CutPyramid { pyramid, opened, cuts } = *pyramid;
             let taxels = cuts.iter().next().map(|cut| patch.taxels.select(&cut.opened_vertices()));
-            let maps = flatten_pyramid(&opened, taxels.as_ref(), &options.flatten)?;
+            let maps = flatten_pyramid_with(&opened, taxels.as_ref(), &options.flatten, run)?;
             (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }
     };
@@ -314,14 +295,15 @@ fn map_patch(
 fn each_patch<P: Send, T: Send>(
     stage: Stage,
     patches: Vec<P>,
-    progress: &(dyn Fn(Progress) + Sync),
+    run: Run<'_>,
     job: impl Fn(P) -> Result<T, Error> + Sync,
 ) -> Vec<Result<T, Error>> {
     let (total, done) = (patches.len(), AtomicUsize::new(0));
-    progress(Progress { stage, done: 0, total });
+    run.tell(Progress { stage, done: 0, total });
     let made = patches.into_par_iter().map(|patch| {
+        run.check()?;
         let made = job(patch)?;
-        progress(Progress { stage, done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
+        run.tell(Progress { stage, done: done.fetch_add(1, Ordering::Relaxed) + 1, total });
         Ok(made)
     });
     made.collect()
@@ -372,7 +354,7 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
     let assemble_options = AssembleOptions { keep_going: options.keep_going, ..AssembleOptions::default() };
     let skin = assemble(&draft, &assemble_options)?.skin;
     fs::create_dir_all(folder).map_err(|source| IoError::Write { path: folder.into(), source })?;
-    let built = build_with_progress(&skin, options, &|_| ())?;
+    let built = build_with(&skin, options, Run::default())?;
     let outputs = Outputs::default();
     let [map_file, images_file] = ["map.glb", "map.exr"].map(|name| outputs.file(folder.join(name)));
     let (map, images) = rayon::join(
@@ -389,7 +371,7 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
 mod tests {
     use super::*;
     use crate::cut::{CutMesh, PlaceId};
-    use crate::flatten::{Method, distortion};
+    use crate::flatten::{Method, distortion, flatten_pyramid};
     use crate::mesh::{Adjacency, TriMesh, shapes};
     use crate::pyramid::LevelId;
     use crate::skin::PatchId;
@@ -411,9 +393,11 @@ mod tests {
         ] {
             let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
             let options = BuildOptions::default().flatten;
-            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, None, &options).unwrap().unwrap();
+            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, None, &options, Run::default())
+                .unwrap()
+                .unwrap();
             let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
-            let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few).unwrap();
+            let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few, Run::default()).unwrap();
             made.pyramid.validate().unwrap();
             made.opened.validate().unwrap();
             assert!(made.pyramid.levels.len() > 2, "{} levels", made.pyramid.levels.len());

@@ -12,6 +12,7 @@ use crate::pyramid::centres::{
 };
 use crate::pyramid::removal::{Remover, SeamRole, SeamedLevel, TaxelLocations};
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, RemovalLog};
+use crate::run::{Cancelled, Run};
 use crate::skin::Taxels;
 
 /// A level must have this many times fewer vertices than the next finer one, or the pyramid ends.
@@ -59,14 +60,27 @@ impl Default for CoarsenOptions {
 /// If the patch is not an oriented manifold or an array has another length than its mesh, an area
 /// is negative, a density not positive, or the ratio below 1.5.
 pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
+    coarsen_with(mesh, taxels, options, Run::default())
+}
+
+/// As [`coarsen`], in a [`Run`].
+///
+/// # Errors
+/// As [`coarsen`], and if it is cancelled.
+pub fn coarsen_with(
+    mesh: &TriMesh,
+    taxels: &Taxels,
+    options: &CoarsenOptions,
+    run: Run<'_>,
+) -> Result<Pyramid, PyramidError> {
     check(mesh, taxels, options)?;
     let curve = AlongCurve::new(mesh);
     let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, &curve, None)?;
     let (mut levels, mut removals) = (IdVec::default(), IdVec::default());
-    coarsener.run(rings, |level, log, _| {
+    coarsener.run(rings, run, |level, log, _| {
         levels.push(level);
         removals.push(log);
-    });
+    })?;
     levels.push(coarsener.level);
     Ok(Pyramid { levels, removals })
 }
@@ -93,6 +107,7 @@ pub(crate) fn coarsen_cut(
     taxels: &Taxels,
     cut: &CutMesh,
     options: &CoarsenOptions,
+    run: Run<'_>,
 ) -> Result<CutPyramid, PyramidError> {
     check(mesh, taxels, options)?;
     let curve = AlongCurve::new(mesh);
@@ -105,7 +120,7 @@ pub(crate) fn coarsen_cut(
         cut.unsplit.ids().map(|place| PlaceId::of_opened(curve.given(place.opened()))).collect();
     let mut all_origins = vec![cut.unsplit.ids().collect()];
     cuts.push(cut.clone());
-    coarsener.run(rings, |level, log, seam| {
+    coarsener.run(rings, run, |level, log, seam| {
         levels.push(level);
         removals[0].push(log);
         if let Some((opened, places, cut)) = seam {
@@ -114,7 +129,7 @@ pub(crate) fn coarsen_cut(
             all_origins.push(origins.clone());
             cuts.push(cut);
         }
-    });
+    })?;
     levels.push(coarsener.level);
     let opened = open_levels(&levels, &cuts, all_origins);
     let [removals, opened_removals] = removals;
@@ -243,15 +258,21 @@ impl<'a> Coarsener<'a> {
 
     /// Goes on to the coarsest level, and hands out every level before it with the removals from it
     /// and how the next one is cut.
-    fn run(&mut self, rings: Rings, mut done: impl FnMut(Level, RemovalLog, Option<CutStep>)) {
+    fn run(
+        &mut self,
+        rings: Rings,
+        run: Run<'_>,
+        mut done: impl FnMut(Level, RemovalLog, Option<CutStep>),
+    ) -> Result<(), Cancelled> {
         let mut finest_rings = Some(rings);
         let mut count = 0;
         while count < self.options.levels.unwrap_or(usize::MAX) && self.wants_coarser() {
             let rings = finest_rings.take().unwrap_or_else(|| self.surface.rings());
-            let Some((level, log, cut)) = self.step(rings) else { break };
+            let Some((level, log, cut)) = self.step(rings, run)? else { break };
             done(level, log, cut);
             count += 1;
         }
+        Ok(())
     }
 
     /// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
@@ -262,19 +283,23 @@ impl<'a> Coarsener<'a> {
 
     /// Goes on to the next coarser level; returns the one before, with its `from_coarser`, and the
     /// removals between them. `None` if the level would not shrink enough.
-    fn step(&mut self, rings: Rings) -> Option<(Level, RemovalLog, Option<CutStep>)> {
+    fn step(
+        &mut self,
+        rings: Rings,
+        run: Run<'_>,
+    ) -> Result<Option<(Level, RemovalLog, Option<CutStep>)>, Cancelled> {
         let (kept, order) = self.choose(&rings);
         drop(rings);
         let Self { level, curve, surface, positions, origins, locations, seam, .. } = self;
         let count = positions.len();
         let is_small = |vertices: usize| vertices as f64 * LEAST_RATIO <= count as f64;
         if !is_small(kept.iter().filter(|k| **k).count()) {
-            return None;
+            return Ok(None);
         }
         let remover = Remover { mesh: surface, locations, positions, origins, seam: seam.as_mut() };
-        let mut removals = remover.remove(&kept, &order);
+        let mut removals = remover.remove(&kept, &order, run)?;
         if !is_small(count - removals.len()) {
-            return None;
+            return Ok(None);
         }
         let compacted = surface.compact();
         locations.compact(&compacted.new_faces, compacted.mesh.face_count());
@@ -304,7 +329,7 @@ impl<'a> Coarsener<'a> {
         let to_finest = Prolongation { indices, weights, coarse_len };
         let areas = to_finest.restrict(&self.taxels.areas);
         let next = Level { mesh, origins, areas, from_coarser: None, to_finest: Some(to_finest) };
-        Some((std::mem::replace(level, next), removals, cut))
+        Ok(Some((std::mem::replace(level, next), removals, cut)))
     }
 
     /// Which vertices stay, and the order in which the others go.

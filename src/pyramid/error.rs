@@ -1,6 +1,6 @@
 //! Errors of this module.
 
-use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId, skin::TaxelError};
+use crate::{id::VertexId, mesh::MeshError, pyramid::LevelId, run::Cancelled, skin::TaxelError};
 
 /// Why a patch has no pyramid, or data is not a valid pyramid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
@@ -10,6 +10,9 @@ pub enum PyramidError {
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// It was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// An array that does not fit its mesh.
     #[error("{what} has {found} entries, {needed} are needed")]
     Length {

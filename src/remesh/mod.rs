@@ -34,6 +34,7 @@ use crate::remesh::faces::{FLAT, Thin, height};
 use crate::remesh::moves::sharp_neighbours;
 use crate::remesh::rounds::{Freedom, Rounds};
 use crate::remesh::surface::Surface;
+use crate::run::{Cancelled, Run};
 use crate::skin::{Patch, Skin, TaxelId};
 
 pub use crumbs::drop_crumbs;
@@ -57,6 +58,9 @@ const MAX_TAXELS: f64 = 4e6;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RemeshError {
+    /// It was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -190,11 +194,12 @@ pub struct Remeshed {
 /// are others, elsewhere.
 ///
 /// # Errors
-/// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links.
+/// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links, and if
+/// it is cancelled.
 ///
 /// # Panics
 /// If there are fewer spacings than patches.
-pub fn remesh_skin(skin: &Skin, spacings: &[f64]) -> Result<Remeshed, RemeshError> {
+pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remeshed, RemeshError> {
     let patches: Vec<(&Patch, f64)> =
         skin.patches.enumerate().map(|(id, patch)| (patch, spacings[id.index()])).collect();
     // Six triangles.
@@ -205,9 +210,11 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64]) -> Result<Remeshed, RemeshErro
         if patch.taxels.joints.is_some() {
             return Err(RemeshError::Joints);
         }
+        run.check()?;
         remesh(&patch.mesh, spacing).map(|mesh| Patch::from_mesh(patch.name.clone(), patch.link, mesh))
     };
     let made: Vec<Result<Patch, RemeshError>> = large.par_iter().map(fresh).collect();
+    run.check()?;
     let mut left_out: Vec<String> = small.iter().map(|(patch, _)| patch.name.clone()).collect();
     let mut patches = IdVec::default();
     let mut id = 0_u32;

@@ -11,9 +11,10 @@ use dermatome::atlas::skin_images;
 use dermatome::io::{Outputs, write_images, write_map};
 use dermatome::map::SkinMap;
 use dermatome::page::Page;
-use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with_progress};
+use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with};
 use dermatome::pyramid::LevelId;
 use dermatome::report::{PatchReport, measure};
+use dermatome::run::Run;
 use dermatome::skin::AssembleOptions;
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -117,7 +118,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let built = build_with_progress(&skin, &options, &on_progress)
+    let built = build_with(&skin, &options, Run::default().telling(&on_progress))
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     let title = title(&args.skin, folder);
     let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;

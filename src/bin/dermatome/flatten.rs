@@ -9,6 +9,7 @@ use dermatome::mesh::FillHoles;
 use dermatome::pipeline::{BuildOptions, build_finest};
 use dermatome::pyramid::LevelId;
 use dermatome::report::measure;
+use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, PatchId};
 
 use crate::console::errors::advise;
@@ -67,8 +68,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let map =
-        build_finest(&skin, &options).with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
+    let map = build_finest(&skin, &options, Run::default())
+        .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let patch = &map.patches[PatchId::new(0)];
     let finest = &patch.levels[LevelId::new(0)];

@@ -6,6 +6,7 @@ use crate::calib::{
     CalibError, CalibOptions, DisplacementMeasurement, Loss, LossFunctions, Poses, Problem, SimulateOptions,
     Solver, compare, simulate, solve::initial::initial_poses,
 };
+use crate::run::Run;
 
 type Stage = fn(&mut Solver<'_>, Poses, &LossFunctions) -> Result<Solution, CalibError>;
 
@@ -27,7 +28,8 @@ fn rmse_mm(stage: Stage, outliers: f64, stated: f64, seed: u64) -> f64 {
     let options = CalibOptions::default();
     let problem = Problem::new(&observations, options.residual).unwrap();
     let start = initial_poses(&observations, options.initialization).unwrap();
-    let mut solver = Solver { problem: &problem, options: &options, iterations: Vec::new() };
+    let mut solver =
+        Solver { problem: &problem, options: &options, run: Run::default(), iterations: Vec::new() };
     let losses = LossFunctions::new(&problem.dimensions, Loss::Truncated);
     let found = stage(&mut solver, start, &losses).unwrap();
     compare(&found.iterate.poses, &simulation.truth).unwrap().rigid * 1e3

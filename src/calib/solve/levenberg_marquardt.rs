@@ -9,7 +9,7 @@ use std::fmt;
 use crate::calib::{
     BlockLayout, CalibError, CalibOptions, FreeBody, PerObservation, Poses, Problem, Weighting, free_under,
 };
-use crate::parallel::checkpoint;
+use crate::run::Run;
 use crate::sparse::{BlockMatrix, SparseError};
 
 /// One step of the optimisation.
@@ -157,6 +157,7 @@ impl<'p> LinearSystem<'p> {
 pub(crate) struct Solver<'s> {
     pub(crate) problem: &'s Problem<'s>,
     pub(crate) options: &'s CalibOptions,
+    pub(crate) run: Run<'s>,
     pub(crate) iterations: Vec<Iteration>,
 }
 
@@ -175,7 +176,7 @@ impl Solver<'_> {
         let mut control = StepControl { damping: 0.0, growth: FIRST_GROWTH };
         let mut convergence = Convergence::new(problem);
         for _ in 0..self.options.max_iterations {
-            checkpoint();
+            self.run.check()?;
             let weights = weighting.weights(&iterate.chi2);
             let free = free_under(problem, &iterate.poses, &weights);
             let system = LinearSystem::new(problem, &free, &iterate.poses, &weights);

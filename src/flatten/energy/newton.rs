@@ -16,7 +16,7 @@ use crate::flatten::energy::assembly::Assembly;
 use crate::flatten::energy::elements::{ElementMesh, Uv};
 use crate::flatten::energy::objective::Objective;
 use crate::id::VertexId;
-use crate::parallel::{checkpoint, par_ids};
+use crate::parallel::par_ids;
 use crate::sparse::{Block, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot};
 
 /// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
@@ -149,7 +149,6 @@ impl Objective<'_> {
         let (mut iterations, mut last, mut before) = (FIRST_ITERATIONS, f64::INFINITY, f64::INFINITY);
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
-            checkpoint();
             let step = self.step(uv, &mut system, (energy, iterations), &mut kept);
             let Step { downhill, d, .. } = match step {
                 // The curvature of a face that is nearly a line exceeds 64-bit numbers.

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Halfedge, HalfedgeMesh, diagonals, triangle_cross};
-use crate::parallel::checkpoint;
 use crate::pyramid::removal::queue::Queue;
 use crate::pyramid::removal::retriangulation::Filler;
 use crate::pyramid::removal::seam::{SeamRole, SeamedLevel};
 use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
 use crate::pyramid::removal::taxel_locations::{Move, TaxelLocations};
 use crate::pyramid::{Removal, RemovalLog};
+use crate::run::{Cancelled, Run};
 
 /// Most stars planned by one task: enough to reuse buffers. The result does not depend on it.
 const MAX_STARS_PER_TASK: usize = 256;
@@ -46,7 +46,12 @@ impl Remover<'_> {
     ///
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
     /// triangle, are planned in parallel and applied in order.
-    pub(crate) fn remove(mut self, kept: &IdVec<VertexId, bool>, order: &[VertexId]) -> RemovalLog {
+    pub(crate) fn remove(
+        mut self,
+        kept: &IdVec<VertexId, bool>,
+        order: &[VertexId],
+        run: Run<'_>,
+    ) -> Result<RemovalLog, Cancelled> {
         let mut log = RemovalLog::with_capacity(kept.iter().filter(|kept| !**kept).count());
         let mut queue = Queue::new(kept, order);
         // The round in which each face became part of a filling.
@@ -54,7 +59,7 @@ impl Remover<'_> {
         for limits in [STRICT, LENIENT] {
             queue.wake_all();
             loop {
-                checkpoint();
+                run.check()?;
                 let chosen = queue.independent(self.mesh);
                 if chosen.is_empty() {
                     break;
@@ -76,7 +81,7 @@ impl Remover<'_> {
                 }
             }
         }
-        log
+        Ok(log)
     }
 
     /// Plans the removal of each of `vertices`, on a mesh that rests.

@@ -5,7 +5,6 @@ use glam::DVec3;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::Adjacency;
 use crate::numeric::Random;
-use crate::parallel::checkpoint;
 use crate::signal::touch::TouchOptions;
 use crate::signal::touch::path::Walker;
 use crate::signal::touch::sphere::Sphere;
@@ -244,7 +243,6 @@ impl<'a> TouchSimulation<'a> {
         for k in 0..self.options.touches {
             for _ in 0..MOST_TRIES {
                 let number = turn * self.options.touches + k;
-                checkpoint();
                 let Some(press) = self.choose(number) else { break };
                 if self.has_room(&press) {
                     self.presses.push(press);

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use dermatome::{
     Skin,
     cut::Cut,
-    flatten::{Convergence, Distortion, distortion, flatten as flatten_mesh},
+    flatten::{Convergence, Distortion, distortion, flatten_with},
     id::VertexId,
     mesh::TriMesh,
     pipeline::{BuildOptions, build_finest},
-    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen as coarsen_mesh},
+    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen_with},
     skin::{PatchId, Taxels},
 };
 use glam::DVec3;
@@ -111,11 +111,11 @@ pub(crate) fn flatten(
         (None, None) => Cut::None,
         (cut, ratio) => self::cut(cut, ratio)?,
     };
-    let flat = run(py, count("threads", threads)?, move |_| -> Result<Flat, dermatome::Error> {
+    let flat = run(py, count("threads", threads)?, move |stop| -> Result<Flat, dermatome::Error> {
         mesh.validate()?;
         if cut == Cut::None {
             let taxels = acuity.map(|acuity| Taxels { acuities: Some(acuity.into()), ..Taxels::from(&mesh) });
-            let map = flatten_mesh(&mesh, taxels.as_ref(), &options)?;
+            let map = flatten_with(&mesh, taxels.as_ref(), &options, stop.run())?;
             return Ok(Flat {
                 distortion: distortion(&mesh, &map.uv),
                 convergence: Some(map.convergence),
@@ -127,7 +127,11 @@ pub(crate) fn flatten(
         let mut skin = Skin::from_mesh("mesh", mesh);
         skin.patches[PatchId::new(0)].taxels.acuities = acuity.map(Into::into);
         skin.validate()?;
-        let map = build_finest(&skin, &BuildOptions { cut, flatten: options, ..BuildOptions::default() })?;
+        let map = build_finest(
+            &skin,
+            &BuildOptions { cut, flatten: options, ..BuildOptions::default() },
+            stop.run(),
+        )?;
         let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
         Ok(Flat {
             distortion: level.distortion,
@@ -257,10 +261,10 @@ pub(crate) fn coarsen<'py>(
     let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;
     let levels = levels.map(|levels| count("levels", levels)).transpose()?;
     let options = CoarsenOptions { ratio, levels, coarsest: count("coarsest", coarsest)? };
-    let pyramid = run(py, count("threads", threads)?, move |_| -> Result<Pyramid, dermatome::Error> {
+    let pyramid = run(py, count("threads", threads)?, move |stop| -> Result<Pyramid, dermatome::Error> {
         mesh.validate()?;
         let taxels = Taxels { acuities: acuity.map(Into::into), ..Taxels::from(&mesh) };
-        Ok(coarsen_mesh(&mesh, &taxels, &options)?)
+        Ok(coarsen_with(&mesh, &taxels, &options, stop.run())?)
     })?;
     let pyramid = Arc::new(pyramid.map_err(error)?);
     let levels =

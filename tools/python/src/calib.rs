@@ -6,8 +6,7 @@ use dermatome::{
     Error,
     calib::{
         CalibOptions, Calibration, Initialization, Loss, Model, ObservationDiagnostics, Observations,
-        ResidualConvention, SimulateOptions, calibrate as calibrate_taxels, calibrated_skin,
-        simulate as simulate_contacts,
+        ResidualConvention, SimulateOptions, calibrate_with, calibrated_skin, simulate as simulate_contacts,
     },
     id::VertexId,
     io::{read_observations, write_observations},
@@ -285,7 +284,7 @@ pub(crate) fn calibrate(
         }
     };
     let of = Arc::clone(&observations);
-    let found = run(py, count("threads", threads)?, move |_| calibrate_taxels(&of, &options))?;
+    let found = run(py, count("threads", threads)?, move |stop| calibrate_with(&of, &options, stop.run()))?;
     Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations })
 }
 

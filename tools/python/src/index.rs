@@ -408,8 +408,9 @@ impl PyIndex {
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, move |index, _| {
-            let mut answers = Answers { hits: index.locate_all(&queries)?, ..Answers::default() };
+        self.hits(py, threads, move |index, stop| {
+            let mut answers =
+                Answers { hits: index.locate_all_with(&queries, stop.run())?, ..Answers::default() };
             cells(index, &mut answers, level);
             Ok(answers)
         })

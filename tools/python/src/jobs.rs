@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use dermatome::parallel::stop_on;
+use dermatome::run::Run;
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -57,11 +57,9 @@ impl Pool {
         if let Some(k) = pools.iter().position(|pool| pool.count == count) {
             return Ok(pools.swap_remove(k));
         }
-        let stop = Stop::default();
-        let flag = Arc::clone(&stop.0);
-        let threads = ThreadPoolBuilder::new().num_threads(count);
-        let threads = threads.start_handler(move |_| stop_on(Arc::clone(&flag))).build();
-        Ok(Self { count, threads: threads.map_err(|e| PyRuntimeError::new_err(e.to_string()))?, stop })
+        let threads = ThreadPoolBuilder::new().num_threads(count).build();
+        let threads = threads.map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+        Ok(Self { count, threads, stop: Stop::default() })
     }
 
     /// Makes the pool idle after its job. One whose job was given up ends with it instead, as do those beyond the few that
@@ -80,6 +78,11 @@ impl Pool {
 pub(crate) struct Stop(Arc<AtomicBool>);
 
 impl Stop {
+    /// How the library runs for the job.
+    pub(crate) fn run(&self) -> Run<'_> {
+        Run::default().cancelled_by(&self.0)
+    }
+
     /// Ends the job at this place, by unwinding, if it was given up.
     pub(crate) fn check(&self) {
         if self.0.load(Ordering::Relaxed) {

@@ -17,9 +17,10 @@ use dermatome::{
         ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file,
     },
     map::{MapLevel, PatchMap},
-    pipeline::{BuildOptions, MagnifyOver, build_with_progress},
+    pipeline::{BuildOptions, MagnifyOver, build_with},
     pyramid::{CoarsenOptions, Level, LevelId},
     report::measure,
+    run::{Progress, Stage},
     signal::{Contrast, Duplicates, Frame, Join, Restrictor},
     skin::{PatchId, Presence, Skin},
 };
@@ -974,12 +975,11 @@ pub(crate) fn build(
         Some(acuity) => Arc::new(with_acuity(&skin, acuity)?),
         None => skin,
     };
-    let tell = move |told: dermatome::pipeline::Progress, stop: &Stop| {
-        stop.check();
+    let tell = move |told: Progress| {
         let Some(progress) = &progress else { return };
         let stage = match told.stage {
-            dermatome::pipeline::Stage::Coarsen => "coarsen",
-            dermatome::pipeline::Stage::Flatten => "flatten",
+            Stage::Coarsen => "coarsen",
+            Stage::Flatten => "flatten",
         };
         Python::attach(|py| {
             if let Err(e) = progress.call1(py, (stage, told.done, told.total)) {
@@ -988,7 +988,7 @@ pub(crate) fn build(
         });
     };
     let map = run(py, count("threads", threads)?, move |stop| -> Result<PyMap, dermatome::Error> {
-        let built = build_with_progress(&skin, &options, &|told| tell(told, stop))?;
+        let built = build_with(&skin, &options, stop.run().telling(&tell))?;
         // What a file holds, so that a map is the same whether it was built, read or unpickled.
         Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
     })?;

@@ -111,7 +111,7 @@ impl PySkin {
     /// The same surface, meshed anew with taxels this far apart.
     fn meshed_anew(self, py: Python<'_>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (spacings, skin, mut remarks) = (spacings(spacing, &self.skin)?, self.skin, self.remarks);
-        let made = run(py, 0, move |_| remesh_skin(&skin, &spacings))?.map_err(error)?;
+        let made = run(py, 0, move |stop| remesh_skin(&skin, &spacings, stop.run()))?.map_err(error)?;
         if made.skin.patches.is_empty() {
             return Err(bad(
                 "spacing",

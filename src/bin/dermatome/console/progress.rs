@@ -3,7 +3,7 @@
 
 use std::{io::IsTerminal, thread, time::Duration};
 
-use dermatome::pipeline::{Progress, Stage};
+use dermatome::run::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{console::print::say, options::Common};

@@ -9,6 +9,7 @@ use dermatome::Error;
 use dermatome::io::{IoError, read_map};
 use dermatome::map::SkinMap;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
+use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble};
 use glob::Pattern;
 
@@ -131,7 +132,7 @@ pub(crate) fn read_good_patches(
 /// Meshes a skin anew with taxels this far apart.
 fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<Skin> {
     let spacings = spacing.of_patches(skin)?;
-    let Remeshed { skin, left_out } = remesh_skin(skin, &spacings).map_err(Error::from)?;
+    let Remeshed { skin, left_out } = remesh_skin(skin, &spacings, Run::default()).map_err(Error::from)?;
     if skin.patches.is_empty() {
         return Err(advise(
             "every patch is smaller than the hexagon around one taxel",

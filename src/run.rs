@@ -1,0 +1,85 @@
+//! How long work runs: whether it is cancelled, and who is told how far it is. It never changes what is computed.
+//!
+//! Options say what is wanted; a [`Run`] is the one parameter beside them. The number of threads is that of the pool of
+//! rayon that the work runs in.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How a computation runs. The default is never cancelled and tells nobody how far it is.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+/// use dermatome::{flatten::{FlattenOptions, flatten_with}, mesh::shapes, run::Run};
+///
+/// let cancelled = AtomicBool::new(true);
+/// let run = Run::default().cancelled_by(&cancelled);
+/// let error = flatten_with(&shapes::cap(500, 0.1, 1.9), None, &FlattenOptions::default(), run).unwrap_err();
+/// assert_eq!(error.kind(), "cancelled");
+/// ```
+#[derive(Clone, Copy, Default)]
+pub struct Run<'a> {
+    cancelled: Option<&'a AtomicBool>,
+    progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+}
+
+impl<'a> Run<'a> {
+    /// Work ends soon after `flag` is set, with [`Cancelled`] as its error: iterations of solvers and steps between
+    /// levels look at it.
+    #[must_use]
+    pub fn cancelled_by(self, flag: &'a AtomicBool) -> Self {
+        Self { cancelled: Some(flag), ..self }
+    }
+
+    /// `progress` is called from any thread at the start of a stage and after each of its items.
+    #[must_use]
+    pub fn telling(self, progress: &'a (dyn Fn(Progress) + Sync)) -> Self {
+        Self { progress: Some(progress), ..self }
+    }
+
+    /// Whether the work is to end.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    /// An error if the work is to end.
+    pub(crate) fn check(&self) -> Result<(), Cancelled> {
+        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+
+    pub(crate) fn tell(&self, progress: Progress) {
+        if let Some(tell) = self.progress {
+            tell(progress);
+        }
+    }
+}
+
+impl std::fmt::Debug for Run<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Run").field("is_cancelled", &self.is_cancelled()).finish_non_exhaustive()
+    }
+}
+
+/// The work was cancelled; see [`Run::cancelled_by`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("cancelled before it was done")]
+pub struct Cancelled;
+
+/// A step of the flow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Making the pyramids.
+    Coarsen,
+    /// Making the maps of every level.
+    Flatten,
+}
+
+/// How far a stage is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// Patches that are done.
+    pub done: usize,
+    /// Patches in all.
+    pub total: usize,
+}
