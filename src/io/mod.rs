@@ -10,6 +10,7 @@
 //! | `mesh` | skins and meshes | [`write_skin`], [`write_flat`] |
 //! | `observations` | [`read_observations`] | [`write_observations`] |
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
+//! | `layout` | [`Layout`]: what the numbers of recordings mean | |
 //! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
 //! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
 //! | `export` | | [`export_map`]: simulators, robots, tables |
@@ -54,6 +55,7 @@ mod export;
 mod file;
 mod gltf;
 mod image;
+mod layout;
 mod mesh;
 mod observations;
 mod readings;
@@ -72,6 +74,7 @@ pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
 pub use file::outputs::{OutPath, Outputs, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
+pub use layout::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};

@@ -91,6 +91,10 @@ impl<T> Csr<T> {
         &self.items
     }
 
+    pub(crate) fn items_mut(&mut self) -> &mut [T] {
+        &mut self.items
+    }
+
     /// Where the items of a list are among those of all.
     #[inline]
     pub(crate) fn range(&self, list: usize) -> Range<usize> {

@@ -77,6 +77,23 @@ fn measure(unit: &str) -> Option<(f64, Quantity)> {
     bases().find_map(known).or_else(|| bases().any(average).then_some((f64::NAN, Quantity::Intensive)))
 }
 
+/// How many of the unit `to` one of the unit `from` is; `None` if they do not measure the same. Programs of vendors write
+/// `KPa` and `PSI`, and give counts several names.
+pub(crate) fn unit_ratio(from: &str, to: &str) -> Option<f64> {
+    let spelled = |unit: &str| match unit {
+        "KPa" | "kpa" => "kPa".to_owned(),
+        "PSI" => "psi".to_owned(),
+        "counts" | "raw" | "LSB" | "digit" | "digits" | "adc" => "count".to_owned(),
+        other => other.to_owned(),
+    };
+    let (from, to) = (spelled(from), spelled(to));
+    if from == to {
+        return Some(1.0);
+    }
+    let ((x, of), (y, other)) = (measure(&from)?, measure(&to)?);
+    Some(x / y).filter(|ratio| of == other && ratio.is_finite())
+}
+
 impl Channel {
     /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`, `lbf`, `C`,
     /// with a prefix such as `m` or not), or if it has none and is called `force`, `force.N` or `charge`.

@@ -22,6 +22,7 @@ mod match_taxels;
 mod restrict;
 mod touch;
 
+pub(crate) use channel::unit_ratio;
 pub use channel::{Channel, Quantity};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner};
 pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions};

@@ -69,7 +69,7 @@ impl Reals<'_> {
 }
 
 /// Whole numbers of any shape.
-fn integers<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, i64>> {
+pub(crate) fn integers<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, i64>> {
     array_of(name, value, ["iu", "i8", "an array of integers"])
 }
 

@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
@@ -9,6 +9,7 @@ mod calib;
 mod errors;
 mod index;
 mod jobs;
+mod layout;
 mod map;
 mod matrix;
 mod bare_mesh;
@@ -48,6 +49,7 @@ mod _dermatome {
         bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
         calib::{PyCalibration, PyObservations, calibrate, simulate},
         index::{PyFields, PyHits, PyIndex},
+        layout::{PyDecoder, PyLayout},
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
         plot::PyPicture,

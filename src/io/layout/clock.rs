@@ -1,0 +1,153 @@
+//! The seconds of frames, from times of a file or from a rate.
+
+use crate::io::file::times::LATEST;
+use crate::io::layout::facts::{Statement, StatementSource, TimeUnit, Times};
+use crate::io::layout::rules::TimeRule;
+
+/// What is wrong with the times: element, found, needed.
+pub(super) type Fault = [String; 3];
+
+/// A step longer than this many usual ones is a gap.
+const GAP_STEPS: f64 = 3.0;
+
+#[derive(Debug, Clone)]
+pub(super) struct Clock {
+    rule: TimeRule,
+    episode: u64,
+    /// Frames of all episodes, and where this one began.
+    frames: u64,
+    start: u64,
+    first: Option<i64>,
+    last: f64,
+    /// The usual step, in s, once it is known.
+    step: Option<f64>,
+    gaps: u64,
+    /// The longest step, in s, and the frame after it.
+    longest: (f64, u64),
+}
+
+impl Clock {
+    pub(super) fn new(rule: TimeRule) -> Self {
+        Self {
+            rule,
+            episode: 0,
+            frames: 0,
+            start: 0,
+            first: None,
+            last: f64::NEG_INFINITY,
+            step: None,
+            gaps: 0,
+            longest: (0.0, 0),
+        }
+    }
+
+    /// Frames so far.
+    pub(super) fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Appends the seconds of the next `count` frames.
+    pub(super) fn seconds(
+        &mut self,
+        times: Times<'_>,
+        count: usize,
+        episode: u64,
+        seconds: &mut Vec<f64>,
+    ) -> Result<(), Fault> {
+        let fault =
+            |element: &str, found: String, needed: &str| [element.to_owned(), found, needed.to_owned()];
+        if episode < self.episode {
+            let found = format!("episode {episode} after {}", self.episode);
+            return Err(fault("episodes", found, "episodes in ascending order"));
+        }
+        if episode > self.episode {
+            (self.episode, self.start, self.first, self.last) =
+                (episode, self.frames, None, f64::NEG_INFINITY);
+        }
+        let (unit, between) = match &self.rule {
+            TimeRule::Rate(rate) => {
+                let start = self.frames - self.start;
+                seconds.extend((0..count as u64).map(|k| (start + k) as f64 / rate));
+                self.frames += count as u64;
+                return Ok(());
+            }
+            TimeRule::Stream { unit, between, .. } => (*unit, *between),
+        };
+        let at = seconds.len();
+        let per_second = unit.per_second();
+        let found = match times {
+            Times::None => {
+                let needed = "times, or `time` of the layout as {\"rate\": HZ}";
+                return Err(fault("times", "none".into(), needed));
+            }
+            Times::Whole(_) if unit == TimeUnit::Seconds => {
+                let needed = "{\"rate\": HZ}, or a smaller unit, as `time` of the layout";
+                return Err(fault("times", "whole numbers in s, as frame numbers are".into(), needed));
+            }
+            Times::Whole(ticks) => {
+                let first = self.first.or_else(|| ticks.first().copied()).unwrap_or(0);
+                self.first = Some(first);
+                // As integers: 1.7e18 ns are not exact as a float.
+                seconds.extend(ticks.iter().map(|t| t.saturating_sub(first) as f64 / per_second as f64));
+                ticks.len()
+            }
+            Times::Real(times) => {
+                seconds.extend(times.iter().map(|t| t / per_second as f64));
+                times.len()
+            }
+        };
+        if found != count {
+            return Err(fault("times", format!("{found} for {count} frames"), "one for each frame"));
+        }
+        let new = &seconds[at..];
+        let latest = match times {
+            Times::Whole(ticks) => {
+                ticks.iter().map(|t| (*t as f64 / per_second as f64).abs()).fold(0.0, f64::max)
+            }
+            _ => new.iter().map(|t| if t.is_finite() { t.abs() } else { f64::INFINITY }).fold(0.0, f64::max),
+        };
+        if latest > LATEST {
+            let found = format!("a time of {latest:e} s with times in {}", unit.name());
+            return Err(fault("times", found, "finite times, and the unit that they have in the file"));
+        }
+        if self.step.is_none() && new.len() > 2 {
+            let mut steps: Vec<f64> = new.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            let middle = steps.len() / 2;
+            let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+            if step > 0.0 && !(between[0]..=between[1]).contains(&(1.0 / step)) {
+                let found = format!("{:.6} frames a second with times in {}", 1.0 / step, unit.name());
+                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
+                return Err(fault("times", found, &needed));
+            }
+            self.step = Some(step);
+        }
+        for (k, &time) in new.iter().enumerate() {
+            let frame = self.frames + k as u64;
+            if time <= self.last {
+                let found = format!("{time} s after {} s", self.last);
+                return Err(fault(&format!("frame {frame}"), found, "ascending times, or one episode alone"));
+            }
+            let length = time - self.last;
+            if length.is_finite() && self.step.is_some_and(|step| length > GAP_STEPS * step) {
+                self.gaps += 1;
+                if length > self.longest.0 {
+                    self.longest = (length, frame);
+                }
+            }
+            self.last = time;
+        }
+        self.frames += count as u64;
+        Ok(())
+    }
+
+    /// What was noticed.
+    pub(super) fn statement(&self) -> Option<Statement> {
+        let (length, frame) = self.longest;
+        let value = match self.gaps {
+            0 => return None,
+            1 => format!("{length:.6} s without frames before frame {frame}; not filled"),
+            gaps => format!("{gaps} gaps, the longest of {length:.6} s before frame {frame}; not filled"),
+        };
+        Some(Statement::new("gap", value, StatementSource::Checked))
+    }
+}

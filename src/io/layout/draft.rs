@@ -1,0 +1,71 @@
+//! A layout of what a file states, with null where it does not.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::io::layout::facts::StreamFacts;
+use crate::io::layout::keys::Layout;
+
+impl Layout {
+    /// The text of a layout of what `file` states of a stream: JSON with null where it states nothing.
+    pub fn draft(file: &Path, facts: &StreamFacts) -> String {
+        let mut json = of_facts(facts);
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        json["about"] = format!("drafted from {name}; somebody who knows replaces each null").into();
+        let text = serde_json::to_string_pretty(&json).unwrap_or_default();
+        text + "\n"
+    }
+}
+
+fn of_facts(facts: &StreamFacts) -> Value {
+    let StreamFacts { cells, axes, units, .. } = facts;
+    let name = |k: usize| match (axes.iter().filter(|axis| *axis != "frame").nth(k), cells.len()) {
+        (Some(axis), _) => json!(axis),
+        (None, 1) => json!("taxel"),
+        _ => Value::Null,
+    };
+    let names: Vec<Value> = std::iter::once(json!("frame")).chain((0..cells.len()).map(name)).collect();
+    let component = axes.iter().filter(|axis| *axis != "frame").position(|axis| axis == "component");
+    let channel = |k: usize| {
+        let unit = units.get(k).or_else(|| units.first().filter(|_| units.len() == 1));
+        let name = if facts.has_pressures { json!("pressure") } else { Value::Null };
+        let mut channel = json!({"name": name, "unit": unit});
+        if component.is_some() {
+            channel["component"] = k.into();
+        }
+        channel
+    };
+    let count = component.map_or(1, |axis| cells[axis]);
+    let shape: Vec<usize> =
+        cells.iter().enumerate().filter(|(k, _)| Some(*k) != component).map(|(_, size)| *size).collect();
+    let time = match (facts.time_unit, facts.rate_hz) {
+        (Some(unit), _) => match facts.time_names.first() {
+            Some(name) => json!({"stream": name, "unit": unit.name()}),
+            None => json!({"unit": unit.name()}),
+        },
+        (None, rate) => json!({"rate": rate}),
+    };
+    let (press, zero) =
+        if facts.has_pressures { (json!("raises"), json!(0)) } else { (Value::Null, Value::Null) };
+    let taxels = match facts.ids {
+        Some(_) => json!({"ids": "file"}),
+        None => json!({"shape": shape, "first_id": 1}),
+    };
+    let mut json = json!({
+        "dermatome_layout": 1,
+        "axes": names,
+        "time": time,
+        "channels": (0..count).map(channel).collect::<Vec<_>>(),
+        "press": press,
+        "zero": zero,
+        "taxels": taxels,
+    });
+    if !facts.stream.is_empty() {
+        json["stream"] = facts.stream.as_str().into();
+    }
+    if facts.may_be_mirrored {
+        json["taxels"]["flip"] = Value::Null;
+    }
+    json
+}

@@ -1,0 +1,465 @@
+//! Layouts: what the numbers of a recording mean, where its file does not state it.
+//!
+//! A [`Layout`] is a JSON file that names the axes, the time, the channels with unit and sign, whether pressing raises or
+//! lowers the number, the zero, and which cell is which taxel. [`Layout::draft`] makes one of what a file states
+//! ([`StreamFacts`]), with null where nobody knows. A [`Decoder`] turns the numbers of one stream into readings. Every
+//! [`Statement`] about them has a source; what a file and a layout state differently is refused, not converted.
+//!
+//! In reading order: `facts` is what is known and by whom, `rules` are the values of the keys, `keys` reads a layout,
+//! `draft` writes one, `cells` joins cells to taxels, `clock` makes seconds of times, `checks` compares the first frames
+//! with what the layout states.
+
+mod cells;
+mod checks;
+mod clock;
+mod draft;
+mod facts;
+mod keys;
+mod rules;
+mod units;
+
+use std::path::{Path, PathBuf};
+
+use self::cells::{MAX_CELLS, Member};
+use self::checks::{CHECKED_FRAMES, Moves};
+use self::clock::{Clock, Fault};
+use self::rules::{Press, TaxelRule, TimeRule, Zero};
+use crate::io::IoError;
+use crate::io::file::invalid;
+use crate::numeric::Csr;
+use crate::signal::{Channel, Quantity};
+use crate::skin::TaxelId;
+
+pub use facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
+pub use keys::Layout;
+
+/// Most numbers that are kept to learn from.
+const MAX_LEARNED: usize = 1 << 24;
+
+/// A rate differs from another by more than this share of it, or it is the same.
+const RATE_TOLERANCE: f64 = 1e-6;
+
+/// Turns the numbers of one stream into readings, some frames at a time.
+///
+/// The first frames that it gets are those from which it learns the zero, if the layout takes it from them, and by which
+/// it checks sign, zero and axes: pass at least [`Self::frames_to_learn`] of them at once, or all that there are.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    file: PathBuf,
+    layout_name: PathBuf,
+    origin: StatementSource,
+    ids: Vec<TaxelId>,
+    channels: Vec<Channel>,
+    /// Numbers of a frame.
+    width: usize,
+    /// Of each channel: the numbers of each taxel.
+    sources: Vec<Csr<Number>>,
+    /// Numbers of a frame that are no taxels, if that can be said.
+    others: Vec<usize>,
+    /// Of the first channel that presses raise: its number, its sign and scale.
+    pressed: (usize, f64),
+    press: Press,
+    zero: Zero,
+    missing: Vec<f64>,
+    clock: Clock,
+    has_learned: bool,
+    statements: Vec<Statement>,
+    /// Readings without a number, and the first frame that has one.
+    lost: u64,
+    first_lost: Option<u64>,
+}
+
+/// A number of a frame that is part of a reading: `(x - zero) * factor`, averaged or summed with `weight`.
+#[derive(Debug, Clone, Copy, Default)]
+struct Number {
+    place: u32,
+    weight: f64,
+    factor: f64,
+    zero: f64,
+}
+
+impl Decoder {
+    /// Puts a layout on a stream of `file`.
+    ///
+    /// # Errors
+    /// If the file states something else than the layout: its axes, the shape of a frame, a unit, a rate.
+    pub fn new(layout: &Layout, file: &Path, facts: &StreamFacts) -> Result<Self, IoError> {
+        let of_layout = |what: String| format!("{what}, as {} states", layout.name.display());
+        let refuse =
+            |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
+        let axes: Vec<&String> = layout.axes.iter().filter(|axis| *axis != "frame").collect();
+        let stated: Vec<&String> = facts.axes.iter().filter(|axis| *axis != "frame").collect();
+        if axes.len() != facts.cells.len() {
+            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len()));
+            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
+        }
+        if !stated.is_empty() && stated != axes {
+            return refuse("axes", format!("{stated:?}"), of_layout(format!("{axes:?}")));
+        }
+        let width = facts.cells.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
+        let Some(width) = width.filter(|width| (1..=MAX_CELLS).contains(width)) else {
+            let needed = format!("1 to {MAX_CELLS} numbers in a frame");
+            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
+        };
+        if facts.may_be_mirrored && !layout.states_flips() {
+            let found = "that rows or columns are mirrored, but not whether they are stored so".into();
+            return refuse(
+                "taxels",
+                found,
+                "`flip` in `taxels` of the layout: the axes to flip, or []".into(),
+            );
+        }
+        let component = axes.iter().position(|axis| *axis == "component");
+        let shape = facts.cells.iter().enumerate().filter(|(k, _)| Some(*k) != component);
+        let shape: Vec<usize> = shape.map(|(_, size)| *size).collect();
+        let members = layout.members(file, facts, &shape)?;
+        let mut ids: Vec<TaxelId> = members.iter().map(|member| member.id).collect();
+        ids.dedup();
+        // Where the first component of a cell is among the numbers of a frame, and how far apart components are.
+        let inner: usize = component.map_or(1, |axis| facts.cells[axis + 1..].iter().product());
+        let components = component.map_or(1, |axis| facts.cells[axis]);
+        let place = |cell: usize| cell / inner * inner * components + cell % inner;
+        let place = |cell: usize| if component.is_some() { place(cell) } else { cell };
+        let mut statements = facts.notes.clone();
+        let mut sources = Vec::new();
+        for (k, rule) in layout.rules.iter().enumerate() {
+            let at = rule.component.unwrap_or(0);
+            if at >= components {
+                let needed = of_layout(format!("component {at} of channel {}", rule.name));
+                return refuse("axes", format!("{components} components"), needed);
+            }
+            let scale = layout.scale_of(k, file, facts, &mut statements)?;
+            let sign = if layout.press == Press::Lowers && !rule.signed { -1.0 } else { 1.0 };
+            let is_amount = layout.channels[k].quantity == Quantity::Extensive;
+            sources.push(numbers(&members, &ids, is_amount, |member| Number {
+                place: u32::try_from(place(member.cell) + at * inner).unwrap_or(u32::MAX),
+                weight: member.weight,
+                factor: sign * scale * member.gain,
+                zero: 0.0,
+            }));
+        }
+        let others = match component {
+            Some(_) => Vec::new(),
+            None => {
+                let mut is_taxel = vec![false; width];
+                members.iter().for_each(|member| is_taxel[member.cell] = true);
+                (0..width).filter(|&cell| !is_taxel[cell]).collect()
+            }
+        };
+        let pressed = layout.rules.iter().position(|rule| !rule.signed).unwrap_or(0);
+        let scale = layout.rules[pressed].scale.unwrap_or(1.0);
+        let mut decoder = Self {
+            file: file.into(),
+            layout_name: layout.name.clone(),
+            origin: layout.origin,
+            channels: layout.channels.clone(),
+            width,
+            sources,
+            others,
+            pressed: (pressed, scale),
+            press: layout.press,
+            zero: layout.zero.clone(),
+            missing: layout.missing.clone(),
+            clock: Clock::new(layout.time.clone()),
+            has_learned: false,
+            statements,
+            lost: 0,
+            first_lost: None,
+            ids,
+        };
+        decoder.set_zero(facts)?;
+        decoder.check_time(layout, facts)?;
+        decoder.state_layout(layout, facts, shape.iter().product());
+        Ok(decoder)
+    }
+
+    /// The taxels, in ascending order of their ids.
+    pub fn ids(&self) -> &[TaxelId] {
+        &self.ids
+    }
+
+    /// The channels.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// How many frames it has to see at first.
+    pub fn frames_to_learn(&self) -> usize {
+        let checked = CHECKED_FRAMES.min(MAX_LEARNED / self.width).max(1);
+        match self.zero {
+            Zero::First { first } => checked.max(first),
+            _ => checked,
+        }
+    }
+
+    /// What is known about the readings; frames add to it.
+    pub fn statements(&self) -> Vec<Statement> {
+        let mut all = self.statements.clone();
+        if let Some(frame) = self.first_lost {
+            let value = format!("{} readings, the first in frame {frame}; they stay missing", self.lost);
+            all.push(Statement::new("missing", value, StatementSource::Checked));
+        }
+        all.extend(self.clock.statement());
+        all
+    }
+
+    /// Appends the readings and the seconds of some frames: channel `c` of taxel `n` of a frame is `[c * taxels + n]`.
+    /// All frames are of one episode; a later call may be of a later one, whose times may begin again.
+    ///
+    /// # Errors
+    /// If there are too few numbers or times, times do not ascend or have another unit, or the first frames contradict
+    /// the layout.
+    pub fn decode<T: Copy + Into<f64> + FromF64>(
+        &mut self,
+        raw: &[T],
+        times: Times<'_>,
+        episode: u64,
+        values: &mut Vec<T>,
+        seconds: &mut Vec<f64>,
+    ) -> Result<(), IoError> {
+        if !raw.len().is_multiple_of(self.width) {
+            let found = format!("{} numbers", raw.len());
+            return Err(self.invalid("frames", found, format!("{} for each frame", self.width)));
+        }
+        let frames = raw.len() / self.width;
+        let before = self.clock.frames();
+        let fault = |[element, found, needed]: Fault| invalid(&self.file, element, found, needed);
+        self.clock.seconds(times, frames, episode, seconds).map_err(fault)?;
+        if frames == 0 {
+            return Ok(());
+        }
+        let start = values.len();
+        if !self.has_learned {
+            self.learn_zero(raw)?;
+        }
+        values.reserve(frames * self.sources.len() * self.ids.len());
+        for (k, frame) in raw.chunks_exact(self.width).enumerate() {
+            let lost = self.decode_frame(frame, values);
+            if lost > 0 {
+                self.lost += lost as u64;
+                self.first_lost.get_or_insert(before + k as u64);
+            }
+        }
+        if !std::mem::replace(&mut self.has_learned, true) {
+            self.check(raw, &values[start..])?;
+        }
+        Ok(())
+    }
+
+    /// Appends the readings of a frame, and returns how many are missing.
+    fn decode_frame<T: Copy + Into<f64> + FromF64>(&self, frame: &[T], values: &mut Vec<T>) -> usize {
+        let mut lost = 0;
+        let read = |number: &Number| {
+            let x: f64 = frame[number.place as usize].into();
+            // Infinite readings are missing, too.
+            let is_missing = !x.is_finite() || self.missing.contains(&x);
+            if is_missing { f64::NAN } else { (x - number.zero) * number.factor }
+        };
+        for (numbers, channel) in self.sources.iter().zip(&self.channels) {
+            let is_amount = channel.quantity == Quantity::Extensive;
+            values.extend(numbers.iter().map(|numbers| {
+                let x = match numbers {
+                    [one] if !is_amount => read(one),
+                    several => {
+                        let known = several.iter().map(|n| (read(n), n.weight)).filter(|(x, _)| !x.is_nan());
+                        let [sum, weight] =
+                            known.fold([0.0, 0.0], |[sum, all], (x, w)| [sum + w * x, all + w]);
+                        // 0 / 0 is NaN.
+                        if is_amount && weight > 0.0 { sum } else { sum / weight }
+                    }
+                };
+                lost += usize::from(x.is_nan());
+                T::from_f64(x)
+            }));
+        }
+        lost
+    }
+
+    /// Takes the zero that the layout or another stream gives.
+    fn set_zero(&mut self, facts: &StreamFacts) -> Result<(), IoError> {
+        match (&self.zero, &facts.zero) {
+            (Zero::Stream { stream }, None) => {
+                let (found, needed) = (format!("no stream {stream}"), "the stream of the zero");
+                Err(self.invalid("zero", found, needed.into()))
+            }
+            (Zero::Stream { .. }, Some(zeros)) if zeros.len() != self.width => {
+                let found = format!("{} numbers in the stream of the zero", zeros.len());
+                Err(self.invalid("zero", found, format!("{}, one for each of a frame", self.width)))
+            }
+            (Zero::Stream { .. }, Some(zeros)) => {
+                let zeros = zeros.clone();
+                self.each_number(|number| number.zero = zeros[number.place as usize]);
+                Ok(())
+            }
+            (Zero::Number(zero), _) => {
+                let zero = *zero;
+                self.each_number(|number| number.zero = zero);
+                Ok(())
+            }
+            (Zero::First { first }, _) if first.saturating_mul(self.width) > 4 * MAX_LEARNED => {
+                let needed = format!("at most {} frames", 4 * MAX_LEARNED / self.width);
+                Err(self.invalid("zero", format!("first {first}"), needed))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn each_number(&mut self, mut change: impl FnMut(&mut Number)) {
+        self.sources.iter_mut().for_each(|numbers| numbers.items_mut().iter_mut().for_each(&mut change));
+    }
+
+    /// Takes the mean of the first frames for the zero, if the layout does.
+    fn learn_zero<T: Copy + Into<f64>>(&mut self, raw: &[T]) -> Result<(), IoError> {
+        let Zero::First { first } = self.zero else { return Ok(()) };
+        let width = self.width;
+        if raw.len() / width < first {
+            let found = format!("{} frames", raw.len() / width);
+            return Err(self.invalid("zero", found, format!("the first {first}, as the layout states")));
+        }
+        let missing = self.missing.clone();
+        self.each_number(|number| {
+            let numbers =
+                raw.chunks_exact(width).take(first).map(|frame| frame[number.place as usize].into());
+            let known = numbers.filter(|x: &f64| x.is_finite() && !missing.contains(x));
+            let [sum, count] = known.fold([0.0, 0.0], |[sum, count], x| [sum + x, count + 1.0]);
+            number.zero = sum / count;
+        });
+        Ok(())
+    }
+
+    /// Compares the first frames with what is stated.
+    fn check<T: Copy + Into<f64>>(&mut self, raw: &[T], values: &[T]) -> Result<(), IoError> {
+        let (channel, scale) = self.pressed;
+        let (taxels, channels) = (self.ids.len(), self.sources.len());
+        let frames = (raw.len() / self.width).min(CHECKED_FRAMES.min(MAX_LEARNED / self.width).max(1));
+        let series = |numbers: &[T], width: usize, place: usize| -> Vec<f64> {
+            let frames = numbers.chunks_exact(width).take(frames);
+            frames.map(|frame| frame[place].into()).filter(|x: &f64| x.is_finite()).collect()
+        };
+        let taxel = |n| series(values, taxels * channels, channel * taxels + n);
+        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let moves = Moves::of(&(0..taxels).map(taxel).collect::<Vec<_>>(), zero * scale);
+        if let Some(found) = moves.against_zero().filter(|_| zero != 0.0) {
+            let needed = format!("another `press` or `zero` in {}", self.layout_name.display());
+            return Err(self.invalid("zero", format!("{found}, with the zero {zero}"), needed));
+        }
+        let others: Vec<_> = self.others.iter().map(|&place| series(raw, self.width, place)).collect();
+        let moving = moves.moving(&others, scale);
+        if Moves::is_enough(moving) {
+            let found =
+                format!("{moving} cells that move and are no taxels in {}", self.layout_name.display());
+            return Err(self.invalid(
+                "axes",
+                found,
+                "the axes in the order in which the file has them".into(),
+            ));
+        }
+        let press = self.press.name();
+        let remark = moves.sign_remark(press).filter(|_| self.origin == StatementSource::Layout);
+        self.statements.extend(remark.map(|text| Statement::new("press", text, StatementSource::Checked)));
+        Ok(())
+    }
+
+    /// Refuses a rate, or a name or unit of times, that is not that of the file.
+    fn check_time(&self, layout: &Layout, facts: &StreamFacts) -> Result<(), IoError> {
+        let needed = |what: String| format!("{what}, as {} states", layout.name.display());
+        match (&layout.time, facts) {
+            (TimeRule::Rate(rate), StreamFacts { rate_hz: Some(stated), .. })
+                if (stated / rate - 1.0).abs() > RATE_TOLERANCE =>
+            {
+                Err(self.invalid("rate", format!("{stated} frames a second"), needed(rate.to_string())))
+            }
+            (TimeRule::Stream { unit, .. }, StreamFacts { time_unit: Some(stated), .. })
+                if stated != unit =>
+            {
+                Err(self.invalid("times", format!("times in {}", stated.name()), needed(unit.name().into())))
+            }
+            (TimeRule::Stream { stream: Some(name), .. }, StreamFacts { time_names, .. })
+                if !time_names.is_empty() && !time_names.contains(name) =>
+            {
+                let found = format!("times called {}", time_names.join(" or "));
+                Err(self.invalid("times", found, needed(name.clone())))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// States what the layout does.
+    fn state_layout(&mut self, layout: &Layout, facts: &StreamFacts, cells: usize) {
+        let origin = layout.origin;
+        let mut state = |what: &str, value: String, source| {
+            self.statements.push(Statement::new(what, value, source));
+        };
+        state("axes", layout.axes.join(", "), origin);
+        let by_file = |is_stated: bool| if is_stated { StatementSource::File } else { origin };
+        match &layout.time {
+            TimeRule::Rate(rate) => {
+                state("time", format!("{rate} frames a second"), by_file(facts.rate_hz.is_some()));
+            }
+            TimeRule::Stream { stream, unit, .. } => {
+                let name = stream.as_deref().unwrap_or("times");
+                state("time", format!("{name} in {}", unit.name()), by_file(facts.time_unit.is_some()));
+            }
+        }
+        state("press", format!("{} the number", layout.press.name()), by_file(facts.has_pressures));
+        state("zero", layout.zero.describe(), origin);
+        if !layout.missing.is_empty() {
+            state("missing", format!("{:?} stand for no reading", layout.missing), origin);
+        }
+        let value = format!("{} of {cells} cells", self.ids.len());
+        state("taxels", value, by_file(layout.taxels == TaxelRule::File));
+    }
+
+    fn invalid(&self, element: &str, found: String, needed: String) -> IoError {
+        invalid(&self.file, element, found, needed)
+    }
+}
+
+/// The numbers of each taxel: those of an amount are shared by the taxels of a cell.
+fn numbers(
+    members: &[Member],
+    ids: &[TaxelId],
+    is_amount: bool,
+    number: impl Fn(&Member) -> Number,
+) -> Csr<Number> {
+    let mut weights = std::collections::HashMap::new();
+    if is_amount {
+        members.iter().for_each(|member| *weights.entry(member.cell).or_insert(0.0) += member.weight);
+    }
+    let mut taxel = 0;
+    let pairs = members.iter().map(|member| {
+        let mut number = number(member);
+        if let Some(all) = weights.get(&member.cell) {
+            number.weight /= all;
+        }
+        (member.id, number)
+    });
+    let pairs: Vec<(usize, Number)> = pairs
+        .map(|(id, number)| {
+            while ids[taxel] != id {
+                taxel += 1;
+            }
+            (taxel, number)
+        })
+        .collect();
+    Csr::from_pairs(ids.len(), pairs.iter().copied())
+}
+
+/// A number that a reading is narrowed to.
+pub trait FromF64 {
+    /// The nearest number.
+    fn from_f64(x: f64) -> Self;
+}
+
+impl FromF64 for f64 {
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+}
+
+impl FromF64 for f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "readings of 32 bits stay readings of 32 bits")]
+    fn from_f64(x: f64) -> Self {
+        x as Self
+    }
+}

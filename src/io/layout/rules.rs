@@ -1,0 +1,203 @@
+//! The values of the keys of a layout.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::io::IoError;
+use crate::io::file::{excerpt, invalid};
+use crate::io::layout::facts::TimeUnit;
+use crate::skin::TaxelId;
+
+/// A channel, and where its numbers are.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ChannelRule {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) component: Option<usize>,
+    /// Whether it has both signs, as a shear; what pressing does to the number does not concern it.
+    #[serde(default)]
+    pub(super) signed: bool,
+    /// What the numbers are multiplied by to be in its unit.
+    pub(super) scale: Option<f64>,
+}
+
+impl ChannelRule {
+    pub(super) const KEYS: &'static str =
+        "a list of channels with `name` and `unit`, and if needed `component`, `signed` and `scale`";
+}
+
+/// What pressing does to the number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Press {
+    Raises,
+    Lowers,
+}
+
+impl Press {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Raises => "raises",
+            Self::Lowers => "lowers",
+        }
+    }
+}
+
+/// The number at rest.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+pub(super) enum Zero {
+    Number(f64),
+    First { first: usize },
+    Stream { stream: String },
+    Word(ZeroWord),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum ZeroWord {
+    Taken,
+}
+
+impl Zero {
+    pub(super) fn of(name: &Path, value: &Value) -> Result<Self, IoError> {
+        let needed = "a number, {\"first\": N} frames with N of 1 or more, {\"stream\": NAME} or \"taken\"";
+        let zero = typed(name, "zero", value, needed)?;
+        match zero {
+            Self::First { first: 0 } => Err(invalid(name, "zero", "first 0", needed)),
+            zero => Ok(zero),
+        }
+    }
+
+    pub(super) fn describe(&self) -> String {
+        match self {
+            Self::Number(zero) => zero.to_string(),
+            Self::First { first } => format!("the mean of the first {first} frames"),
+            Self::Stream { stream } => format!("the stream {stream}"),
+            Self::Word(ZeroWord::Taken) => "taken: zero is subtracted already".into(),
+        }
+    }
+}
+
+/// When frames were taken.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum TimeRule {
+    /// This many frames per second, in Hz.
+    Rate(f64),
+    Stream {
+        stream: Option<String>,
+        unit: TimeUnit,
+        /// The fewest and the most frames per second.
+        between: [f64; 2],
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TimeKeys {
+    rate: Option<f64>,
+    stream: Option<String>,
+    unit: Option<TimeUnit>,
+    between: Option<[f64; 2]>,
+}
+
+impl TimeRule {
+    pub(super) fn of(name: &Path, value: &Value) -> Result<Self, IoError> {
+        let needed = "{\"rate\": HZ}, or {\"stream\": NAME, \"unit\": \"s\", \"ms\", \"us\" or \"ns\"} and if needed \
+                      \"between\": [LEAST, MOST] frames per second";
+        let keys: TimeKeys = typed(name, "time", value, needed)?;
+        let is_positive = |x: f64| x > 0.0 && x.is_finite();
+        match keys {
+            TimeKeys { rate: Some(rate), stream: None, unit: None, between: None } if is_positive(rate) => {
+                Ok(Self::Rate(rate))
+            }
+            TimeKeys { rate: None, stream, unit: Some(unit), between } => {
+                let between = between.unwrap_or([1.0, 2000.0]);
+                match between {
+                    [least, most] if is_positive(least) && least <= most => {
+                        Ok(Self::Stream { stream, unit, between })
+                    }
+                    _ => Err(invalid(name, "time, between", format!("{between:?}"), needed)),
+                }
+            }
+            _ => Err(invalid(name, "time", value.to_string(), needed)),
+        }
+    }
+}
+
+/// Which cell is which taxel.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum TaxelRule {
+    /// A table of the columns of the axes, `taxel_id` and if needed `weight` and `gain`.
+    Table(String),
+    /// The file states the taxel of each cell.
+    File,
+    /// Ids of the cells in their order.
+    Ids(Vec<TaxelId>),
+    Grid(Grid),
+}
+
+/// Ids that count through a grid of cells.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Grid {
+    /// The cells of a frame, as the file has them.
+    pub(super) shape: Vec<usize>,
+    #[serde(default = "one")]
+    pub(super) first_id: u32,
+    /// Whether ids count down the last axis but one first.
+    #[serde(default)]
+    pub(super) transpose: bool,
+    /// By how many degrees the ids are turned in the plane of the last two axes, counter-clockwise, as `numpy.rot90` does.
+    #[serde(default)]
+    pub(super) rotate: u32,
+    /// The axes along which ids count backwards.
+    pub(super) flip: Option<Vec<String>>,
+}
+
+fn one() -> u32 {
+    1
+}
+
+impl TaxelRule {
+    pub(super) fn of(name: &Path, value: &Value) -> Result<Self, IoError> {
+        let needed = "the name of a table (.csv), {\"ids\": \"file\"}, {\"ids\": [...]}, or {\"shape\": [...]} and if needed \
+                      `first_id`, `flip`, `transpose` and `rotate` (90, 180 or 270)";
+        if let Value::String(table) = value {
+            return Ok(Self::Table(table.clone()));
+        }
+        if let Some(ids) = value.get("ids") {
+            let is_alone = value.as_object().is_some_and(|keys| keys.len() == 1);
+            return match (is_alone, ids) {
+                (true, Value::String(word)) if word == "file" => Ok(Self::File),
+                (true, Value::Array(_)) => {
+                    let ids: Vec<u32> = typed(name, "taxels, ids", ids, "ids of taxels, 0 to 4294967295")?;
+                    Ok(Self::Ids(ids.into_iter().map(TaxelId).collect()))
+                }
+                _ => Err(invalid(name, "taxels", value.to_string(), needed)),
+            };
+        }
+        let grid: Grid = typed(name, "taxels", value, needed)?;
+        match grid.rotate {
+            0 | 90 | 180 | 270 => Ok(Self::Grid(grid)),
+            other => Err(invalid(name, "taxels, rotate", other.to_string(), needed)),
+        }
+    }
+}
+
+/// The value of a key as a type; `needed` is what an error asks for.
+pub(super) fn typed<T: DeserializeOwned>(
+    name: &Path,
+    key: &str,
+    value: &Value,
+    needed: &str,
+) -> Result<T, IoError> {
+    T::deserialize(value).map_err(|e| {
+        let found = format!("{} ({e})", excerpt(&value.to_string()));
+        invalid(name, key, found, needed)
+    })
+}

@@ -1,0 +1,364 @@
+//! `Layout` and `Decoder`: what the numbers of a recording mean, and what turns them into readings.
+
+use std::{
+    path::PathBuf,
+    sync::{Mutex, PoisonError},
+};
+
+use dermatome::{
+    io::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times},
+    skin::TaxelId,
+};
+use numpy::{PyArray1, PyUntypedArrayMethods};
+use pyo3::{
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
+
+use crate::{
+    arrays::{Reals, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
+    errors::{bad, error},
+};
+
+/// What the numbers of a recording mean, where its file does not state it: axes, time, channels with unit and sign, zero,
+/// and which cell is which taxel. docs/files.md describes the keys.
+///
+/// Examples
+/// --------
+/// >>> import dermatome, numpy as np
+/// >>> layout = dermatome.Layout.parse('''{"dermatome_layout": 1, "axes": ["frame", "row", "col"], "time": {"rate": 10},
+/// ...     "channels": [{"name": "pressure", "unit": "count"}], "press": "lowers", "zero": 100,
+/// ...     "taxels": {"shape": [1, 3], "first_id": 7}}''')
+/// >>> decoder = layout.decoder("pad.npy", (1, 3))
+/// >>> values, seconds = decoder.decode(np.array([[[90, 100, 100]], [[99, 100, 40]]], np.int16))
+/// >>> values[:, 0].tolist(), decoder.ids.tolist()
+/// ([[10.0, 0.0, 0.0], [1.0, 0.0, 60.0]], [7, 8, 9])
+#[pyclass(frozen, module = "dermatome", name = "Layout")]
+#[derive(Debug)]
+pub(crate) struct PyLayout {
+    pub(crate) layout: Layout,
+}
+
+#[pymethods]
+impl PyLayout {
+    /// Read a layout, a JSON file; a table that it names is in the same folder.
+    #[staticmethod]
+    fn read(path: PathBuf) -> PyResult<Self> {
+        Ok(Self { layout: Layout::read(&path).map_err(error)? })
+    }
+
+    /// Read a layout of a text, which errors call `name`.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     The JSON.
+    /// name : str
+    ///     What errors call it.
+    /// folder : str or os.PathLike, optional
+    ///     The folder of the table that it may name.
+    #[staticmethod]
+    #[pyo3(signature = (text, name="layout", folder=None))]
+    fn parse(text: &str, name: &str, folder: Option<PathBuf>) -> PyResult<Self> {
+        let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
+        Ok(Self { layout: Layout::parse(&path, text).map_err(error)? })
+    }
+
+    /// The text of a layout of what a file states, with null where it states nothing; `read` refuses null.
+    ///
+    /// Parameters
+    /// ----------
+    /// file : str or os.PathLike
+    ///     The file, for its name.
+    /// cells : sequence of int
+    ///     The shape of one frame.
+    /// stream : str
+    ///     The name of the stream.
+    /// says : dict, optional
+    ///     What the file states, as `decoder` takes it.
+    #[staticmethod]
+    #[pyo3(signature = (file, cells, *, stream="", says=None))]
+    fn draft(
+        file: PathBuf,
+        cells: Vec<usize>,
+        stream: &str,
+        says: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<String> {
+        Ok(Layout::draft(&file, &facts(cells, stream, says)?))
+    }
+
+    /// What turns the numbers of a stream of a file into readings.
+    ///
+    /// Parameters
+    /// ----------
+    /// file : str or os.PathLike
+    ///     The file, for messages.
+    /// cells : sequence of int
+    ///     The shape of one frame as the file has it, without the axis of frames.
+    /// stream : str
+    ///     The name of the stream.
+    /// says : dict, optional
+    ///     What the file states. `unit` (a word, or one for each channel), `rate` in Hz, `axes`, `ids` (of each cell) and
+    ///     `time_unit` are compared with the layout; everything else is a statement about the recording.
+    /// zero : array_like, optional
+    ///     The level of each number of a frame at rest, if `zero_stream` is not None.
+    ///
+    /// Returns
+    /// -------
+    /// Decoder
+    #[pyo3(signature = (file, cells, *, stream="", says=None, zero=None))]
+    fn decoder(
+        &self,
+        file: PathBuf,
+        cells: Vec<usize>,
+        stream: &str,
+        says: Option<&Bound<'_, PyDict>>,
+        zero: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyDecoder> {
+        let mut facts = facts(cells, stream, says)?;
+        if let Some(zero) = zero {
+            let zero = floats("zero", zero)?;
+            if zero.shape() != facts.cells {
+                return Err(bad_shape("zero", zero.shape(), format!("shape {:?}", facts.cells)));
+            }
+            facts.zero = Some(zero.as_slice()?.to_vec());
+        }
+        let decoder = Decoder::new(&self.layout, &file, &facts).map_err(error)?;
+        let time_unit = self.layout.time_unit().map_or("ns", TimeUnit::name);
+        Ok(PyDecoder { decoder: Mutex::new(decoder), cells: facts.cells, time_unit })
+    }
+
+    /// str or None: The stream that it is of, a name or a pattern.
+    #[getter]
+    fn stream(&self) -> Option<&str> {
+        self.layout.stream()
+    }
+
+    /// tuple of str: The axes of the array, in its order.
+    #[getter]
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.layout.axes())
+    }
+
+    /// int: Which axis is that of the frames.
+    #[getter]
+    fn frame_axis(&self) -> usize {
+        self.layout.frame_axis()
+    }
+
+    /// tuple of str: The names of the channels.
+    #[getter]
+    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.layout.channels().iter().map(|channel| channel.name.as_str()))
+    }
+
+    /// tuple of str: Their units.
+    #[getter]
+    fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.layout.channels().iter().map(|channel| channel.unit.as_str()))
+    }
+
+    /// dict: When frames were taken, as in the file of the layout: `rate`, or `stream`, `unit` and `between`.
+    #[getter]
+    fn time<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("json")?.getattr("loads")?.call1((self.text(),))?.get_item("time")
+    }
+
+    /// str or None: The stream from which the zero is taken.
+    #[getter]
+    fn zero_stream(&self) -> Option<&str> {
+        self.layout.zero_stream()
+    }
+
+    /// str: The JSON that it was read from.
+    #[getter]
+    fn text(&self) -> &str {
+        self.layout.text()
+    }
+
+    fn __repr__(&self) -> String {
+        let names: Vec<&str> = self.layout.channels().iter().map(|channel| channel.name.as_str()).collect();
+        format!("<dermatome.Layout: {}; {}>", self.layout.axes().join(", "), names.join(", "))
+    }
+}
+
+/// What a file states, from the arguments of a call.
+fn facts(cells: Vec<usize>, stream: &str, says: Option<&Bound<'_, PyDict>>) -> PyResult<StreamFacts> {
+    let mut facts = StreamFacts { stream: stream.into(), cells, ..StreamFacts::default() };
+    for (key, value) in says.iter().flat_map(|says| says.iter()) {
+        let key: String = key.extract()?;
+        match key.as_str() {
+            "unit" => {
+                facts.units = value.extract::<String>().map(|unit| vec![unit]).or_else(|_| value.extract())?
+            }
+            "rate" => facts.rate_hz = Some(value.extract()?),
+            "axes" => facts.axes = value.extract()?,
+            "ids" => {
+                let count = value.len()?;
+                let ids = one_number_each("ids", &value, count)?;
+                facts.ids = Some(ids.into_iter().map(TaxelId).collect());
+            }
+            "time_unit" => {
+                let name: String = value.extract()?;
+                let unit = TimeUnit::named(&name);
+                facts.time_unit = Some(unit.ok_or_else(|| bad("time_unit", name, "s, ms, us or ns"))?);
+            }
+            _ => facts.notes.push(Statement::new(key, value.str()?.to_string(), StatementSource::File)),
+        }
+    }
+    Ok(facts)
+}
+
+/// Turns the numbers of one stream into readings, some frames at a time. Made by `Layout.decoder`.
+#[pyclass(frozen, module = "dermatome", name = "Decoder")]
+#[derive(Debug)]
+pub(crate) struct PyDecoder {
+    decoder: Mutex<Decoder>,
+    cells: Vec<usize>,
+    time_unit: &'static str,
+}
+
+/// The times of frames as the file has them.
+enum FileTimes {
+    None,
+    Whole(Vec<i64>),
+    Real(Vec<f64>),
+}
+
+impl PyDecoder {
+    fn with<T>(&self, read: impl FnOnce(&mut Decoder) -> T) -> T {
+        read(&mut self.decoder.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn times(&self, times: Option<&Bound<'_, PyAny>>) -> PyResult<FileTimes> {
+        let Some(times) = times else { return Ok(FileTimes::None) };
+        let numpy = times.py().import("numpy")?;
+        let mut times = numpy.call_method1("asarray", (times,))?;
+        let mut kind: String = times.getattr("dtype")?.getattr("kind")?.extract()?;
+        if kind == "M" || kind == "m" {
+            if numpy.call_method1("isnat", (&times,))?.call_method0("any")?.is_truthy()? {
+                return Err(bad("times", "NaT", "a time for each frame"));
+            }
+            // Whole seconds would be taken for frame numbers.
+            let unit = if self.time_unit == "s" { "ns" } else { self.time_unit };
+            let word = if kind == "M" { "datetime64" } else { "timedelta64" };
+            times = times
+                .call_method1("astype", (format!("{word}[{unit}]"),))?
+                .call_method1("astype", ("i8",))?;
+            kind = "i".into();
+            if unit != self.time_unit {
+                times = times.call_method1("__truediv__", (1e9,))?;
+                kind = "f".into();
+            }
+        }
+        Ok(match kind.as_str() {
+            "i" | "u" => FileTimes::Whole(integers("times", &times)?.as_slice()?.to_vec()),
+            _ => FileTimes::Real(floats("times", &times)?.as_slice()?.to_vec()),
+        })
+    }
+}
+
+#[pymethods]
+impl PyDecoder {
+    /// Turn frames into readings.
+    ///
+    /// The first call learns the zero and checks sign and axes: it gets at least `learn_frames` frames, or all.
+    ///
+    /// Parameters
+    /// ----------
+    /// raw : (T, ...) array_like
+    ///     Numbers of frames of the shape of `cells`, of any type; NaN where there is none.
+    /// times : (T,) array_like, optional
+    ///     When each was taken, in the unit of the layout: whole numbers, floats or `datetime64`.
+    /// episode : int
+    ///     The number of the episode of all these frames; in a later one times may begin again.
+    ///
+    /// Returns
+    /// -------
+    /// values : (T, C, N) array
+    ///     float32; float64 if `raw` has numbers that need it.
+    /// seconds : (T,) float64 array
+    ///     Times in s; from whole numbers counted from the first one of the episode.
+    #[pyo3(signature = (raw, times=None, episode=0))]
+    fn decode<'py>(
+        &self,
+        py: Python<'py>,
+        raw: &Bound<'py, PyAny>,
+        times: Option<&Bound<'py, PyAny>>,
+        episode: u64,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
+        let times = self.times(times)?;
+        let raw = py.import("numpy")?.call_method1("asarray", (raw,))?;
+        let dtype = raw.getattr("dtype")?;
+        let (kind, size): (String, usize) =
+            (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
+        // Numbers of 16 bits are exact in 32.
+        let is_single = size <= 2 && "biuf".contains(&kind) || size == 4 && kind == "f";
+        let raw = if is_single { raw.call_method1("astype", ("f4",))? } else { raw };
+        let raw = reals("raw", &raw)?;
+        let &[frames, ref cells @ ..] = raw.shape() else {
+            return Err(bad_shape("raw", raw.shape(), "frames"));
+        };
+        if *cells != *self.cells {
+            return Err(bad_shape(
+                "raw",
+                raw.shape(),
+                format!("shape (T, ...) with frames of {:?}", self.cells),
+            ));
+        }
+        let mut seconds = Vec::with_capacity(frames);
+        let times = match &times {
+            FileTimes::None => Times::None,
+            FileTimes::Whole(times) => Times::Whole(times),
+            FileTimes::Real(times) => Times::Real(times),
+        };
+        let shape = self.with(|decoder| [frames, decoder.channels().len(), decoder.ids().len()]);
+        let values = match &raw {
+            Reals::Single(raw) => {
+                let (raw, mut values) = (raw.as_slice()?, Vec::new());
+                let decode = || self.with(|d| d.decode(raw, times, episode, &mut values, &mut seconds));
+                py.detach(decode).map_err(error)?;
+                shaped(py, shape, values)?.into_any()
+            }
+            Reals::Double(raw) => {
+                let (raw, mut values) = (raw.as_slice()?, Vec::new());
+                let decode = || self.with(|d| d.decode(raw, times, episode, &mut values, &mut seconds));
+                py.detach(decode).map_err(error)?;
+                shaped(py, shape, values)?.into_any()
+            }
+        };
+        Ok((values, vector(py, seconds)))
+    }
+
+    /// (N,) uint32 array: The taxels, in ascending order of their ids.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        vector(py, self.with(|decoder| decoder.ids().iter().map(|id| id.0).collect::<Vec<_>>()))
+    }
+
+    /// tuple of str: The names of the channels.
+    #[getter]
+    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.with(|d| d.channels().iter().map(|c| c.name.clone()).collect::<Vec<_>>()))
+    }
+
+    /// tuple of str: Their units.
+    #[getter]
+    fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.with(|d| d.channels().iter().map(|c| c.unit.clone()).collect::<Vec<_>>()))
+    }
+
+    /// int: How many frames the first call of `decode` gets at least, if there are so many.
+    #[getter]
+    fn learn_frames(&self) -> usize {
+        self.with(|decoder| decoder.frames_to_learn())
+    }
+
+    /// list of tuple of str: What is known about the readings: what, its value, and who states it (file, layout, argument
+    /// or checked). Frames add to it.
+    #[getter]
+    fn statements(&self) -> Vec<(String, String, &'static str)> {
+        let all = self.with(|decoder| decoder.statements());
+        all.into_iter().map(|Statement { what, value, source }| (what, value, source.into())).collect()
+    }
+}
