@@ -1,10 +1,11 @@
 //! `dermatome bench MAP.glb`: what answers on a map cost here, and how exact they are.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use dermatome::{Error, contact::measure, io::read_map};
 
 use crate::console::print::{print, print_json};
+use crate::options::InPath;
 
 /// Measure lookups on a map: time, interval and true error, by distance from the skin and level.
 ///
@@ -16,7 +17,7 @@ use crate::console::print::{print, print_json};
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// Print as JSON.
     #[arg(long)]
     json: bool,

@@ -28,7 +28,8 @@ use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
-    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, PatchArgs, ReadArgs, one_of, side_mm,
+    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs, one_of,
+    side_mm,
 };
 
 /// Arguments of `build`.
@@ -37,12 +38,12 @@ pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt; several files, or
     /// folders of meshes, are one skin
-    #[arg(required = true, value_hint = clap::ValueHint::AnyPath)]
-    skin: Vec<PathBuf>,
+    #[arg(required = true)]
+    skin: Vec<InPath>,
     /// Folder for map.glb, map.exr, report.json, report.html and timings.json; created if it does not exist
     /// [default: that of the skin, as forearm.map for forearm.glb; needed with several files]
     #[arg(short, long, value_name = "DIR")]
-    output: Option<PathBuf>,
+    output: Option<OutFolder>,
     #[command(flatten)]
     coarsen: CoarsenArgs,
     #[command(flatten)]
@@ -76,7 +77,7 @@ const MAGNIFY_OVER: [Choice<MagnifyOver>; 2] = [
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let folder = &match (&args.output, &args.skin[..]) {
-        (Some(folder), _) => folder.clone(),
+        (Some(folder), _) => folder.into(),
         // `.` has no name of its own.
         (None, [skin]) if skin.file_name().is_none() => {
             let whole = skin.canonicalize().map_err(|source| cannot_write(skin, source))?;
@@ -195,7 +196,7 @@ fn taxels(map: &SkinMap) -> usize {
 }
 
 /// What the page is called: as the file of the skin, or as the folder where there are several.
-fn title(skin: &[PathBuf], folder: &Path) -> String {
+fn title(skin: &[InPath], folder: &Path) -> String {
     let path = if let [skin] = skin { skin } else { folder };
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

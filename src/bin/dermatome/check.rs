@@ -1,6 +1,6 @@
 //! `check`: the problems of a skin.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use dermatome::id::VertexId;
 use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, check};
@@ -11,7 +11,7 @@ use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
 use crate::console::print::{line, print, print_json};
 use crate::files::input::read_map_if_any;
-use crate::options::{Common, ReadArgs};
+use crate::options::{Common, InPath, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
 ///
@@ -21,7 +21,7 @@ use crate::options::{Common, ReadArgs};
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
-    file: PathBuf,
+    file: InPath,
     /// Print all elements of every finding as JSON.
     #[arg(long)]
     json: bool,

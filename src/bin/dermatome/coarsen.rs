@@ -1,6 +1,6 @@
 //! `coarsen`: the pyramid alone.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::io::{IoError, write_pyramids};
@@ -13,17 +13,17 @@ use serde_json::{Value, json};
 use crate::console::print::{plain, print_json, print_table};
 use crate::files::input::read_skin;
 use crate::files::outputs;
-use crate::options::{AcuityArgs, CoarsenArgs, Common, PatchArgs, ReadArgs};
+use crate::options::{AcuityArgs, CoarsenArgs, Common, InPath, OutFile, PatchArgs, ReadArgs};
 
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
-    skin: PathBuf,
+    skin: InPath,
     /// File for the levels, as in a map file but without maps: .glb
     #[arg(short, long, value_name = "OUT.glb")]
-    output: PathBuf,
+    output: OutFile,
     #[command(flatten)]
     coarsen: CoarsenArgs,
     #[command(flatten)]
@@ -39,7 +39,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if outputs::kind(&args.output) != "glb" {
-        let (path, known) = (args.output.clone(), "glb");
+        let (path, known) = ((&args.output).into(), "glb");
         return Err(Error::from(IoError::UnknownKind { path, known }).into());
     }
     let assemble =

@@ -1,10 +1,11 @@
 //! `convert`: a skin or mesh of any kind into any other.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::io::{IoError, write_skin};
 
+use crate::options::{InPath, OutFile};
 use crate::{
     console::{errors::advise, notes::remark_lost},
     files::{input::read_skin, outputs},
@@ -17,10 +18,10 @@ pub(crate) struct Args {
     /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
     #[arg(value_name = "IN")]
-    input: PathBuf,
+    input: InPath,
     /// The file to write: .glb, .gltf, .json, .obj, .off, .ply, .stl or .csv
     #[arg(value_name = "OUT")]
-    output: PathBuf,
+    output: OutFile,
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]

@@ -1,6 +1,5 @@
 //! `export`: one level of a map for a simulator, a robot description or a table.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use dermatome::Error;
@@ -12,19 +11,19 @@ use crate::console::errors::advise;
 use crate::console::notes::note;
 use crate::files::input::select_patches;
 use crate::files::outputs::{self, kind};
-use crate::options::{Common, pattern};
+use crate::options::{Common, InPath, OutFile, pattern};
 
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// The file to write: .xml (MuJoCo: a tactile sensor for each patch, depth in m, slip in m/s), .usda
     /// (USD: a mesh for each patch), .csv or .npz (a table of taxels or fields), .json (probes for
     /// Genesis) or .urdf (the robot of --robot, with a tactile sensor for each patch)
     #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
+    output: OutFile,
     /// The level: 0 has the taxels, further ones have the fields
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: u32,
@@ -35,7 +34,7 @@ pub(crate) struct Args {
     /// The description of the robot that carries the skin, for a .urdf; it is kept as it is, and written
     /// with the sensors
     #[arg(long, value_name = "ROBOT.urdf")]
-    robot: Option<PathBuf>,
+    robot: Option<InPath>,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -51,7 +50,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let (name, link) = (&patch.name, &map.links[patch.link].name);
         note!(common, "patch {name} follows several links; it is exported at rest, on the link {link}");
     }
-    let options = ExportOptions { level: LevelId::from(args.level), robot: args.robot.clone() };
+    let options =
+        ExportOptions { level: LevelId::from(args.level), robot: args.robot.as_ref().map(Into::into) };
     export_map(common.outputs.file(&args.output), &map, &options).map_err(|e| {
         let help = match &e {
             IoError::UnknownKind { .. } => "name a file of one of these kinds",

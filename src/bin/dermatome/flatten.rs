@@ -1,6 +1,6 @@
 //! `flatten`: one mesh to the plane, as level 0 of a `build`.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use anyhow::Context;
 use dermatome::Error;
@@ -18,18 +18,18 @@ use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::read_skin;
 use crate::files::outputs;
-use crate::options::{AcuityArgs, Common, FlattenArgs, PatchArgs, ReadArgs};
+use crate::options::{AcuityArgs, Common, FlattenArgs, InPath, OutFile, PatchArgs, ReadArgs};
 
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt, with one connected sheet
-    mesh: PathBuf,
+    mesh: InPath,
     /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
     /// cut, V has the vertices of the seam once for each of their places; may be given twice
     #[arg(short, long, value_name = "OUT", required = true)]
-    output: Vec<PathBuf>,
+    output: Vec<OutFile>,
     #[command(flatten)]
     flatten: FlattenArgs,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! `info`: the patches of a skin, their size and shape; of a robot also its links and joints.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::io::IoError;
@@ -13,14 +13,14 @@ use serde_json::{Value, json};
 use crate::console::notes::note;
 use crate::console::print::{plain, print, print_json, print_table};
 use crate::files::input::read_skin;
-use crate::options::{Common, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
+use crate::options::{Common, InPath, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
-    file: PathBuf,
+    file: InPath,
     /// Values of the joints of a robot, in rad and m [default: 0], for the poses of its links in --json:
     /// NAME=VALUE,..., or a table of one row with a column for each joint
     #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints)]

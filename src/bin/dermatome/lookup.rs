@@ -8,7 +8,7 @@ mod readings;
 mod refusals;
 mod robot;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use dermatome::Error;
@@ -26,7 +26,9 @@ use crate::lookup::contacts::{Contacts, FrameArg, LARGEST, Meaning};
 use crate::lookup::player::Player;
 use crate::lookup::readings::Readings;
 use crate::lookup::robot::Robot;
-use crate::options::{Common, JointsArg, RobotArgs, Unit, joints, length, length_mm, pattern};
+use crate::options::{
+    Common, InPath, JointsArg, OutFile, RobotArgs, Unit, joints, length, length_mm, pattern,
+};
 
 /// Find the map cells under contacts, on every level.
 ///
@@ -41,14 +43,14 @@ use crate::options::{Common, JointsArg, RobotArgs, Unit, joints, length, length_
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// The contacts: a table with columns x,y,z in m, link if they are in the frame of a link, and
     /// only_link if they are on one; `-`: standard input
     #[arg(value_name = "CONTACTS.csv")]
-    contacts: PathBuf,
+    contacts: InPath,
     /// File for the answers; `-`: standard output
     #[arg(short, long, default_value = "-", value_name = "OUT.csv")]
-    output: PathBuf,
+    output: OutFile,
     /// Give the rows of this level only; may be given more than once [default: all levels]
     #[arg(long = "level", value_name = "K")]
     levels: Vec<usize>,
@@ -73,10 +75,10 @@ pub(crate) struct Args {
     /// keep their pose relative to their parent) and, if they move, time in s; a .glb with an animation; or
     /// a robot (.urdf, .xml), with --joints. Contacts are matched by their `time`
     #[arg(long, value_name = "P.csv")]
-    pose: Option<PathBuf>,
+    pose: Option<InPath>,
     /// Values of the joints of the robot of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
     /// a column for each joint and, if they move, time in s
-    #[arg(long, value_name = "FILE|NAME=VALUE", value_hint = clap::ValueHint::FilePath, value_parser = joints, requires = "pose")]
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
     joints: Option<JointsArg>,
     /// Pose the links by this animation of the map, or of the .glb of --pose
     #[arg(long, value_name = "NAME")]
@@ -85,7 +87,7 @@ pub(crate) struct Args {
     /// a .csv or .npz. A contact with a radius is a sphere around x,y,z; those of one time in a row are
     /// one frame, points farther from the skin than --max-distance (default: ten spacings) press nothing
     #[arg(long, value_name = "OUT.csv", conflicts_with = "ray")]
-    readings: Option<PathBuf>,
+    readings: Option<OutFile>,
     /// Radius of the discs on which taxels feel, in mm, for --readings
     #[arg(long = "taxel-radius-mm", value_name = "R", default_value = "2", value_parser = radius, requires = "readings")]
     taxel_radius: f64,

@@ -28,7 +28,7 @@ use std::{ffi::OsString, process::ExitCode};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::console::errors;
-use crate::files::{outputs, signals};
+use crate::files::{outputs, paths, signals};
 use crate::options::Common;
 
 /// Somatosensory maps of robot skin.
@@ -93,7 +93,7 @@ pub fn main() -> ExitCode {
 
 /// Runs the command with arguments, the first of which is its own name; signals that stop it end the process.
 pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let command = help::with_ends(with_negative_numbers(Cli::command()));
+    let command = paths::with_hints(help::with_ends(with_negative_numbers(Cli::command())));
     let parsed = command.clone().try_get_matches_from(args);
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
     let (cli, given) = match parsed {
@@ -101,9 +101,8 @@ pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(e) => return errors::usage(&e),
     };
     let color = cli.common.color;
-    if let Some((subcommand, given)) = given.subcommand()
-        && let Some(subcommand) = command.find_subcommand(subcommand)
-        && let Err(e) = outputs::check_command_line(subcommand, given, &cli.common.outputs)
+    if let Some((_, given)) = given.subcommand()
+        && let Err(e) = outputs::check_command_line(given, &cli.common.outputs)
     {
         return errors::report(&e, color);
     }
@@ -161,7 +160,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Report(args) => report::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Touch(args) => touch::run(args, common),
-        Command::Completions(args) => shell::completions(args, &mut Cli::command()),
+        Command::Completions(args) => shell::completions(args, &mut paths::with_hints(Cli::command())),
         Command::Man(args) => shell::manual(args, help::with_ends(Cli::command())),
     }
 }

@@ -1,7 +1,7 @@
 //! `dermatome plot MAP.glb -o OUT.svg|.png`: levels of a map side by side, with their receptive
 //! fields, or with a frame of readings, and the skin in space.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::console::errors::advise;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream, write_bytes};
-use crate::options::{Choice, Common, PatchArgs, ReadArgs, one_of, pattern};
+use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, one_of, pattern};
 use crate::readings::{ReadingsArgs, range, remark_join};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
@@ -26,10 +26,10 @@ use crate::readings::{ReadingsArgs, range, remark_join};
 pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// Output file: .svg or .png; `-`: SVG on standard output; may be given more than once
     #[arg(short, long = "output", required = true, value_name = "OUT")]
-    outputs: Vec<PathBuf>,
+    outputs: Vec<OutFile>,
     /// Draw the patches of this name only, in which * and ? stand for any characters; may be given more
     /// than once [default: all, one below the other]
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
@@ -73,7 +73,7 @@ struct FrameArgs {
     /// Draw one frame of these readings: text with a line of taxel ids, .csv, .npy or .npz; `-`: text
     /// or CSV on standard input
     #[arg(long, value_name = "READINGS", conflicts_with = "show")]
-    readings: Option<PathBuf>,
+    readings: Option<InPath>,
     /// The frame that is drawn, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0, requires = "readings")]
     frame: usize,
@@ -117,7 +117,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let picture = match (map, &args.frame.readings) {
         (Some(map), Some(readings)) => picture_of_frame(args, &Arc::new(map), readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
-        (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: args.map.clone() }).into()),
+        (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: (&args.map).into() }).into()),
         (None, None) => {
             let (read, chosen) = (args.read.options(&[&args.map]), PatchArgs::named(&args.patches));
             let skin = read_skin(&args.map, &args.read, &chosen, &read, common)?;

@@ -1,6 +1,6 @@
 //! The readings of `render`, `plot` and `report`: how they are read and conditioned, and which frames are taken.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use dermatome::Error;
@@ -13,7 +13,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
-use crate::options::{Choice, Common, number, one_of};
+use crate::options::{Choice, Common, InPath, number, one_of};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
@@ -42,7 +42,7 @@ pub(crate) struct ReadingsArgs {
     pub(crate) baseline: usize,
     /// Multiply the readings of each taxel: a table with columns id,gain
     #[arg(long, value_name = "F.csv")]
-    gain: Option<PathBuf>,
+    gain: Option<InPath>,
     /// Clip readings to these bounds; the number of clipped readings is printed
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     clip: Option<[f64; 2]>,

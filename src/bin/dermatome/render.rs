@@ -4,7 +4,7 @@
 mod contacts;
 mod output;
 
-use std::{path::PathBuf, process::ExitCode, sync::Arc};
+use std::{process::ExitCode, sync::Arc};
 
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
@@ -22,7 +22,7 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
-use crate::options::{Choice, Common, one_of, side_mm};
+use crate::options::{Choice, Common, InPath, OutFolder, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
 use crate::render::output::{Array, ColourArgs, Content, Kind, Output, Pictures};
@@ -39,14 +39,14 @@ use crate::render::output::{Array, ColourArgs, Content, Kind, Output, Pictures};
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// The readings: text with a line of taxel ids, .csv (`time,ID,ID,...` or `time,taxel_id,value`),
     /// .npy or .npz; `-`: text or CSV on standard input
     #[arg(value_name = "READINGS")]
-    readings: PathBuf,
+    readings: InPath,
     /// A folder, a .npy, a .npz, or `-` for raw frames on standard output
-    #[arg(short, long, value_name = "OUT", value_hint = clap::ValueHint::DirPath)]
-    output: PathBuf,
+    #[arg(short, long, value_name = "OUT")]
+    output: OutFolder,
     /// Print what was read and written as JSON
     #[arg(long)]
     json: bool,
@@ -160,7 +160,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
     if matches!(kind, Kind::Folder(_)) {
-        outputs::wrote(std::slice::from_ref(&args.output), common);
+        outputs::wrote(&[(&args.output).into()], common);
     }
     outputs::publish(common)?;
     if ended.is_err() && signals::stopped().is_some() {

@@ -1,6 +1,7 @@
 //! `dermatome report MAP.glb [READINGS] -o report.html`: the skin, its map and a recording as one page.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use crate::console::notes::{note, note_count};
 use crate::console::print::{plain, print};
 use crate::console::progress;
 use crate::files::outputs::{self, is_stream, write_bytes};
-use crate::options::Common;
+use crate::options::{Common, InPath, OutFile};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
@@ -28,18 +29,18 @@ use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
-    map: PathBuf,
+    map: InPath,
     /// Readings to play: text with a line of taxel ids, .csv, .npy or .npz; `-`: text or CSV on standard
     /// input
     #[arg(value_name = "READINGS")]
-    readings: Option<PathBuf>,
+    readings: Option<InPath>,
     /// Show readings while they come: the page is served to this machine alone, at an address that is
     /// printed, until they end [default readings: standard input]
     #[arg(long, conflicts_with = "output")]
     live: bool,
     /// Output file: .html; `-`: standard output [default: report.html next to the map]
     #[arg(short, long, value_name = "OUT.html")]
-    output: Option<PathBuf>,
+    output: Option<OutFile>,
     /// The channel that is shown [default: the first]
     #[arg(long, value_name = "NAME", requires = "played")]
     channel: Option<String>,
@@ -53,7 +54,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let output = &args.output.clone().unwrap_or_else(|| args.map.with_file_name("report.html"));
+    let beside = || args.map.with_file_name("report.html");
+    let output = &args.output.as_ref().map_or_else(beside, PathBuf::from);
     if !is_stream(output) && outputs::kind(output) != "html" {
         return Err(Error::from(IoError::UnknownKind { path: output.clone(), known: ".html" }).into());
     }

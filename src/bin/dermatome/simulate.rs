@@ -1,7 +1,6 @@
 //! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
 use std::io::{BufWriter, Write};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use dermatome::Error;
@@ -13,7 +12,7 @@ use dermatome::skin::TaxelId;
 use crate::console::notes::note;
 use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Choice, Common, length_mm, one_of};
+use crate::options::{Choice, Common, OutFile, length_mm, one_of};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
@@ -21,16 +20,16 @@ pub(crate) struct Args {
     /// File for the observations: .g2o, or displacements of the positions model as a table .csv;
     /// `-`: g2o on standard output
     #[arg(short, long, value_name = "OUT.g2o")]
-    output: PathBuf,
+    output: OutFile,
     /// File for the true positions of the taxels: .csv
     #[arg(long, value_name = "OUT.csv")]
-    truth: Option<PathBuf>,
+    truth: Option<OutFile>,
     /// File for the triangles between the taxels: .csv
     #[arg(long, value_name = "OUT.csv")]
-    triangles: Option<PathBuf>,
+    triangles: Option<OutFile>,
     /// File for the absolute contacts: .csv; required for contacts with normals
     #[arg(long, value_name = "OUT.csv")]
-    contacts: Option<PathBuf>,
+    contacts: Option<OutFile>,
     /// What is estimated of every taxel
     #[arg(long, value_parser = one_of(&MODELS), default_value = "positions")]
     model: Model,
@@ -70,6 +69,9 @@ pub(crate) struct Args {
     /// Share of displacements that are attributed to a wrong taxel within 30 mm
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     outliers: f64,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
 }
 
 const MODELS: [Choice<Model>; 2] = [
@@ -78,10 +80,9 @@ const MODELS: [Choice<Model>; 2] = [
 ];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let tables =
-        || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten().map(PathBuf::as_path);
-    tables().try_for_each(outputs::check_table)?;
-    let simulation = simulate(&args.options(common.seed)).map_err(Error::from)?;
+    let tables = || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten();
+    tables().try_for_each(|path| outputs::check_table(path))?;
+    let simulation = simulate(&args.options()).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);
     args.write(&simulation, &ids, common)?;
     let Simulation { observations, mesh, outliers, .. } = &simulation;
@@ -99,7 +100,7 @@ impl Args {
         ids: &IdVec<VertexId, TaxelId>,
         common: &Common,
     ) -> Result<(), Error> {
-        let file = |path: &PathBuf| common.outputs.file(path);
+        let file = |path: &OutFile| common.outputs.file(path);
         let mut observations = simulation.observations.clone();
         if let Some(path) = &self.contacts {
             let edges = std::mem::take(&mut observations.edges);
@@ -123,7 +124,7 @@ impl Args {
         outputs::publish(common)
     }
 
-    fn options(&self, seed: u64) -> SimulateOptions {
+    fn options(&self) -> SimulateOptions {
         SimulateOptions {
             model: self.model,
             taxels: self.taxels,
@@ -138,7 +139,7 @@ impl Args {
             arm_noise: self.arm_noise,
             arm_rotation_noise: self.arm_noise_deg.to_radians(),
             outliers: self.outliers,
-            seed,
+            seed: self.seed,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `touch`: a recording of a sphere that presses and rolls on a skin.
 
-use std::{collections::HashSet, path::PathBuf, process::ExitCode};
+use std::{collections::HashSet, process::ExitCode};
 
 use dermatome::Error;
 use dermatome::io::{ReadingsWriter, write_touches};
@@ -9,20 +9,20 @@ use dermatome::signal::{Quantity, Touch, TouchOptions, TouchSimulation};
 use crate::console::notes::note;
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
-use crate::options::{Choice, Common, PatchArgs, ReadArgs, length_mm, one_of};
+use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, length_mm, one_of};
 
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
     /// .txt
-    skin: PathBuf,
+    skin: InPath,
     /// File for the readings: .csv with a column for each taxel, or .npz
     #[arg(short, long, value_name = "OUT.csv")]
-    output: PathBuf,
+    output: OutFile,
     /// File for the true touches: .csv
     #[arg(long, value_name = "OUT.csv")]
-    truth: Option<PathBuf>,
+    truth: Option<OutFile>,
     /// Number of presses, one after the other, each at a random place
     #[arg(long, value_name = "N", default_value_t = 5)]
     presses: usize,
@@ -68,6 +68,9 @@ pub(crate) struct Args {
     dead: f64,
     #[command(flatten)]
     read: ReadArgs,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
 }
 
 const READS: [Choice<Quantity>; 2] = [
@@ -87,7 +90,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             common,
         )?,
     };
-    let mut simulation = TouchSimulation::new(&skin, &args.options(common.seed)).map_err(Error::from)?;
+    let mut simulation = TouchSimulation::new(&skin, &args.options()).map_err(Error::from)?;
     let mut touches = Vec::new();
     let taxels = skin.patches.iter().map(|patch| &patch.taxels);
     let output = common.outputs.file(&args.output);
@@ -114,7 +117,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 }
 
 impl Args {
-    fn options(&self, seed: u64) -> TouchOptions {
+    fn options(&self) -> TouchOptions {
         TouchOptions {
             radius: self.sphere,
             depth: self.depth,
@@ -130,7 +133,7 @@ impl Args {
             noise: self.noise_kpa * 1e3,
             drift: self.drift_kpa * 1e3,
             dead: self.dead,
-            seed,
+            seed: self.seed,
         }
     }
 }

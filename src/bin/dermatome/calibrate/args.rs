@@ -1,10 +1,8 @@
 //! The arguments of `calibrate`.
 
-use std::path::PathBuf;
-
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
-use crate::options::{Choice, Unit, one_of};
+use crate::options::{Choice, InPath, OutFile, Unit, one_of};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
@@ -15,29 +13,29 @@ pub(crate) struct Args {
     /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
     /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. No other columns and no
     /// empty cells.
-    pub(super) observations: PathBuf,
+    pub(super) observations: InPath,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once
     #[arg(short, long, value_name = "OUT", required = true)]
-    pub(super) output: Vec<PathBuf>,
+    pub(super) output: Vec<OutFile>,
     /// Absolute contacts in a file of their own: a table i,x,y,z[,nx,ny,nz], or a graph .g2o whose
     /// FIX lines and initial values count, too
     #[arg(long, value_name = "C.csv")]
-    pub(super) contacts: Vec<PathBuf>,
+    pub(super) contacts: Vec<InPath>,
     /// Unit of all lengths in the observations, contacts and truth, also of those in information;
     /// results are in m
     #[arg(long, value_enum, default_value_t = Unit::M, value_name = "UNIT")]
     pub(super) unit: Unit,
     /// Triangles of the skin: a table of taxel ids, id0,id1,id2 [default: those that the edges form]
     #[arg(long, value_name = "TRI.csv")]
-    pub(super) triangles: Option<PathBuf>,
+    pub(super) triangles: Option<InPath>,
     /// Compare with where the taxels truly are: id,x,y,z[,qx,qy,qz,qw]
     #[arg(long, value_name = "T.csv")]
-    pub(super) truth: Option<PathBuf>,
+    pub(super) truth: Option<InPath>,
     /// Write how well every observation fits, how much it counts, and whether it is an inlier:
     /// i,j,sigmas,weight,inlier
     #[arg(long, value_name = "OUT.csv")]
-    pub(super) inliers: Option<PathBuf>,
+    pub(super) inliers: Option<OutFile>,
     /// How to treat outliers: observations that the stated noise does not explain
     #[arg(long, value_parser = one_of(&ROBUST), default_value = "auto", help_heading = "Solver")]
     pub(super) robust: Robust,

@@ -33,10 +33,11 @@ pub(super) struct Truth {
 
 impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
+        let contacts: Vec<PathBuf> = args.contacts.iter().map(PathBuf::from).collect();
         let read = if is_stream(&args.observations) {
-            observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &args.contacts)
+            observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &contacts)
         } else {
-            read_observations(&args.observations, &args.contacts)
+            read_observations(&args.observations, &contacts)
         };
         let (mut observations, remarks) = read.map_err(Error::from)?;
         remarks.iter().for_each(|remark| note!(common, "{remark}"));
@@ -60,7 +61,7 @@ impl Inputs {
         let truth = args.truth.as_ref().map(|path| {
             let mut poses: HashMap<_, Pose> = read_truth(path)?.into_iter().collect();
             poses.values_mut().for_each(|pose| pose.position *= metres);
-            Ok(Truth { path: path.clone(), poses })
+            Ok(Truth { path: path.into(), poses })
         });
         Ok(Self { observations, triangles, truth: truth.transpose().map_err(|e: IoError| Error::from(e))? })
     }

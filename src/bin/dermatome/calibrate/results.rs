@@ -40,7 +40,7 @@ impl Kind {
 /// Refuses what cannot succeed, by the command line alone.
 pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
     let outputs: Vec<_> =
-        args.output.iter().map(|path| Ok((path.as_path(), Kind::of(path)?))).collect::<Result<_, Error>>()?;
+        args.output.iter().map(|path| Ok((&**path, Kind::of(path)?))).collect::<Result<_, Error>>()?;
     args.inliers.as_deref().map_or(Ok(()), outputs::check_table)?;
     let observations = || std::iter::once(&args.observations).chain(&args.contacts);
     for (k, path) in args.contacts.iter().enumerate() {

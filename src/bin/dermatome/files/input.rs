@@ -16,7 +16,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_count, note_remarks};
 use crate::files::outputs;
-use crate::options::{Common, PatchArgs, ReadArgs, RobotArgs, Spacing, Unit};
+use crate::options::{Common, InPath, PatchArgs, ReadArgs, RobotArgs, Spacing, Unit};
 
 /// Reads and assembles a skin, bare taxels too; prints on standard error what had to be changed.
 pub(crate) fn read_skin(
@@ -33,14 +33,14 @@ pub(crate) fn read_skin(
 const MESHES: [&str; 8] = ["glb", "gltf", "json", "obj", "off", "ply", "stl", "dae"];
 
 /// The files of a skin: those that are named, and the meshes of the folders that are named, by name.
-pub(crate) fn skin_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+pub(crate) fn skin_files(named: &[InPath]) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in named {
         if !path.is_dir() {
-            files.push(path.clone());
+            files.push(path.into());
             continue;
         }
-        let fail = |source| Error::from(IoError::Read { path: path.clone(), source });
+        let fail = |source| Error::from(IoError::Read { path: path.into(), source });
         let all = path.read_dir().and_then(Iterator::collect::<io::Result<Vec<_>>>).map_err(fail)?;
         let mut meshes: Vec<_> = all.iter().map(DirEntry::path).collect();
         meshes.retain(|file| file.is_file() && MESHES.contains(&&*outputs::kind(file)));
@@ -155,8 +155,8 @@ fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<
     Ok(skin)
 }
 
-pub(crate) fn names(paths: &[PathBuf]) -> PathBuf {
-    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+pub(crate) fn names(paths: &[impl AsRef<Path>]) -> PathBuf {
+    let names: Vec<String> = paths.iter().map(|path| path.as_ref().display().to_string()).collect();
     names.join(", ").into()
 }
 

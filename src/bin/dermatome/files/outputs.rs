@@ -4,13 +4,14 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use clap::{ArgMatches, Command, ValueHint};
+use clap::ArgMatches;
 use dermatome::Error;
 use dermatome::io::{IoError, OutPath, Outputs, replace_file, triangles_path};
 
 use crate::console::errors::advise;
 use crate::console::notes::note_dropped;
 use crate::console::print::{line, say};
+use crate::files::paths::GivenPaths;
 use crate::options::Common;
 
 /// Standard input or output, where a command takes that in place of a file.
@@ -20,28 +21,10 @@ pub(crate) fn is_stream(path: &Path) -> bool {
 
 /// Refuses, before any work, outputs that cannot be written, or that would replace an input or each
 /// other; tells `files` the inputs.
-///
-/// An output is an argument whose value is called `OUT`; all other paths are inputs.
-pub(crate) fn check_command_line(
-    command: &Command,
-    given: &ArgMatches,
-    files: &Outputs,
-) -> anyhow::Result<()> {
-    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
-    for argument in command.get_arguments() {
-        let name = argument.get_value_names().and_then(|names| names.first());
-        let paths = given.get_raw(argument.get_id().as_str()).into_iter().flatten().map(PathBuf::from);
-        match argument.get_value_hint() {
-            hint if name.is_some_and(|name| name.starts_with("OUT")) => {
-                // The command itself makes folders.
-                let mut files = paths.clone().filter(|_| hint != ValueHint::DirPath);
-                files.try_for_each(|path| check_file(&path))?;
-                outputs.extend(paths);
-            }
-            ValueHint::AnyPath | ValueHint::FilePath => inputs.extend(paths),
-            _ => {}
-        }
-    }
+pub(crate) fn check_command_line(given: &ArgMatches, files: &Outputs) -> anyhow::Result<()> {
+    let GivenPaths { inputs, files: mut outputs, folders } = GivenPaths::of(given);
+    outputs.iter().try_for_each(|path| check_file(path))?;
+    outputs.extend(folders);
     let prints = given.try_get_one::<bool>("json").ok().flatten() == Some(&true);
     outputs.extend(prints.then(|| "-".into()));
     let places: Vec<PathBuf> = outputs.iter().map(|path| place(path)).collect();
@@ -54,6 +37,8 @@ pub(crate) fn check_command_line(
         ));
     }
     add_inputs(&inputs, files);
+    // A folder is not replaced; its files are checked by who writes them.
+    outputs.retain(|path| !path.is_dir());
     Ok(guard(&outputs, files)?)
 }
 

@@ -1,9 +1,8 @@
 //! How to coarsen, and where the skin is finer than elsewhere.
 
-use std::path::PathBuf;
-
 use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
 
+use crate::options::InPath;
 use crate::options::values::number;
 
 /// How to coarsen.
@@ -33,7 +32,7 @@ pub(crate) struct AcuityArgs {
     /// Where fields are finer and lengths on the map longer than elsewhere, as at fingertips: a table
     /// with the columns taxel_id,factor; taxels that it does not name have the factor 1
     #[arg(long, value_name = "FILE.csv")]
-    acuity: Option<PathBuf>,
+    acuity: Option<InPath>,
 }
 
 impl AcuityArgs {

@@ -1,9 +1,10 @@
 //! How to cut and flatten.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::{ValueEnum, ValueHint};
+use clap::ValueEnum;
 use dermatome::Error;
 use dermatome::cut::Cut;
 use dermatome::flatten::{Boundary, Energy, FlattenOptions, Method, Overlap};
@@ -13,7 +14,7 @@ use glam::DVec3;
 
 use crate::console::errors::advise;
 use crate::options::values::{direction, number};
-use crate::options::{Choice, one_of};
+use crate::options::{Choice, MayRead, one_of};
 
 /// How to flatten.
 #[derive(Debug, Clone, clap::Args)]
@@ -40,32 +41,55 @@ pub(crate) struct FlattenArgs {
     /// What to do where the map of least distortion overlaps itself [default: prevent]
     #[arg(long, value_parser = one_of(&OVERLAPS), hide = true)]
     overlap: Option<Overlap>,
-    /// The same as --overlap prevent
-    #[arg(long, hide = true, conflicts_with = "overlap")]
-    bijective: bool,
     /// Where to cut first: auto (only where flattening needs it or gains much),
     /// none, all (every boundary loop is joined), or a table of edges with the columns from,to (ids
     /// of taxels); nothing is cut within a table of --boundary
-    #[arg(long, value_name = "auto|none|all|FILE.csv", value_hint = ValueHint::FilePath, default_value = "auto")]
-    cut: String,
+    #[arg(long, value_name = "auto|none|all|FILE.csv", default_value = "auto")]
+    cut: CutArg,
     /// Cut more, a plain disk too, until no triangle of the map is larger or smaller than on the skin
     /// by more than this factor; a note says so where cuts that leave the map in one piece cannot
     /// reach it
     #[arg(long, value_name = "X", value_parser = area_ratio)]
     max_area_ratio: Option<f64>,
-    /// Way that skin faces where seams are preferred, as the inside of limbs: x, -x, y, -y, z, -z, or three
+    /// Prefer seams on the side that faces DIR, as the inner side of an arm: x, -x, y, -y, z, -z, or three
     /// numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) seam_side: Option<DVec3>,
     /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin; or
     /// a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
-    #[arg(long, value_name = "SHAPE|FILE.csv", value_hint = ValueHint::FilePath, value_parser = boundary)]
+    #[arg(long, value_name = "SHAPE|FILE.csv", value_parser = boundary)]
     boundary: Option<BoundaryArg>,
+}
+
+/// Where to cut.
+#[derive(Debug, Clone)]
+pub(crate) enum CutArg {
+    Auto,
+    None,
+    All,
+    Table(PathBuf),
+}
+
+impl From<OsString> for CutArg {
+    fn from(text: OsString) -> Self {
+        match text.to_str() {
+            Some("auto") => Self::Auto,
+            Some("none") => Self::None,
+            Some("all") => Self::All,
+            _ => Self::Table(text.into()),
+        }
+    }
+}
+
+impl MayRead for CutArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::Table(path) = self { Some(path) } else { None }
+    }
 }
 
 /// Where the boundary lies; taxels are looked up once the skin is read.
 #[derive(Debug, Clone)]
-enum BoundaryArg {
+pub(crate) enum BoundaryArg {
     Shape(Boundary),
     Table(PathBuf),
 }
@@ -91,6 +115,12 @@ enum EnergyArg {
     Sum,
     /// Symmetric Dirichlet
     SymmetricDirichlet,
+}
+
+impl MayRead for BoundaryArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::Table(path) = self { Some(path) } else { None }
+    }
 }
 
 impl FlattenArgs {
@@ -130,7 +160,7 @@ impl FlattenArgs {
             }
             (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
                 self.allow_only(
-                    &["--energy", "--magnify", "--overlap", "--bijective", "--boundary"],
+                    &["--energy", "--magnify", "--overlap", "--boundary"],
                     "--energy symmetric-dirichlet",
                 )?;
                 Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify }
@@ -150,10 +180,9 @@ impl FlattenArgs {
 
     /// Where to cut; reads the table if one is named.
     pub(crate) fn cut(&self) -> anyhow::Result<Cut> {
-        let how = self.cut.as_str();
         let table = matches!(self.boundary, Some(BoundaryArg::Table(_)));
         match self.max_area_ratio {
-            Some(ratio) if how == "auto" && !table => return Ok(Cut::AreaRatio(ratio)),
+            Some(ratio) if matches!(self.cut, CutArg::Auto) && !table => return Ok(Cut::AreaRatio(ratio)),
             Some(_) => {
                 let with = if table { "a table of --boundary" } else { "--cut other than auto" };
                 let why = format!("--max-area-ratio changes nothing with {with}");
@@ -162,17 +191,17 @@ impl FlattenArgs {
             None => {}
         }
         if table {
-            if how == "auto" || how == "none" {
+            if matches!(self.cut, CutArg::Auto | CutArg::None) {
                 return Ok(Cut::None);
             }
             let why = "a table of --boundary has no places for the copies of taxels along a cut";
             return Err(advise(why, "use --cut none, or a circle or rectangle"));
         }
-        Ok(match how {
-            "auto" => Cut::Auto,
-            "none" => Cut::None,
-            "all" => Cut::All,
-            file => Cut::Along(read_seams(Path::new(file)).map_err(Error::from)?),
+        Ok(match &self.cut {
+            CutArg::Auto => Cut::Auto,
+            CutArg::None => Cut::None,
+            CutArg::All => Cut::All,
+            CutArg::Table(file) => Cut::Along(read_seams(file).map_err(Error::from)?),
         })
     }
 
@@ -185,7 +214,6 @@ impl FlattenArgs {
             ("--perimeter", self.perimeter.is_some()),
             ("--magnify", self.magnify.is_some()),
             ("--overlap", self.overlap.is_some()),
-            ("--bijective", self.bijective),
             ("--boundary", self.boundary.is_some()),
         ];
         match given.into_iter().find(|(name, given)| *given && !used.contains(name)) {

@@ -3,6 +3,7 @@
 mod coarsen;
 mod flatten;
 mod patches;
+mod paths;
 mod read;
 mod robot;
 mod values;
@@ -11,8 +12,9 @@ use clap::ValueEnum;
 use dermatome::io::Outputs;
 
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
-pub(crate) use flatten::FlattenArgs;
+pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
+pub(crate) use paths::{InPath, MayRead, OutFile, OutFolder};
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};
 pub(crate) use values::{Choice, length, length_mm, number, one_of, side_mm, word_of};
@@ -24,9 +26,6 @@ pub(crate) struct Common {
     /// Number of worker threads; 0: one per processor. The result does not depend on it.
     #[arg(long, global = true, hide_short_help = true, default_value_t = 0, value_name = "N", value_parser = threads)]
     pub(crate) threads: usize,
-    /// Seed of the random numbers.
-    #[arg(long, global = true, hide_short_help = true, default_value_t = 0, value_name = "S")]
-    pub(crate) seed: u64,
     /// Print errors only: no progress and no notes.
     #[arg(long, short, global = true, hide_short_help = true)]
     pub(crate) quiet: bool,

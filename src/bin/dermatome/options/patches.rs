@@ -1,6 +1,6 @@
 //! Which patches, faces or taxels of a file to take.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use dermatome::Error;
 use dermatome::id::IdVec;
@@ -11,6 +11,7 @@ use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::print::plain;
+use crate::options::InPath;
 use crate::options::values::direction;
 
 /// Which patches of a file to take.
@@ -24,7 +25,7 @@ pub(crate) struct PatchArgs {
     /// Keep only the faces listed in FILE: a number on each line, counted from 0 through all triangles
     /// of the mesh
     #[arg(long, value_name = "FILE")]
-    faces: Option<PathBuf>,
+    faces: Option<InPath>,
     /// Take the faces of this material of a glTF or OBJ file only, in which * and ? stand for any
     /// characters; may be given more than once
     #[arg(long = "material", value_name = "NAME", value_parser = pattern)]

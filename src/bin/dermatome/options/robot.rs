@@ -11,7 +11,7 @@ use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
-use crate::options::{Choice, Common, one_of, pattern};
+use crate::options::{Choice, Common, MayRead, one_of, pattern};
 
 /// Which parts of a robot are its skin.
 #[derive(Debug, Clone, clap::Args)]
@@ -186,6 +186,12 @@ pub(crate) fn joints(text: &str) -> Result<JointsArg, String> {
     };
     let pairs: Option<Vec<_>> = text.split(',').map(pair).collect();
     pairs.map(JointsArg::Values).ok_or_else(|| "needed: FILE.csv, or NAME=VALUE,... in rad and m".into())
+}
+
+impl MayRead for JointsArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
 }
 
 impl JointsArg {

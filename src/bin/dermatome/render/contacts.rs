@@ -1,6 +1,6 @@
 //! The contact regions of a recording as a table: `render --contacts`.
 
-use std::{path::PathBuf, sync::Arc};
+use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::io::{IoError, RegionWriter};
@@ -8,7 +8,7 @@ use dermatome::map::SkinMap;
 use dermatome::recording::{Recording, Step};
 use dermatome::signal::{ContactEvent, TrackerOptions};
 
-use crate::options::Common;
+use crate::options::{Common, OutFile};
 use crate::readings::positive;
 
 /// Which contacts are found.
@@ -18,7 +18,7 @@ use crate::readings::positive;
 pub(super) struct ContactsArgs {
     /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
-    contacts: Option<PathBuf>,
+    contacts: Option<OutFile>,
     /// A region holds a taxel above this, in the unit of the channel [default: estimated
     /// from the first frames, during which the skin must be untouched]
     #[arg(long, value_name = "X", value_parser = positive)]
