@@ -50,7 +50,7 @@ impl Lanes for V3 {
     #[inline(always)]
     fn least_of_rows(self, [a, b, c, d, e, f, g, h]: [__m256; LANES]) -> __m256 {
         let avx = self.avx;
-        // What is left of a row shrinks to four numbers, to two and to one.
+        // Reduces each row to four numbers, then to two, then to one.
         let ab = self.min(avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b));
         let cd = self.min(avx._mm256_unpacklo_ps(c, d), avx._mm256_unpackhi_ps(c, d));
         let ef = self.min(avx._mm256_unpacklo_ps(e, f), avx._mm256_unpackhi_ps(e, f));

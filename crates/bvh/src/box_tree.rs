@@ -1,9 +1,9 @@
-//! [`BoxTree`]: a binary tree over boxes, built by obvhs, and the walks over it.
+//! [`BoxTree`]: a binary tree over boxes, built by obvhs, and its traversals.
 //!
-//! obvhs joins boxes that are near each other along a Morton curve (PLOC, meister2018), which joins
-//! few of them in each round, and builds deep trees, where many pairs cost the same: coincident boxes,
-//! boxes of equal size in a row. So each box grows by a number of its own (`GROWTH`) before it is joined,
-//! and a tree that is too deep nevertheless is replaced by one that halves the boxes by count.
+//! obvhs joins boxes that are near each other along a Morton curve (PLOC, meister2018). Where many pairs have
+//! the same cost (coincident boxes, boxes of equal size in a row), this joins few of them in each round and
+//! builds deep trees. So each box first grows by a small number of its own (`GROWTH`), and a tree that is
+//! still too deep is replaced by one that halves the boxes by count.
 
 use std::ops::ControlFlow;
 
@@ -20,17 +20,17 @@ use crate::{Aabb, BvhError, Ray, scaling::Scaling};
 /// Boxes of one tree, at most.
 const MOST: usize = 1 << 30;
 
-/// By how much a box grows before it is joined with others, at most, as a part of the radius of all
-/// boxes: 16 roundings of `f32`, far less than boxes differ by.
+/// Largest growth of a box before it is joined with others, as a fraction of the radius of all boxes: 16
+/// roundings of `f32`, far less than the differences between boxes.
 const GROWTH: f32 = 1e-6;
 
-/// Nodes below each other, at most. A million coincident boxes take 40.
+/// Largest depth of a tree. A million coincident boxes take 40.
 const MOST_DEPTH: usize = 64;
 
 /// Boxes in a leaf, at most.
 const LEAF: u32 = 4;
 
-/// What a node costs, in boxes of a leaf: leaves are joined as long as that is cheaper.
+/// Cost of a node, in boxes of a leaf: leaves are joined as long as that is cheaper.
 const COST: f32 = 3.0;
 
 /// A tree over boxes, in space or in the plane.
@@ -57,7 +57,7 @@ pub struct BoxTree {
     /// The root first, and every node before those below it; their boxes are in the units of the scaling,
     /// rounded outwards.
     nodes: Vec<Bvh2Node>,
-    /// The boxes of each leaf, side by side.
+    /// The boxes of each leaf, contiguous.
     ids: Vec<u32>,
 }
 
@@ -101,8 +101,8 @@ impl BoxTree {
         self.boxes.is_empty()
     }
 
-    /// Moves the boxes and fits the tree to them, which keeps its shape: cheaper than a new tree, and as
-    /// fast as long as neighbours stay neighbours. The boxes must be finite. Nothing is allocated.
+    /// Moves the boxes and refits the tree, which keeps its topology: cheaper than a new tree, and as fast to
+    /// search as long as neighbours stay neighbours. The boxes must be finite. Nothing is allocated.
     pub fn refit(&mut self, moved: impl Fn(usize) -> Aabb) {
         self.boxes.iter_mut().enumerate().for_each(|(k, b)| *b = moved(k));
         self.scaling = scaling_of(&self.boxes);
@@ -123,7 +123,7 @@ impl BoxTree {
         }
     }
 
-    /// Calls `visit` with every pair of boxes that touch, once, until it breaks off.
+    /// Calls `visit` once with every pair of boxes that touch, until it returns `Break`.
     pub fn each_pair(&self, mut visit: impl FnMut(usize, usize) -> ControlFlow<()>) -> ControlFlow<()> {
         let nodes = &self.nodes;
         let mut offer = |i: usize, j: usize| {
@@ -163,7 +163,7 @@ impl BoxTree {
     }
 
     /// Calls `visit` with every box that may be nearer to `q` than the distance `visit` returned last, at
-    /// first `reach` (infinite for no limit); near ones first, as far as the tree knows.
+    /// first `reach` (infinite for no limit); near ones first, approximately.
     pub fn each_near(&self, q: DVec3, mut reach: f64, mut visit: impl FnMut(usize) -> f64) {
         let Self { boxes, scaling, .. } = self;
         if let [_] = boxes.as_slice() {
@@ -186,7 +186,7 @@ impl BoxTree {
     }
 
     /// Calls `visit` with every box that a ray may enter before the distance `visit` returned last, at
-    /// first its length; near ones first, as far as the tree knows.
+    /// first its length; near ones first, approximately.
     pub fn each_along(&self, ray: &Ray, mut visit: impl FnMut(usize) -> f64) {
         let Self { boxes, scaling, .. } = self;
         let (near, skipped) = scaling.nearby(ray);
@@ -209,8 +209,8 @@ impl BoxTree {
 
     /// Visits all leaves whose key is not above a bound, the lower of two keys first.
     ///
-    /// `key` gives a lower bound for everything in a node, infinite where nothing can be; `visit` takes
-    /// the boxes of a leaf and returns the bound from then on. Nothing is allocated.
+    /// `key` gives a lower bound for everything in a node, infinite to skip it; `visit` gets the boxes of a
+    /// leaf and returns the new bound. Nothing is allocated.
     fn walk(&self, mut bound: f64, key: impl Fn(&Bounds) -> f64, mut visit: impl FnMut(&[u32]) -> f64) {
         let nodes = &self.nodes;
         let Some(root) = nodes.first() else { return };
@@ -282,7 +282,7 @@ fn joined(boxes: &[Aabb], scaling: &Scaling) -> (Vec<Bvh2Node>, Vec<u32>) {
     builder.current_nodes = (0..).zip(boxes).map(leaf).collect();
     let mut tree = Bvh2::zeroed(boxes.len());
     tree.primitive_indices = (0..).take(boxes.len()).collect();
-    // A cube: what is flat must not be stretched before it is put in order.
+    // A cube: flat sets of boxes must not be stretched before they are sorted.
     let all = Bounds::new(Vec3A::splat(-1.0 - 2.0 * GROWTH), Vec3A::splat(1.0 + 2.0 * GROWTH));
     builder.build_ploc_from_leaves::<1, false>(&mut tree, all, SortPrecision::U64, 0);
     collapse(&mut tree, LEAF, COST);
@@ -388,7 +388,7 @@ mod tests {
                 expected.sort_unstable();
                 prop_assert_eq!(pairs, expected);
 
-                // What rounding leaves open may be visited or not.
+                // Boxes within the rounding may be visited or not.
                 let rounding = 1e-12 * (q.length() + size.length());
                 let away = |k: usize| q.distance(q.clamp(boxes[k].lo, boxes[k].hi));
                 let reach = 0.3 * size.max_element();
@@ -477,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn halving_by_count_finds_the_same() {
+    fn halving_by_count_finds_the_same_boxes() {
         let boxes: Vec<_> = [row(40, 0.0), row(30, 0.5), vec![Aabb::flat([DVec2::ONE]); 50]].concat();
         let tree = BoxTree::new(&boxes).unwrap();
         let mut other = tree.clone();

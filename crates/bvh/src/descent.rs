@@ -1,5 +1,5 @@
-//! The walk that all searches for something nearest share: down to one packet, then wherever
-//! something nearer may be.
+//! The traversal of all searches for nearest primitives: down to one packet, then wherever something nearer
+//! may be.
 
 use arrayvec::ArrayVec;
 
@@ -7,14 +7,14 @@ use crate::lanes::Lanes;
 use crate::node8::{Child, Node8, Target};
 use crate::tree::{DEPTH, STACK, Tree};
 
-/// What is done with the packets of a walk.
+/// Handles the packets of a traversal.
 pub(crate) trait Visitor<L: Lanes> {
     /// Compares the contents of a packet with `point`, in the tree's frame and units, and lowers the
-    /// bound if it can: squares above it are of no interest. Must be `#[inline(always)]`.
+    /// bound if it can: squares above it are ignored. Must be `#[inline(always)]`.
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32);
 }
 
-/// A walk down a tree.
+/// A traversal of a tree.
 pub(crate) struct Descent<'a, L: Lanes> {
     pub(crate) l: L,
     pub(crate) tree: &'a Tree,
@@ -37,8 +37,7 @@ pub(crate) fn parts(entry: u64) -> (f32, u32) {
     (f32::from_bits((entry >> 32) as u32), entry as u32)
 }
 
-/// The bound that a distance (squared) sets, if rounding adds at most `slack` to a distance and
-/// takes at most as much from another.
+/// The bound that follows from a squared distance, if a computed distance is off by at most `slack`.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "the last factor is larger than the rounding")]
 pub(crate) fn bound_of(squared: f32, slack: f64) -> f32 {
@@ -52,19 +51,19 @@ impl<'a, L: Lanes> Descent<'a, L> {
         Self { l, tree, point, bound, stack: ArrayVec::new() }
     }
 
-    /// Visits every packet that may hold something within the bound; afterwards the bound is that of
-    /// the nearest.
+    /// Visits every packet that may contain something within the bound; afterwards the bound is that of the
+    /// nearest.
     #[inline(always)]
     pub(crate) fn run(&mut self, visitor: &mut impl Visitor<L>) {
         self.descend(visitor);
         self.drain(visitor);
     }
 
-    /// As [`Self::run`], from a packet that may hold the nearest: it is visited first, then what is below each
-    /// node above it and may be nearer.
+    /// As [`Self::run`], from a packet that may contain the nearest: it is visited first, then everything
+    /// below its ancestors that may be nearer.
     ///
-    /// No box has to be compared before it is known which comes next, so this is faster than the way
-    /// down where the packet does hold the nearest.
+    /// No boxes have to be compared before the next packet is known, so this is faster than the descent if
+    /// the packet does contain the nearest.
     #[inline(always)]
     pub(crate) fn climb(&mut self, packet: u32, visitor: &mut impl Visitor<L>) {
         let l = self.l;
@@ -86,9 +85,8 @@ impl<'a, L: Lanes> Descent<'a, L> {
         }
     }
 
-    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound;
-    /// then pushes the other children of the nodes on the way that are within that bound, the
-    /// deepest on top.
+    /// Follows the nearest box down to one packet, whose nearest triangle gives the first bound; then pushes
+    /// the other children of the nodes on this path that are within that bound, the deepest on top.
     ///
     /// Without a bound the walk from the root would push every child of these nodes.
     #[inline(always)]
@@ -141,7 +139,7 @@ impl<'a, L: Lanes> Descent<'a, L> {
                     break;
                 }
                 if mask & (mask - 1) == 0 {
-                    // One alone need not go over the stack.
+                    // A single child need not go over the stack.
                     at = node.child(mask.trailing_zeros() as usize);
                     continue;
                 }
@@ -151,7 +149,7 @@ impl<'a, L: Lanes> Descent<'a, L> {
         }
     }
 
-    /// Puts the children of `node` in the lanes of `mask` on top, the nearest uppermost.
+    /// Pushes the children of `node` in the lanes of `mask`, the nearest last.
     #[inline(always)]
     fn push(&mut self, node: &Node8, squared: L::F, mask: u32) {
         let squared = self.l.store(squared);

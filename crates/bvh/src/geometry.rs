@@ -1,14 +1,14 @@
-//! Boxes along the axes, and rays: where these meet a box, or a triangle, in `f64` and without gaps between
-//! triangles that share a side (woop2013).
+//! Boxes along the axes, rays, and the intersection of rays with boxes and triangles, in `f64` and without
+//! gaps between triangles that share a side (woop2013).
 
 use glam::{DVec2, DVec3};
 
-/// What rounding may add to a coordinate of a box or of a ray, as a part of the largest: some hundred
-/// roundings.
+/// Bound of the rounding error of a coordinate of a box or of a ray, as a fraction of the largest: some
+/// hundred roundings.
 const ROUNDING: f64 = 1e-13;
 
-/// Lower bounds of distances from boxes are reduced by this part of the distance and of the point's from
-/// the origin: some hundred roundings.
+/// Lower bounds of distances from boxes are reduced by this fraction of the distance and of the point's
+/// distance from the origin: some hundred roundings.
 const MARGIN: f64 = 1e-14;
 
 /// A box along the axes.
@@ -60,14 +60,14 @@ impl Aabb {
         !(self.lo.cmpgt(other.hi).any() || other.lo.cmpgt(self.hi).any())
     }
 
-    /// A distance that no point of the box is nearer to `q`.
+    /// A lower bound of the distance from `q` to the box, rounding included.
     #[inline]
     pub fn least_distance(&self, q: DVec3) -> f64 {
         q.distance(q.clamp(self.lo, self.hi)) * (1.0 - MARGIN) - MARGIN * q.length()
     }
 
-    /// How far along a ray the box begins, at least; infinite if the ray does not enter it before a
-    /// distance along it.
+    /// A lower bound of the distance along a ray at which it enters the box; infinite if it does not enter it
+    /// within `longest`.
     #[inline]
     pub fn entry(&self, ray: &Ray, longest: f64) -> f64 {
         let size = self.lo.abs().max(self.hi.abs()).max_element() + ray.origin.abs().max_element();
@@ -93,7 +93,7 @@ pub struct Ray {
     pub origin: DVec3,
     /// Of unit length.
     pub direction: DVec3,
-    /// Where it ends, from its origin; infinite for a whole ray.
+    /// Its length; infinite for a whole ray.
     pub longest: f64,
 }
 
@@ -117,21 +117,21 @@ fn unit(direction: DVec3) -> Option<DVec3> {
     (direction / direction.abs().max_element()).try_normalize()
 }
 
-/// Where a ray meets a triangle.
+/// The intersection of a ray and a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Meeting {
-    /// From the origin, in lengths of the direction.
+    /// Distance from the origin, in lengths of the direction.
     pub along: f64,
-    /// Of the point in the triangle.
+    /// Barycentric coordinates in the triangle.
     pub barycentric: [f64; 3],
 }
 
-/// Where the line from `origin` along `direction` meets a triangle, sides and corners included, in
-/// front of the origin or behind it; `None` also for a triangle seen from its edge.
+/// The intersection of the line from `origin` along `direction` with a triangle, sides and corners included,
+/// in front of the origin or behind it; `None` also for a triangle that contains the direction.
 ///
-/// The corners are sheared into a frame whose axis is the line. There the signs that decide are
-/// those of products of two coordinates, which two triangles that share a side compute alike: a
-/// line through the side meets at least one of them.
+/// The corners are sheared into a frame whose axis is the line. There the deciding signs are those of
+/// products of two coordinates, which are the same for two triangles that share a side: a line through the
+/// side meets at least one of them.
 pub fn meet(origin: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Option<Meeting> {
     let z = direction.abs().max_position();
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);

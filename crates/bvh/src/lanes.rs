@@ -1,15 +1,15 @@
-//! Eight `f32` numbers side by side: through AVX2 and FMA where the processor has them (found out
-//! at run time, by pulp), else through wide.
+//! Eight `f32` numbers at once: with AVX2 and FMA where the processor has them (pulp detects this at run
+//! time), else with wide.
 //!
-//! What is computed here only decides what is measured exactly, in `f64`: the answers are the same
-//! on every processor.
+//! These computations only select what is measured exactly, in `f64`: the answers are the same on every
+//! processor.
 
 use wide::f32x8;
 
 /// Lanes: boxes of a node, triangles or points of a packet.
 pub(crate) const LANES: usize = 8;
 
-/// One way to compute with eight numbers at a time.
+/// A back-end that computes with eight numbers at a time.
 ///
 /// Everything that uses it down to the innermost function must be `#[inline(always)]`, and must not
 /// contain a closure: only what is inlined into [`Simd::run`] is compiled for the processor's
@@ -128,8 +128,7 @@ impl Lanes for Plain {
 
     #[inline(always)]
     fn least(self, a: f32x8) -> u32 {
-        // Bits of such numbers sort as they do. Without a branch, since which lane it is cannot be
-        // foreseen.
+        // Bits of such numbers sort as they do. Without a branch, since the lane is unpredictable.
         let mut lane = 0;
         let keys = a.to_array().map(|x| {
             let key = x.to_bits() & !7 | lane;
@@ -157,14 +156,14 @@ pub(crate) fn most_of_rows<L: Lanes>(l: L, mut rows: [L::F; LANES]) -> L::F {
     l.sub(zero, l.least_of_rows(rows))
 }
 
-/// What is computed with one way or another.
+/// A computation that is generic over the back-end.
 pub(crate) trait Kernel {
     type Output;
     /// Must be `#[inline(always)]`.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// The best way that this processor has.
+/// The fastest back-end of this processor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Simd {
     #[cfg(target_arch = "x86_64")]
@@ -195,7 +194,7 @@ impl Simd {
         }
     }
 
-    /// The way of processors without any other.
+    /// The back-end of processors without AVX2.
     #[cfg(test)]
     pub(crate) fn plain() -> Self {
         Self {
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_reduced_alike_in_both_ways() {
+    fn both_back_ends_reduce_rows_alike() {
         let number = |k: usize| f32::from(u8::try_from(k * 37 % 256).unwrap()) + 0.75;
         let rows: [[f32; LANES]; LANES] = [0, 1, 2, 3, 4, 5, 6, 7]
             .map(|i: usize| [0, 1, 2, 3, 4, 5, 6, 7].map(|j: usize| number(8 * i + j)));

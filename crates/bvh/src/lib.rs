@@ -6,19 +6,18 @@
 //! | points | the nearest few, all in a sphere | [`PointTree`] |
 //! | triangles | the nearest one, all in a sphere, the first on a ray | [`TriangleTree`] |
 //!
-//! Coordinates are `f64` of any origin, and of any size as long as the squares of distances stay finite (up to about
-//! 1e154). Inside, boxes are `f32`, rounded outwards: they only
-//! decide what is looked at. What is found is decided in `f64`, so answers are exact, and the same on
-//! every processor.
+//! Coordinates are `f64` of any origin, and of any size as long as the squares of distances stay finite (up
+//! to about 1e154). Inside, boxes are `f32`, rounded outwards: they only select candidates. Results are
+//! decided in `f64`, so answers are exact, and the same on every processor.
 //!
-//! Files in reading order: `geometry` (boxes and rays), `scaling` (to `f32`, and what rounding may do);
+//! Files in reading order: `geometry` (boxes and rays), `scaling` (to `f32`, and bounds of rounding);
 //! `box_tree`, whose topology is obvhs'; `tree`, `node8`, `packets` (eight oriented boxes a node over packets of
 //! eight), `lanes` and `avx2` (eight numbers at a time), `descent` (the walk); `point_tree`, `triangle_tree`
 //! (the searches).
 //!
-//! Boxes have no side along which they are thin, so obvhs' surface-area heuristic serves them well. Points
-//! and triangles of a skin have: their tree is halved by count, with boxes along the mean normal, which is
-//! 1.2 to 1.8 times as fast for the nearest triangle as a tree of obvhs' topology with the same nodes.
+//! Boxes are not thin along any direction, so obvhs' surface-area heuristic suits them. Points and triangles
+//! of a skin are: their tree is halved by count, with boxes along the mean normal, which is 1.2 to 1.8 times
+//! as fast for the nearest triangle as a tree of obvhs' topology with the same nodes.
 //!
 //! This is the only crate that uses obvhs, pulp and wide.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]

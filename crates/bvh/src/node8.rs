@@ -1,9 +1,9 @@
 //! A node of the tree: up to eight boxes along axes of its own, in 128 bytes.
 //!
-//! *Heuristic*: the axes follow the skin. A contact is some height `h` off the skin, and a box of
-//! thickness `t` is within reach as far as `sqrt(2 h t)` sideways. Along fixed axes the boxes of
-//! slanted skin are as thick as wide; along the skin's mean normal they are as thin as it is curved.
-//! On a cap of 1M triangles that leaves 2.9 instead of 9.6 packets to be compared with each contact.
+//! *Heuristic*: the axes follow the skin. For a contact at height `h` off the skin, boxes of thickness `t`
+//! are within reach up to `sqrt(2 h t)` sideways. Along fixed axes the boxes of slanted skin are as thick as
+//! wide; along the skin's mean normal their thickness is only that of its curvature. On a cap of 1M triangles
+//! that leaves 2.9 instead of 9.6 packets to be compared with each contact.
 
 use glam::{DMat3, DVec3};
 
@@ -11,14 +11,14 @@ use crate::Ray;
 use crate::lanes::{Kernel, LANES, Lanes, most_of_rows};
 use crate::scaling::{FAR, slack};
 
-/// Steps of a node's boxes along each axis: one more fits into a byte.
+/// Steps of a node's boxes along each axis: less than 255, so that rounding up fits into a byte.
 const STEPS: f64 = 254.99;
 
-/// Boxes are at least this thick in all, in the tree's units: a step's inverse stays in `f32`.
+/// Least thickness of all boxes together, in the tree's units: the inverse of a step stays in `f32`.
 const THINNEST: f64 = 1e-7;
 
-/// Boxes around boxes are larger by this on all sides, in the tree's units. That is more than
-/// rounding takes from them, which so does not add up from level to level.
+/// Boxes around boxes are enlarged by this on all sides, in the tree's units: more than their rounding error,
+/// so that errors do not add up from level to level.
 const MARGIN: f32 = 16.0 / 16_777_216.0;
 
 /// Boxes along the axes of a node, one a lane.
@@ -33,7 +33,7 @@ pub(crate) const EMPTY: Boxes =
 
 const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Where a child of a node leads: to a node or to a packet.
+/// A child of a node: a node or a packet.
 pub(crate) enum Target {
     Node(usize),
     Packet(usize),
@@ -68,7 +68,7 @@ impl Child {
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(crate) struct Node8 {
-    /// Columns of the way from the tree's frame into steps of the node's: three axes and the shift.
+    /// Columns of the transformation from the tree's frame into steps of the node's: three axes and the shift.
     /// The fourth row has the squared steps along the three axes.
     frame: [[f32; 4]; 4],
     lo: [[u8; LANES]; 3],
@@ -101,7 +101,7 @@ impl Node8 {
         node
     }
 
-    /// Lays steps along `axes` (rows), from the corner `lo`.
+    /// Sets the frame: steps along `axes` (rows), from the corner `lo`.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rounding is part of the search's slack")]
     fn place(&mut self, axes: &DMat3, lo: DVec3, per_step: DVec3, step: DVec3) {
@@ -256,7 +256,7 @@ fn outside<L: Lanes>(l: L, lo: &[u8; LANES], hi: &[u8; LANES], p: L::F) -> L::F 
     l.max(l.max(l.sub(l.bytes(lo), p), l.sub(p, l.bytes(hi))), l.splat(0.0))
 }
 
-/// The same in `f64`, for the queries that need no eight lanes.
+/// Queries in `f64` that do not use eight lanes.
 impl Node8 {
     fn column(&self, k: usize) -> DVec3 {
         let [x, y, z, _] = self.frame[k].map(f64::from);
@@ -294,7 +294,7 @@ impl Node8 {
     }
 
     /// As [`Self::point_gaps`], for a point so far away that `f32` cannot distinguish the boxes: their
-    /// distances along the directions to their middles.
+    /// distances along the directions to their centres.
     pub(crate) fn far_gaps(&self, q: DVec3) -> [f64; LANES] {
         let step = self.step();
         let mut gaps = [f64::INFINITY; LANES];

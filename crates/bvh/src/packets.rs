@@ -9,16 +9,16 @@ use crate::tree::Points;
 /// zero.
 const SHORTEST_SQUARED: f32 = 1e-30;
 
-/// A third corner within this of the line through the others, as a part of its distance from their start
-/// (squared), lies on that line: the direction of what is left of it is rounding, which may even be along the line.
+/// A third corner nearer than this to the line through the others, as a fraction of its distance from their
+/// start (squared), lies on that line: the direction across the line is rounding noise then, and may even be
+/// along it.
 const FLATTEST_SQUARED: f32 = f32::EPSILON * f32::EPSILON;
 
 /// Up to eight triangles, side by side, in 384 bytes; empty lanes repeat the last one.
 ///
-/// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the
-/// third corner, `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the
-/// distance to it needs no product that cancels: whatever its shape, the error is a few roundings of
-/// the coordinates.
+/// Each is stored in a frame of its own: `x` along its longest side from `start`, `y` towards the third
+/// corner, `z` normal. In that frame the triangle is `(0, 0), (base, 0), apex`, and the distance to it needs
+/// no product that cancels: for every shape the error is a few roundings of the coordinates.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C, align(64))]
 pub(crate) struct Triangle8 {
@@ -62,9 +62,8 @@ impl Triangle8 {
     }
 }
 
-/// Sets eight triangles by their corners, in the tree's units: the sum of their [normals](Normals).
-/// What rounding does to their frames moves their corners by a few units of the coordinates,
-/// however thin they are.
+/// Sets eight triangles by their corners, in the tree's units: the sum of their [normals](Normals). Rounding
+/// of their frames moves their corners by a few units of the coordinates, however thin they are.
 pub(crate) struct Framing<'a>(pub(crate) &'a Points<3>, pub(crate) &'a mut Triangle8);
 
 impl Kernel for Framing<'_> {
@@ -78,7 +77,7 @@ impl Kernel for Framing<'_> {
         let (a, b, c) = (load(l, &corners[0]), load(l, &corners[1]), load(l, &corners[2]));
         let (ab, bc, ca) = (minus(l, &b, &a), minus(l, &c, &b), minus(l, &a, &c));
         let (ab, bc, ca) = (dot(l, &ab, &ab), dot(l, &bc, &bc), dot(l, &ca, &ca));
-        // The corners in the same cyclic order, the first two being ends of the longest side.
+        // The corners in the same cyclic order, the longest side first.
         let (is_ab, is_bc) = ([(bc, ab), (ca, ab), always, always], [(ca, bc), always, always, always]);
         let start = select(l, is_ab, &a, &select(l, is_bc, &b, &c));
         let end = select(l, is_ab, &b, &select(l, is_bc, &c, &a));
@@ -89,7 +88,7 @@ impl Kernel for Framing<'_> {
         let base = l.sqrt(squared);
         let unit = scaled(l, &side, l.div(one, l.max(base, l.sqrt(shortest))));
         let x = select(l, [(shortest, squared), always, always, always], &unit, &[one, zero, zero]);
-        // Twice: what the first rejection left along `x` matters in a sliver.
+        // Twice: in a sliver the first rejection leaves too much along `x`.
         let across = reject(l, &reject(l, &third, &x), &x);
         let height = dot(l, &across, &across);
         let unit = scaled(l, &across, l.div(one, l.sqrt(l.max(height, shortest))));
@@ -153,7 +152,7 @@ fn select<L: Lanes>(l: L, le: [(L::F, L::F); 4], yes: &[L::F; 3], no: &[L::F; 3]
     [l.select(le, yes[0], no[0]), l.select(le, yes[1], no[1]), l.select(le, yes[2], no[2])]
 }
 
-/// `v` without its part along the unit vector `x`.
+/// The component of `v` across the unit vector `x`.
 #[inline(always)]
 fn reject<L: Lanes>(l: L, v: &[L::F; 3], x: &[L::F; 3]) -> [L::F; 3] {
     let along = dot(l, v, x);
@@ -236,7 +235,7 @@ mod tests {
         }
     }
 
-    /// Distances to the triangles, computed in both ways.
+    /// Distances to the triangles, computed by both back-ends.
     fn distances(triangles: &[[DVec3; 3]], q: DVec3) -> [[f32; LANES]; 2] {
         let mut corners = [[[0.0; LANES]; 3]; 3];
         (0..LANES).for_each(|lane| tree::put(&mut corners, lane, triangles[lane.min(triangles.len() - 1)]));
@@ -246,7 +245,7 @@ mod tests {
         squared.map(|row| row.map(f32::sqrt))
     }
 
-    /// Coordinates that `f32` has exactly: above the inside, beside each side, beyond each corner.
+    /// Coordinates that are exact in `f32`: above the inside, next to each side, beyond each corner.
     #[test]
     fn distances_to_a_right_triangle_are_exact() {
         let triangle = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 3.0, 0.0)];
@@ -264,7 +263,7 @@ mod tests {
         }
     }
 
-    /// A collinear corner on a side along an axis: no direction across is left of it but rounding.
+    /// A collinear corner on a side along an axis: its direction across the side is rounding noise.
     #[test]
     fn a_face_without_area_is_a_segment() {
         let triangle = [-0.368_160_25, 0.635_239_7, 0.0792].map(|x| DVec3::new(x, -0.0025, 0.0));

@@ -32,15 +32,15 @@ pub struct PointTree {
     simd: Simd,
 }
 
-/// What numbers points in answers.
+/// The type of the ids of points in answers.
 pub trait Id: Copy + Ord + From<u32> + Into<u32> {}
 
 impl<I: Copy + Ord + From<u32> + Into<u32>> Id for I {}
 
-/// More points than this are looked for in `f64`, one by one.
+/// Searches for more points run in `f64`, point by point.
 const MOST: usize = 64;
 
-/// Up to this many points are kept in order faster.
+/// A smaller buffer makes searches for up to this many points faster.
 const FEW: usize = 8;
 
 impl PointTree {
@@ -83,7 +83,7 @@ impl PointTree {
         self.scaling.bounds
     }
 
-    /// Where the points are.
+    /// The positions of the points.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
@@ -124,7 +124,7 @@ impl PointTree {
                     if squared <= most {
                         found.push((I::from(id), squared));
                     }
-                    // Not at each point: then many of them would be put in order again and again.
+                    // Not at each point: that would sort many of them repeatedly.
                     if found.len() - first >= k.saturating_mul(2) {
                         most = found[first..].select_nth_unstable_by(k - 1, nearer).1.1;
                         found.truncate(first + k);
@@ -160,12 +160,12 @@ impl PointTree {
     }
 }
 
-/// The order of answers: by distance, equally far ones by their number.
+/// The order of answers: by distance, equally far ones by id.
 fn nearer<I: Ord>(a: &(I, f64), b: &(I, f64)) -> Ordering {
     a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))
 }
 
-/// The walk with eight lanes: leaves everything in `found` that may be among the nearest `k`, at most `N`.
+/// The traversal with eight lanes: leaves in `found` everything that may be among the nearest `k`, at most `N`.
 struct Walk<'a, I, const N: usize> {
     points: &'a PointTree,
     tree: &'a Tree,
@@ -204,7 +204,7 @@ struct Nearest<'a, I, const N: usize> {
     points: &'a PointTree,
     tree: &'a Tree,
     slack: f64,
-    /// The least squares, as many as points are looked for, ascending, after lower numbers.
+    /// The least squared distances, one for each wanted point, ascending, after smaller numbers.
     squares: [f32; N],
     /// Points and their squares.
     found: &'a mut Vec<(I, f64)>,
@@ -229,7 +229,7 @@ impl<L: Lanes, I: Id, const N: usize> Visitor<L> for Nearest<'_, I, N> {
             }
             let square = squared[lane];
             self.found.push((I::from(ids[lane]), f64::from(square)));
-            // Without a branch: where it belongs cannot be foreseen.
+            // Without a branch: its position is unpredictable.
             let before = self.squares;
             for slot in 0..N {
                 let lower = if slot == 0 { f32::NEG_INFINITY } else { before[slot - 1] };

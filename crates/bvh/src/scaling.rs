@@ -1,22 +1,22 @@
-//! [`Scaling`]: a frame in which coordinates are small enough for `f32`; how far a distance computed there may
-//! be from the true one, and the bounds that follow. `packets` holds the test of the promise: no triangle within
-//! a distance ever seems to be beyond its bound.
+//! [`Scaling`]: a frame in which coordinates are small enough for `f32`; how far a distance computed there
+//! may be from the true one, and the bounds that follow. `packets` tests that no triangle within a distance
+//! ever seems to be beyond its bound.
 
 use glam::DVec3;
 
 use crate::{Aabb, Ray};
 
-/// From this many radii away a ray is first moved along itself, near the tree: the numbers that are
-/// compared are then of the tree's size.
+/// The origin of a ray that is this many radii away is first moved along the ray to the tree, so that the
+/// compared numbers are of the tree's size.
 const NEARBY: f64 = 4.0;
 
-/// Where the numbers of a tree are at most about 1.
+/// A frame in which the numbers of a tree are at most about 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scaling {
     /// The centre of the box around everything.
     pub(crate) origin: DVec3,
-    /// What makes lengths into the units of the tree, in which the radius is between 1/2 and 1: a power
-    /// of two, so that it rounds nothing.
+    /// Factor from lengths to the units of the tree, in which the radius is between 1/2 and 1: a power of
+    /// two, so that it rounds nothing.
     pub(crate) scale: f64,
     /// The box around everything.
     pub(crate) bounds: Aabb,
@@ -42,7 +42,7 @@ impl Scaling {
         (p - self.origin) * self.scale
     }
 
-    /// A ray as it begins near the tree, and how far along it that is.
+    /// A ray moved to begin near the tree, and the distance by which it was moved.
     pub(crate) fn nearby(&self, ray: &Ray) -> (Ray, f64) {
         let along = (self.origin - ray.origin).dot(ray.direction);
         let skipped = along - NEARBY / self.scale;
@@ -60,7 +60,7 @@ impl Scaling {
 
 /// The power of two that brings `radius` between 1/2 and 1; 1 for a point.
 fn unit_scale(radius: f64) -> f64 {
-    /// `f64` has no powers of two beyond; a smaller tree is a point for every purpose.
+    /// Near the smallest power of two of `f64`; a smaller tree is treated as a point.
     const LEAST_EXPONENT: f64 = -1000.0;
     if radius > 0.0 { (-(radius.log2().ceil().max(LEAST_EXPONENT))).exp2() } else { 1.0 }
 }
@@ -77,8 +77,8 @@ pub(crate) const LARGEST: f64 = 1e12;
 /// steps (6), and the contact into steps (8).
 const SLACK: f64 = 48.0 / 16_777_216.0;
 
-/// From this many radii away `f64` takes over: the slack is larger than what the faces of a flat patch
-/// differ by in their distance.
+/// From this many radii away `f64` is used: the slack of `f32` is larger than the differences of the
+/// distances of a flat patch's faces.
 pub(crate) const FAR: f64 = 16.0;
 
 /// Bounds in `f64` from far away are enlarged by this: some hundred roundings.
@@ -92,7 +92,7 @@ const ROUND_UP: f64 = 1.0 + 8.0 / 16_777_216.0;
 #[expect(clippy::cast_possible_truncation, reason = "rounding is part of ROUND_UP; clamped to finite")]
 pub(crate) fn squared_bound_f32(distance: f64, slack: f64) -> f32 {
     let reach = distance + slack;
-    // Infinity would let the empty slots of nodes in.
+    // Infinity would admit the empty slots of nodes.
     (reach * reach * ROUND_UP).min(f64::from(f32::MAX)) as f32
 }
 

@@ -1,4 +1,4 @@
-//! Triangles for tests: without any order, slivers, needles and points among them; and sheets.
+//! Random triangles for tests, with slivers, needles and points among them; and sheets.
 
 use glam::{DVec2, DVec3};
 use proptest::{prelude::*, test_runner::RngSeed};
@@ -18,7 +18,7 @@ pub(crate) fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
     })
 }
 
-/// As many triangles, and then copies of the first of them: equally near ones.
+/// This many triangles, then copies of the first of them, which are equally near.
 pub(crate) fn triangles(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<[DVec3; 3]>> {
     let copies = prop_oneof![2 => Just(0_usize), 1 => 1..20_usize];
     (prop::collection::vec(triangle(), count), copies).prop_map(|(mut triangles, copies)| {
@@ -43,7 +43,7 @@ pub(crate) fn sheet(columns: u32, rows: u32, place: impl Fn(DVec2) -> DVec3) -> 
 pub(crate) fn distance(q: DVec3, corners: [DVec3; 3]) -> f64 {
     let to_side = |a: DVec3, b: DVec3| {
         let t = (q - a).dot(b - a) / (b - a).length_squared();
-        // A side that is a point makes `t` no number.
+        // For a side of length 0, `t` is NaN.
         q.distance(a.lerp(b, if t > 0.0 { t.min(1.0) } else { 0.0 }))
     };
     let [a, b, c] = corners;

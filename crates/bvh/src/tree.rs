@@ -1,9 +1,9 @@
 //! A tree of oriented boxes, eight to a node, over packets of eight primitives: triangles or points.
 //!
-//! Built from the top: a node's primitives are halved by count, always the largest part along its
-//! longest axis, until there are eight parts. So the tree is never deeper than the logarithm of
-//! their number, coincident primitives or not, and all packets but a few are full. Its boxes are fitted in one
-//! pass from the packets up: when the tree is built, and when the skin bends.
+//! Built from the top: a node's primitives are halved by count, always the largest group along its longest
+//! axis, until there are eight groups. So the tree is never deeper than the logarithm of their number,
+//! coincident primitives or not, and all packets but a few are full. Its boxes are fitted in one pass from
+//! the packets up: when the tree is built, and when the skin bends.
 
 use std::ops::Range;
 
@@ -14,23 +14,23 @@ use crate::Aabb;
 use crate::lanes::{Kernel, LANES, Lanes, Simd, most_of_rows};
 use crate::node8::{Around, Boxes, Child, EMPTY, Node8, Target};
 
-/// Primitives of one tree, at most: numbers of nodes and packets must stay clear of a child's top
-/// bit, and the tree of [`DEPTH`].
+/// Primitives of one tree, at most: numbers of nodes and packets must not use a child's top bit, and the
+/// depth must not exceed [`DEPTH`].
 pub(crate) const MAX_PRIMITIVES: usize = 1 << 28;
 
-/// Nodes on the longest way from the root of any tree to a packet: every node has an eighth of the
-/// primitives of the one above it, up to a packet. One more is spare.
+/// Nodes on the longest path from the root to a packet: every node has at most an eighth of the primitives of
+/// the one above it, rounded up to packets. One is spare.
 pub(crate) const DEPTH: usize = 12;
 
-/// Most entries on the stack of a walk: seven children stay behind in each node on the way. Stacks are
+/// Most entries on the stack of a traversal: seven children of each node on the path. Stacks are
 /// `ArrayVec`s: arrays were cleared for each query, which took 25 of the 371 ns of a reactive answer.
 pub(crate) const STACK: usize = 7 * DEPTH + 1;
 
-/// If the normals of a part cancel to less than this share of its area, there is no direction in
-/// which it is thin.
+/// If the normals of a group of primitives cancel to less than this share of its area, it is not thin in any
+/// direction.
 pub(crate) const FLAT: f64 = 0.25;
 
-/// A tree whose packets are numbered, and what is in them.
+/// The nodes of a tree, and the primitives of its packets.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     /// The root first; every node before those below it.
@@ -65,7 +65,7 @@ impl Tree {
             let axes =
                 Moments::of(order[range.clone()].iter().map(|&id| primitives[id as usize])).axes(above);
             let mut parts = split(primitives, &mut order, range, &axes);
-            // Nodes first, in either kind from the first part to the last.
+            // Nodes first; nodes and packets keep their order.
             parts.sort_by_key(|part| part.len() <= LANES);
             let nodes = parts.iter().filter(|part| part.len() > LANES).count();
             let first = tree.nodes.len();
@@ -87,12 +87,12 @@ impl Tree {
         tree
     }
 
-    /// A walk in `f64`, for the queries that need no eight lanes.
+    /// A traversal in `f64`, for queries that do not use eight lanes.
     ///
     /// Visits every packet whose key is not above a bound, the least key first where it can.
     ///
-    /// `keys` gives a lower bound for what is in each child of a node, infinite where nothing can
-    /// be; `visit` handles a packet and returns the bound from then on. Nothing is allocated.
+    /// `keys` gives a lower bound for each child of a node, infinite to skip it; `visit` handles a packet and
+    /// returns the new bound. Nothing is allocated.
     pub(crate) fn walk(
         &self,
         mut bound: f64,
@@ -148,15 +148,15 @@ fn split(
     parts
 }
 
-/// How a set of primitives is turned: sums over them.
+/// Sums over a set of primitives that determine its axes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Moments {
     count: f64,
     area: DVec3,
-    /// Of the areas without direction.
+    /// Sum of the areas without direction.
     total: f64,
     centre: DVec3,
-    /// Of the products of coordinates: `xx, yy, zz` and `yz, zx, xy`.
+    /// Sums of the products of coordinates: `xx, yy, zz` and `yz, zx, xy`.
     squares: DVec3,
     products: DVec3,
 }
@@ -219,10 +219,10 @@ pub(crate) fn put<const N: usize>(points: &mut Points<N>, lane: usize, primitive
     }
 }
 
-/// A node's box is fitted to those of the nodes this many levels below its child. There are fewer
-/// of them than of packets, and they are turned less often than those of the child. On a cap of 100k
-/// triangles, bent or not, one level fewer makes a search visit 6 % more nodes; the boxes of all
-/// packets would spare 1 % of them, and take a twelfth more time.
+/// A node's box is fitted to those of the nodes this many levels below its child. They are fewer than the
+/// packets, and rotated less often than the boxes of the child. On a cap of 100k triangles, bent or not, one
+/// level fewer makes a search visit 6 % more nodes; the boxes of all packets would save 1 % of them, but take
+/// a twelfth more time.
 const LEVELS: usize = 2;
 
 impl Tree {
@@ -230,9 +230,9 @@ impl Tree {
     /// and theirs, and returns the sum of their areas with direction; it is called once for each
     /// packet. Nothing is allocated.
     ///
-    /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its
-    /// points; those of the nodes above follow boxes some levels below, not those of their
-    /// children, whose turned boxes would grow from level to level.
+    /// The axes of a node turn with the mean normal of the skin below it. A packet's box follows its points;
+    /// those of the nodes above follow boxes some levels below, since boxes fitted to rotated boxes would
+    /// grow from level to level.
     pub(crate) fn fit<const N: usize>(
         &mut self,
         simd: Simd,
@@ -243,7 +243,7 @@ impl Tree {
     }
 
     /// Fits a node and what is below it: the sum of the areas there with direction, and of the
-    /// lengths of those of the packets. `points` is room for those of the node's packets.
+    /// lengths of those of the packets. `points` is a buffer for those of the node's packets.
     fn fit_node<const N: usize>(
         &mut self,
         simd: Simd,
@@ -330,8 +330,8 @@ impl<const N: usize> Kernel for Fitting<'_, N> {
     }
 }
 
-/// Axes (rows) turned so that the third is along `area`, about no more than that needs; as they are
-/// where the normals cancel.
+/// Axes (rows) turned so that the third is along `area`, by the least rotation; unchanged where the normals
+/// cancel.
 fn turned(axes: DMat3, area: DVec3, total: f64) -> DMat3 {
     let length = area.length();
     let old = axes.row(2);

@@ -1,7 +1,7 @@
 //! [`TriangleTree`]: the triangle nearest to a point, all near it, and the first that a ray meets.
 //!
-//! The tree keeps its triangles in `f32`, turned and scaled. Whatever may be the answer is measured in
-//! `f64` by the caller, who has the triangles as they are.
+//! The tree stores its triangles in `f32`, rotated and scaled. The caller, who has the original triangles,
+//! measures every candidate in `f64`.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -16,7 +16,7 @@ use crate::{Aabb, BvhError, Meeting, Ray, meet};
 /// Triangles that are collected before they are measured in `f64`.
 const PENDING: usize = 16;
 
-/// A tree over triangles, which the caller keeps.
+/// A tree over triangles; the caller keeps the triangles.
 #[derive(Debug, Clone)]
 pub struct TriangleTree {
     tree: Tree,
@@ -26,12 +26,12 @@ pub struct TriangleTree {
     simd: Simd,
 }
 
-/// What moving the vertices takes besides the tree, so that nothing is allocated then.
+/// Buffers for [`TriangleTree::refit`], so that it allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Refitting {
-    /// For each packet the corners of its triangles side by side, which lie scattered in the mesh.
+    /// For each packet the corners of its triangles, which are scattered in the mesh.
     corners: Vec<[[u32; LANES]; 3]>,
-    /// Room for the vertices in the tree's units, since each belongs to some six triangles. The search's
+    /// The vertices in the tree's units, computed once since each belongs to some six triangles. The search's
     /// slack includes their rounding.
     local: Vec<[f32; 4]>,
     /// The vertices of triangles, if a vertex belongs to none.
@@ -43,7 +43,7 @@ pub struct Refitting {
 pub enum Start {
     /// At the root of the tree.
     Root,
-    /// At a packet that may hold the nearest triangle, and from there up the tree.
+    /// At a packet that may contain the nearest triangle, and from there up the tree.
     Packet(u32),
 }
 
@@ -51,7 +51,7 @@ pub enum Start {
 pub trait Nearest: Copy {
     /// The square of its distance; infinite if there is none.
     fn squared(&self) -> f64;
-    /// Measures a triangle and keeps the nearer of the two; whether that is the one offered.
+    /// Measures a triangle and keeps it if it is nearer; returns whether it does.
     fn offer(&mut self, triangle: u32) -> bool;
     /// Loads what [`Self::offer`] reads of a triangle into the cache, without waiting for it.
     fn prefetch(&self, triangle: u32);
@@ -75,7 +75,7 @@ impl TriangleTree {
     /// Vertices farther from the origin than this are refused: their squares still fit into `f32`.
     pub const LARGEST: f64 = crate::scaling::LARGEST;
 
-    /// A tree over at least one triangle, each the numbers of its corners.
+    /// A tree over at least one triangle, each given by the indices of its corners.
     ///
     /// # Errors
     /// If there is no triangle, or there are too many, or a vertex is too far away or not a number.
@@ -107,7 +107,7 @@ impl TriangleTree {
         Ok(fitted)
     }
 
-    /// What [`Self::refit`] takes, for as many vertices and the same triangles.
+    /// Buffers for [`Self::refit`], for as many vertices and the same triangles.
     pub fn refitting(&self, vertices: usize, triangles: impl Iterator<Item = [u32; 3]>) -> Refitting {
         let triangles: Vec<[u32; 3]> = triangles.collect();
         let corners = |packet: &[u32; LANES]| {
@@ -147,8 +147,8 @@ impl TriangleTree {
         self.scaling.bounds
     }
 
-    /// Offers the triangle nearest to `q`, and others, to `nearest`, unless it has a nearer one. Returns
-    /// what is nearest then, and the packet of it if this search found it and is near enough to know it.
+    /// Offers the triangle nearest to `q`, and others, to `nearest`, unless it has a nearer one. Returns the
+    /// result, and its packet if this search found it and used `f32`.
     #[inline(always)]
     pub fn nearest<N: Nearest>(&self, q: DVec3, start: Start, nearest: N) -> (N, Option<u32>) {
         let local = self.scaling.point(q);
@@ -159,7 +159,7 @@ impl TriangleTree {
         self.simd.run(Walk { triangles: self, local, away, nearest, start })
     }
 
-    /// The same from so far away that `f32` cannot distinguish the triangles.
+    /// As [`Self::nearest`], from so far away that `f32` cannot distinguish the triangles.
     #[cold]
     fn nearest_from_far<N: Nearest>(&self, local: DVec3, mut nearest: N) -> N {
         let bound = |nearest: &N| nearest.squared().sqrt() * self.scaling.scale * FAR_ROUND_UP;
@@ -174,7 +174,7 @@ impl TriangleTree {
         nearest
     }
 
-    /// Calls `visit` with every triangle no farther than `radius` from `q`, and some that are little
+    /// Calls `visit` with every triangle no farther than `radius` from `q`, and some that are slightly
     /// farther, in no order.
     pub fn each_around(&self, q: DVec3, radius: f64, mut visit: impl FnMut(u32)) {
         let (local, reach) = (self.scaling.point(q), radius * self.scaling.scale);
@@ -252,7 +252,7 @@ impl Kernel for Setting<'_> {
     }
 }
 
-/// The walk to the nearest triangle with eight lanes, from where `f32` can distinguish the triangles.
+/// The search for the nearest triangle with eight lanes, from where `f32` can distinguish the triangles.
 struct Walk<'a, N> {
     triangles: &'a TriangleTree,
     /// The point and its distance from the origin in the tree's frame and units.
@@ -291,26 +291,25 @@ fn number(packet: usize) -> u32 {
     packet as u32
 }
 
-/// What a walk has found.
+/// The result of a search so far.
 struct Found<'a, N> {
     triangles: &'a TriangleTree,
-    /// What rounding may add to a distance or take from it.
+    /// Bound of the rounding error of a distance.
     slack: f64,
     nearest: N,
-    /// The packet of the nearest triangle, if this walk found it.
+    /// The packet of the nearest triangle, if this search found it.
     packet: Option<u32>,
     /// Triangles to be measured: squared distance and number; and their packets.
     pending: ArrayVec<(u64, u32), PENDING>,
 }
 
 impl<L: Lanes, N: Nearest> Visitor<L> for Found<'_, N> {
-    /// Tightens the bound by the nearest triangle of a packet, and notes those that may be nearest
-    /// of all.
+    /// Tightens the bound by the nearest triangle of a packet, and collects those that may be nearest of all.
     #[inline(always)]
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let ids = &self.triangles.tree.packets[packet];
         let squared = self.triangles.packets[packet].distance_squared(l, point);
-        // The last three bits are the lane's: all set, they round up.
+        // The last three bits are the lane; setting them all rounds up.
         *bound = bound.min(bound_of(f32::from_bits(l.least(squared) | 7), self.slack));
         let mut mask = l.le(squared, l.splat(*bound));
         if mask == 0 {
@@ -331,14 +330,14 @@ impl<L: Lanes, N: Nearest> Visitor<L> for Found<'_, N> {
 }
 
 impl<N: Nearest> Found<'_, N> {
-    /// Room for more: measures those that are still of interest.
+    /// Makes room: measures those that may still be nearest.
     #[cold]
     #[inline(never)]
     fn make_room(&mut self, bound: f32) {
         self.measure_pending(bound);
     }
 
-    /// Measures the noted triangles that may still be nearest.
+    /// Measures the pending triangles that may still be nearest.
     #[inline(always)]
     fn measure_pending(&mut self, bound: f32) {
         while let Some((noted, packet)) = self.pending.pop() {
@@ -350,7 +349,7 @@ impl<N: Nearest> Found<'_, N> {
     }
 }
 
-/// The walk to all triangles within `reach`, with eight lanes.
+/// The search for all triangles within `reach`, with eight lanes.
 struct Around<'a, F> {
     triangles: &'a TriangleTree,
     /// The point and the distance in the tree's frame and units.
@@ -370,7 +369,7 @@ impl<F: FnMut(u32)> Kernel for Around<'_, F> {
 }
 
 impl<L: Lanes, F: FnMut(u32)> Visitor<L> for Around<'_, F> {
-    /// Visits what is within the bound, which stays as it is.
+    /// Visits the triangles within the bound; does not change it.
     #[inline(always)]
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let ids = &self.triangles.tree.packets[packet];
@@ -434,9 +433,9 @@ mod tests {
         assert_eq!(found.found, expected.found, "from {q}");
         let plain = TriangleTree { simd: Simd::plain(), ..tree.clone() };
         assert_eq!(plain.nearest(q, Start::Root, none).0.found, expected.found, "without AVX2, from {q}");
-        // A bound to begin with changes nothing, be it the answer itself.
+        // An initial bound changes nothing, even if it is the answer itself.
         assert_eq!(tree.nearest(q, Start::Root, found).0.found, expected.found, "again from {q}");
-        // Nor does a packet to begin with.
+        // Nor does an initial packet.
         for packet in (0..).take(tree.packets.len() + 1) {
             let (same, near) = tree.nearest(q, Start::Packet(packet), none);
             assert_eq!(same.found, expected.found, "from {q} and packet {packet}");
@@ -495,7 +494,7 @@ mod tests {
             }
         }
 
-        /// However the triangles move, the answer is that of brute force; and moved back, that of before.
+        /// However the triangles move, the answer is that of brute force; moved back, the original answer.
         #[test]
         fn a_refitted_tree_finds_the_nearest(
             before in prop::collection::vec(soup::triangle(), 70),
@@ -575,7 +574,7 @@ mod tests {
         }
     }
 
-    /// Rays from inside of a closed surface at its vertices and sides never slip through it.
+    /// Rays from inside of a closed surface through its vertices and sides always hit it.
     #[test]
     fn a_closed_surface_has_no_gap() {
         let turn = std::f64::consts::TAU;
@@ -590,7 +589,7 @@ mod tests {
             for [q, _, _] in triangles.iter().step_by(17) {
                 for target in [*p, p.midpoint(*q)] {
                     let ray = Ray::new(inside, target - inside, f64::INFINITY).unwrap();
-                    assert!(tree.first_hit(&ray, |k| triangles[k as usize]).is_some(), "slips past {target}");
+                    assert!(tree.first_hit(&ray, |k| triangles[k as usize]).is_some(), "misses at {target}");
                 }
             }
         }

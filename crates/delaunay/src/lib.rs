@@ -1,8 +1,8 @@
 //! Planar triangulations of point sets and regions. The only crate of dermatome that uses spade
 //! and robust.
 //!
-//! The holes of a map are filled with it (`flatten`), and taxels without triangles get them from the stars
-//! of their tangent planes (`skin::triangulate`).
+//! `flatten` fills the holes of a map with it, and `skin::triangulate` makes the triangles of taxels that
+//! have none from stars in their tangent planes.
 //!
 //! A crate of its own, so that an edit elsewhere does not compile spade's generic code again.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
@@ -18,11 +18,10 @@ pub use region::triangulate_region;
 pub use star::star;
 pub use triangulate::smallest_first;
 
-/// On which side of the line from `a` to `b` the point `c` lies, exactly: 1 on the left, so that the three
-/// run counter-clockwise, -1 on the right, 0 on the line; NaN if one is not finite
-/// (shewchuk1997).
+/// The side of the line from `a` to `b` on which the point `c` lies, exactly (shewchuk1997): 1 on the left
+/// (counter-clockwise), -1 on the right, 0 on the line; NaN if a point is not finite.
 ///
-/// The area itself may underflow in a product of two of them; its sign does not.
+/// An area may underflow in a product of two areas; its sign does not.
 pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
     let [a, b, c] = [a, b, c].map(|p| Coord { x: p.x, y: p.y });
     let area = orient2d(a, b, c);

@@ -6,11 +6,11 @@ use spade::{ConstrainedDelaunayTriangulation, Triangulation};
 use crate::DelaunayError;
 use crate::triangulate::{Site, sites, smallest_first};
 
-/// Counter-clockwise triangles of indices of `points` that cover what lies on the left of `edges`:
+/// Counter-clockwise triangles of indices of `points` that cover the region on the left of `edges`:
 /// directed edges of one or more closed polygons.
 ///
-/// Constrained Delaunay: every edge is a side of a triangle, and no circumcircle holds a point that
-/// its triangle sees. Each triangle starts with its smallest index, and triangles are sorted.
+/// Constrained Delaunay: every edge is a side of a triangle, and no circumcircle contains a point that is
+/// visible from its triangle. Each triangle starts with its smallest index, and triangles are sorted.
 ///
 /// # Errors
 /// If a coordinate is out of range, two points coincide, or edges cross or touch.

@@ -7,14 +7,14 @@ use spade::{DelaunayTriangulation, InsertionError, Point2, Triangulation};
 use crate::DelaunayError;
 use crate::triangulate::coordinates;
 
-/// Points that are inserted without asking whether a further one changes anything: the ring of a lattice.
+/// Points that are inserted before any test whether a further one matters: the ring of a lattice.
 const RING: usize = 6;
 
-/// The triangles around the origin in the Delaunay triangulation of it and `points`: counter-clockwise, as pairs
-/// of places in `points`.
+/// The triangles around the origin in the Delaunay triangulation of it and `points`: counter-clockwise, as
+/// pairs of indices of `points`.
 ///
-/// Points must come nearest first: those that are beyond all circles around the origin's triangles are not
-/// looked at. Of points at one place the first counts. Of the triangulations of points on a common circle one is
+/// Points must be sorted by distance: those beyond all circumcircles of the origin's triangles are not
+/// inserted. Of coincident points the first counts. Of the triangulations of points on a common circle one is
 /// chosen, by their order.
 ///
 /// # Errors
@@ -23,10 +23,10 @@ pub fn star(points: &[DVec2]) -> Result<Vec<[usize; 2]>, DelaunayError> {
     let mut triangulation = DelaunayTriangulation::<Point2<f64>>::new();
     let refused = |e: InsertionError| DelaunayError::Refused { reason: e.to_string() };
     let origin = triangulation.insert(Point2::new(0.0, 0.0)).map_err(refused)?;
-    // The place in `points` of each vertex after the origin.
+    // The index in `points` of each vertex after the origin.
     let mut places = Vec::with_capacity(points.len());
     for (point, &p) in points.iter().enumerate() {
-        // Points may be in order but for rounding.
+        // Points may be sorted up to rounding.
         if point >= RING && 0.999 * p.length() > reach(triangulation.vertex(origin)) {
             break;
         }
@@ -42,11 +42,11 @@ pub fn star(points: &[DVec2]) -> Result<Vec<[usize; 2]>, DelaunayError> {
     Ok(triangle.map(|edge| [place(edge.to().fix()), place(edge.next().to().fix())]).collect())
 }
 
-/// How far from the origin the circles around its triangles reach; infinite where it is on the boundary.
+/// How far from the origin the circumcircles of its triangles reach; infinite if it is on the boundary.
 fn reach(origin: VertexHandle<'_, Point2<f64>>) -> f64 {
     let faces = origin.out_edges().map(|edge| edge.face().as_inner());
     let diameters = faces.map(|face| face.map_or(f64::INFINITY, |face| 2.0 * face.circumcircle().1.sqrt()));
-    // What is not a number is not exceeded either.
+    // A NaN stays.
     diameters.fold(0.0, |most, d| if d <= most { most } else { d })
 }
 
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn of_points_at_one_place_the_first_counts() {
+    fn of_coincident_points_the_first_counts() {
         let points = [DVec2::ZERO, DVec2::X, DVec2::X, DVec2::Y];
         assert_eq!(star(&points).unwrap(), [[1, 3]]);
         assert_eq!(star(&[]).unwrap(), [[0_usize; 2]; 0]);

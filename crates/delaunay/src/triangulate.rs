@@ -10,7 +10,7 @@ use crate::DelaunayError;
 /// Coordinates above this are refused, well before the exact predicates overflow.
 const MAX_COORDINATE: f64 = 1e60;
 
-/// A point that knows its index: `spade` orders its vertices as it likes.
+/// A point with its index: `spade` reorders its vertices.
 pub(super) struct Site {
     pub(super) point: usize,
     position: Point2<f64>,
@@ -67,7 +67,7 @@ mod tests {
         let (p, refusal) = (DVec2::new, |points: &[DVec2]| sites(points).err());
         let twice = refusal(&[p(0., 0.), p(1., 0.), p(0., 1.), p(1., 0.)]);
         assert!(matches!(twice, Some(DelaunayError::Coincident { first: 1, second: 3, .. })));
-        // Zero and minus zero are one position, and so is what is too small for the predicates.
+        // Zero, minus zero and numbers too small for the predicates are one position.
         let zeros = refusal(&[p(0., 0.), p(1., 0.), p(-0., 1e-50)]);
         assert!(matches!(zeros, Some(DelaunayError::Coincident { first: 0, second: 2, .. })));
         for x in [f64::NAN, f64::INFINITY, 1e61] {

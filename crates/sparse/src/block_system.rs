@@ -22,7 +22,7 @@ pub struct BlockSystem {
     size: usize,
 }
 
-/// Where a block on or below the diagonal is stored.
+/// The position of a block on or below the diagonal in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockSlot {
     column: u32,
@@ -85,8 +85,8 @@ pub struct BlockMatrix<'s> {
 }
 
 impl<'s> BlockMatrix<'s> {
-    /// Adds `entry(a, b)` to row `a` and column `b` of a block. Of a block on the diagonal, rows
-    /// above the diagonal are not asked for.
+    /// Adds `entry(a, b)` to row `a` and column `b` of a block. For a block on the diagonal, `entry` is
+    /// called only on and below the diagonal.
     #[inline]
     pub fn add(&mut self, slot: BlockSlot, entry: impl Fn(usize, usize) -> f64) {
         let size = self.system.size;
@@ -135,8 +135,8 @@ impl<'s> BlockMatrix<'s> {
     /// Factors the matrix.
     ///
     /// # Errors
-    /// [`SparseError::NotFinite`], [`SparseError::NotPositiveDefinite`] with the block row, also where a pivot is
-    /// positive by rounding alone, or [`SparseError::TooLarge`].
+    /// [`SparseError::NotFinite`], [`SparseError::NotPositiveDefinite`] with the block row, also where a
+    /// pivot is positive only by rounding, or [`SparseError::TooLarge`].
     pub fn factor(&self) -> Result<BlockFactor<'s>, SparseError> {
         let system = self.system;
         if let Some(k) = self.values.iter().position(|x| !x.is_finite()) {
@@ -170,7 +170,7 @@ impl BlockFactor<'_> {
         self.system.cholesky.solve_columns(&self.values, rhs, columns)
     }
 
-    /// The entries of the inverse on the pattern of the factor, which holds that of the matrix.
+    /// The entries of the inverse on the pattern of the factor, which includes that of the matrix.
     pub fn selected_inverse(&self) -> SelectedInverse {
         let order = self.system.cholesky.symbolic().perm().map(|p| p.arrays().1);
         let positions = order.map_or_else(|| (0..self.rows()).collect(), |o| o.to_vec());
@@ -290,8 +290,8 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_that_is_singular_up_to_rounding_is_refused() {
-        // A chain of springs that is held nowhere.
+    fn matrices_that_are_singular_up_to_rounding_are_refused() {
+        // A chain of springs without any support.
         let system = BlockSystem::new(Pattern::new(50, (1..50).map(|i| (i - 1, i))), 1).unwrap();
         let mut matrix = system.zero();
         for i in 1..50 {

@@ -13,8 +13,8 @@ const ROWS_PER_TASK: usize = 4096;
 
 /// A 2 x 2 block in single or double precision.
 ///
-/// The iteration moves blocks and vectors through memory and computes little: single precision halves
-/// its time. Scalar products are summed in double precision all the same.
+/// The iteration is bound by memory, not by arithmetic: single precision halves its time. Scalar products are
+/// summed in double precision.
 pub trait Block: Entry + AddAssign + Mul<Self::Vector, Output = Self::Vector> {
     /// Two unknowns.
     type Vector: Copy + Send + Sync + Add<Output = Self::Vector> + Sum;
@@ -94,8 +94,8 @@ impl Block for DMat2 {
     }
 }
 
-/// The inverse of a diagonal block, a preconditioner; for a block that cannot be inverted, the identity
-/// over its largest entry.
+/// The inverse of a diagonal block, as a preconditioner; for a block that cannot be inverted, the identity
+/// divided by its largest entry.
 fn inverted(block: DMat2) -> DMat2 {
     let inverse = block.inverse();
     if block.determinant() > 0.0 && inverse.is_finite() {
@@ -134,12 +134,11 @@ pub fn dot(a: &[DVec2], b: &[DVec2]) -> f64 {
     parts.iter().sum()
 }
 
-/// Conjugate gradients, preconditioned by the inverses of the diagonal blocks, for a positive semi-definite
-/// matrix, from zero.
+/// Conjugate gradients from zero for a positive semi-definite matrix, preconditioned by the inverses of the
+/// diagonal blocks.
 ///
-/// Returns the solution so far; every iterate lowers the quadratic `x' M x / 2 - b' x`, so stopping
-/// early still gives a direction of descent. Ends at once when the matrix turns out not to be
-/// positive along a direction.
+/// Returns the solution so far; every iterate lowers the quadratic `x' M x / 2 - b' x`, so stopping early
+/// still gives a direction of descent. Stops as soon as the matrix is not positive along a direction.
 ///
 /// # Panics
 /// If `rhs` has not one entry per row.
@@ -151,7 +150,7 @@ pub fn conjugate_gradients<B: Block>(
 ) -> (Vec<DVec2>, CgReport) {
     let pattern = matrix.pattern();
     assert_eq!(rhs.len(), pattern.rows(), "one entry per row");
-    // Of a size that single precision holds.
+    // Scales into the range of single precision.
     let scale = rhs.iter().fold(0.0_f64, |most, v| most.max(v.abs().max_element()));
     let scale = if scale > 0.0 { scale } else { 1.0 };
     let rows = 0..rhs.len();
@@ -235,7 +234,7 @@ mod tests {
         assert!(x.iter().zip(&truth).all(|(a, b)| a.distance(*b) < 1e-49 * tolerance), "{x:?} is {truth:?}");
     }
 
-    /// Also of numbers that single precision does not hold.
+    /// Also for numbers outside the range of single precision.
     #[test]
     fn as_many_iterations_as_unknowns_solve_exactly() {
         assert_solves::<DMat2>(1e-14);

@@ -1,11 +1,11 @@
 //! Sparse symmetric systems: assemble, factor once, solve many. The only crate of dermatome that
 //! uses faer.
 //!
-//! A [`Pattern`] says which entries a matrix has; it is made once per mesh. A [`Matrix`] puts
-//! numbers, complex numbers or 2 x 2 blocks on it. [`Cholesky`] orders and analyses a pattern once
-//! and factors any matrix on it; [`conjugate_gradients()`] does without a factor. A [`BlockSystem`]
-//! does the same for blocks of any size, and gives the entries of the inverse that covariances need
-//! ([`SelectedInverse`]). [`solve_unsymmetric`] is for complex matrices that are not Hermitian.
+//! A [`Pattern`] lists the entries of a matrix; it is made once per mesh. A [`Matrix`] assigns them numbers,
+//! complex numbers or 2 x 2 blocks. [`Cholesky`] orders and analyses a pattern once and factors any matrix on
+//! it; [`conjugate_gradients()`] needs no factor. A [`BlockSystem`] factors matrices of blocks of any size,
+//! and computes the entries of the inverse that covariances need ([`SelectedInverse`]). [`solve_unsymmetric`]
+//! is for complex matrices that are not Hermitian.
 //!
 //! A crate of its own, so that an edit elsewhere does not compile it and faer's generic code again.
 //! Results do not depend on the number of threads.
@@ -34,7 +34,7 @@ pub use selected_inverse::SelectedInverse;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SparseError {
-    #[error("row {row} of the system holds an entry that is not finite")]
+    #[error("row {row} of the system has an entry that is not finite")]
     NotFinite { row: usize },
     #[error("the system is not positive definite: its pivot in row {row} is not positive")]
     NotPositiveDefinite { row: usize },

@@ -45,7 +45,7 @@ impl Lower {
                 // triangle is read.
                 for &i in pattern.columns(j).iter().filter(|&&i| i as usize >= j) {
                     let slot = pattern.slot(i as usize, j).expect("patterns are symmetric");
-                    // Of a block on the diagonal what is below its own diagonal.
+                    // Of a block on the diagonal the rows on and below its diagonal.
                     for a in if i as usize == j { b } else { 0 }..T::UNKNOWNS {
                         let value = matrix.values()[slot].number(a, b);
                         if !ComplexField::is_finite_impl(&value) {
@@ -60,13 +60,13 @@ impl Lower {
     }
 }
 
-/// The numbers that an [`Entry`] that is factored and a row of unknowns are made of.
+/// An [`Entry`] that can be factored, as numbers.
 pub trait Numbers: Entry {
-    /// What faer computes with.
+    /// The type of number that faer computes with.
     type Number: ComplexField + Copy;
     /// The unknowns of a row, or its right-hand side.
     type Row: Copy;
-    /// How many numbers a row has.
+    /// Numbers in a row.
     const UNKNOWNS: usize;
     /// Row `a` and column `b` of the entry.
     fn number(self, a: usize, b: usize) -> Self::Number;

@@ -24,7 +24,7 @@ pub fn solve_unsymmetric(matrix: &Matrix<'_, DVec2>, rhs: &mut [DVec2]) -> Resul
     assert_eq!(rhs.len(), rows, "one right-hand side per row");
     let (mut starts, mut indices, mut values) = (vec![0_u32], Vec::new(), Vec::new());
     for column in 0..rows {
-        // The pattern is symmetric, so a row tells where the column's entries are.
+        // The pattern is symmetric, so the entries of a row give those of the column.
         for &row in pattern.columns(column) {
             let slot = pattern.slot(row as usize, column).expect("patterns are symmetric");
             let value = matrix.values()[slot].number(0, 0);

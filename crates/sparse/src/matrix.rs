@@ -4,7 +4,7 @@ use glam::{DMat2, DVec2, Mat2};
 
 use crate::Pattern;
 
-/// What can stand in a matrix.
+/// The type of the entries of a matrix.
 ///
 /// Not `Default`: that of a `DMat2` is the identity.
 pub trait Entry: Copy + Send + Sync {
@@ -73,7 +73,7 @@ impl<'p, T: Entry> Matrix<'p, T> {
 }
 
 impl<T: Entry> Matrix<'_, T> {
-    /// The entries of the first `rows` rows, of the next ones, and so on, to set them side by side.
+    /// The entries of the first `rows` rows, of the next ones, and so on, to set them in parallel.
     pub fn parts_mut(&mut self, rows: usize) -> Vec<&mut [T]> {
         let count = self.pattern.rows();
         let mut rest = self.values.as_mut_slice();

@@ -1,4 +1,4 @@
-//! The order in which rows are eliminated, which decides how much of the factor fills up.
+//! The order in which rows are eliminated, which determines the fill of the factor.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::FaerError;

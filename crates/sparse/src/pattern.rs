@@ -5,7 +5,7 @@ use std::ops::Range;
 /// Which entries a matrix with a symmetric pattern has: row by row, columns ascending, the diagonal
 /// always.
 ///
-/// Both triangles are kept: rows can then be assembled and multiplied side by side.
+/// Both triangles are stored, so that rows can be assembled and multiplied in parallel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pattern {
     starts: Vec<u32>,
@@ -25,7 +25,7 @@ impl Pattern {
             [index(i), index(j)]
         };
         let pairs: Vec<[u32; 2]> = pairs.into_iter().map(check).collect();
-        // Every row with its repeated entries; only within rows, which are short, is there to sort.
+        // Every row with its repeated entries; rows are short, so each is sorted alone.
         let mut ends = vec![1; rows];
         pairs.as_flattened().iter().for_each(|&i| ends[i as usize] += 1);
         let mut total = 0_usize;

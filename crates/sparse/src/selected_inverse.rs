@@ -37,7 +37,7 @@ impl Panel {
         self.width + self.below.len()
     }
 
-    /// The row of the panel that holds `position`, if there is one.
+    /// The row of the panel for `position`, if there is one.
     fn row(&self, position: usize) -> Option<usize> {
         if position < self.start + self.width {
             return position.checked_sub(self.start);
@@ -71,9 +71,9 @@ impl SelectedInverse {
     }
 }
 
-/// Computes the inverse on the pattern of `factor`. Supernodes of equal depth in the elimination
-/// tree depend only on their ancestors, so they are done side by side; each is computed in one way
-/// only.
+/// Computes the inverse on the pattern of `factor`. Supernodes of equal depth in the elimination tree depend
+/// only on their ancestors, so they are computed in parallel; the result does not depend on the number of
+/// threads.
 pub(super) fn invert(
     factor: SupernodalLltRef<'_, u32, f64>,
     positions: Vec<u32>,
@@ -86,7 +86,7 @@ pub(super) fn invert(
         let range = supernode.start()..supernode.start() + supernode.val().ncols();
         supernodes[range].fill(u32::try_from(s).expect("no more supernodes than rows"));
     }
-    // Depth below the roots; parents come later, so from the last on.
+    // Depth below the roots; parents have larger indices, so the last is first.
     let mut depths = vec![0_usize; count];
     for s in (0..count).rev() {
         if let Some(&first) = factor.supernode(s).pattern().first() {
@@ -140,8 +140,7 @@ fn invert_supernode(
     panel
 }
 
-/// The square of the inverse whose rows and columns are `rows`: all of it lies in panels of
-/// ancestors.
+/// The submatrix of the inverse with these rows and columns: all of it lies in panels of ancestors.
 fn gather(rows: &[u32], panels: &[Panel], supernodes: &[u32]) -> Vec<f64> {
     let n = rows.len();
     let mut square = vec![0.0; n * n];
