@@ -1,5 +1,5 @@
-//! What a build measured, level by level ([`measure`]), as `report.json` lists it. Maps are measured as
-//! `map.glb` holds them, in 32-bit numbers.
+//! What a build measured, level by level ([`measure`]), as `report.json` lists it. Maps are measured in the
+//! 32-bit numbers of `map.glb`.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, report, skin::Skin};
@@ -45,7 +45,7 @@ pub struct LevelReport {
     /// How faithful the level's map is.
     #[serde(flatten)]
     pub distortion: Distortion,
-    /// How far its minimisation came, where that is known.
+    /// How far its minimisation came, where known.
     #[serde(flatten)]
     pub convergence: Option<Convergence>,
 }

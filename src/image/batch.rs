@@ -1,8 +1,8 @@
-//! Frames of a recording drawn side by side, sixteen at a time, where the same taxels have readings in all of them.
+//! Draws frames of a recording sixteen at a time, if the same taxels have readings in all of them.
 //!
-//! A face is a plane in each frame, and the planes of sixteen frames are computed at once; so are the sixteen values of
-//! a pixel, which strips of pixels carry to their images. Every number follows from the same operations in the same
-//! order as in [`Renderer::render`], so it has the same bits.
+//! A face is a plane in each frame, and the planes of sixteen frames are computed at once; so are the sixteen
+//! values of a pixel, which are copied to their images in strips of pixels. Every number follows from the
+//! same operations in the same order as in [`Renderer::render`], so it has the same bits.
 
 use crate::image::layer::Layer;
 use crate::image::runs::{AT_ONCE, PlanesAtOnce};
@@ -10,20 +10,20 @@ use crate::image::{Renderer, TactileImage, Tile};
 use crate::pyramid::LevelId;
 use crate::signal::{Frame, Restrictor};
 
-/// Draws many frames of readings into images of one part of an atlas: the first of the renderer. One thread.
+/// Draws many frames of readings into the first image of a renderer, on one thread.
 #[derive(Debug, Clone)]
 pub struct BatchRenderer {
     restrictor: Restrictor,
     renderer: Renderer,
     frame: Frame,
-    /// Of every channel of every tile the readings of its patch, and the values of its level.
+    /// For every channel of every tile the readings of its patch, and the values of its level.
     readings: Vec<Vec<[f64; AT_ONCE]>>,
     values: Vec<[f64; AT_ONCE]>,
     planes: Vec<PlanesAtOnce>,
 }
 
 impl BatchRenderer {
-    /// What draws frames like `frame`, which is written over.
+    /// A renderer of frames of the shape of `frame`, which is overwritten.
     #[must_use]
     pub fn new(restrictor: Restrictor, renderer: Renderer, frame: Frame) -> Self {
         let taxels = |(tile, channel, _): (&Tile, usize, &Layer)| frame.values[tile.patch][channel].len();
@@ -31,9 +31,10 @@ impl BatchRenderer {
         Self { restrictor, renderer, frame, readings, values: Vec::new(), planes: Vec::new() }
     }
 
-    /// Draws frames into images, one after the other as [`TactileImage::values`](crate::image::TactileImage::values):
-    /// the same bits as [`Restrictor::restrict`] and [`Renderer::render`] give. `read` fills the frame of an image by
-    /// its number; it may be called twice for one.
+    /// Draws frames into images, each laid out as
+    /// [`TactileImage::values`](crate::image::TactileImage::values): the same bits as
+    /// [`Restrictor::restrict`] and [`Renderer::render`] give. `read` fills the frame of an image by its
+    /// index; it may be called twice for one frame.
     ///
     /// # Panics
     /// As those two.
@@ -52,7 +53,8 @@ impl BatchRenderer {
         }
     }
 
-    /// Draws sixteen frames unless taxels come or go among them, or pixels do not follow planes.
+    /// Draws sixteen frames; does nothing and returns `false` if the taxels with readings change among them,
+    /// or pixels do not follow planes.
     fn render_at_once(&mut self, read: &mut dyn FnMut(usize, &mut Frame), images: &mut [f32]) -> bool {
         if !layers(&self.renderer).all(|(_, _, layer)| layer.has_planes()) {
             return false;
@@ -73,7 +75,7 @@ impl BatchRenderer {
             }
         }
         let TactileImage { values: drawn, coverage, .. } = &self.renderer.images[0];
-        // The pixels that show no skin.
+        // Sets the pixels that show no skin.
         images.chunks_mut(drawn.len()).for_each(|image| image.copy_from_slice(drawn));
         for ((tile, channel, layer), readings) in layers(&self.renderer).zip(&mut self.readings) {
             let values = if tile.level > LevelId::new(0) {

@@ -5,13 +5,13 @@ use glam::DVec2;
 use crate::id::VertexId;
 use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};
 
-/// Faces that are thinner than this on the image, in pixels, are drawn as their longest edge: the
-/// centres that they show may lie `2^-17` pixels outside, where their steep planes would leave the
-/// range of the corners' values.
+/// Faces thinner than this on the image, in pixels, are drawn as their longest edge: pixel centres that they
+/// show may lie `2^-17` pixels outside, where their steep planes would leave the range of the corners'
+/// values.
 const THIN: f64 = 1.0 / 128.0;
 
-/// Weights of the corners of a face as linear functions of column and row, as in [`Plane`]; that of
-/// the first corner is what the others leave of 1.
+/// Weights of the corners of a face as linear functions of column and row, as in [`Plane`]; that of the first
+/// corner is 1 minus the others.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FaceWeights {
     pub(super) corners: [VertexId; 3],
@@ -46,7 +46,7 @@ impl FaceWeights {
         Self { corners, second, third }
     }
 
-    /// The weights at a pixel of the chart; but for rounding not negative where it shows the face.
+    /// The weights at a pixel of the chart; up to rounding not negative where it shows the face.
     #[inline]
     pub(super) fn at(&self, column: u16, row: u16) -> [f64; 3] {
         let (x, y) = (f64::from(column), f64::from(row));

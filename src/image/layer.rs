@@ -10,17 +10,17 @@ use crate::signal::Quantity;
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
     quantity: Quantity,
-    /// The values that are drawn, and which of them are there.
+    /// The values that were drawn, and which of them are known.
     last: Vec<f64>,
     live: Vec<bool>,
-    /// What a value is multiplied by: 1, or for amounts what makes pixels keep the total.
+    /// Factor of each value: 1, or for amounts the one with which pixels keep the total.
     scale: Vec<f64>,
     scaled: Vec<f64>,
     /// Values that no pixel shows, and the pixel that gets each.
     unseen: Vec<(u32, usize)>,
     pattern: Pattern,
     planes: Vec<Plane>,
-    /// Faces with one or two live corners: their pixels follow no plane.
+    /// Faces with one or two live corners: their pixels do not follow a plane.
     mixed: Vec<u32>,
 }
 
@@ -41,12 +41,12 @@ impl Layer {
         }
     }
 
-    /// Draws values into the pixels of its channel, which hold what it drew last.
+    /// Draws values into the pixels of its channel; these must be as it drew them last.
     pub(super) fn draw(&mut self, surface: &PixelSurface, values: &IdVec<VertexId, f64>, pixels: &mut [f32]) {
         let (mut is_same, mut masks_changed) = (true, false);
         assert_eq!(values.len(), self.last.len(), "one value per vertex");
         for ((&value, last), live) in values.iter().zip(&mut self.last).zip(&mut self.live) {
-            // What is not finite is not there.
+            // A value that is not finite counts as unknown.
             let value = if value.is_finite() { value } else { f64::NAN };
             is_same &= value.to_bits() == last.to_bits();
             masks_changed |= value.is_nan() == *live;
@@ -56,7 +56,7 @@ impl Layer {
             return;
         }
         if masks_changed {
-            // What is not drawn again has nothing.
+            // Pixels that are not drawn again are unknown.
             surface.runs.all.iter().for_each(|run| Plane::constant(f64::NAN).fill_alone(run, pixels));
             self.remask(surface);
         }
@@ -65,7 +65,7 @@ impl Layer {
         self.draw_all(surface, pixels);
     }
 
-    /// What follows from the mask alone.
+    /// Updates everything that depends on the mask alone.
     fn remask(&mut self, surface: &PixelSurface) {
         self.pattern = surface.pattern(&self.live);
         let sources =
@@ -82,9 +82,9 @@ impl Layer {
         }
     }
 
-    /// Scales amounts so that the pixels keep their total: each value by what its pixels add up to.
+    /// Scales amounts so that the pixels keep their total: divides each value by the sum of its weights.
     fn balance(&mut self, surface: &PixelSurface) {
-        /// A value whose weights add up to less, in pixels, is not seen.
+        /// A value whose weights have a smaller sum, in pixels, counts as unseen.
         const UNSEEN: f64 = 1e-3;
         let mut seen = vec![0.0; self.live.len()];
         surface.each_row(&self.pattern, &self.live, |_, row| {
@@ -130,7 +130,7 @@ impl Layer {
         matches!(self.pattern, Pattern::Faces)
     }
 
-    /// Whether it can draw sixteen frames at once: those vertices have values that had some when it drew last.
+    /// Whether it can draw sixteen frames at once: the same vertices have values as in the last drawn frame.
     pub(super) fn fits(&self, values: &[[f64; AT_ONCE]]) -> bool {
         let fits = |(values, &live): (&[f64; AT_ONCE], &bool)| {
             values.iter().fold(true, |fits, value| fits & (value.is_finite() == live))

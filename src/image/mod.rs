@@ -61,8 +61,8 @@ pub struct TactileImage {
 
 /// Draws frames of values into images.
 ///
-/// After the first frame it allocates nothing unless taxels come or go. What it draws does not depend on
-/// the frames before; channels of which no value changed keep their pixels. One thread.
+/// After the first frame it allocates nothing unless the set of taxels with readings changes. What it draws
+/// does not depend on the frames before; channels of which no value changed keep their pixels. One thread.
 ///
 /// ```
 /// use dermatome::{
@@ -156,9 +156,9 @@ impl Renderer {
         &self.images
     }
 
-    /// The matrix that draws an intensive channel of which every taxel has a reading: calls `visit` with each pixel
-    /// of an image that shows the skin, its patch, its place (row by row from the top), and the vertices of the
-    /// level with their weights.
+    /// The matrix that draws an intensive channel of which every taxel has a reading: calls `visit` with each
+    /// pixel of an image that shows the skin, its patch, its index (row by row from the top), and the
+    /// vertices of the level with their weights.
     ///
     /// # Panics
     /// If there is no such image.
@@ -169,7 +169,7 @@ impl Renderer {
         }
     }
 
-    /// The images as they were drawn last; before the first frame they hold nothing but NaN.
+    /// The images as they were drawn last; before the first frame they are all NaN.
     pub fn images(&self) -> &[TactileImage] {
         &self.images
     }

@@ -1,14 +1,14 @@
 //! Runs of pixels that follow one plane each, and how they are filled.
 //!
-//! Within a row, the value of a face is linear in the column. So long runs are divided into blocks of
-//! sixteen pixels and a rest of at most eight, and a piece is filled as `start + k step`. Rests fill all
-//! eight pixels at once: those beyond the end are overwritten by what follows where the row goes on
-//! without a gap. Hence the order: first rests with eight pixels up to a gap, from left to right, then
-//! the blocks, then the rests next to gaps, pixel by pixel. All ways compute a pixel by the same
-//! operations, so they agree bit by bit.
+//! Within a row, the value of a face is linear in the column. So long runs are divided into blocks of sixteen
+//! pixels and a rest of at most eight, and a piece is filled as `start + k step`. A rest fills eight pixels
+//! at once: where the row continues without a gap, those beyond its end are overwritten by the next run.
+//! Hence the order: first rests with eight pixels before a gap, from left to right, then the blocks, then the
+//! rests next to gaps, pixel by pixel. All three compute a pixel by the same operations, so they agree bit by
+//! bit.
 //!
-//! Small faces have runs of three or four pixels: the work is that of the runs, not of the pixels.
-//! Hence lists of what filling needs alone, and no branch in its loops.
+//! Small faces have runs of three or four pixels: the time depends on the number of runs, not of pixels. So
+//! the lists contain only what filling needs, and its loops have no branch.
 
 use crate::numeric::Csr;
 
@@ -25,7 +25,7 @@ const STEPS: [f32; BLOCK] =
 /// Frames that are drawn side by side.
 pub(super) const AT_ONCE: usize = 16;
 
-/// Pixels that are computed before they are put into the images of these frames.
+/// Pixels that are computed before they are copied to the images of these frames.
 const STRIP: usize = 64;
 
 /// A plane in each of these frames: values at the first pixel, steps right, and steps down.
@@ -44,7 +44,7 @@ pub(super) struct Run {
     pub(super) length: u16,
 }
 
-/// What it takes to fill as many pixels as all of its kind.
+/// The data that fills a piece of fixed length.
 #[derive(Debug, Clone, Copy)]
 struct Lanes {
     at: u32,
@@ -60,7 +60,7 @@ impl Run {
         Self { at: self.at + u32::from(k), column: self.column + k, source, length: 1, ..*self }
     }
 
-    /// Its blocks and rests.
+    /// Its blocks and its rest.
     fn pieces(&self) -> impl Iterator<Item = Self> {
         let mut left = *self;
         std::iter::from_fn(move || {
@@ -163,7 +163,7 @@ impl Runs {
     }
 }
 
-/// How many pixels there are from the start of each run to the next gap in its row.
+/// The number of pixels from the start of each run to the next gap in its row.
 fn rooms(all: &[Run]) -> Vec<usize> {
     let mut rooms = vec![0; all.len()];
     for (k, run) in all.iter().enumerate().rev() {
@@ -174,8 +174,8 @@ fn rooms(all: &[Run]) -> Vec<usize> {
     rooms
 }
 
-/// A linear function of column and row of a chart: its value at the first pixel, the steps right and
-/// down, and nothing; four numbers are computed at once.
+/// A linear function of column and row of a chart: its value at the first pixel, the steps right and down,
+/// and 0, since four numbers are computed at once.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Plane(pub(super) [f64; 4]);
 

@@ -1,4 +1,4 @@
-//! The pixels of one chart and the values that each follows from: a plane for each face, or one vertex.
+//! The pixels of one chart, and the values that determine each: a plane for each face, or one vertex.
 
 use glam::DVec2;
 
@@ -9,8 +9,7 @@ use crate::image::face_weights::FaceWeights;
 use crate::image::runs::{Run, Runs};
 use crate::map::MapLevel;
 
-/// How a pixel follows from the values around it. Only live vertices, those with a value, take
-/// part.
+/// How a pixel is computed from the values around it. Only live vertices, those with a value, count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Interpolation {
     /// Barycentric in the face that the pixel shows. Where a corner of the face has no value, the
@@ -22,7 +21,7 @@ pub enum Interpolation {
     Nearest,
 }
 
-/// One chart in an image: what does not change from frame to frame.
+/// One chart in an image: the data that does not change from frame to frame.
 #[derive(Debug, Clone)]
 pub(super) struct PixelSurface {
     chart: Chart,
@@ -33,14 +32,14 @@ pub(super) struct PixelSurface {
     nearest: Option<NearestVertices>,
     /// Number of vertices of the level: of its values.
     pub(super) vertices: usize,
-    /// Where the places of the map lie, in pixels of the chart: right, and down.
+    /// Positions of the places of the map, in pixels of the chart: right, and down.
     at: IdVec<PlaceId, DVec2>,
     /// The faces that cover pixels, and their pixels.
     pub(super) faces: Vec<FaceWeights>,
     pub(super) runs: Runs,
 }
 
-/// How pixels follow from the live vertices.
+/// How pixels are computed from the live vertices.
 #[derive(Debug, Clone, Default)]
 pub(super) enum Pattern {
     /// Planes through the corners of faces.
@@ -158,8 +157,8 @@ impl PixelSurface {
         Runs::new(&all, live.len())
     }
 
-    /// The covered pixel whose centre is nearest to a vertex; the first of equal ones. `None` if
-    /// there is none.
+    /// The covered pixel whose centre is nearest to a vertex, of equally near ones the first; `None` without
+    /// covered pixels.
     pub(super) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
         let p = self.at[PlaceId::of_opened(vertex)];
         let size = self.chart.frame.size_px;
@@ -171,7 +170,7 @@ impl PixelSurface {
         let [x, y] = [(p.x, size[0]), (p.y, size[1])].map(|(x, n)| x.clamp(0.0, f64::from(n - 1)) as u32);
         let mut best: Option<(f64, [u32; 2])> = None;
         for ring in 0..size[0].max(size[1]) {
-            // Pixels of this ring are at least so far away.
+            // Least distance of the pixels of this ring.
             let least = (f64::from(ring) - 1.0).max(0.0);
             if best.is_some_and(|(square, _)| square < least * least) {
                 break;

@@ -1,9 +1,8 @@
 //! Where the taxels lie on the map of a coarser level that is cut open.
 //!
-//! A row of a level's `to_finest` names vertices of the uncut level, and a vertex of the seam has
-//! several places on the map. Which of them a taxel goes with follows from the face that its row
-//! lies in; a taxel of the seam lies in faces on both sides, and each of its own places goes with
-//! the side of its neighbours.
+//! A row of a level's `to_finest` names vertices of the uncut level, and a vertex of the seam has several
+//! places on the map. The face of the row determines which of them belong to a taxel. A taxel of the seam
+//! lies in faces on both sides; each of its places belongs to the side of its neighbours.
 
 use glam::DVec2;
 
@@ -13,14 +12,14 @@ use crate::map::MapLevel;
 use crate::mesh::VertexCorners;
 use crate::pyramid::Prolongation;
 
-/// Smaller weights are rounding: a taxel of the seam lies on its edge.
+/// Smaller weights are rounding errors: a taxel of the seam lies on an edge.
 const ROUNDED: f64 = 1e-6;
 
 /// A place of level 0 in terms of the places of a coarser level, and their weights.
 pub(crate) type CarriedRow = ([PlaceId; 3], [f64; 3]);
 
-/// Where each place of the map of level 0 lies on the map of a level, in m: at the mean of the fields
-/// of its taxel, by their weights.
+/// The position of each place of level 0 on the map of a level, in m: the weighted mean of the fields of its
+/// taxel.
 pub(crate) fn carried_places(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, DVec2> {
     let Some(rows) = carried_rows(finest, level) else { return level.uv.clone() };
     rows.map(|row| mean_place(level, row))
@@ -42,7 +41,7 @@ pub(crate) fn carried_rows(finest: &MapLevel, level: &MapLevel) -> Option<IdVec<
             }
         }
     }
-    // From neighbour to neighbour along the seam.
+    // Propagates from neighbour to neighbour along the seam.
     let opened = finest.level.mesh.triangles.ids().map(|face| finest.places(face).map(PlaceId::opened));
     let sides = VertexCorners::new(opened, finest.uv.len());
     while !open.is_empty() {
@@ -94,8 +93,8 @@ impl<'m> Candidates<'m> {
         Self { level, rows, around, is_on_seam }
     }
 
-    /// The places that the row of a taxel names in each of its faces, if they differ; a taxel off
-    /// the seam lies in the face of all three vertices, if there is one.
+    /// The places of the row of a taxel in each of its faces, if they differ; a taxel off the seam lies in
+    /// the face of all three vertices, if there is one.
     fn of(&self, taxel: VertexId) -> Vec<[PlaceId; 3]> {
         let (corners, weights) = (self.rows.indices[taxel], self.rows.weights[taxel]);
         let is_on_seam = self.is_on_seam[taxel];

@@ -17,7 +17,7 @@ use crate::skin::SkinError;
 pub enum MapError {
     #[error(transparent)]
     Skin(#[from] SkinError),
-    /// A level that breaks a rule, or is not there.
+    /// A level that breaks a rule, or is missing.
     #[error("{patch}/{level:?}: {source}")]
     Level { patch: String, level: LevelId, source: PyramidError },
     #[error("{patch}/L0: vertex {vertex} has an area of {found} m^2, but its taxel one of {taxel} m^2")]

@@ -43,7 +43,7 @@ impl ImageFrame {
         size && self.origin.is_finite() && !self.size_px.contains(&0)
     }
 
-    /// Where a map position (m) lies in the unit square of the image; `v` runs down, as in glTF.
+    /// A map position (m) in the unit square of the image; `v` runs down, as in glTF.
     pub(crate) fn to_texture(self, at: DVec2) -> DVec2 {
         let unit = (at - self.origin) / self.size;
         DVec2::new(unit.x, 1.0 - unit.y)
@@ -60,13 +60,13 @@ impl ImageFrame {
         self.map_position(DVec2::new(share(0), share(1)))
     }
 
-    /// The pixel (column, row from the top) that holds a map position; the border belongs inside.
+    /// The pixel (column, row from the top) that contains a map position; the border of the image belongs to it.
     pub fn pixel(&self, at: DVec2) -> [u32; 2] {
         PixelGrid::new(*self).pixel(at)
     }
 }
 
-/// The pixels of a frame, made ready for many positions.
+/// The pixels of a frame, prepared for many positions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PixelGrid {
     /// The lower left corner of the frame, in m and in pixels.

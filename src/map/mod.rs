@@ -1,7 +1,7 @@
 //! Somatosensory maps: every patch with every level, its map and how they are joined.
 //!
-//! A [`SkinMap`] is what `map.glb` holds and all that lookup and images need; it can be made from
-//! a skin or read back from a file. [`SkinMap::validate`] is the one judge of what is a map.
+//! A [`SkinMap`] is the content of `map.glb` and all that lookup and images need; it is made from a skin or
+//! read from a file. Only [`SkinMap::validate`] decides what is a valid map.
 
 mod carried_places;
 mod error;
@@ -26,7 +26,7 @@ pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
 
-/// Farther away, contacts and skins are refused too.
+/// Largest map coordinate, in m; contacts and skins have the same limit.
 const FARTHEST: f64 = 1e12;
 
 /// One level of a patch with its map.
@@ -34,16 +34,16 @@ const FARTHEST: f64 = 1e12;
 pub struct MapLevel {
     /// The level: its mesh in the link's frame, and how it is joined to the others.
     pub level: Level,
-    /// How the level is cut open on the map; `None` where it is not. Then its vertices are the
-    /// places of the map, else a vertex of the seam has several places there.
+    /// How the level is cut open on the map: a vertex of the seam has several places there. `None` where it
+    /// is not cut; then its vertices are the places of the map.
     pub cut: Option<CutMesh>,
     /// Map positions of the places, in m.
     pub uv: IdVec<PlaceId, DVec2>,
     /// The rectangle its image shows.
     pub frame: ImageFrame,
-    /// How faithful the map is; after a build as a map file holds it, in 32-bit numbers.
+    /// How faithful the map is; after a build measured in the 32-bit numbers of a map file.
     pub distortion: Distortion,
-    /// How far its minimisation came, where that is known: files do not keep it.
+    /// How far its minimisation came, where known: files do not store it.
     pub convergence: Option<Convergence>,
 }
 
@@ -95,7 +95,7 @@ impl MapLevel {
         self.places(face).map(|place| self.uv[place])
     }
 
-    /// The vertex of the level that a place of the map is.
+    /// The vertex of the level for a place of the map.
     ///
     /// # Panics
     /// If there is no such place.
@@ -104,7 +104,7 @@ impl MapLevel {
         self.cut.as_ref().map_or(place.opened(), |cut| cut.unsplit[place])
     }
 
-    /// The vertex of the level that each place of the map is; `None` where each is itself.
+    /// The vertex of the level for each place of the map; `None` if the level is not cut: they are the same.
     pub(crate) fn unsplit(&self) -> Option<&IdVec<PlaceId, VertexId>> {
         self.cut.as_ref().map(|cut| &cut.unsplit)
     }
@@ -131,7 +131,7 @@ impl MapLevel {
         seam_length(&self.level.mesh, &self.seam()) + 0.0
     }
 
-    /// The face of the level that each row of its `to_finest` lies in: the smallest that holds all
+    /// The face of the level that each row of its `to_finest` lies in: the one of smallest id with all
     /// vertices of positive weight.
     pub(crate) fn row_faces(&self, rows: &Prolongation) -> Result<IdVec<VertexId, FaceId>, PyramidError> {
         let mesh = &self.level.mesh;
@@ -185,12 +185,12 @@ impl PatchMap {
         map
     }
 
-    /// That level, or the coarsest if it is coarser than all: what answers where a level of the whole map is asked for.
+    /// That level, or the coarsest one of this patch if there is no such level.
     pub fn nearest_level(&self, level: LevelId) -> LevelId {
         level.min(LevelId::new(self.levels.len().saturating_sub(1)))
     }
 
-    /// As [`Self::new`], from levels that may be cut open with the maps of the opened ones; not measured.
+    /// As [`Self::new`], without measuring the maps; levels may be cut open.
     pub(crate) fn unmeasured(
         patch: &Patch,
         levels: Vec<(Level, Option<CutMesh>)>,
@@ -222,7 +222,7 @@ impl PatchMap {
         }
     }
 
-    /// The normals of a level of this patch: those of the taxels that its vertices are.
+    /// The normals of a level of this patch: each vertex has that of its taxel.
     /// Panics if a vertex of the level is not a taxel of this patch.
     pub(crate) fn normals(&self, level: &Level) -> IdVec<VertexId, DVec3> {
         level.origins.map(|&taxel| self.taxels.normals[taxel])
@@ -312,9 +312,9 @@ fn directions_of_u(finest: &MapLevel) -> IdVec<VertexId, DVec3> {
     sums
 }
 
-/// Whether a map of `faces` faces can have these measures. Whether it has them only measuring again
-/// would tell, which takes longer than all other checks. Measures are not numbers where no face has
-/// an area, which lookups accept.
+/// Whether a map of `faces` faces can have these measures. Measuring again takes longer than all other
+/// checks, so they are not compared with the map. Measures are not numbers where no face has an area, which
+/// lookups accept.
 fn is_possible(distortion: &Distortion, faces: usize) -> bool {
     let &Distortion { flips, qc_mean, qc_max, area_mean, area_max, .. } = distortion;
     let exceeds = |mean: f64, most: f64| mean > most * (1.0 + 1e-9);
@@ -368,7 +368,7 @@ impl SkinMap {
         Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }
 
-    /// Checks that this is a map: the only place that judges one, in time linear in its size.
+    /// Checks every rule of a map, in time linear in its size.
     ///
     /// Links come after their parents and have rigid poses, patches have names of their own and
     /// links and joints that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels

@@ -12,11 +12,11 @@ use crate::parallel::{par_ids, par_map};
 #[derive(Debug)]
 pub(crate) struct AlongCurve {
     pub(crate) mesh: TriMesh,
-    /// The vertex of the mesh given that each one is.
+    /// For each vertex its id in the given mesh.
     vertices: IdVec<VertexId, VertexId>,
-    /// The other way round: the number of each vertex of the mesh given.
+    /// The inverse: for each vertex of the given mesh its id here.
     pub(crate) numbers: IdVec<VertexId, VertexId>,
-    /// The corner of the mesh given that the first corner of each face is.
+    /// For each face its first corner in the given mesh.
     corners: IdVec<FaceId, Halfedge>,
 }
 
@@ -40,12 +40,12 @@ impl AlongCurve {
         Self { mesh: TriMesh { positions, triangles }, vertices, numbers, corners }
     }
 
-    /// The vertex of the mesh given that a vertex is; the same one if there is none of this number.
+    /// The id of a vertex in the given mesh; unchanged if it is out of range.
     pub(crate) fn given(&self, v: VertexId) -> VertexId {
         self.vertices.get(v).copied().unwrap_or(v)
     }
 
-    /// The corners of each face, as those of the mesh given.
+    /// The corners of each face in the given mesh.
     pub(crate) fn given_corners(&self) -> impl Iterator<Item = [Halfedge; 3]> + '_ {
         self.corners.iter().map(|&h| around(h))
     }

@@ -5,8 +5,8 @@ use glam::DVec3;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{VertexCorners, angle, triangle_cross};
 
-/// A triangle whose doubled area is less than this part of its longest side squared is measured by
-/// its sides alone.
+/// A triangle whose doubled area is less than this fraction of its longest side squared is measured by its
+/// sides alone.
 ///
 /// The direction of its normal is lost to rounding (2^-52 over this), while the sides err by at
 /// most its height; at the square root of the rounding both errors are equal, a hundred-millionth
@@ -52,7 +52,7 @@ pub(crate) struct Closest {
 
 /// The point of the triangle nearest to `q`, in `f64`, for slivers and triangles without area too.
 ///
-/// Inside the triangle the distance is that to its plane. Otherwise it is that to a side, measured
+/// Above the inside of the triangle it is the distance to its plane, else the distance to a side, measured
 /// from the smaller to the larger vertex id: two faces that share a side or corner find exactly the
 /// same distance, so that face ids alone break the tie.
 pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -> Closest {
@@ -125,7 +125,7 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
 /// A vector on the outer side of a surface at a feature of `face`, not of unit length. `at` gives the
 /// positions of the corners of the faces.
 ///
-/// Only with this one, the angle-weighted pseudo-normal, is the sign of the distance right everywhere
+/// Only with the angle-weighted pseudo-normal is the sign of the distance right everywhere
 /// (baerentzen2005).
 pub(crate) fn pseudo_normal(
     around: &VertexCorners,

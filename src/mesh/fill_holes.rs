@@ -7,8 +7,8 @@ use glam::DVec3;
 use crate::id::VertexId;
 use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, boundary_loops, loop_length, triangle_cross};
 
-/// A loop is no outer boundary if its squared length is below this share of the area: a disk has at
-/// least 12.6 times its area, the open end of a finger ten times as long as it is thick 0.3 times.
+/// A loop is not an outer boundary if its squared length is below this share of the area: a disk has at least
+/// 12.6 times its area, the open end of a finger 0.3 times if the finger is ten times as long as thick.
 const NEARLY_CLOSED: f64 = 0.1;
 
 /// Which holes of a surface are closed.
@@ -17,9 +17,9 @@ pub enum FillHoles {
     /// None.
     #[default]
     None,
-    /// Pin-holes: of at most five edges, where the triangles continue the surface and are not needles,
-    /// as where a reader of scans dropped a face; not the end of a tube. The only hole of a closed body
-    /// is one whatever its shape.
+    /// Pin-holes: of at most five edges, where the triangles continue the surface and are not needles, such
+    /// as a face that is missing in a scan; not the end of a tube. The only hole of a closed body counts,
+    /// whatever its shape.
     PinHoles,
     /// All of at most this many edges.
     UpTo(usize),
@@ -36,7 +36,7 @@ impl FillHoles {
     }
 }
 
-/// A hole is a slit, to be filled by needles only, if it is less round than this: 1 is a circle, 0.79 a
+/// A hole is a slit, which only needles can fill, if its roundness is below this: 1 is a circle, 0.79 a
 /// square, 0.1 a rectangle 30 times as long as it is wide.
 const SLIT: f64 = 0.1;
 
@@ -52,7 +52,7 @@ pub(crate) struct Filling {
     pub(crate) triangles: Vec<[VertexId; 3]>,
 }
 
-/// Closes the holes that `which` says; returns how many.
+/// Closes the holes that `which` selects; returns how many.
 pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, MeshError> {
     let fillings = fillings(mesh, which)?;
     for &t in fillings.iter().flat_map(|filling| &filling.triangles) {
@@ -61,7 +61,7 @@ pub(crate) fn fill_holes(mesh: &mut TriMesh, which: FillHoles) -> Result<usize, 
     Ok(fillings.len())
 }
 
-/// More edges than this has no hole that [`fill_shorter`] closes: time grows with their cube.
+/// [`fill_shorter`] closes no hole of more edges: time grows with their cube.
 #[cfg(feature = "robots")]
 const MOST_EDGES: usize = 100;
 
@@ -74,10 +74,10 @@ pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshEr
     Ok(())
 }
 
-/// The holes that `which` says, with their triangulations of least area (barequet1995) without edges that
-/// the mesh already has; a hole that has none stays open.
+/// The holes that `which` selects, with their triangulations of least area (barequet1995) without edges of
+/// the mesh; a hole without such a triangulation stays open.
 ///
-/// The longest loop is the outer boundary and no hole, unless the surface is closed but for it. Time
+/// The longest loop is the outer boundary, not a hole, unless the surface is closed but for it. Time
 /// grows with the cube of the edges of a hole.
 pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>, MeshError> {
     let mut loops = boundary_loops(mesh);
@@ -106,7 +106,7 @@ pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>,
     Ok(loops.into_iter().filter_map(filling).collect())
 }
 
-/// Whether a hole is no slit, and its triangles continue the surface along half of its rim.
+/// Whether a hole is not a slit, and its triangles continue the surface along half of its rim.
 ///
 /// `inside` has the face at the boundary edge that leaves each vertex of a loop.
 fn is_pin_hole(
@@ -134,7 +134,7 @@ fn is_pin_hole(
 /// The triangles of least total area that close a loop; `None` if each needs an edge the mesh
 /// already has.
 fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Option<Vec<[VertexId; 3]>> {
-    // The mesh lies left of the loop, so the hole is walked the other way round.
+    // The mesh is on the left of the loop, so the hole is walked in reverse.
     let rim: Vec<VertexId> = walk.iter().rev().copied().collect();
     let n = rim.len();
     let at = |i: usize| -> DVec3 { mesh.positions[rim[i]] };

@@ -5,8 +5,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Adjacency, TriMesh};
 
-/// How far the columns of a matrix may be from an orthonormal frame and still count as one,
-/// rounding apart.
+/// How far the columns of a matrix may be from orthonormal: rounding.
 const ROTATION_ROUNDING: f64 = 1e-9;
 
 /// How far the axes of a pose may be from unit length and right angles: files store poses in `f32`,
@@ -31,14 +30,14 @@ pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
     walk.iter().zip(next).map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum()
 }
 
-/// Unit normals of the faces around each vertex; where these have no direction at all, that of the
-/// vertices next to it.
+/// Unit normals from the faces around each vertex; where these have no direction, from the neighbouring
+/// vertices.
 pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
     let mut normals = mesh.vertex_normals();
     if !normals.contains(&DVec3::ZERO) {
         return normals;
     }
-    // Where opposite faces cancel, and where areas are too small for their squares, take any face.
+    // Where opposite faces cancel, and where squares of areas underflow, take any face.
     for (face, corners) in mesh.triangles.enumerate() {
         for &v in corners {
             if normals[v] == DVec3::ZERO {
@@ -46,7 +45,7 @@ pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
             }
         }
     }
-    // Each time the vertices next to some with a direction get one.
+    // In each pass the neighbours of vertices with a direction get one.
     while normals.contains(&DVec3::ZERO) {
         let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, normals.len());
         for corners in &mesh.triangles {
@@ -71,7 +70,7 @@ fn face_direction(mesh: &TriMesh, face: FaceId) -> DVec3 {
     (b - a).normalize_or_zero().cross((c - a).normalize_or_zero()).normalize_or_zero()
 }
 
-/// The smallest rectangle around places, `(min, max)`; the origin without a finite one.
+/// The smallest rectangle around points, `(min, max)`; the origin if none is finite.
 pub(crate) fn rectangle_around(places: impl Iterator<Item = DVec2>) -> (DVec2, DVec2) {
     let grow = |(lo, hi): (DVec2, DVec2), p: DVec2| (lo.min(p), hi.max(p));
     let (lo, hi) = places.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow);

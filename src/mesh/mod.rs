@@ -1,8 +1,7 @@
-//! Triangle meshes: positions and corners, who borders whom, and small named shapes.
+//! Triangle meshes: positions and corners, adjacency, and small named shapes.
 //!
-//! A [`TriMesh`] is plain data. An [`Adjacency`] is computed from its triangles once and answers
-//! every question about neighbours; it exists only for oriented manifold meshes, so code that
-//! holds one need not ask again.
+//! A [`TriMesh`] is plain data. An [`Adjacency`] is computed from its triangles once and has all neighbours;
+//! it exists only for oriented manifold meshes, so code that has one need not check again.
 
 mod along_curve;
 mod closest_point;

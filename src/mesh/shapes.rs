@@ -1,4 +1,4 @@
-//! Small named shapes: the meshes that tests and examples speak about.
+//! Small named shapes: the meshes of tests and examples.
 
 use std::f64::consts::{PI, TAU};
 
@@ -59,7 +59,7 @@ pub fn sheet(columns: u32, rows: u32, position: impl Fn(u32, u32) -> DVec3) -> T
 }
 
 /// The triangles between rows of vertices, odd ones shifted by half a spacing, `cells` pairs
-/// between two rows; with as many as `columns` the rows are closed.
+/// between two rows; if `cells` is `columns`, the rows are closed.
 fn between_rows(columns: u32, rows: u32, cells: u32) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for j in 0..rows.saturating_sub(1) {
@@ -150,7 +150,7 @@ pub fn cross(fine: u32, edge: f64) -> TriMesh {
     blocks([5 * f, 5 * f, f], edge, is_solid, |[x, y, _]| x.min(y) < 0 || x.max(y) >= 5 * f)
 }
 
-/// The surface of the solid cells of `edge` metres within `size`, but not towards open cells.
+/// The surface of the solid cells of `edge` metres within `size`, without the sides towards open cells.
 pub(crate) fn blocks(
     size: [i32; 3],
     edge: f64,
@@ -185,7 +185,7 @@ pub(crate) fn blocks(
     lattice.mesh(|p| edge * p)
 }
 
-/// Triangles between points with whole coordinates, which are vertices once each.
+/// Triangles between points with integer coordinates; each point is one vertex.
 #[derive(Default)]
 struct Lattice {
     points: Vec<[i32; 3]>,
@@ -251,8 +251,8 @@ fn ring_sizes(half_angle: f64, spacing: f64) -> Vec<u32> {
     sizes
 }
 
-/// Joins ring `k` (`n` vertices from `start`) with the next one (`m` vertices): always the
-/// diagonal whose end comes first around.
+/// Joins ring `k` (`n` vertices from `start`) with the next one (`m` vertices): always with the diagonal
+/// whose end has the smaller angle.
 fn stitch(triangles: &mut Vec<[u32; 3]>, start: u32, n: u32, m: u32, k: usize) {
     let phase = |k: usize| 0.5 * (k % 2) as f64;
     let inner = |i: u32| start + i % n;

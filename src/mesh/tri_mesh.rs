@@ -29,8 +29,8 @@ impl TriMesh {
     /// counted.
     ///
     /// # Errors
-    /// The first face or vertex that breaks a rule. Manifoldness is [`crate::mesh::Adjacency`]'s to
-    /// judge.
+    /// The first face or vertex that breaks a rule. [`crate::mesh::Adjacency`] checks that the mesh is
+    /// manifold.
     pub fn validate(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
         if let Some(error) = too_many(vertices, self.triangles.len()) {
@@ -109,7 +109,7 @@ impl TriMesh {
         normals.map(|n| n.normalize_or_zero())
     }
 
-    /// Where a point of the surface lies, in m.
+    /// The position of a point of the surface, in m.
     #[inline]
     pub fn point(&self, at: &SurfacePoint) -> DVec3 {
         let [a, b, c] = self.corners(at.face);

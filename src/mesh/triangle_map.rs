@@ -1,5 +1,5 @@
-//! The normal of a triangle, and how it is mapped from space to the plane: its own layout, the Jacobian
-//! of the map, and its signed singular values.
+//! The normal of a triangle, and its map from space to the plane: layout, Jacobian and signed singular
+//! values.
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -34,8 +34,8 @@ impl FlatTriangle {
         0.5 * self.base * self.apex.y
     }
 
-    /// The triangle itself, or, if its height is less than `least` times its longest edge, one that
-    /// is so high over the same edge. `None` if all corners coincide.
+    /// The triangle itself, or, if its height is less than `least` times its longest edge, one of that height
+    /// over the same edge. `None` if all corners coincide.
     pub(crate) fn healed(self, corners: [DVec3; 3], least: f64) -> Option<Self> {
         let side = |k: usize| corners[k].distance(corners[(k + 1) % 3]);
         let k = (1..3).fold(0, |best, k| if side(k) > side(best) { k } else { best });

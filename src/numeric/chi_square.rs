@@ -1,4 +1,4 @@
-//! The chi-square distribution, tail probability and quantile; and the ranks of given numbers.
+//! The chi-square distribution: tail probability and quantile.
 
 /// Chance that a chi-square variable of `degrees` degrees of freedom is above `x`: the upper
 /// regularised incomplete gamma function `Q(degrees / 2, x / 2)`.
@@ -16,7 +16,7 @@ pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     if x < a + 1.0 { 1.0 - front * lower_series(a, x) } else { front * upper_fraction(a, x) }
 }
 
-/// Terms after which either expansion has long converged: they need some `sqrt(a)` of them.
+/// Terms after which either expansion has converged: it takes about `sqrt(a)` of them.
 fn most_terms(a: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "saturates, and stays positive")]
     let terms = (20.0 * a.sqrt()) as u32;

@@ -4,7 +4,7 @@ use std::ops::{Index, Range};
 
 use crate::parallel::par_rows;
 
-/// One list of items for each of some things: the faces around a vertex, the entries of a row.
+/// Several lists of items: the faces around each vertex, the entries of each row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Csr<T> {
     /// Where each list begins, and where the last one ends.
@@ -13,7 +13,7 @@ pub(crate) struct Csr<T> {
 }
 
 impl<T> Csr<T> {
-    /// No list, with room for some and their items.
+    /// No lists yet; allocates memory for this many lists and items.
     pub(crate) fn with_capacity(lists: usize, items: usize) -> Self {
         let mut starts = Vec::with_capacity(lists + 1);
         starts.push(0);
@@ -95,7 +95,7 @@ impl<T> Csr<T> {
         &mut self.items
     }
 
-    /// Where the items of a list are among those of all.
+    /// The range of a list within [`Self::items`].
     #[inline]
     pub(crate) fn range(&self, list: usize) -> Range<usize> {
         self.starts[list] as usize..self.starts[list + 1] as usize

@@ -15,10 +15,10 @@ impl Parity for () {
     fn then(self, (): Self) -> Self {}
 }
 
-/// Whether two things that have two sides, such as faces or normals, lie the same way round.
+/// Whether two things with two sides, such as faces or normals, have the same orientation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Relation {
-    /// Both lie the same way.
+    /// Both have the same orientation.
     #[default]
     Same,
     /// One is the other reversed.
@@ -66,7 +66,7 @@ impl<I: Id> Labels<I> {
 
 /// Disjoint sets of `I`; each is named by its root, its smallest member.
 ///
-/// The order of joins does not show in the roots. Without parity a member takes as much memory as
+/// The roots do not depend on the order of joins. Without parity a member takes as much memory as
 /// its id.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct DisjointSets<I, P = ()> {
@@ -80,7 +80,7 @@ impl<I: Id, P: Parity> DisjointSets<I, P> {
         Self { parents: (0..count).map(|k| (I::new(k), P::default())).collect() }
     }
 
-    /// The root of the set of `member` and the relation to it; halves the path on the way.
+    /// The root of the set of `member` and the relation to it; halves the path it follows.
     fn find(&mut self, mut member: I) -> (I, P) {
         let mut relation = P::default();
         loop {
@@ -113,7 +113,7 @@ impl<I: Id> DisjointSets<I> {
         self.parents.push((I::new(self.parents.len()), ()))
     }
 
-    /// No member; keeps the memory.
+    /// Removes all members; keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.parents.clear();
     }
@@ -132,8 +132,7 @@ impl<I: Id> DisjointSets<I> {
 }
 
 impl<I: Id> DisjointSets<I, Relation> {
-    /// Joins the sets of `a` and `b`; `false` if they are one set already, in which the two are
-    /// related otherwise.
+    /// Joins the sets of `a` and `b`; `false` if they are in one set already with another relation.
     #[inline]
     pub(crate) fn join(&mut self, a: I, b: I, relation: Relation) -> bool {
         let ((root_a, to_a), (root_b, to_b)) = (self.root(a), self.root(b));

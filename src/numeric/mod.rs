@@ -19,7 +19,7 @@ pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 
 /// A number as files and images store it.
-#[expect(clippy::cast_possible_truncation, reason = "files and images hold f32")]
+#[expect(clippy::cast_possible_truncation, reason = "files and images store f32")]
 pub(crate) fn narrow(x: f64) -> f32 {
     x as f32
 }

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The places of `count` things in rising order; equal ones keep theirs.
+/// The indices of `count` things in ascending order; equal ones keep their order.
 ///
 /// Compiled once: for each type and closure a sort of the standard library is 5 to 15 kB of program.
 pub(crate) fn order_by(count: usize, compare: &dyn Fn(usize, usize) -> Ordering) -> Vec<usize> {
@@ -14,14 +14,14 @@ pub(crate) fn order_by(count: usize, compare: &dyn Fn(usize, usize) -> Ordering)
     order
 }
 
-/// The places of numbers in rising order; equal ones keep theirs. For falling order give the
+/// The indices of numbers in ascending order; equal ones keep their order. For descending order pass the
 /// negatives.
 pub(crate) fn argsort(numbers: &[f64]) -> Vec<usize> {
     order_by(numbers.len(), &|a, b| numbers[a].total_cmp(&numbers[b]))
 }
 
-/// The chains that `next` leads along from each of `count` things, none of them twice: a cycle from its
-/// smallest member, a chain with an end from the smallest member that no chain before it reached.
+/// The chains of `count` things along `next`; each thing is in one chain. A cycle starts at its smallest
+/// member, a chain with an end at the smallest member that no earlier chain has reached.
 pub(crate) fn chains(count: usize, next: impl Fn(usize) -> Option<usize>) -> Vec<Vec<usize>> {
     let mut is_used = vec![false; count];
     let mut chains = Vec::new();
@@ -53,7 +53,7 @@ pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
 /// Bits of each coordinate: three times as many fit into a word.
 const BITS: u32 = 21;
 
-/// The place along the Morton curve of a point whose coordinates lie in `0..=1`: bits
+/// The position along the Morton curve of a point whose coordinates lie in `0..=1`: bits
 /// interleaved, so that points near each other on the curve are near each other in space.
 pub(crate) fn morton(unit: DVec3) -> u64 {
     let steps = f64::from((1_u32 << BITS) - 1);
@@ -74,12 +74,12 @@ pub(crate) fn morton(unit: DVec3) -> u64 {
     spread(unit.x) | spread(unit.y) << 1 | spread(unit.z) << 2
 }
 
-/// The numbers of points in an order in which those near each other in space are near each other: that of
-/// a Morton curve, of equal places that of the numbers.
+/// The indices of points in the order of a Morton curve, in which neighbours in space are near each other;
+/// points at one position are in the order of their indices.
 pub(crate) fn along_curve(points: &[DVec3]) -> Vec<usize> {
     let (lo, hi) =
         points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
-    // The box keeps its shape: the longest side has all steps.
+    // One scale for all axes: the longest side has all steps.
     let side = (hi - lo).max_element().max(f64::MIN_POSITIVE);
     let mut order: Vec<(u64, usize)> =
         points.par_iter().enumerate().map(|(number, &p)| (morton((p - lo) / side), number)).collect();

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
-/// The generator and the logarithm are our own choice, not the system's.
+/// Uses neither the generator nor the logarithm of the system.
 #[derive(Debug, Clone)]
 pub(crate) struct Random {
     generator: Pcg64,

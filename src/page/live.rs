@@ -1,9 +1,8 @@
-//! A page that shows readings while they come: a small server that only this machine reaches.
+//! A page that shows readings as they arrive: a small server that only this machine can reach.
 //!
-//! It listens on the loopback address, and answers requests that know its token, name it as their host
-//! and come from no other origin; a site that the reader has open meanwhile can therefore neither read the
-//! skin nor guess where it is. A browser gets the newest frame at most 60 times a second; frames
-//! that it misses are counted.
+//! It listens on the loopback address, and answers requests that contain its token, name it as their host and
+//! come from no other origin; so another site that is open in the browser can neither read the skin nor guess
+//! its address. A browser gets the newest frame at most 60 times a second; frames that it misses are counted.
 
 use std::collections::hash_map::RandomState;
 use std::fmt::Write as _;
@@ -18,14 +17,14 @@ use std::time::{Duration, Instant};
 /// Shortest time between two frames that a browser gets.
 const FRAME: Duration = Duration::from_micros(16_667);
 
-/// Largest request, in bytes, and how long it may take to come.
+/// Largest request, in bytes, and how long it may take to arrive.
 const MAX_REQUEST: u64 = 16_384;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Connections that are answered at once; a browser opens a few.
 const MAX_CONNECTIONS: usize = 16;
 
-/// How long the last frame stays to be fetched after the input has ended.
+/// How long the last frame can be fetched after the input has ended.
 const LINGER: Duration = Duration::from_millis(500);
 
 /// Serves a page and the frames that it shows.
@@ -54,7 +53,7 @@ struct Latest {
 }
 
 impl LiveServer {
-    /// Begins to serve a page on a free port of the loopback address.
+    /// Starts to serve a page on a free port of the loopback address.
     ///
     /// # Errors
     /// If the system gives no port.
@@ -81,7 +80,7 @@ impl LiveServer {
         Ok(Self { shared })
     }
 
-    /// Where the page is; whoever knows it can see the readings from this machine.
+    /// The address of the page; whoever knows it can see the readings from this machine.
     pub fn address(&self) -> String {
         format!("http://{}/{}/", self.shared.address, self.shared.token)
     }
@@ -94,7 +93,7 @@ impl LiveServer {
         self.shared.changed.notify_all();
     }
 
-    /// Tells the browsers that no frame follows.
+    /// Notifies the browsers that no frame follows.
     pub fn end(self) {
         self.shared.latest().has_ended = true;
         self.shared.changed.notify_all();
@@ -165,7 +164,7 @@ impl Shared {
     }
 }
 
-/// What is asked for, and by whom.
+/// What is requested, and by whom.
 struct Request {
     method: String,
     path: String,
@@ -222,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn only_who_knows_the_token_and_comes_from_here_is_answered() {
+    fn requests_need_the_token_and_this_host_and_origin() {
         let server = LiveServer::start("<p>skin</p>".into()).unwrap();
         let (path, host) = (format!("/{}/", server.shared.token), format!("Host: {}", server.shared.address));
         assert!(ask(&server, &path, std::slice::from_ref(&host)).ends_with("<p>skin</p>"));
@@ -233,13 +232,13 @@ mod tests {
         assert!(ask(&server, &wrong, std::slice::from_ref(&host)).starts_with("HTTP/1.1 404"));
         let foreign = "Origin: https://example.com".to_owned();
         assert!(ask(&server, &path, &[host, foreign]).starts_with("HTTP/1.1 403"));
-        // A name of another site that leads to this machine.
+        // Another site whose name resolves to this machine.
         assert!(ask(&server, &path, &["Host: example.com".into()]).starts_with("HTTP/1.1 403"));
         assert!(ask(&server, &path, &[]).starts_with("HTTP/1.1 403"));
     }
 
     #[test]
-    fn a_browser_gets_the_newest_frame_and_is_told_what_it_missed() {
+    fn a_browser_gets_the_newest_frame_and_the_number_of_missed_ones() {
         let server = LiveServer::start(String::new()).unwrap();
         for k in 0..3 {
             server.show(format!("\"k\":{k}"));
@@ -254,7 +253,7 @@ mod tests {
         let mut lines = BufReader::new(connection).lines().map(Result::unwrap);
         let mut next = || lines.find(|line| line.starts_with("data:")).unwrap();
         assert_eq!(next(), "data: {\"dropped\":0,\"k\":2}");
-        // While the browser has its frame, several more come.
+        // Several more frames arrive before the browser reads again.
         for k in 3..7 {
             server.show(format!("\"k\":{k}"));
         }

@@ -1,14 +1,13 @@
 //! `report.html`: a skin, its map and a recording as one file that a browser shows without a network.
 //!
-//! [`Page::new`] takes a map, [`Page::play`] a recording, and [`Page::to_html`] writes them
-//! into the page that `tools/page` makes, which is kept packed (`page.html.gz`). The page draws the skin in
-//! space next to its map; its slider unfolds the one into the other
-//! ([`Unfolding`]). What it needs is packed (`pack`) from the map (`skin`) and
-//! the readings (`recording`). Without WebGL it shows the picture of
+//! [`Page::new`] takes a map, [`Page::play`] a recording, and [`Page::to_html`] writes them into the page
+//! that `tools/page` makes, which is stored compressed (`page.html.gz`). The page draws the skin in space
+//! next to its map; its slider unfolds the one into the other ([`Unfolding`]). Its data is packed (`pack`)
+//! from the map (`skin`) and the readings (`recording`). Without WebGL it shows the picture of
 //! [`plot_map`](crate::plot::plot_map()) and the numbers of `report.json`.
 //!
-//! Names of files, patches and links are text, whatever they hold: in the table they are escaped, and the
-//! rest of the page never takes them as markup. Its content policy allows its own script alone and no
+//! Names of files, patches and links are text, whatever they contain: in the table they are escaped, and the
+//! rest of the page never treats them as markup. Its content policy allows its own script alone and no
 //! connection.
 //!
 //! Positions are rounded to 65535ths of the patch's box, weights to 255ths, readings to 254ths.
@@ -37,13 +36,13 @@ use crate::recording::Recording;
 use crate::skin::link_names;
 use crate::unfold::Unfolding;
 
-/// The page without its data; `tools/page` makes it.
+/// The page without its data, made by `tools/page`.
 const PAGE: &[u8] = include_bytes!("page.html.gz");
 
 /// Width of the picture that is shown without WebGL, in pixels.
 const PICTURE_PX: u32 = 900;
 
-/// Most patches on that picture, and vertices of the level that it shows: it is a part of every page.
+/// Most patches on that picture, and most vertices of the level that it shows: every page contains it.
 const PICTURE_PATCHES: usize = 12;
 const PICTURE_VERTICES: usize = 600;
 
@@ -64,7 +63,7 @@ pub struct Page<'m> {
     recorder: Option<Recorder<'m>>,
 }
 
-/// What the page reads first.
+/// The header, which the page reads first.
 #[derive(Debug, Serialize)]
 struct Header<'a> {
     version: &'static str,
@@ -84,11 +83,11 @@ impl<'m> Page<'m> {
         Ok(Self { map, title: title.into(), recorder: None })
     }
 
-    /// Plays a recording into the page, which shows its channel number `shown` and what touches the skin; calls
+    /// Adds a recording to the page, which shows its channel number `shown` and its contact regions; calls
     /// `progress` after each frame. After an error the page has the frames before it.
     ///
     /// # Errors
-    /// As [`Recording::next_step`], and if the recording has more readings than a page can have.
+    /// As [`Recording::next_step`], and if the recording has more readings than a page can contain.
     pub fn play(
         &mut self,
         recording: &mut Recording,
@@ -129,8 +128,8 @@ impl<'m> Page<'m> {
         html(self.map, &self.title, recording, packer, &template())
     }
 
-    /// The page for a [`LiveServer`], and what turns the frames of a recording into what it shows of channel
-    /// number `shown`, and what touches the skin.
+    /// The page for a [`LiveServer`], and the converter of the frames of a recording for it: channel number
+    /// `shown` and the contact regions.
     ///
     /// # Errors
     /// As [`Self::to_html`], and if there is no such channel.
@@ -141,7 +140,7 @@ impl<'m> Page<'m> {
     ) -> Result<(String, LiveFrames), Error> {
         recording.follow_contacts(&recording.tracker_options(shown))?;
         let (frames, header) = LiveFrames::new(&recording.channels()[shown], shown);
-        // It may fetch frames from where it comes from.
+        // The page may fetch frames from its own server.
         let template =
             template().replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1);
         Ok((html(self.map, &self.title, Some(header), Packer::default(), &template)?, frames))
@@ -197,7 +196,7 @@ fn template() -> String {
     text
 }
 
-/// The page with its markers `%%NAME%%` replaced; what replaces them is not looked at again.
+/// The page with its markers `%%NAME%%` replaced; the replacements are not searched again.
 fn filled(template: &str, fill: &[(&str, String)]) -> String {
     let mut page =
         String::with_capacity(template.len() + fill.iter().map(|(_, text)| text.len()).sum::<usize>());
@@ -262,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_page_has_a_place_for_everything_and_names_its_licence() {
+    fn the_page_has_all_markers_and_names_its_licence() {
         let page = template();
         for name in ["TITLE", "PICTURE", "NUMBERS", "DATA"] {
             assert!(page.contains(&format!("%%{name}%%")), "{name}");
@@ -272,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fills_the_page_is_not_filled_again() {
+    fn replacements_in_the_page_are_not_replaced_again() {
         let fill = [("A", "%%B%%".to_owned()), ("B", "<b>".to_owned())];
         assert_eq!(filled("x%%A%%y%%B%% 100%% %%C%%", &fill), "x%%B%%y<b> 100%% %%C%%");
     }

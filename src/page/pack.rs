@@ -1,8 +1,8 @@
-//! Arrays as the page reads them: a header as JSON, then the planes of every array, gzip and base64.
+//! Arrays for the page: a header as JSON, then the planes of every array, gzip and base64.
 //!
-//! A plane holds the differences of consecutive numbers, those of both signs as `0, -1, 1, -2, ...`, first the
-//! lowest bytes of all of them, then the next: neighbours on the skin are neighbours in the file, so that
-//! most bytes are small. Of 100 000 taxels that takes a fourteenth of `map.glb`.
+//! A plane contains the differences of consecutive numbers, both signs coded as `0, -1, 1, -2, ...`: first
+//! the lowest bytes of all of them, then the next. Neighbours on the skin are neighbours in the file, so most
+//! bytes are small. Of 100 000 taxels that takes a fourteenth of `map.glb`.
 
 use std::io::Write;
 
@@ -11,17 +11,17 @@ use flate2::{Compression, write::GzEncoder};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-/// The largest number of a share.
+/// The number that stands for a share of 1.
 pub(super) const WHOLE: f64 = 65535.0;
 
 #[derive(Debug, Default)]
 pub(super) struct Packer {
-    /// Planes, bytes of a number, and numbers of a plane of each array.
+    /// For each array: planes, bytes of a number, and numbers of a plane.
     arrays: Vec<[usize; 3]>,
     bytes: Vec<u8>,
 }
 
-/// A box in which shares of 65535 are places: of points, one number for each axis.
+/// A box in which shares of 65535 are positions; one number for each axis.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Region {
     lo: Vec<f64>,
@@ -29,7 +29,7 @@ pub(super) struct Region {
 }
 
 impl Packer {
-    /// An array of planes of equal length, in as few bytes a number as all of them need; its number.
+    /// Adds an array of planes of equal length, in as few bytes a number as all of them need; returns its index.
     pub(super) fn planes(&mut self, planes: &[Vec<u32>]) -> usize {
         let most = planes.iter().flatten().copied().max().unwrap_or_default();
         let width = match most {
@@ -40,12 +40,12 @@ impl Packer {
         self.array(planes, width)
     }
 
-    /// An array of one plane of numbers up to 255.
+    /// Adds an array of one plane of numbers up to 255.
     pub(super) fn bytes(&mut self, plane: Vec<u32>) -> usize {
         self.array(&[plane], 1)
     }
 
-    /// An array of numbers of `width` bytes.
+    /// Adds an array of numbers of `width` bytes.
     fn array(&mut self, planes: &[Vec<u32>], width: usize) -> usize {
         let count = planes.first().map_or(0, Vec::len);
         self.arrays.push([planes.len(), width, count]);
@@ -55,7 +55,7 @@ impl Packer {
             let differences: Vec<u32> = plane
                 .iter()
                 .map(|&x| {
-                    // Within the width, differences wrap; the sign bit goes to the end.
+                    // Differences wrap within the width; the sign becomes the lowest bit.
                     let shifted = x.wrapping_sub(last) << unused;
                     last = x;
                     let difference = shifted.cast_signed() >> unused;
@@ -82,7 +82,7 @@ impl Packer {
         (index, Region { lo: lo.to_array().to_vec(), size: size.to_array().to_vec() })
     }
 
-    /// As [`Self::points`], of the plane.
+    /// As [`Self::points`], in the plane.
     pub(super) fn places(&mut self, points: &[DVec2]) -> (usize, Region) {
         let lo = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let size = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max) - lo;
@@ -100,8 +100,8 @@ impl Packer {
         Values { name, unit, lo, hi, data }
     }
 
-    /// Rows of three indices with weights that add up to 1: the largest weight comes first and is not
-    /// stored, the others are in units of `1 / whole`, and none that is above 0 becomes 0.
+    /// Rows of three indices with weights that add up to 1: the largest weight comes first and is not stored,
+    /// the others are in units of `1 / whole`, and no weight above 0 becomes 0.
     pub(super) fn rows(&mut self, rows: impl Iterator<Item = ([u32; 3], [f64; 3])>, whole: u32) -> Rows {
         let (mut indices, mut weights) = ([(); 3].map(|()| Vec::new()), [(); 2].map(|()| Vec::new()));
         for (named, shares) in rows {
@@ -123,7 +123,7 @@ impl Packer {
         Rows { indices: self.planes(&indices), weights: self.planes(&weights) }
     }
 
-    /// The text of the page: a header, which names the arrays, and these.
+    /// The text for the page: a header, which names the arrays, and the arrays.
     pub(super) fn finish(&self, header: &impl Serialize) -> String {
         #[derive(Serialize)]
         struct Whole<'a, H> {
@@ -140,7 +140,7 @@ impl Packer {
     }
 }
 
-/// Numbers between two.
+/// Numbers as shares of a range.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Values {
     name: &'static str,
@@ -150,7 +150,7 @@ pub(super) struct Values {
     data: usize,
 }
 
-/// Convex combinations of three.
+/// Convex combinations of three entries.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Rows {
     indices: usize,
@@ -175,7 +175,7 @@ pub(super) fn share(part: f64, whole: f64) -> u32 {
 mod tests {
     use super::*;
 
-    /// As the page does.
+    /// Reads as the page does.
     fn read(bytes: &[u8], width: usize, count: usize) -> Vec<u32> {
         let mut last = 0_u32;
         let number =

@@ -11,7 +11,7 @@ use crate::recording::Step;
 use crate::signal::{Channel, ContactEvent, ContactRegion, Quantity, SignalError};
 use crate::skin::PatchId;
 
-/// Readings that a page holds at most: a quarter of a gigabyte while it is made.
+/// Most readings of a page: a quarter of a gigabyte while it is made.
 const MAX_READINGS: usize = 1 << 26;
 
 #[derive(Debug)]
@@ -19,12 +19,12 @@ pub(super) struct Recorder<'m> {
     map: &'m SkinMap,
     channel: Channel,
     shown: usize,
-    /// Of contacts, if it is known.
+    /// Threshold of contacts, if it is known.
     pub(super) threshold: Option<f64>,
     times: Vec<f64>,
     totals: Vec<f64>,
     contacts: Vec<ContactRow>,
-    /// Of each patch, taxel after taxel, frame after frame.
+    /// Readings of each patch, taxel after taxel, frame after frame.
     values: IdVec<PatchId, Vec<f32>>,
     readings: usize,
 }
@@ -40,11 +40,11 @@ pub(super) struct RecordingHeader {
     times: Vec<f64>,
     /// Sum of the readings of each frame.
     totals: Vec<f64>,
-    /// Of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
+    /// Array of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
     values: Vec<usize>,
     contacts: Vec<ContactRow>,
     threshold: Option<f64>,
-    /// Whether frames come while the page is open.
+    /// Whether frames arrive while the page is open.
     is_live: bool,
 }
 
@@ -141,7 +141,7 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
     (frame, region.track, event, patch, taxels, region.area, force, u, v, peak)
 }
 
-/// Turns frames that come into what an open page reads.
+/// Converts arriving frames for an open page.
 #[derive(Debug)]
 pub struct LiveFrames {
     shown: usize,
@@ -157,7 +157,7 @@ struct LiveFrame {
 }
 
 impl LiveFrames {
-    /// Frames of which one channel is shown, and what the page must know of them before the first.
+    /// A converter of frames of which one channel is shown, and the header that the page needs before the first.
     pub(super) fn new(channel: &Channel, shown: usize) -> (Self, RecordingHeader) {
         let header = RecordingHeader {
             channel: channel.name.clone(),

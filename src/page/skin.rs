@@ -1,4 +1,4 @@
-//! What a page needs of a map.
+//! The data of a map that a page needs.
 
 use glam::{DVec2, DVec3};
 use serde::Serialize;
@@ -15,7 +15,7 @@ use crate::unfold::{Unfolding, origins};
 /// Space between the maps of patches on the sheet, as a share of the side of all of them.
 const GAP: f64 = 0.03;
 
-/// Width over height of the sheet that is aimed at.
+/// Intended width over height of the sheet.
 const ASPECT: f64 = 0.8;
 
 #[derive(Debug, Serialize)]
@@ -24,7 +24,7 @@ pub(super) struct LinkHeader {
     pub(super) parent: Option<usize>,
 }
 
-/// A patch: numbers, and the numbers of its arrays.
+/// A patch: numbers, and the indices of its arrays.
 #[derive(Debug, Serialize)]
 pub(super) struct PatchHeader {
     name: String,
@@ -43,7 +43,7 @@ pub(super) struct PatchHeader {
     positions: usize,
     places: usize,
     triangles: usize,
-    /// The taxels of the places that follow after the first one of every taxel.
+    /// The taxels of further places, after the first place of every taxel.
     unsplit: usize,
     ids: usize,
     presence: usize,
@@ -113,7 +113,7 @@ pub(super) fn pack_patch(
     }
     let levels: Vec<LevelHeader> = patch.levels.ids().map(|level| pack_level(packer, patch, level)).collect();
     let key_rows = match &unfolding.rows {
-        // The same rows, where places are taxels.
+        // The rows are the same where places are taxels.
         Some(_) if finest.cut.is_none() => levels[unfolding.level.index()].direct.clone(),
         rows => rows.as_ref().map(|rows| {
             packer.rows(rows.iter().map(|(named, weights)| (named.map(PlaceId::raw), *weights)), 255)
@@ -169,7 +169,7 @@ fn pack_level(packer: &mut Packer, patch: &PatchMap, id: LevelId) -> LevelHeader
     LevelHeader { vertices: map.level.mesh.positions.len(), edges, origins, direct }
 }
 
-/// Where the map of each patch lies on the sheet, in m: on shelves in their order.
+/// The offset of the map of each patch on the sheet, in m: on shelves, in their order.
 pub(super) fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
     let boxes = map.patches.map(|patch| {
         let uv = &patch.levels[LevelId::default()].uv;
@@ -189,7 +189,7 @@ pub(super) fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
         corners.push((DVec2::new(x, shelf), size.y));
         (x, high) = (x + size.x + gap, high.max(size.y));
     }
-    // Shelves fill from the top, as a reader does.
+    // Shelves are filled from the top down.
     let top = shelf + high;
     let place = |((lo, _), (corner, height)): (&(DVec2, DVec2), (DVec2, f64))| {
         DVec2::new(corner.x, top - corner.y - height) - *lo

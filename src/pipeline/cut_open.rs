@@ -1,4 +1,4 @@
-//! Where to cut a patch, decided by trial maps of a level of a few thousand vertices.
+//! Decides where to cut a patch, by trial maps of a level of a few thousand vertices.
 
 use glam::DVec3;
 
@@ -12,20 +12,20 @@ use crate::skin::Taxels;
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
 /// second, and its seam differs little from that of the skin.
-const DECIDED_ON: usize = 2000;
+const DECISION_VERTICES: usize = 2000;
 
-/// Maps of the skin by which an area ratio is judged at most: the first one shows how much higher it is
-/// than on the level.
-const JUDGED: usize = 3;
+/// Most maps of the skin whose area ratio is measured: the first one shows how much higher it is than on the
+/// level.
+const MAX_MAPS: usize = 3;
 
-/// A map without a pyramid keeps a ratio a little better, by this share of its logarithm: through the
-/// pyramid it ends a little elsewhere.
-const KEPT: f64 = 0.995;
+/// Exponent of the wanted ratio that gives the one to aim at: a map that is made through the pyramid has a
+/// slightly larger ratio than one made without.
+const AIM_EXPONENT: f64 = 0.995;
 
 /// The level of a mesh on which seams are decided; `None` where that is the mesh itself.
 fn decided_level(mesh: &TriMesh, taxels: &Taxels, run: Run<'_>) -> Result<Option<Level>, Error> {
     // In steps of a factor of about four.
-    let factor = mesh.positions.len() as f64 / DECIDED_ON as f64;
+    let factor = mesh.positions.len() as f64 / DECISION_VERTICES as f64;
     if factor < 1.6 {
         return Ok(None);
     }
@@ -39,15 +39,15 @@ fn decided_level(mesh: &TriMesh, taxels: &Taxels, run: Run<'_>) -> Result<Option
     Ok(coarsen_with(mesh, taxels, &options, run)?.levels.into_iter().last())
 }
 
-/// Whether a mesh is a plain disk that stays whole, from a pyramid of it: most do, and need no trial.
+/// Whether a mesh is a plain disk that stays uncut, judged by its pyramid; most do, and need no trial map.
 pub(super) fn stays_whole(
     mesh: &TriMesh,
     taxels: &Taxels,
     whole: &Pyramid,
     run: Run<'_>,
 ) -> Result<bool, Error> {
-    let is_small = |level: &&Level| level.mesh.positions.len() <= 4 * DECIDED_ON;
-    let of_size = whole.levels.iter().rev().find(|level| level.mesh.positions.len() >= DECIDED_ON / 4);
+    let is_small = |level: &&Level| level.mesh.positions.len() <= 4 * DECISION_VERTICES;
+    let of_size = whole.levels.iter().rev().find(|level| level.mesh.positions.len() >= DECISION_VERTICES / 4);
     let level = match of_size.or(whole.levels.first()).filter(is_small) {
         Some(level) => return Ok(!may_be_poor(&level.mesh)),
         None => decided_level(mesh, taxels, run)?,
@@ -55,7 +55,7 @@ pub(super) fn stays_whole(
     Ok(!may_be_poor(level.as_ref().map_or(mesh, |level| &level.mesh)))
 }
 
-/// Cuts a mesh open where that is needed or worth it, from trial maps; `None` where it is mapped as it is.
+/// Cuts a mesh open where trial maps show that this is needed or pays; `None` if it is mapped uncut.
 /// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
@@ -89,13 +89,13 @@ pub(super) fn cut_open(
         run.check()?;
         return Ok(decided.map(|decided| made(&decided.recipe)).transpose()?.flatten());
     };
-    let wanted = limit.powf(KEPT);
+    let wanted = limit.powf(AIM_EXPONENT);
     let (mut aim, mut best) = (wanted, None);
-    for _ in 0..JUDGED {
+    for _ in 0..MAX_MAPS {
         run.check()?;
         let mut tried = decided(Some(aim))?;
         let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
-        // Where no trial keeps the ratio, the map of the skin may be better with another of the seams.
+        // If no trial map keeps the ratio, another seam may give the better map of the skin.
         if on_trial <= aim {
             tried = tried.split_off(tried.len() - 1);
         }
@@ -111,7 +111,7 @@ pub(super) fn cut_open(
                 break;
             }
         }
-        // Where the trial map does not keep the ratio, a lower aim changes nothing.
+        // If the trial map does not keep the ratio, a lower aim changes nothing.
         if least <= wanted || on_trial > aim || least.is_infinite() {
             break;
         }

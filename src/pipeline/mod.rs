@@ -4,8 +4,8 @@
 //! where it needs a seam, maps every level of it to the plane
 //! ([`flatten_pyramid`]) and returns the [`SkinMap`].
 //!
-//! Every map is measured as `map.glb` holds it (`written`). Only what is known of one patch decides how
-//! it is cut (`cut_open`).
+//! Every map is measured in the 32-bit numbers of `map.glb` (`written`). How a patch is cut depends on that
+//! patch alone (`cut_open`).
 //!
 //! Patches are independent: they are built in parallel, and the result does not depend on the
 //! number of threads. Before it, [`read_draft`] and
@@ -55,8 +55,8 @@ use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, 
 pub struct BuildOptions {
     /// Where to cut.
     pub cut: Cut,
-    /// The way that skin faces where seams are preferred, as the inside of limbs, in the frame of the skin at its
-    /// bind pose; [`Cut::Along`] says itself where they are.
+    /// Seams prefer skin that faces this direction, for example the inside of limbs; in the frame of the skin
+    /// at its bind pose. Not used with [`Cut::Along`].
     pub seam_side: Option<DVec3>,
     /// How to coarsen.
     pub coarsen: CoarsenOptions,
@@ -65,14 +65,14 @@ pub struct BuildOptions {
     /// Side of a pixel of the images, in m; `None`: 1 mm, or larger where that would make more
     /// pixels than the taxels need.
     pub pixel: Option<f64>,
-    /// Over what densities and acuities are compared.
+    /// Which mean densities and acuities are relative to.
     pub magnify_over: MagnifyOver,
     /// Whether patches that cannot be mapped are left out, as long as one can; else they are an error.
     pub keep_going: bool,
 }
 
-/// Over what the densities of [`Method::Intrinsic`](crate::flatten::Method::Intrinsic) and the acuities of
-/// taxels are compared.
+/// Which mean the densities of [`Method::Intrinsic`](crate::flatten::Method::Intrinsic) and the acuities of
+/// taxels are relative to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MagnifyOver {
     /// Over the skin: the map of a denser patch is larger, and all maps together are as large as the skin.
@@ -82,19 +82,20 @@ pub enum MagnifyOver {
     Patch,
 }
 
-/// Side of a pixel, in m, unless another is asked for or needed.
+/// Default side of a pixel, in m.
 const PIXEL: f64 = 1e-3;
 
 /// Coarsens and flattens every patch of a skin.
 ///
 /// # Errors
-/// If the skin is not valid ([`Skin::validate`]); all patches that cannot be cut as asked or not be flattened; with [`BuildOptions::keep_going`] only
-/// if that is all of them.
+/// If the skin is not valid ([`Skin::validate`]); or patches cannot be cut as requested or flattened, with
+/// all of them; with [`BuildOptions::keep_going`] only if no patch can.
 pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with(skin, options, Run::default()).map(|built| Arc::unwrap_or_clone(built.map))
 }
 
-/// As [`build`], with level 0 of each patch alone. Coarser levels are made only for a map that starts from theirs.
+/// As [`build`], with level 0 of each patch alone. Coarser levels are made only where the map of level 0
+/// starts from theirs.
 ///
 /// # Errors
 /// As [`build`].
@@ -107,7 +108,7 @@ pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result
     Ok(map)
 }
 
-/// A map, and what its making was like.
+/// A map, with the times and the failures of its build.
 #[derive(Debug)]
 pub struct Built {
     /// The map, shared with the images of it.
@@ -116,12 +117,12 @@ pub struct Built {
     pub coarsened_in: Duration,
     /// How long making the maps of every level took.
     pub flattened_in: Duration,
-    /// How many of the coarsest levels of each patch are not in the map: they have none in 64-bit
+    /// How many of the coarsest levels of each patch are not in the map: they have no valid map in 64-bit
     /// numbers, or in the 32-bit ones of a file, as those of a long thin tube.
     pub left_out: IdVec<PatchId, usize>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
-    /// What became of the pixels, if they had to be larger than 1 mm.
+    /// The pixels, if they had to be larger than 1 mm.
     pub enlarged: Option<Enlarged>,
 }
 
@@ -134,7 +135,7 @@ pub struct Enlarged {
     pub pixels: u64,
 }
 
-/// As [`build`], in a [`Run`], with what its making was like.
+/// As [`build`], in a [`Run`], with times and failures.
 ///
 /// # Errors
 /// As [`build`], and if it is cancelled.
@@ -154,7 +155,7 @@ pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<B
     });
     let mut failed = Vec::new();
     let coarsened_in = start.elapsed();
-    // Every pyramid is taken once, by the thread that maps it.
+    // The thread that maps a pyramid takes it; none is taken twice.
     run.check()?;
     let jobs = good(coarsened, options, &mut failed)?;
     let patches: Vec<&Patch> = jobs.iter().map(|(patch, _)| *patch).collect();
@@ -165,7 +166,7 @@ pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<B
     let jobs: Vec<_> = jobs.into_iter().zip(scales).collect();
     let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
         let mut map = map_patch(patch, pyramid, scale, options, run);
-        // Loops that are joined leave fewer holes to keep.
+        // A cut that joins boundary loops leaves fewer holes to preserve.
         if map.is_err() && options.cut == Cut::Auto && !is_plain_disk(&patch.mesh) {
             let options = BuildOptions { cut: Cut::All, ..options.clone() };
             let joined = coarsen_patch(patch, &[], side(patch), &options, run);
@@ -199,7 +200,7 @@ fn enlarge_pixels(map: &mut SkinMap) -> Result<Option<Enlarged>, Error> {
     Ok(Some(Enlarged { pixel_mm, pixels }))
 }
 
-/// The edges of each patch that the user wants to be cut; none where that is left to trial maps.
+/// The edges of each patch that the user gives as seams; none where trial maps decide.
 fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Vec<[VertexId; 2]>>, Error> {
     let Cut::Along(pairs) = cut else { return Ok(vec![Vec::new(); skin.patches.len()]) };
     let edges = pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?;
@@ -225,7 +226,7 @@ fn coarsen_patch(
     let cut = match seam {
         [] if may_stay => {
             let whole = coarsen_with(mesh, taxels, &options.coarsen, run)?;
-            // A boundary that is prescribed is that of the disk.
+            // A prescribed boundary is that of the uncut disk.
             let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
             if is_uncut || stays_whole(mesh, taxels, &whole, run)? {
                 return Ok(Coarsened::Whole(whole));
@@ -276,7 +277,7 @@ fn map_patch(
     let (maps, convergences): (Vec<_>, Vec<_>) =
         maps.into_iter().map(|map| (map.uv.map(|&p| p * scale), map.convergence)).unzip();
     let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
-    // What a file cannot hold is no map either.
+    // A map that is not valid in the numbers of a file counts as none.
     let mut held = 0;
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
@@ -309,7 +310,7 @@ fn each_patch<P: Send, T: Send>(
     made.collect()
 }
 
-/// What succeeded; errors are added to `failed`.
+/// The successful results; errors are added to `failed`.
 fn good<T>(
     made: Vec<Result<T, Error>>,
     options: &BuildOptions,
@@ -330,12 +331,12 @@ fn good<T>(
     }
 }
 
-/// Reads a skin, builds its maps and writes them to a folder, which is made if it does not exist:
+/// Reads a skin, builds its maps and writes them to a folder, which is created if it does not exist:
 /// `map.glb`, every level with its map, and `map.exr`, the images of what each pixel shows. Both appear
 /// together, or neither. Returns the map.
 ///
-/// The skin is assembled with the default options, and what that changed is not returned: who needs either calls
-/// [`read_draft`], [`assemble()`] and [`build`].
+/// The skin is assembled with the default options, and its remarks are not returned; for other options or the
+/// remarks call [`read_draft`], [`assemble()`] and [`build`].
 ///
 /// ```
 /// use dermatome::{BuildOptions, build_file, read_map};
@@ -382,7 +383,7 @@ mod tests {
         (adjacency.euler_characteristic(), adjacency.boundary_loops().len())
     }
 
-    /// Both sides of the seam go together: each level is a disk again, opened along the same seam.
+    /// Both sides of the seam are coarsened together: each level is a disk again, opened along the same seam.
     #[test]
     fn every_level_has_the_same_seam() {
         for mesh in [
@@ -417,7 +418,7 @@ mod tests {
             }
         }
     }
-    /// A map may lose in the 32-bit numbers of its file what it is in 64 bits.
+    /// A map that is valid in 64 bits may not be valid in the 32-bit numbers of its file.
     #[test]
     fn a_level_that_overlaps_itself_in_its_file_is_refused() {
         let skin = Skin::from_mesh("skin", shapes::lattice(4, 4, 0.01));

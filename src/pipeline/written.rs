@@ -1,5 +1,5 @@
-//! A map as a map file holds it, in 32-bit numbers: measured there, so that a report says what readers
-//! find; and kept one to one.
+//! A map in the 32-bit numbers of a map file: measured there, so that a report describes what readers of the
+//! file find; and kept one to one.
 
 use glam::DVec2;
 
@@ -13,28 +13,27 @@ use crate::mesh::{TriMesh, VertexCorners, boundary_edges};
 /// Spacing of 32-bit numbers just below 1, the longer side of an image.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
 
-/// Times that both sides of a slit move apart: by two units each, then by twice as many each time.
+/// How often the two sides of a slit are moved apart: by two units first, then by twice as many each time.
 const TRIES: i32 = 8;
 
-/// Measures a map as a map file holds it.
+/// Measures a map in the numbers of a map file.
 ///
-/// The two sides of a slit in flat skin may be nearer to each other than rounding. *Heuristic*: where it
-/// makes them touch, their vertices move inwards by a few units, once the map itself is one to one.
+/// The two sides of a slit in flat skin may be nearer to each other than rounding. *Heuristic*: if rounding
+/// makes them touch and the map itself is one to one, their vertices move inwards by a few units.
 pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
     let (mesh, uv) = as_in_map_file(level)?;
     level.distortion = distortion(&mesh, &uv);
     if level.distortion.crossings > 0 {
         let edges = boundary_edges(&mesh);
         if crossing_vertices(&edges, &level.opened_uv()).is_empty() {
-            part(level, &mesh, &edges, uv);
+            move_apart(level, &mesh, &edges, uv);
         }
     }
     Ok(())
 }
 
-/// Moves boundaries apart that meet on the rounded map `uv`; the map stays as it is where that does not
-/// help.
-fn part(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: IdVec<VertexId, DVec2>) {
+/// Moves boundaries apart that meet on the rounded map `uv`; the map is unchanged if that does not help.
+fn move_apart(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: IdVec<VertexId, DVec2>) {
     let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
     let mut parted = level.clone();
     for power in 1..=TRIES {

@@ -1,30 +1,30 @@
-//! What a face may become: how low, and on which side.
+//! Limits on changed faces: their height, and the side they face.
 
 use glam::DVec3;
 
 use crate::mesh::triangle_cross;
 
-/// No move or split makes a face lower than this part of the target unless it was, and at the end lower ones lose an
-/// edge.
+/// No move or split makes a face lower than this fraction of the target unless it was; at the end lower faces
+/// lose an edge.
 pub(super) const THIN: f64 = 0.1;
 
-/// A face lower than this part of the target has no side.
+/// A face lower than this fraction of the target has no reliable side.
 pub(super) const FLAT: f64 = 1e-4;
 
-/// Faces may turn by this much when an edge collapses or turns: the cosine of 75 degrees.
+/// Faces may turn by this much when an edge collapses or flips: the cosine of 75 degrees.
 const TURN: f64 = 0.26;
 
-/// Which faces are thin, and what may be done about them; in m.
+/// Which faces are thin, and which changes may remove them; lengths in m.
 #[derive(Clone, Copy)]
 pub(super) struct Thin {
-    /// Lower faces are.
+    /// Lower faces are thin.
     pub(super) height: f64,
-    /// Only shorter edges collapse, or those at a vertex of least degree of a complete mesh.
+    /// Only shorter edges collapse, and in the last pass those at a vertex of least degree.
     pub(super) short: f64,
     /// No edge becomes longer, unless it was about as long.
     pub(super) longest: f64,
-    /// Whether the mesh is otherwise complete: vertices of least degree go, however long their edges are, and edges
-    /// below a third of the target.
+    /// Whether this is the last pass: it removes vertices of least degree, however long their edges are, and
+    /// edges below a third of the target.
     pub(super) is_last: bool,
 }
 
@@ -34,7 +34,7 @@ pub(super) fn height([a, b, c]: [DVec3; 3]) -> f64 {
     if longest > 0.0 { triangle_cross([a, b, c]).length() / longest } else { 0.0 }
 }
 
-/// Whether a face stays on its side, or, if it was lower than `flat` and had none, gets that of the faces around.
+/// Whether a face stays on its side; a face that was lower than `flat` must get the side of the faces around.
 pub(super) fn keeps_side_around(old: [DVec3; 3], new: [DVec3; 3], flat: f64, around: DVec3) -> bool {
     if height(old) < flat {
         around.dot(triangle_cross(new)) >= 0.0
@@ -43,13 +43,13 @@ pub(super) fn keeps_side_around(old: [DVec3; 3], new: [DVec3; 3], flat: f64, aro
     }
 }
 
-/// Whether a face stays on its side; one that had no area may become anything.
+/// Whether a face stays on its side; one that had no area may face any side.
 pub(super) fn keeps_side(old: DVec3, new: DVec3) -> bool {
     let lengths = (old.length_squared() * new.length_squared()).sqrt();
     old == DVec3::ZERO || old.dot(new) > TURN * lengths
 }
 
-/// The cosine of the smallest angle of a triangle, whose largest it is; 1 for one without area.
+/// The cosine of the smallest angle of a triangle: the largest of its cosines; 1 without area.
 pub(super) fn largest_cosine(corners: [DVec3; 3]) -> f64 {
     let cosine = |k: usize| {
         let [at, p, q] = [0, 1, 2].map(|j| corners[(j + k) % 3]);

@@ -1,20 +1,21 @@
 //! Remeshing: a surface as triangles of one size, whose vertices can be taxels.
 //!
-//! Triangles of CAD say how a surface bends, and nothing about taxels. [`remesh`] covers the same surface with
-//! nearly equilateral triangles, a given spacing apart, as taxels are arranged (cannata): edges that are too long
-//! are split, those that are too short collapsed, the others flipped until vertices have six neighbours, and
-//! vertices moved into the middle of their neighbours and back to the surface, round after round (botsch2004).
+//! Triangles of CAD describe how a surface bends, not where taxels are. [`remesh`] covers the same surface
+//! with nearly equilateral triangles, a given spacing apart, as taxels are arranged (cannata): edges that are
+//! too long are split, those that are too short collapsed, the others flipped until vertices have six
+//! neighbours, and vertices moved to the centre of their neighbours and back to the surface, in rounds
+//! (botsch2004).
 //!
-//! Sharp edges (of more than 40 degrees) and rims stay: their vertices move along them alone, and their corners
-//! not at all. Those nearer to each other than half the spacing are details, and may merge. Holes that no three
-//! taxels could surround are closed; handles stay, however small they are.
+//! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
+//! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
+//! Holes too small to be surrounded by three taxels are closed; handles stay, however small they are.
 //!
-//! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that the
-//! other side of a wall is as far as it was where a surface bends more than the spacing can follow.
+//! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that
+//! walls keep their thickness where a surface bends too much for the spacing.
 //!
-//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing), `thin`
-//! (faces without height, see `faces`); `outer` finds which faces of a link can be touched, `crumbs` which of its pieces
-//! are small.
+//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
+//! `thin` (faces without height, see `faces`); `outer` finds the faces of a link that can be touched,
+//! `crumbs` its small pieces.
 
 mod crumbs;
 mod faces;
@@ -43,10 +44,11 @@ pub use outer::keep_outer;
 /// Edges between faces that turn by more are sharp: the cosine of 40 degrees.
 const SHARP: f64 = 0.766_044_443_118_978;
 
-/// Where a line turns by more it has a corner: the cosine of 45 degrees.
+/// A line has a corner where it turns by more: the cosine of 45 degrees.
 const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Faces of the surface lower than this part of the spacing are cracks between its faces: they are removed first.
+/// Faces of the surface lower than this fraction of the spacing are cracks between other faces: they are
+/// removed first.
 const CRACK: f64 = 1e-3;
 
 /// Most taxels of a patch.
@@ -58,13 +60,13 @@ const MAX_TAXELS: f64 = 4e6;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RemeshError {
-    /// It was cancelled.
+    /// The run was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// A spacing that is not a length.
+    /// A spacing that is not a positive finite length.
     #[error("a spacing of {spacing} m; a finite length above 0 is needed")]
     Spacing { spacing: f64 },
     /// A spacing that is far too small for the surface.
@@ -73,7 +75,7 @@ pub enum RemeshError {
     /// Taxels that follow several links, whose weights a new mesh would not have.
     #[error("its taxels follow several links; those of a patch that is meshed anew follow one")]
     Joints,
-    /// One of these, in a patch of a skin.
+    /// Another of these errors, in a patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<RemeshError> },
     /// A surface that is too far away to be searched.
@@ -81,7 +83,7 @@ pub enum RemeshError {
     Surface(#[from] BvhError),
 }
 
-/// Covers the surface of a mesh with triangles whose edges are `spacing` metres long on the whole.
+/// Covers the surface of a mesh with triangles whose edges are `spacing` metres long on average.
 ///
 /// ```
 /// use dermatome::{
@@ -97,7 +99,7 @@ pub enum RemeshError {
 /// ```
 ///
 /// # Errors
-/// If the mesh is not an oriented manifold, or the spacing no length or too small for it.
+/// If the mesh is not an oriented manifold, or the spacing is not a positive finite length or too small for it.
 pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     if !(spacing.is_finite() && spacing > 0.0) {
         return Err(RemeshError::Spacing { spacing });
@@ -117,7 +119,7 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
         spacing,
         target: spacing,
     };
-    // Vertices in one place, and on edges, as many programs write them.
+    // Removes coincident vertices and vertices on edges, which many programs write.
     let height = CRACK * spacing;
     rounds.remove_thin(Thin { height, short: 5.0 * height, longest: f64::INFINITY, is_last: false });
     rounds.compact();
@@ -133,7 +135,7 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
 
 /// Refuses a spacing that would make too many vertices, on the surface or along its edges.
 fn check_count(mesh: &TriMesh, halfedges: &HalfedgeMesh, spacing: f64) -> Result<(), RemeshError> {
-    // A taxel has two of the triangles around it.
+    // There are two triangles for each taxel.
     let on_surface = mesh.area() / (0.75_f64.sqrt() * spacing * spacing);
     let edges = halfedges.halfedges().filter(|&h| halfedges.is_edge(h));
     let length = |h: Halfedge| mesh.positions[h.start(mesh)].distance(mesh.positions[h.end(mesh)]);
@@ -150,7 +152,7 @@ fn sharp_edges(
 ) -> IdVec<FaceId, [bool; 3]> {
     let normal = |face: FaceId| {
         let corners = mesh.corners(face).map(|v| positions[v]);
-        // What the normal of a face without height says is rounding.
+        // The normal of a face without height is rounding noise.
         let is_flat = height(corners) < FLAT * spacing;
         if is_flat { DVec3::ZERO } else { triangle_cross(corners).normalize_or_zero() }
     };
@@ -181,17 +183,17 @@ fn freedoms(rounds: &Rounds) -> IdVec<VertexId, Freedom> {
     at.ids().map(freedom).collect()
 }
 
-/// A skin that was meshed anew.
+/// A remeshed skin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Remeshed {
     /// The skin. Ids count from 1 through all its taxels.
     pub skin: Skin,
-    /// The names of the patches that are left out, since the hexagon around one taxel is larger.
+    /// The names of the patches that are left out, since they are smaller than the hexagon around one taxel.
     pub left_out: Vec<String>,
 }
 
-/// Meshes every patch of a skin anew, each with its spacing (m); see [`remesh`]. Of its taxels nothing stays: these
-/// are others, elsewhere.
+/// Remeshes every patch of a skin, each with its spacing (m); see [`remesh`]. The taxels are new ones at
+/// other positions; nothing of the old ones is kept.
 ///
 /// # Errors
 /// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links, and if

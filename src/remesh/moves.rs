@@ -1,4 +1,4 @@
-//! Smoothing: vertices move into the middle of their neighbours, and back to the surface or their line.
+//! Smoothing: vertices move to the centre of their neighbours, and back to the surface or their line.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,8 +13,9 @@ use crate::remesh::surface::Projection;
 const STEPS: usize = 3;
 
 impl Rounds {
-    /// Moves every vertex into the middle of its neighbours, some steps, and back to the surface or its line. A free
-    /// vertex that its faces keep from the surface returns to where it was before.
+    /// Moves every vertex to the centre of its neighbours in a few steps, and back to the surface or its
+    /// line. A free vertex that cannot reach the surface without turning a face over returns to its old
+    /// position.
     pub(super) fn smooth(&mut self) {
         let before = self.positions.clone();
         for _ in 0..STEPS {
@@ -29,7 +30,7 @@ impl Rounds {
         self.move_back(&before);
     }
 
-    /// Moves the vertices as far as their faces allow; returns where each was to go.
+    /// Moves the vertices as far as their faces allow; returns the target of each.
     fn move_all(
         &mut self,
         to: impl Fn(&Self, VertexId) -> Option<Projection> + Sync,
@@ -48,8 +49,8 @@ impl Rounds {
         moved.map(|moved| moved.as_ref().map(|moved| moved.point))
     }
 
-    /// Moves the corners of faces that have turned over or become thin back to where they were; their neighbours may
-    /// have for that, until none has.
+    /// Moves the corners of faces that have turned over or become thin back to their old positions; repeats,
+    /// since this may turn neighbouring faces over, until no face has.
     fn move_back(&mut self, old: &IdVec<VertexId, DVec3>) {
         loop {
             let is_bad = |&face: &FaceId| {
@@ -68,7 +69,8 @@ impl Rounds {
         }
     }
 
-    /// The middle of the faces around a free vertex, in its tangent plane; on its line, that of its two neighbours.
+    /// For a free vertex the centre of the faces around it, in its tangent plane; on a line the midpoint of
+    /// its two neighbours.
     fn relaxed(&self, v: VertexId) -> Option<Projection> {
         let from = self.positions[v];
         match self.freedom[v] {
@@ -78,7 +80,7 @@ impl Rounds {
                 for h in self.mesh.leaving(v) {
                     let cross = self.cross(h.face());
                     let corners = [self.mesh.target(h), self.mesh.apex(h)].map(|w| self.positions[w]);
-                    // The centres of the faces, weighted by their areas, make faces of one size.
+                    // Centres of the faces, weighted by their areas, even out the sizes of faces.
                     let area = cross.length();
                     normal += cross;
                     sum += (from + corners[0] + corners[1]) * (area / 3.0);
@@ -95,7 +97,7 @@ impl Rounds {
                     sum += self.positions[w];
                     count += 1;
                 }
-                // Where lines have merged it is not known along which it may move.
+                // Where lines have merged, the line along which it may move is ambiguous.
                 let middle = (count == 2).then_some(0.5 * sum)?;
                 self.lines.as_ref()?.nearest(middle, DVec3::ZERO, self.near[v])
             }

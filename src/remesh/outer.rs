@@ -1,4 +1,4 @@
-//! The outside of shells of CAD, without what is within: the inner sides of walls, ribs, screws.
+//! The outer faces of shells of CAD, without inner sides of walls, ribs and screws.
 
 use std::collections::BTreeMap;
 
@@ -12,26 +12,26 @@ use crate::numeric::DisjointSets;
 use crate::remesh::SHARP;
 use crate::skin::{Draft, LinkId, Sheet};
 
-/// Directions in which a point of a surface is looked for from far away.
+/// Directions from which a point of a surface is viewed from far away.
 const DIRECTIONS: u32 = 64;
 
-/// Directions less steep than this against the surface are not tried: the cosine of 84 degrees.
-const STEEP: f64 = 0.1;
+/// Directions at a smaller angle to the surface are not tried: the cosine of 84 degrees.
+const MIN_COSINE: f64 = 0.1;
 
-/// A point is outside if this share of the directions on one of its sides is free. *Heuristic*: in the middle of
-/// a tube twice as long as wide a tenth is, at the bottom of a pocket as deep as wide a third.
-const FREE: f64 = 0.25;
+/// A point is outside if this share of the directions on one of its sides is free. *Heuristic*: it is a tenth
+/// in the middle of a tube twice as long as wide, a third at the bottom of a pocket as deep as wide.
+const MIN_FREE_SHARE: f64 = 0.25;
 
-/// Most points of a region that are tried, and about how many for all regions of a sheet together: a region has its
-/// share by area, at least one. It is outside if half of them are.
+/// Most points that are tested in a region, and about how many in all regions of a sheet: a region gets its
+/// share by area, at least one. A region is outside if half of its points are.
 const POINTS: usize = 16;
 const ALL_POINTS: f64 = 1000.0;
 
-/// How far from the surface rays start, over the size of the link.
-const OFF: f64 = 1e-5;
+/// Distance of the start of rays from the surface, over the size of the link.
+const RAY_OFFSET: f64 = 1e-5;
 
-/// Keeps the faces that can be seen from outside of their link, whatever the other links hide; returns how
-/// many were dropped. Faces that are connected without crossing a sharp edge stay together.
+/// Keeps the faces that can be seen from outside of their link, ignoring the other links; returns how many
+/// were dropped. Faces that are connected without crossing a sharp edge stay together.
 ///
 /// Faces with a corner out of range or not finite are kept; they are refused when the sheet is assembled.
 pub fn keep_outer(draft: &mut Draft) -> usize {
@@ -49,7 +49,7 @@ pub fn keep_outer(draft: &mut Draft) -> usize {
     }
     let count = |draft: &Draft| draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum::<usize>();
     let all = count(draft);
-    // Sheets without triangles stay whole.
+    // Sheets without triangles are kept.
     let mut kept = kept.into_iter().flatten();
     draft.retain(|sheet, _| sheet.triangles.is_empty() || kept.next().unwrap_or(true));
     all - count(draft)
@@ -111,15 +111,16 @@ impl Body {
     /// Whether a point can be seen from far away on one side of its face.
     fn is_seen(&self, point: DVec3, normal: DVec3) -> bool {
         [normal, -normal].into_iter().any(|normal| {
-            let start = point + normal * (OFF * self.size);
+            let start = point + normal * (RAY_OFFSET * self.size);
             let directions: Vec<DVec3> =
-                self.directions.iter().copied().filter(|d| d.dot(normal) > STEEP).collect();
+                self.directions.iter().copied().filter(|d| d.dot(normal) > MIN_COSINE).collect();
             let is_free = |direction: &&DVec3| {
                 let ray = Ray::new(start, **direction, 2.0 * self.size);
                 ray.is_none_or(|ray| self.tree.first_hit(&ray, |face| self.corners(face)).is_none())
             };
-            // No more directions are tried than are needed.
-            let needed = (1..=directions.len()).find(|&k| k as f64 >= FREE * directions.len() as f64);
+            // Stops once enough free directions are found.
+            let needed =
+                (1..=directions.len()).find(|&k| k as f64 >= MIN_FREE_SHARE * directions.len() as f64);
             needed.is_some_and(|needed| directions.iter().filter(is_free).take(needed).count() == needed)
         })
     }
@@ -135,7 +136,7 @@ fn corners(sheet: &Sheet, triangle: &[u32; 3]) -> Option<[DVec3; 3]> {
     Some([a?, b?, c?])
 }
 
-/// Directions all around, as even as the seeds of a sunflower.
+/// Evenly distributed directions: a Fibonacci spiral on the sphere.
 fn directions() -> Vec<DVec3> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let direction = |k: u32| {

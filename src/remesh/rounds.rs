@@ -7,38 +7,39 @@ use crate::mesh::{Halfedge, HalfedgeMesh, triangle_cross};
 use crate::remesh::faces::{FLAT, THIN, Thin, keeps_side, keeps_side_around, largest_cosine};
 use crate::remesh::surface::Surface;
 
-/// Edges longer than this part of the target are split, shorter than that collapsed: after either, an edge is
-/// nearer to the target than before (botsch2004).
+/// Edges longer than `LONG` times the target are split, shorter than `SHORT` times it collapsed: either
+/// brings an edge nearer to the target (botsch2004).
 const LONG: f64 = 4.0 / 3.0;
 const SHORT: f64 = 4.0 / 5.0;
 
-/// Sharp edges, rims and their corners nearer to each other than this part of the target are details that
+/// Sharp edges, rims and their corners nearer to each other than this fraction of the target are details that
 /// taxels do not follow: they may merge.
 const DETAIL: f64 = 0.5;
 
-/// Long edges of CAD triangles are split from the longest down, each pass to this part: halves of a sliver are
-/// better than its ends.
+/// Long edges of CAD triangles are split from the longest down; each pass lowers the limit by this factor.
+/// Halving a sliver across gives better triangles than along.
 const SHORTER: f64 = 0.7;
 
-/// Least rounds, and most where the mean length of the edges is still off by more than [`CLOSE`].
+/// Number of rounds, and the largest number while the mean length of the edges is off by more than [`MAX_LENGTH_ERROR`].
 const ROUNDS: usize = 6;
 const MAX_ROUNDS: usize = 24;
-const CLOSE: f64 = 0.03;
-/// The first round after which the target follows the mean length, and how much it may change in one.
-const SETTLING: usize = 1;
+const MAX_LENGTH_ERROR: f64 = 0.03;
+/// Rounds before the target is first corrected by the mean length, and how much it may change in one round.
+const UNCORRECTED_ROUNDS: usize = 1;
 const MAX_CHANGE: f64 = 1.2;
-/// In rounds that are added the target follows by this power: where all edges are alike, they split or collapse
-/// all at once, so that the mean swings.
-const GENTLE: f64 = 0.3;
-/// A mean length that is off by less stays.
-const OFF: f64 = 0.01;
-/// Most passes of splitting in a round: the halves of an edge whose middle moves to the surface may be longer.
+/// Exponent of the correction in additional rounds: edges of one length split or collapse all at once, so
+/// that the mean oscillates.
+const LATE_EXPONENT: f64 = 0.3;
+/// A mean length that is off by less is not corrected.
+const MIN_LENGTH_ERROR: f64 = 0.01;
+/// Most passes of splitting in a round: the halves of an edge may be longer once its midpoint has moved to
+/// the surface.
 const MAX_PASSES: usize = 4;
-/// The middle of an edge nearer to the surface than this part of the target is on it, and farther than this part of
-/// the edge is across a gap.
+/// The midpoint of an edge is on the surface if it is nearer to it than `ON_SURFACE` times the target, and
+/// the edge bridges a gap if it is farther than `ACROSS_GAP` times the edge.
 const ON_SURFACE: f64 = 1e-3;
 const ACROSS_GAP: f64 = 0.4;
-/// Faces that are still lower than this part of the target at the end lose an edge however long it is.
+/// Faces that are still lower than this fraction of the target at the end lose an edge however long it is.
 const LOW: f64 = 0.03;
 
 /// Where a vertex may move.
@@ -61,10 +62,10 @@ pub(super) struct Rounds {
     pub(super) freedom: IdVec<VertexId, Freedom>,
     pub(super) surface: Surface,
     pub(super) lines: Option<Surface>,
-    /// The mean length that edges are to have, in m, and the length that makes it so.
+    /// The wanted mean length of edges, in m, and the target length that yields it.
     pub(super) spacing: f64,
     pub(super) target: f64,
-    /// Where the last search of each vertex ended.
+    /// The packet in which the last search of each vertex ended.
     pub(super) near: IdVec<VertexId, Option<u32>>,
 }
 
@@ -77,11 +78,11 @@ impl Rounds {
             self.flip_edges(Self::evens_degrees);
             self.smooth();
             let off = self.length_ratio();
-            if round + 1 >= ROUNDS && (off - 1.0).abs() <= CLOSE {
+            if round + 1 >= ROUNDS && (off - 1.0).abs() <= MAX_LENGTH_ERROR {
                 break;
             }
-            if round >= SETTLING && (off - 1.0).abs() > OFF {
-                let off = if round + 1 < ROUNDS { off } else { off.powf(GENTLE) };
+            if round >= UNCORRECTED_ROUNDS && (off - 1.0).abs() > MIN_LENGTH_ERROR {
+                let off = if round + 1 < ROUNDS { off } else { off.powf(LATE_EXPONENT) };
                 self.target *= off.clamp(MAX_CHANGE.recip(), MAX_CHANGE);
             }
         }
@@ -92,7 +93,7 @@ impl Rounds {
         self.flip_edges(Self::opens_angles);
         let [height, short, longest] = [THIN, DETAIL, 2.0].map(|part| part * self.target);
         self.remove_thin(Thin { height, short, longest, is_last: true });
-        // What is left gives up more of its shape.
+        // The remaining thin faces may change the shape more.
         self.remove_thin(Thin {
             height: LOW * self.target,
             short: longest,
@@ -132,7 +133,7 @@ impl Rounds {
         self.mesh.halfedges().filter(|&h| self.mesh.is_edge(h))
     }
 
-    /// Takes the marks of the sides of changed faces from the faces around them.
+    /// Copies the marks of the sides of changed faces from the faces around them.
     fn update_sharp(&mut self, changed: &[FaceId]) {
         for &face in changed {
             for h in [0, 1, 2].map(|side| Halfedge::new(face, side)) {
@@ -165,9 +166,10 @@ impl Rounds {
         self.update_sharp(&faces);
     }
 
-    /// The spacing over the mean length of the edges that can change: an edge within the bounds of splitting and
-    /// collapsing is left alone, so that the mean differs from the target by up to a sixth, which the target
-    /// corrects. Edges between vertices of lines and corners are not counted: most of them cannot change.
+    /// The spacing over the mean length of the edges that can change. Edges within the bounds of splitting
+    /// and collapsing are left alone, so the mean differs from the target by up to a sixth; the target is
+    /// corrected by this ratio. Edges between vertices of lines and corners are not counted: most of them
+    /// cannot change.
     fn length_ratio(&self) -> f64 {
         let can_change = |&h: &Halfedge| {
             [self.mesh.origin(h), self.mesh.target(h)].iter().any(|&v| self.freedom[v] == Freedom::Surface)
@@ -182,7 +184,7 @@ impl Rounds {
         let mut limit = self.edges().map(|h| self.length(h)).fold(0.0, f64::max);
         loop {
             limit = (limit * SHORTER).max(LONG * self.target);
-            // Halves are as long as half of what is left at most: two passes at most see all of them.
+            // Halves are at most half as long as the longest edge left.
             let passes = if is_first { usize::MAX } else { MAX_PASSES };
             let _ = (0..passes).try_for_each(|_| self.split_longer(limit, is_first).then_some(()));
             if limit <= LONG * self.target {
@@ -191,7 +193,7 @@ impl Rounds {
         }
     }
 
-    /// In the first round all edges lie on the surface, and added ones are split in the same pass.
+    /// In the first round all edges lie on the surface, and new ones are split in the same pass.
     fn split_longer(&mut self, limit: f64, is_first: bool) -> bool {
         let (mut is_split, mut face, known) = (false, 0, self.mesh.face_count());
         while face < if is_first { self.mesh.face_count() } else { known } {
@@ -209,8 +211,8 @@ impl Rounds {
         is_split
     }
 
-    /// The point of the surface, or of its lines, nearest to the middle of an edge; `None` where a face would turn
-    /// over or become thin, or the edge bridges a gap: it stays long.
+    /// The point of the surface, or of its lines, nearest to the midpoint of an edge; `None` if the edge is
+    /// not split, since a face would turn over or become thin, or the edge bridges a gap.
     fn split_point(&self, h: Halfedge, middle: DVec3) -> Option<DVec3> {
         let sides = || [h, self.mesh.twin(h)].into_iter().filter(|&h| h != Halfedge::NONE);
         let near = self.near[self.mesh.origin(h)];
@@ -264,14 +266,14 @@ impl Rounds {
                     count += 1;
                 }
             }
-            // What is left by a pass is little, and the next round sees it.
+            // Few short edges are left; the next round collapses them.
             if count * 50 <= self.mesh.face_count() {
                 return;
             }
         }
     }
 
-    /// Removes the origin of `h`, if that changes neither the shape nor a line, nor makes long edges.
+    /// Removes the origin of `h`, if that preserves shape and lines and makes no long edge.
     fn collapse(&mut self, h: Halfedge, length: f64) -> bool {
         let (a, b) = (self.mesh.origin(h), self.mesh.target(h));
         if !self.may_merge(h, length) || !self.mesh.can_collapse(h) {
@@ -305,7 +307,7 @@ impl Rounds {
         }
     }
 
-    /// Whether the origin of `h` may merge with its target, as far as lines are concerned.
+    /// Whether the lines allow the origin of `h` to merge with its target.
     fn may_merge(&self, h: Halfedge, length: f64) -> bool {
         let [a, b] = [self.mesh.origin(h), self.mesh.target(h)];
         let is_detail = length < DETAIL * self.target;
@@ -328,7 +330,7 @@ impl Rounds {
         }
     }
 
-    /// Whether the numbers of neighbours would be nearer to six, or four at a boundary.
+    /// Whether a flip brings the numbers of neighbours nearer to six, or to four at a boundary.
     fn evens_degrees(&self, h: Halfedge) -> bool {
         let excess = |v: VertexId| {
             let ideal = if self.mesh.on_boundary[v] { 4 } else { 6 };
@@ -339,7 +341,7 @@ impl Rounds {
         sum([a - 1, b - 1, c + 1, d + 1]) < sum([a, b, c, d])
     }
 
-    /// Whether the smallest angle of its two faces would be larger.
+    /// Whether a flip enlarges the smallest angle of the two faces.
     fn opens_angles(&self, h: Halfedge) -> bool {
         let [a, b, c, d] = self.mesh.diamond(h).map(|v| self.positions[v]);
         let least = |faces: [[DVec3; 3]; 2]| faces.map(largest_cosine).into_iter().fold(-1.0, f64::max);

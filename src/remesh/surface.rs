@@ -1,4 +1,4 @@
-//! The surface that is meshed anew: its nearest points, its sharp edges and its rims.
+//! The surface that is remeshed: its nearest points, its sharp edges and its rims.
 
 use glam::DVec3;
 
@@ -6,14 +6,14 @@ use crate::bvh::{BvhError, Nearest, Start, TriangleTree};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Closest, TriMesh, closest_point};
 
-/// Triangles, and which of them is nearest to a point.
+/// Triangles, and the search for the one nearest to a point.
 pub(super) struct Surface {
     mesh: TriMesh,
     normals: IdVec<FaceId, DVec3>,
     tree: TriangleTree,
 }
 
-/// The nearest point, and a packet of the tree from which the next search nearby may start.
+/// The nearest point, and a packet of the tree at which the next search nearby may start.
 pub(super) struct Projection {
     pub(super) point: DVec3,
     pub(super) near: Option<u32>,

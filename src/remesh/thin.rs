@@ -1,4 +1,4 @@
-//! Thin faces: which changes make none, and their removal.
+//! Thin faces: which changes avoid them, and their removal.
 //!
 //! A face much lower than the spacing has a normal of rounding noise, which may forbid every change around it, and a
 //! map of it is a needle.
@@ -10,13 +10,13 @@ use crate::mesh::{Halfedge, triangle_cross};
 use crate::remesh::faces::{FLAT, THIN, Thin, height, keeps_side, keeps_side_around};
 use crate::remesh::rounds::Rounds;
 
-/// At the end no edge is shorter than this part of the target where it can collapse.
-const CLOSE: f64 = 1.0 / 3.0;
+/// At the end, edges shorter than this fraction of the target are collapsed where possible.
+const SHORTEST_EDGE: f64 = 1.0 / 3.0;
 
 /// Most passes over all faces.
 const MAX_PASSES: usize = 16;
 
-/// What is done about a thin face.
+/// A change that removes a thin face.
 #[derive(Clone, Copy)]
 enum Change {
     Collapse(Halfedge),
@@ -24,8 +24,8 @@ enum Change {
 }
 
 impl Rounds {
-    /// Whether a vertex of a face may move: the face stays on its side, if it has one, and does not become lower than
-    /// `THIN` parts of the target unless it was.
+    /// Whether a vertex of a face may move: the face stays on its side, if it has one, and does not become
+    /// lower than `THIN` times the target unless it was.
     pub(super) fn fits(&self, old: [DVec3; 3], new: [DVec3; 3]) -> bool {
         let was = height(old);
         let has_side = was >= FLAT * self.target;
@@ -33,9 +33,9 @@ impl Rounds {
             && (!has_side || keeps_side(triangle_cross(old), triangle_cross(new)))
     }
 
-    /// Collapses or flips an edge of every thin face, or of a face next to it, sharp or not, whichever leaves the
-    /// highest faces: where lines have merged, or bend less than their vertices are apart, three vertices of one are
-    /// a face. A face without height at a rim for which there is neither is removed.
+    /// Collapses or flips an edge of every thin face or of a face next to it, sharp or not, whichever leaves
+    /// the highest faces. Thin faces arise between three vertices of one line, where lines have merged or
+    /// bend little. A face without height at a rim is removed if there is no such change.
     pub(super) fn remove_thin(&mut self, thin: Thin) {
         for _ in 0..MAX_PASSES {
             let mut is_changed = false;
@@ -58,7 +58,7 @@ impl Rounds {
     fn remove_short(&mut self, thin: Thin) -> bool {
         let mut is_changed = false;
         for h in self.mesh.halfedges() {
-            if self.mesh.is_edge(h) && self.length(h) < CLOSE * self.target {
+            if self.mesh.is_edge(h) && self.length(h) < SHORTEST_EDGE * self.target {
                 let sides = [h, self.mesh.twin(h)].into_iter().filter(|&h| h != Halfedge::NONE);
                 let heights = sides.filter_map(|h| Some((self.height_collapsed(h, thin)?, h)));
                 let highest = heights.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|best| best.0 >= thin.height);
@@ -74,10 +74,10 @@ impl Rounds {
         let both = sides.into_iter().flat_map(|h| [h, self.mesh.twin(h)]).filter(|&h| h != Halfedge::NONE);
         let collapses = both.filter_map(|h| Some((self.height_collapsed(h, thin)?, Change::Collapse(h))));
         let flips = sides.into_iter().filter_map(|h| Some((self.height_flipped(h)?, Change::Flip(h))));
-        // A vertex less is better, even if a face stays as low: then the next pass sees it.
+        // Removing a vertex counts as an improvement even if a face stays as low: the next pass handles it.
         let mut best = (was, None);
         for (height, change) in collapses.chain(flips) {
-            // With a vertex less, even if a face stays as low, the next pass may find more.
+            // With one vertex less the next pass may find more, even if a face stays as low.
             let is_flat = height.max(was) < FLAT * self.target;
             if height > best.0 || is_flat && best.1.is_none() && matches!(change, Change::Collapse(_)) {
                 best = (height, Some(change));
@@ -98,8 +98,8 @@ impl Rounds {
         true
     }
 
-    /// Moves the corner across the longest side of each face that is lower than `least` (m) away from that side, by up
-    /// to as much, where that leaves no lower face.
+    /// Moves the corner opposite to the longest side of each face lower than `least` (m) away from that side,
+    /// by up to `least`, if that leaves no lower face.
     pub(super) fn raise_thin(&mut self, least: f64) {
         for face in self.mesh.face_ids().filter(|&face| self.mesh.is_alive(face)).collect::<Vec<_>>() {
             let sides = [0, 1, 2].map(|side| Halfedge::new(face, side));
@@ -120,7 +120,7 @@ impl Rounds {
         }
     }
 
-    /// The least height of the faces around a vertex once it has moved, if none turns over.
+    /// The least height of the faces around a vertex after it has moved, if none turns over.
     fn height_moved(&self, v: VertexId, to: DVec3, around: DVec3) -> Option<f64> {
         let mut least = f64::INFINITY;
         for h in self.mesh.leaving(v) {
@@ -138,8 +138,8 @@ impl Rounds {
         height(self.mesh.corners(face).map(|v| self.positions[v]))
     }
 
-    /// The least height of the faces around the origin of `h` once it has collapsed, if it may: it is short, or its
-    /// origin has the least degree.
+    /// The least height of the faces around the origin of `h` after a collapse, if that is allowed: the edge
+    /// is short, or its origin has the least degree.
     fn height_collapsed(&self, h: Halfedge, thin: Thin) -> Option<f64> {
         let (a, b) = (self.mesh.origin(h), self.mesh.target(h));
         let is_short = self.length(h) < thin.short;
@@ -165,7 +165,7 @@ impl Rounds {
         Some(least)
     }
 
-    /// The least height of the two faces of an edge once it is flipped, if it can be.
+    /// The least height of the two faces of an edge after a flip, if that is possible.
     fn height_flipped(&self, h: Halfedge) -> Option<f64> {
         let twin = self.mesh.twin(h);
         if twin == Halfedge::NONE {
@@ -174,7 +174,7 @@ impl Rounds {
         let ends = [self.mesh.origin(h), self.mesh.target(h)];
         let [a, b, c, d] = self.mesh.diamond(h).map(|v| self.positions[v]);
         let new = [[c, a, d], [d, b, c]];
-        // The other face says what the surface is.
+        // The other face gives the normal of the surface.
         let across = self.cross(twin.face());
         let has_side =
             height(self.mesh.corners(twin.face()).map(|v| self.positions[v])) >= FLAT * self.target;
@@ -213,7 +213,7 @@ mod tests {
     use crate::remesh::remesh;
     use crate::remesh::surface::Surface;
 
-    /// A body of extruded outline, as CAD has it: sides of two triangles, its ends fans around an inner point.
+    /// An extruded outline, as CAD writes it: sides of two triangles, its ends fans around an inner point.
     fn prism(outline: &[[f64; 2]], thickness: f64) -> TriMesh {
         let n = u32::try_from(outline.len()).unwrap();
         let mut positions = vec![DVec3::ZERO, DVec3::Z * thickness];
@@ -261,7 +261,7 @@ mod tests {
         [low.count(), made.positions.iter().filter(is_off).count(), short.count()]
     }
 
-    /// What once left faces without height, or taxels in the air or in one place.
+    /// Inputs that once left faces without height, taxels off the surface, or coincident taxels.
     #[test]
     fn faces_have_height_and_vertices_lie_on_the_surface() {
         let ribs = |i: u32, j: u32| {
@@ -273,7 +273,7 @@ mod tests {
         };
         let tube = shapes::tube(32, 2, 0.03, 0.1);
         for (name, mesh, spacing) in [
-            ("vertices in one place", split_anywhere(&tube, 40, 3), 0.008),
+            ("coincident vertices", split_anywhere(&tube, 40, 3), 0.008),
             ("lines that merge", shapes::sheet(60, 20, ribs), 0.01),
             (
                 "gaps between teeth",

@@ -1,10 +1,10 @@
-//! Robots: links that hang from each other by joints, and the shapes and sensors on them that can carry skin.
+//! Robots: links connected by joints, and the shapes and sensors on them that can carry skin.
 //!
-//! A [`Robot`] says what a robot description (URDF, MJCF) says, before any of its mesh files is opened: see
-//! [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
-//! [`Draft`](crate::skin::Draft) of a skin of it. [`Robot::poses`] and
-//! [`Robot::motion`] say where its links are, [`Robot::add_taxels`] which of them are taxels; `primitive` makes the
-//! meshes of boxes, cylinders and spheres.
+//! A [`Robot`] is the content of a robot description (URDF, MJCF), before any of its mesh files is opened:
+//! see [`read_robot`](crate::io::read_robot) and [`robot_draft`](crate::io::robot_draft), which makes the
+//! [`Draft`](crate::skin::Draft) of its skin. [`Robot::poses`] and [`Robot::motion`] compute the poses of its
+//! links, [`Robot::add_taxels`] makes taxels of some of them; `primitive` makes the meshes of boxes,
+//! cylinders and spheres.
 
 mod poses;
 mod primitive;
@@ -18,16 +18,16 @@ use crate::skin::{Link, LinkId, Remark, Sheet};
 pub(crate) use poses::taxel_sheet;
 pub(crate) use primitive::triangles_of;
 
-/// A robot as its description has it.
+/// A robot, as its description gives it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Robot {
     /// Its name; may be empty.
     pub name: String,
-    /// The links, each after its parent; the pose of a link is its place where all joints are at 0.
+    /// The links, each after its parent; the pose of a link is the one where all joints are at 0.
     pub links: IdVec<LinkId, Link>,
-    /// The joints, in the order of the links that hang by them: every link but the first has one.
+    /// The joints, in the order of their links: every link but the first has one.
     pub joints: Vec<Joint>,
-    /// What is seen of the links, and what they collide with, in the order of the file.
+    /// The visual and collision shapes of the links, in the order of the file.
     pub shapes: Vec<Shape>,
     /// The taxels of its tactile sensors: a sheet without triangles for each sensor.
     pub sensors: Vec<Sheet>,
@@ -35,7 +35,7 @@ pub struct Robot {
     pub remarks: Vec<Remark>,
 }
 
-/// What a link hangs by from its parent.
+/// The connection of a link to its parent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// Name, unique in the robot.
@@ -95,7 +95,7 @@ impl JointKind {
             .find(|kind| kind.name() == name)
     }
 
-    /// Whether one number says where it is.
+    /// Whether its value is one number.
     pub const fn has_value(self) -> bool {
         matches!(self, Self::Revolute | Self::Continuous | Self::Prismatic)
     }
@@ -104,7 +104,7 @@ impl JointKind {
 /// A joint that follows another: its value is `multiplier` times that of the other, plus `offset`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mimic {
-    /// Place of the other in [`Robot::joints`].
+    /// Index of the other in [`Robot::joints`].
     pub joint: usize,
     /// What its value is multiplied by.
     pub multiplier: f64,
@@ -123,16 +123,16 @@ pub struct Shape {
     pub pose: DAffine3,
     /// What it is.
     pub geometry: Geometry,
-    /// Where in the file it stands, counted from 1.
+    /// Its line in the file, counted from 1.
     pub line: usize,
 }
 
 /// What a shape is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// It is seen.
+    /// For display.
     Visual,
-    /// Others collide with it.
+    /// For collisions.
     Collision,
 }
 
@@ -141,7 +141,7 @@ pub enum Role {
 pub enum Geometry {
     /// A file of triangles.
     Mesh {
-        /// Where it is, as the description names it: `package://NAME/PATH`, `file:///PATH` or a path.
+        /// The file, as the description names it: `package://NAME/PATH`, `file:///PATH` or a path.
         url: String,
         /// What its coordinates are multiplied by; an odd number of negative ones mirrors it.
         scale: DVec3,

@@ -1,4 +1,4 @@
-//! Where the links are: forward kinematics; and the taxels that some links stand for.
+//! The poses of the links: forward kinematics; and taxels that are given as links.
 
 use std::collections::BTreeMap;
 
@@ -14,15 +14,15 @@ use crate::skin::{
 /// Most rotation of a joint between two poses of its link, in rad: a rotation is interpolated on the shorter arc.
 const MAX_TURN: f64 = std::f64::consts::FRAC_PI_2;
 
-/// The same where the origin of the link moves on an arc, since its positions are interpolated linearly: its path is
-/// a polygon that is 0.03 % of the radius off.
+/// As [`MAX_TURN`], where the origin of the link moves on an arc: its positions are interpolated linearly, so
+/// its path is a polygon that is 0.03 % of the radius off.
 const MAX_TURN_ON_ARC: f64 = 0.05;
 
-/// Most poses that are put into the time between two rows, whatever the joints do in it.
+/// Most poses that are inserted between two rows.
 const MAX_STEPS: f64 = 64.0;
 
 impl Joint {
-    /// Its motion, in the frame of its link where it is at 0; a joint without a value stays.
+    /// Its motion, in the frame of its link at value 0; a joint without a value does not move.
     pub fn moved(&self, value: f64) -> DAffine3 {
         match self.kind {
             JointKind::Revolute | JointKind::Continuous => {
@@ -38,7 +38,7 @@ impl Joint {
 }
 
 impl Robot {
-    /// Its links where every joint is at 0, and joints that follow others where that puts them.
+    /// Its links where every joint is at 0; joints that follow others have the values that result.
     pub fn rest(&self) -> IdVec<LinkId, Link> {
         let mut links = self.links.clone();
         for (joint, value) in self.joints.iter().zip(self.joint_values(&[])) {
@@ -48,17 +48,17 @@ impl Robot {
         links
     }
 
-    /// Adds a remark on a link whose description is read only in part.
+    /// Adds a remark on a link whose description is read only partly.
     pub(crate) fn pass_over(&mut self, link: LinkId, what: String) {
         let patch = self.links[link].name.clone();
         self.remarks.push(Remark { patch, kind: RemarkKind::PassedOver { what } });
     }
 
-    /// The values of all joints, in rad or m, where some of them, by their places in [`Robot::joints`], are given:
-    /// the others are at 0, and those that follow another where that puts them, whatever is given.
+    /// The values of all joints, in rad or m, from given ones (index in [`Robot::joints`], value): the others
+    /// are 0, and a joint that follows another has the value that results, even if one is given for it.
     ///
     /// # Panics
-    /// If a place is not that of a joint.
+    /// If an index is not that of a joint.
     pub fn joint_values(&self, given: &[(usize, f64)]) -> Vec<f64> {
         let mut own = vec![0.0; self.joints.len()];
         given.iter().for_each(|&(joint, value)| own[joint] = value);
@@ -97,16 +97,16 @@ impl Robot {
         poses
     }
 
-    /// The place of the joint that a link hangs by.
+    /// The index of the joint between a link and its parent.
     fn joint_of(&self, link: LinkId) -> Option<usize> {
         let place = self.joints.partition_point(|joint| joint.link < link);
         self.joints.get(place).is_some_and(|joint| joint.link == link).then_some(place)
     }
 
-    /// Adds a taxel for each link that hangs by a fixed joint and has a name of taxels, as robots without `<sensor>`
-    /// have them: at the origin of the link, with its z axis as the normal and its x axis as the tangent, on the
-    /// nearest link above that is no taxel. The taxels on a link are a sheet with its name; their ids count from 1
-    /// through the links in their order. Returns their number.
+    /// Adds a taxel for each link with a fixed joint whose name `is_taxel` accepts; robots without `<sensor>`
+    /// describe taxels so. The taxel is at the origin of the link, with its z axis as the normal and its x
+    /// axis as the tangent, on the nearest ancestor that is not a taxel. The taxels on a link are a sheet
+    /// with its name; their ids count from 1 in the order of the links. Returns their number.
     pub fn add_taxels(&mut self, is_taxel: impl Fn(&str) -> bool) -> usize {
         // The link that carries each link, and its pose there.
         let mut carried: IdVec<LinkId, (LinkId, DAffine3)> = IdVec::default();
@@ -130,9 +130,10 @@ impl Robot {
         id as usize
     }
 
-    /// How the links of a skin or a map move, which are found by their names, where the joints have these values
-    /// at these times (s). Between two times the values of joints are interpolated, not the poses: a joint from 0 to
-    /// 4 rad turns by 4 rad. Poses are exact where a link has the same parent there and turns around its origin, else nearly.
+    /// The motion of the links of a skin or a map, found by their names, from values of the joints at times
+    /// (s). Between two times the values of joints are interpolated, not the poses: a joint from 0 to 4 rad
+    /// turns by 4 rad. Poses are exact where a link has the same parent there and turns around its origin,
+    /// else approximate.
     ///
     /// # Errors
     /// If a time or a value is not finite.
@@ -152,7 +153,7 @@ impl Robot {
             // Around another point than its origin the link moves on an arc, too.
             let is_centred = self.joint_of(own).is_none_or(|joint| self.joints[joint].anchor == DVec3::ZERO);
             let max_turn = if is_same && is_centred { MAX_TURN } else { MAX_TURN_ON_ARC };
-            // The links whose joints move it in that frame, from the root.
+            // The links whose joints move it in that frame, from the root on.
             let mut chain: Vec<LinkId> =
                 std::iter::successors(Some(own), |&link| self.links[link].parent.filter(|_| !is_same))
                     .collect();
@@ -208,8 +209,8 @@ mod tests {
         Link { name: name.into(), parent, pose: DAffine3::IDENTITY }
     }
 
-    /// A joint from 0 to 4 rad turns by 4 rad, not by 4 rad less a turn back; in the frame of its parent exactly, in
-    /// the world nearly.
+    /// A joint from 0 to 4 rad turns by 4 rad, not by the shorter arc back; exactly in the frame of its parent,
+    /// approximately in the world.
     #[test]
     fn joints_move_evenly_between_rows() {
         let root = LinkId::new(0);

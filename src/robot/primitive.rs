@@ -1,4 +1,4 @@
-//! The meshes of boxes, cylinders, capsules, ellipsoids and spheres, fine enough to be seen as what they are.
+//! The meshes of boxes, cylinders, capsules, ellipsoids and spheres, fine enough to look like them.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -28,7 +28,7 @@ pub(crate) fn triangles_of(geometry: &Geometry) -> Option<TriMesh> {
     }
 }
 
-/// A box: a lattice of squares on each side, the edges of which are as long as they can be alike.
+/// A box: a lattice on each side, whose edges are as equal in length as possible.
 fn block(size: DVec3) -> TriMesh {
     let edge = size.max_element() / ALONG;
     let cells = size.to_array().map(|side| cells(side, edge));
@@ -39,7 +39,7 @@ fn block(size: DVec3) -> TriMesh {
     mesh
 }
 
-/// How often an edge goes into a side, at least once.
+/// How many edges fit along a side, at least one.
 fn cells(side: f64, edge: f64) -> i32 {
     let mut count = 1;
     while f64::from(count) < ALONG && f64::from(count + 1) * edge <= side * (1.0 + 1e-9) {

@@ -1,4 +1,4 @@
-//! The surface whose triangles are nearest to the wanted ones, turned as is best for them.
+//! The surface whose triangles are nearest to the wanted ones, each rotated to fit best.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -21,14 +21,14 @@ pub(super) struct Joiner<'a> {
     space: &'a IdVec<PlaceId, DVec3>,
     flat: &'a IdVec<PlaceId, DVec3>,
     turns: &'a Turns,
-    /// Of the edge opposite to each corner.
+    /// Cotangent weight of the edge opposite to each corner.
     weights: IdVec<FaceId, [f64; 3]>,
-    /// One place of each component, whose course is given.
+    /// One place of each component, whose position is given at every time.
     pins: Vec<PlaceId>,
 }
 
 impl<'a> Joiner<'a> {
-    /// `flat` are the places on the map, in its pose.
+    /// `flat` has the places of the map, in the pose of the map.
     pub(super) fn new(
         corners: &'a IdVec<FaceId, [PlaceId; 3]>,
         space: &'a IdVec<PlaceId, DVec3>,
@@ -47,7 +47,7 @@ impl<'a> Joiner<'a> {
         Self { corners, space, flat, turns, weights, pins }
     }
 
-    /// The surfaces at some times.
+    /// The surfaces at these times.
     pub(super) fn solve<const N: usize>(
         &self,
         times: [f64; N],
@@ -90,7 +90,7 @@ impl<'a> Joiner<'a> {
         Ok(surface)
     }
 
-    /// The surface whose edges are nearest to those of triangles in the plane, each turned its way.
+    /// The surface whose edges are nearest to those of flat triangles, each with its own rotation.
     fn join(
         &self,
         time: f64,

@@ -7,19 +7,19 @@
 //! 1. Each triangle `f` has a rotation `R_f` from the skin to the map, the polar factor of its
 //!    Jacobian (`turns`). Its logarithm `w_f` has many branches; a walk over neighbouring triangles takes
 //!    the one nearest to that of the neighbour, so that a sleeve turns through -180 to 180 degrees and does
-//!    not tear. The map stands so that the mean of `w_f` is zero.
-//! 2. At time `t` the edge `e` of `f` is wanted as `exp(t w_f) ((1 - t) x_e + t R_f' u_e)`: at 0 that of
-//!    the skin, at 1 that of the map. The triangles do not fit together then; a least-squares solution
-//!    with cotangent weights does (`join_triangles`). Then each is turned as fits it best, and all are joined again,
-//!    a few times (sorkine2007). One factor serves all times.
-//! 3. That is solved at three times between on the finest level of at most 2000 vertices, with the
-//!    places of its vertices on the map of level 0. [`Unfolding::at`] interpolates between key frames by
-//!    the polynomial through all five, and carries them to level 0: a place keeps its difference
-//!    from the mean of its fields, which turns with them.
+//!    not tear. The pose of the map makes the mean of `w_f` zero.
+//! 2. At time `t` the edge `e` of `f` is wanted as `exp(t w_f) ((1 - t) x_e + t R_f' u_e)`: at 0 that of the
+//!    skin, at 1 that of the map. The triangles do not fit together then; a least-squares solution with
+//!    cotangent weights joins them (`join_triangles`). Then each triangle is rotated to fit its joined edges
+//!    best, and all are joined again, a few times (sorkine2007). One factor serves all times.
+//! 3. This is solved at three times between 0 and 1 on the finest level of at most 2000 vertices, at whose
+//!    vertices the map is that of level 0. [`Unfolding::at`] interpolates between key frames by the
+//!    polynomial through all five, and carries them to level 0: a place keeps its difference from the mean of
+//!    its fields, which turns with them.
 //!
-//! A patch that is cut opens at its seam: what is moved are places, not taxels.
+//! A patch that is cut opens at its seam: places are moved, not taxels.
 //!
-//! Not guaranteed: that the surfaces between do not cross themselves.
+//! Not guaranteed: that the surfaces at times between 0 and 1 do not cross themselves.
 
 mod join_triangles;
 mod turns;
@@ -34,12 +34,12 @@ use crate::sparse::SparseError;
 use crate::unfold::join_triangles::Joiner;
 use crate::unfold::turns::Turns;
 
-/// Times at which the surfaces between skin (0) and map (1) are solved for.
+/// Times of the solved surfaces between skin (0) and map (1).
 const KEY_TIMES: [f64; 3] = [0.25, 0.5, 0.75];
 
-/// Most vertices of the level that is solved on, if there is such a level: 1000 take about 20 ms. Halfway
-/// lengths are off by 0.9 % in the mean on the glove of `meshes/`, which has 7614 taxels; solved on all of
-/// them by 0.7 %.
+/// Most vertices of the level that is solved, if there is such a level: 1000 take about 20 ms. Halfway, the
+/// mean error of lengths on the glove of `meshes/`, which has 7614 taxels, is 0.9 %; solved on all taxels it
+/// is 0.7 %.
 const MOST_VERTICES: usize = 2000;
 
 /// How one patch unfolds from its shape in space to its map.
@@ -133,8 +133,8 @@ impl Unfolding {
     }
 }
 
-/// The place of level 0 that each place of a level is: of those of its taxel the one that lies there on
-/// the map of the level.
+/// The place of level 0 for each place of a level: of the places of its taxel the one at its position on the
+/// map of the level.
 pub(crate) fn origins(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, PlaceId> {
     if level.level.to_finest.is_none() {
         return level.uv.ids().collect();
@@ -151,8 +151,8 @@ pub(crate) fn origins(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, Pla
     level.uv.enumerate().map(origin).collect()
 }
 
-/// How much each of the skin, the three key frames and the map counts at a time: the polynomial of
-/// degree 4 through all five.
+/// The weights of the skin, the three key frames and the map at a time: those of the polynomial of degree 4
+/// through all five.
 fn shares(time: f64) -> [f64; 5] {
     let times = [0.0, KEY_TIMES[0], KEY_TIMES[1], KEY_TIMES[2], 1.0];
     std::array::from_fn(|k| {

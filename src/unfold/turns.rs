@@ -10,8 +10,8 @@ use crate::mesh::{FlatTriangle, VertexCorners, triangle_cross};
 
 pub(super) struct Turns {
     pub(super) faces: IdVec<FaceId, FaceMap>,
-    /// The pose of the map in space: the mean of all turns is zero, and the first corner of the first
-    /// root stays in its place.
+    /// The pose of the map in space: the mean of all turns is zero, and the first corner of the first root
+    /// keeps its position.
     pub(super) sheet: DAffine3,
     /// The face that each connected component starts from: in the middle of the map for the first.
     pub(super) roots: Vec<FaceId>,
@@ -22,7 +22,7 @@ pub(super) struct Turns {
 pub(super) struct FaceMap {
     /// Logarithm of the rotation to [`Turns::sheet`]: axis times angle.
     pub(super) turn: DVec3,
-    /// From the plane in which it is laid out to space.
+    /// Rotates the plane of its layout into space.
     pub(super) frame: DMat3,
     /// Its corners laid out in that plane, of the skin and of the map.
     ends: [[DVec2; 3]; 2],
@@ -34,7 +34,7 @@ impl FaceMap {
         std::array::from_fn(|k| self.ends[0][k].lerp(self.ends[1][k], time))
     }
 
-    /// The triangle with a turn, which is all of the map that its layout does not show.
+    /// The triangle with a turn; turn and layout together determine the map.
     fn new(turn: DVec3, stand: DQuat, space: [DVec3; 3], plane: [DVec2; 3]) -> Self {
         let normal = triangle_cross(space).try_normalize().unwrap_or(DVec3::Z);
         let along = (space[1] - space[0]).try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
@@ -59,7 +59,7 @@ impl Turns {
         let Some(&root) = roots.first() else {
             return Self { faces: IdVec::default(), sheet: DAffine3::IDENTITY, roots };
         };
-        // From the root's own turn first; then from the mean of all.
+        // First from the turn of the root, then from the mean of all turns.
         let mut stand = to_map[root].unwrap_or(DMat3::IDENTITY).transpose();
         let mut faces = branches(&order, &to_map, stand);
         let areas = corners.iter().map(|c| triangle_cross(c.map(|p| space[p])).length());

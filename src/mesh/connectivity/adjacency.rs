@@ -30,9 +30,8 @@ pub struct Adjacency {
     pub(super) rings: Rings,
 }
 
-/// The one-rings of an oriented manifold that does not change, in the order of
-/// [`crate::mesh::Adjacency`]. Several sweeps read them, and a walk from face to face would wait for
-/// memory at each.
+/// The one-rings of an oriented manifold that does not change, in the order of [`crate::mesh::Adjacency`].
+/// Several sweeps read them; a walk from face to face would miss the cache at every step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rings {
     neighbours: Csr<VertexId>,
@@ -80,11 +79,11 @@ impl Rings {
 struct Link {
     next: VertexId,
     previous: VertexId,
-    /// The corner, by the halfedge that leaves it.
+    /// The halfedge that leaves the corner.
     corner: Halfedge,
 }
 
-/// Links of a vertex up to this number are searched through; more are sorted.
+/// Up to this many links of a vertex are searched one by one; more are sorted.
 const FEW: usize = 16;
 
 /// Finds the link with a vertex as its `key`.
@@ -102,8 +101,9 @@ fn search<'a>(
     }
 }
 
-/// Writes the neighbours of a vertex, whose faces are `links`, into `ring`, counter-clockwise; whether they are one
-/// fan that fills it. `pair` takes every halfedge that leaves the vertex with its twin.
+/// Writes the neighbours of a vertex, whose faces are `links`, into `ring`, counter-clockwise. Returns
+/// whether they are one fan that fills `ring`. Calls `pair` with every halfedge that leaves the vertex and
+/// its twin.
 ///
 /// Faster than walking from face to face, which would miss the cache at every step.
 fn order_fan(links: &[Link], ring: &mut [VertexId], pair: impl Fn(Halfedge, Halfedge)) -> bool {
@@ -143,8 +143,8 @@ impl Adjacency {
         Ok(Self::with_starts(mesh)?.0)
     }
 
-    /// The adjacency of a mesh, and where the ring of each vertex starts: at the halfedge along the
-    /// boundary if there is one, else at that of the first face.
+    /// The adjacency of a mesh, and the halfedge at which the ring of each vertex starts: the one along the
+    /// boundary if there is one, else that of the first face.
     pub(super) fn with_starts(mesh: &TriMesh) -> Result<(Self, IdVec<VertexId, Halfedge>), MeshError> {
         mesh.validate()?;
         let (triangles, vertices) = (&mesh.triangles, mesh.positions.len());

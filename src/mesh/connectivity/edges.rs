@@ -1,6 +1,6 @@
-//! The halfedges along every edge, found by bucket sort, where all connectivity starts; the edges and the
-//! boundary that follow from them, and the corners around each vertex: of any triangles, manifold or not, whose
-//! corners exist.
+//! The halfedges along every edge, found by bucket sort; the edges and the boundary that follow from them,
+//! and the corners around each vertex. All connectivity starts here. Triangles need not be manifold, but
+//! their corners must exist.
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Halfedge, MeshError, TriMesh};
@@ -13,8 +13,8 @@ use crate::numeric::{Csr, chains};
 /// vertex; the halfedges of one edge in the order of their faces. Nothing is promised about
 /// manifoldness: an edge may have any number of halfedges, in either direction.
 ///
-/// Halfedges are dropped into one bucket per smaller vertex; only within a bucket, which holds the
-/// few edges of one vertex, are they sorted. No hash map, so memory and order are predictable.
+/// Halfedges are dropped into one bucket per smaller vertex; they are sorted only within a bucket, which has
+/// the few edges of one vertex. No hash map, so memory and order are predictable.
 pub(crate) fn each_edge(
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     vertices: usize,
@@ -79,14 +79,14 @@ pub(crate) fn first_crowded(mesh: &TriMesh) -> Option<MeshError> {
     each_edge(&mesh.triangles, mesh.positions.len(), |along| {
         let is_sound = matches!(*along, [_]) || matches!(*along, [a, b] if a.start(mesh) != b.start(mesh));
         if !is_sound {
-            error.get_or_insert_with(|| same_way(&mesh.triangles, along));
+            error.get_or_insert_with(|| same_direction(&mesh.triangles, along));
         }
     });
     error
 }
 
 /// The first two halfedges of an edge that run the same way; of three, two always do.
-fn same_way(triangles: &IdVec<FaceId, [VertexId; 3]>, along: &[Halfedge]) -> MeshError {
+fn same_direction(triangles: &IdVec<FaceId, [VertexId; 3]>, along: &[Halfedge]) -> MeshError {
     let start = |h: Halfedge| triangles[h.face()][h.side()];
     let (from, to) = (start(along[0]), start(along[0].next()));
     let forward = along.iter().filter(|h| start(**h) == from).count();
@@ -119,13 +119,13 @@ pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     edges
 }
 
-/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; of
-/// triangles that are not an oriented manifold as far as it closes.
+/// The boundary as loops of vertices, faces on the left, each from its smallest vertex; where triangles are
+/// not an oriented manifold, only loops that close.
 pub(crate) fn boundary_loops(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
     loops_of(&boundary_edges(mesh))
 }
 
-/// The loops of directed edges, which must be sorted.
+/// The loops of directed edges; `edges` must be sorted.
 pub(crate) fn loops_of(edges: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
     let next = |k: usize| {
         let end = edges[k][1];

@@ -77,7 +77,7 @@ impl Default for Halfedge {
     }
 }
 
-/// Arrays of halfedges have four places for each face, of which the last stays unused.
+/// Arrays of halfedges have four entries for each face; the last is unused.
 impl Id for Halfedge {
     fn new(index: usize) -> Self {
         Self(u32::try_from(index).expect("more than 2^30 faces"))

@@ -1,5 +1,5 @@
 //! A manifold that changes: stars of vertices are replaced by fewer triangles, in place, and edges are split,
-//! flipped and collapsed. Topology alone: positions are kept by whoever changes it.
+//! flipped and collapsed. Topology alone: the caller keeps the positions.
 
 use glam::DVec3;
 
@@ -7,14 +7,14 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::connectivity::adjacency::Rings;
 use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, triangle_cross};
 
-/// Two vertices with more neighbours than this are taken for neighbours without looking: between
-/// two hubs of a thousand spokes every spoke's removal would ask again.
+/// Two vertices with more neighbours than this count as neighbours without a walk: between two hubs of a
+/// thousand spokes the removal of every spoke would repeat it.
 const MAX_WALK: u32 = 256;
 
 /// Most neighbours of a vertex whose star can be replaced: the size of buffers.
 pub(crate) const MAX_RING: usize = 32;
 
-/// A face with its neighbours: one cache line fetch answers both questions of a walk.
+/// A face with its neighbours: a walk reads both from one cache line.
 #[derive(Debug, Clone, Copy)]
 struct Face {
     /// Corners, counter-clockwise seen from outside.
@@ -26,7 +26,7 @@ struct Face {
 /// An oriented manifold that changes: halfedges on flat arrays.
 ///
 /// Removing a vertex reuses the slots of its star, so nothing is allocated and vertex ids stay;
-/// slots that are left over are marked dead and squeezed out by [`HalfedgeMesh::compact`].
+/// slots that are left over are marked dead and removed by [`HalfedgeMesh::compact`].
 #[derive(Debug, Clone)]
 pub(crate) struct HalfedgeMesh {
     faces: IdVec<FaceId, Face>,
@@ -38,7 +38,7 @@ pub(crate) struct HalfedgeMesh {
     pub(crate) degree: IdVec<VertexId, u32>,
 }
 
-/// New ids of what is left after [`HalfedgeMesh::compact`].
+/// New ids of the vertices and faces that [`HalfedgeMesh::compact`] keeps.
 pub(crate) struct Compacted {
     pub(crate) mesh: HalfedgeMesh,
     pub(crate) old_vertices: IdVec<VertexId, VertexId>,
@@ -48,7 +48,7 @@ pub(crate) struct Compacted {
 
 #[cfg_attr(not(feature = "robots"), expect(dead_code, reason = "remeshing alone changes edges"))]
 impl HalfedgeMesh {
-    /// The halfedges of a mesh, and its one-rings as long as it rests.
+    /// The halfedges of a mesh, and its one-rings, which are valid until it changes.
     pub(crate) fn new(mesh: &TriMesh) -> Result<(Self, Rings), MeshError> {
         let (Adjacency { twins, rings }, leaving) = Adjacency::with_starts(mesh)?;
         let degree = |v: VertexId| u32::try_from(rings.of(v).len()).expect("fewer neighbours than vertices");
@@ -93,7 +93,7 @@ impl HalfedgeMesh {
         self.face_ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side)))
     }
 
-    /// Whether `h` stands for its edge: one of the two halfedges of each edge of a living face does.
+    /// Whether `h` represents its edge: of the halfedges of each edge of a living face exactly one does.
     pub(crate) fn is_edge(&self, h: Halfedge) -> bool {
         let twin = self.twin(h);
         self.alive[h.face()] && (twin == Halfedge::NONE || h.raw() < twin.raw())
@@ -211,8 +211,7 @@ impl HalfedgeMesh {
         if there != Halfedge::NONE {
             self.faces[there.face()].twins[there.side()] = here;
         }
-        // A boundary vertex keeps its boundary halfedge, which lies outside the star unless this is
-        // it.
+        // A boundary vertex keeps its boundary halfedge, which lies outside the star unless it is `there`.
         if there == Halfedge::NONE || !self.on_boundary[from] {
             self.leaving[from] = here;
         }
@@ -251,7 +250,7 @@ impl HalfedgeMesh {
         }
     }
 
-    /// Whether the inner edge of `h` can be flipped: its ends keep enough neighbours, and the new edge is none yet.
+    /// Whether the inner edge of `h` can be flipped: its ends keep enough neighbours, and the new edge does not exist.
     pub(crate) fn can_flip(&self, h: Halfedge) -> bool {
         let [a, b, c, d] = self.diamond(h);
         self.degree[a] > 3 && self.degree[b] > 3 && !self.has_edge(c, d)
@@ -441,7 +440,8 @@ mod tests {
         }
     }
 
-    /// Every edge is split, flipped and collapsed and every face at the rim removed where that can be, each alone and one after the other.
+    /// Every edge is split, flipped and collapsed and every face at the rim removed where possible, each
+    /// alone and one after the other.
     #[test]
     fn changed_edges_leave_a_manifold() {
         for (name, mesh) in [
@@ -481,8 +481,7 @@ mod tests {
         }
     }
 
-    /// The middle of a fan goes, its star becomes triangles without it, and who borders whom
-    /// follows.
+    /// The middle of a fan is removed: triangles without it replace its star, and adjacency is updated.
     #[test]
     fn a_replaced_star_leaves_a_manifold() {
         let mesh = shapes::fan(5);

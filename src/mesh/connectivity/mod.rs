@@ -1,5 +1,5 @@
-//! Who borders whom: one pairing of halfedges behind meshes that do not change, meshes that do, and lists
-//! of corners.
+//! Connectivity: one pairing of halfedges, from which meshes that do not change, meshes that do, and lists of
+//! corners follow.
 //!
 //! | have a mesh | need | take |
 //! |---|---|---|

@@ -1,13 +1,13 @@
-//! Components, boundary loops and the Euler characteristic: what a surface is up to deformation; and each
-//! component as a mesh of its own.
+//! Components, boundary loops and the Euler characteristic: the topology of a surface; and each component as
+//! a mesh of its own.
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::connectivity::edges::Edges;
 use crate::mesh::{Halfedge, TriMesh};
 use crate::numeric::{DisjointSets, Labels};
 
-/// The component of each face, joined to others at its corners; numbered by the smallest vertices of the
-/// components.
+/// The component of each face; faces are joined at their corners. Components are numbered in the order of
+/// their smallest vertices.
 pub(crate) fn face_components(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices: usize) -> Labels<FaceId> {
     let mut sets = DisjointSets::<VertexId>::new(vertices);
     let mut is_used = IdVec::<VertexId, bool>::filled(false, vertices);
@@ -27,7 +27,7 @@ pub(crate) fn face_components(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices
 /// Some faces of a mesh as a mesh of their own.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Part {
-    /// The vertex of the whole mesh that each vertex is, ascending.
+    /// For each vertex its id in the whole mesh, ascending.
     pub(crate) vertices: IdVec<VertexId, VertexId>,
     pub(crate) mesh: TriMesh,
 }
@@ -55,7 +55,7 @@ pub(crate) fn separate(mesh: &TriMesh, part: &IdVec<FaceId, Option<usize>>, coun
     parts
 }
 
-/// The numbers that tell surfaces apart that cannot be deformed into each other.
+/// Numbers that differ for surfaces that cannot be deformed into each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Topology {
     pub(crate) components: usize,
@@ -65,8 +65,8 @@ pub(crate) struct Topology {
 }
 
 impl Topology {
-    /// Of each component of `triangles`, whose faces may be wound in any way; each vertex must have one
-    /// fan of faces. `edges` are those of the triangles, `components` the component of each face.
+    /// The topology of each component of `triangles`, whose faces may have any winding; each vertex must
+    /// have one fan of faces. `edges` are those of the triangles, `components` the component of each face.
     pub(crate) fn of_components(
         triangles: &IdVec<FaceId, [VertexId; 3]>,
         edges: &Edges,
