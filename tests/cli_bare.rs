@@ -200,7 +200,7 @@ fn rounded_copies_are_merged_and_the_skin_reads_back() {
         };
         let (folder, path) = folder_with("near.csv", format!("x,y,z\n{}", points(line)));
         let run = |words: &str| notes(&folder, words, &[]);
-        let said = ["6 taxels lie where another one lies (up to "];
+        let said = ["6 taxels lie at the position of another one (up to "];
         notes(&folder, "convert near.csv near.glb", &said).stderr(contains("without area").not());
         run("info --json near.glb").stdout(contains("\"vertices\": 36"));
         run("check near.glb");
@@ -221,7 +221,7 @@ fn calibrated_taxels_are_joined_and_keep_what_is_known_of_them() {
         run("calibrate o.g2o -o t.csv");
         let joined = notes(&folder, "convert t.csv skin.glb", &["80 bare taxels were joined"]);
         let told = String::from_utf8_lossy(&joined.get_output().stderr);
-        assert_eq!(told.contains("no normals tell the outside"), model == "positions", "{told}");
+        assert_eq!(told.contains("no normals determine the outside"), model == "positions", "{told}");
         run("plot skin.glb --show sigma -o s.svg");
     }
 }

@@ -22,7 +22,7 @@ pub enum MapError {
     Level { patch: String, level: LevelId, source: PyramidError },
     #[error("{patch}/L0: vertex {vertex} has an area of {found} m^2, but its taxel one of {taxel} m^2")]
     Area { patch: String, vertex: VertexId, found: f64, taxel: f64 },
-    #[error("{patch}: {found} faces are said to fill holes, but level 0 has {faces}")]
+    #[error("{patch}: its count of faces that fill holes is {found}, but level 0 has {faces} faces")]
     Filled { patch: String, found: usize, faces: usize },
     #[error(
         "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \

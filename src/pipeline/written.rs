@@ -35,25 +35,25 @@ pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
 /// Moves boundaries apart that meet on the rounded map `uv`; the map is unchanged if that does not help.
 fn move_apart(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: IdVec<VertexId, DVec2>) {
     let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
-    let mut parted = level.clone();
+    let mut shifted = level.clone();
     for power in 1..=TRIES {
         let step = UNIT * level.frame.size.max_element() * f64::from(1 << power);
         for v in crossing_vertices(edges, &uv) {
             let place = PlaceId::of_opened(v);
             let around = corners.faces(v).flat_map(|face| mesh.triangles[face]).map(PlaceId::of_opened);
             let inwards: DVec2 =
-                around.map(|other| (parted.uv[other] - parted.uv[place]).normalize_or_zero()).sum();
-            let before = parted.uv[place];
-            parted.uv[place] += step * inwards.normalize_or_zero();
-            let mut faces = corners.faces(v).map(|face| parted.uv_of(face));
+                around.map(|other| (shifted.uv[other] - shifted.uv[place]).normalize_or_zero()).sum();
+            let before = shifted.uv[place];
+            shifted.uv[place] += step * inwards.normalize_or_zero();
+            let mut faces = corners.faces(v).map(|face| shifted.uv_of(face));
             if faces.any(|[a, b, c]| (b - a).perp_dot(c - a) <= 0.0) {
-                parted.uv[place] = before;
+                shifted.uv[place] = before;
             }
         }
-        let Ok((_, rounded)) = as_in_map_file(&parted) else { return };
-        parted.distortion = distortion(mesh, &rounded);
-        if parted.distortion.crossings == 0 {
-            *level = parted;
+        let Ok((_, rounded)) = as_in_map_file(&shifted) else { return };
+        shifted.distortion = distortion(mesh, &rounded);
+        if shifted.distortion.crossings == 0 {
+            *level = shifted;
             return;
         }
         uv = rounded;

@@ -1,13 +1,13 @@
-//! Columns: arrays with one entry a taxel, which every step selects from, and checks the length of, together.
+//! Columns: arrays with one entry for each taxel; selecting entries and checking lengths treats all of them alike.
 
 use crate::id::{Id, IdVec};
 
-/// An array with one entry a taxel, or none.
+/// An optional array with one entry for each taxel.
 pub(super) trait Column {
     /// The entries `kept`, in that order.
     fn selected(&self, kept: impl Iterator<Item = usize>) -> Self;
 
-    /// How many entries; `None` without the array.
+    /// Number of entries; `None` without the array.
     fn entries(&self) -> Option<usize>;
 }
 
@@ -41,7 +41,7 @@ impl<C: Column> Column for Option<C> {
     }
 }
 
-/// Defines a struct of columns, and other fields, with what is done with all columns.
+/// Defines a struct of columns and other fields, with the functions that treat all columns alike.
 macro_rules! columns {
     (
         $(#[$struct_doc:meta])*
@@ -64,7 +64,7 @@ macro_rules! columns {
                 }
             }
 
-            /// The first column that has not `needed` entries, and its length.
+            /// The first column with another length than `needed`, and its length.
             fn wrong_column(&self, needed: usize) -> Option<(&'static str, usize)> {
                 let all = [$((stringify!($column), $crate::skin::columns::Column::entries(&self.$column))),*];
                 all.into_iter().filter_map(|(what, n)| Some((what, n?))).find(|(_, n)| *n != needed)

@@ -1,4 +1,4 @@
-//! Drafts: skins as files have them, before anything is repaired or refused.
+//! Drafts: skins as written in files, before anything is repaired or refused.
 
 use std::path::PathBuf;
 
@@ -11,27 +11,27 @@ use crate::skin::{
     Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId,
 };
 
-/// Parts of robots are smaller, in m. The same part in millimetres reads as a thousand times
-/// larger, so that its unit shows down to a fingertip of 5 mm.
+/// Bodies of robots are smaller, in m. One in millimetres is read as a thousand times larger, so its unit is
+/// detected down to a fingertip of 5 mm.
 const LARGEST_PART: f64 = 5.0;
 
 /// Smallest size of a skin, in m: that of one taxel.
 const SMALLEST_PART: f64 = 1e-3;
 
-/// A skin as a file has it, before anything is repaired or refused.
+/// A skin as written in a file, before anything is repaired or refused.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Draft {
     /// The links; empty where the format has none.
     pub links: IdVec<LinkId, Link>,
     /// The sheets of taxels and triangles.
     pub sheets: Vec<Sheet>,
-    /// How the links may move.
+    /// Animations of the links.
     pub animations: Vec<Motion>,
     /// What the reader of the file changed or ignored.
     pub remarks: Vec<Remark>,
     /// The names of the materials that [`Sheet::materials`] counts.
     pub materials: Vec<String>,
-    /// Other files that it was read from, as the meshes of a robot and the buffers of a glTF file.
+    /// Other files that were read for it, such as the meshes of a robot and the buffers of a glTF file.
     pub files: Vec<PathBuf>,
 }
 
@@ -48,9 +48,9 @@ columns! {
         link: Option<LinkId>,
         /// Corner indices into `positions`.
         triangles: Vec<[u32; 3]>,
-        /// Texture coordinates of the corners of each triangle, if they were asked for.
+        /// Texture coordinates of the corners of each triangle, if requested.
         texture: Option<Vec<[DVec2; 3]>>,
-        /// The material of each triangle, if it was asked for; [`u32::MAX`] where there is none.
+        /// The material of each triangle, if requested; [`u32::MAX`] where there is none.
         materials: Option<Vec<u32>>,
     }
     /// Positions in the link's frame, in m.
@@ -70,7 +70,7 @@ columns! {
     densities: Option<Vec<f64>>,
     /// How much distortion of the map counts at each taxel, at least 0.
     weights: Option<Vec<f64>>,
-    /// What each slot holds.
+    /// Whether each slot has a working taxel.
     presence: Option<Vec<Presence>>,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
     modules: Option<Vec<u32>>,
@@ -100,11 +100,11 @@ impl Draft {
         }
     }
 
-    /// Adds what another file holds: its links, sheets and animations. A link of a name, parent and pose
-    /// that are there already is the same link.
+    /// Adds the links, sheets and animations of another file. Links with the same name, parent and pose are
+    /// one link.
     ///
     /// # Panics
-    /// If a parent of a link, or the link of a sheet or joint, is no earlier link of `other`.
+    /// If the parent of a link, or the link of a sheet or joint, is not an earlier link of `other`.
     pub fn append(&mut self, other: Self) {
         let mut links = IdVec::<LinkId, LinkId>::default();
         for mut link in other.links {
@@ -127,9 +127,9 @@ impl Draft {
         self.files.extend(other.files);
     }
 
-    /// Keeps the triangles for which `keep` holds, of sheets that have some, and the taxels of the
-    /// others; sheets without any are dropped. `keep` takes the sheet and the number of the
-    /// triangle, or of the taxel, in it; it is called for each of them in their order.
+    /// Keeps the triangles for which `keep` is true, or the taxels of sheets without triangles; sheets of
+    /// which nothing is left are dropped. `keep` takes the sheet and the index of the triangle, or of the
+    /// taxel, in it; it is called for each of them in their order.
     pub fn retain(&mut self, mut keep: impl FnMut(&Sheet, usize) -> bool) {
         for sheet in &mut self.sheets {
             *sheet = sheet.retained(&mut keep);
@@ -137,13 +137,13 @@ impl Draft {
         self.sheets.retain(|sheet| !sheet.positions.is_empty());
     }
 
-    /// Whether it holds taxels, but no triangle.
+    /// Whether it has taxels, but no triangle.
     pub(super) fn is_bare(&self) -> bool {
         self.sheets.iter().all(|s| s.triangles.is_empty())
             && self.sheets.iter().any(|s| !s.positions.is_empty())
     }
 
-    /// *Heuristic*: the largest sheet and its size (m), if that makes no sense in metres.
+    /// *Heuristic*: the largest sheet and its size (m), if that is implausible in metres.
     pub(super) fn doubtful_unit(&self) -> Option<(&Sheet, f64)> {
         let extents = self.sheets.iter().map(|sheet| (sheet, sheet.extent()));
         let largest = extents.max_by(|a, b| a.1.total_cmp(&b.1));
@@ -158,8 +158,7 @@ impl Sheet {
         if self.name.is_empty() { "patch" } else { &self.name }
     }
 
-    /// Refuses what would make every further step guess: links, lengths, positions and corners out
-    /// of range.
+    /// Refuses links, lengths, positions and corners out of range.
     pub(super) fn validate(&self, links: usize) -> Result<(), SkinError> {
         let patch = || self.title().to_owned();
         if let Some(link) = self.link.filter(|l| l.index() >= links) {
@@ -205,7 +204,7 @@ impl Sheet {
         Self { name: self.name.clone(), link: self.link, ..self.selected(kept.iter().copied()) }
     }
 
-    /// The first optional array that has not one entry per vertex, and its length.
+    /// The first optional array without one entry per vertex, and its length.
     pub(super) fn wrong_length(&self) -> Option<(&'static str, usize)> {
         let of_faces = [
             ("texture", self.texture.as_ref().map(Vec::len)),
@@ -218,11 +217,11 @@ impl Sheet {
         self.wrong_column(self.positions.len())
     }
 
-    /// The part of a sheet that [`Draft::retain`] keeps. Vertices that no triangle used stay; a sheet
-    /// with an array of another length, which is refused later, stays whole.
+    /// The sheet with the elements that [`Draft::retain`] keeps. Vertices that no triangle used are kept; a
+    /// sheet with an array of another length, which is refused later, is kept whole.
     fn retained(&self, mut keep: impl FnMut(&Self, usize) -> bool) -> Self {
         if self.wrong_length().is_some() {
-            // Called all the same: what `keep` counts must not shift in the sheets after this one.
+            // Called nevertheless, so that `keep` can count elements through all sheets.
             let count = if self.triangles.is_empty() { self.positions.len() } else { self.triangles.len() };
             for k in 0..count {
                 keep(self, k);
@@ -248,7 +247,7 @@ impl Sheet {
         self.triangles.iter().for_each(|t| mark(t, false));
         faces.iter().for_each(|&f| mark(&self.triangles[f], true));
         let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| is_kept[v]).collect();
-        // Corners out of range stay so, and are refused later.
+        // Corners out of range are kept, and are refused later.
         let mut places = vec![u32::MAX; self.positions.len()];
         for (place, &v) in (0..).zip(&kept) {
             places[v] = place;
@@ -264,7 +263,7 @@ impl Sheet {
     }
 }
 
-/// The number of a vertex; drafts with more than 32 bits hold are refused.
+/// The number of a vertex; drafts with more vertices than 32 bits count are refused.
 fn number(v: usize) -> u32 {
     u32::try_from(v).unwrap_or(u32::MAX)
 }
@@ -275,7 +274,7 @@ mod tests {
 
     use super::*;
 
-    /// A link that both files have is one; others keep their parents and sheets.
+    /// A link of both files becomes one; others keep their parents and sheets.
     #[test]
     fn files_share_the_links_of_one_name_and_pose() {
         let link = |name: &str, parent: Option<u32>| Link {

@@ -37,10 +37,10 @@ pub enum SkinError {
     NotOrientable {
         patch: String,
         edge: [VertexId; 2],
-        /// The faces of the shortest strip through it that is turned over once around, in order.
+        /// The faces of the shortest strip through it that reverses its winding once around, in order.
         faces: Vec<FaceId>,
     },
-    #[error("patch {patch:?}: {found} faces are said to fill holes, but it has {faces}")]
+    #[error("patch {patch:?}: its count of faces that fill holes is {found}, but it has {faces} faces")]
     Filled { patch: String, found: usize, faces: usize },
     #[error("two patches are named {patch:?}; names must differ")]
     DuplicateName { patch: String },
@@ -56,7 +56,7 @@ pub enum SkinError {
     LinkOrder { link: LinkId },
     #[error("the pose of link {link} is not rigid; a finite rotation and translation are needed")]
     LinkPose { link: LinkId },
-    #[error("patch {patch:?} has no triangles, and taxels at {found} places; 3 are needed to join them")]
+    #[error("patch {patch:?} has no triangles, and taxels at {found} positions; 3 are needed to join them")]
     TooFewPlaces { patch: String, found: usize },
     #[error(
         "patch {patch:?} has no triangles, and its taxels lie on no surface: a typical neighbourhood is {thickness:.2} \
@@ -77,7 +77,7 @@ pub enum SkinError {
     #[error("{} patches are not valid: {}", errors.len(), joined(errors))]
     Several { errors: Vec<SkinError>, valid: usize },
     #[error(
-        "{} no area: corners lie at one place or on a line; a skin needs positions that differ",
+        "{} no area: corners coincide or lie on a line; a skin needs positions that differ",
         if *faces == 1 { "its only triangle has".to_owned() } else { format!("its {faces} triangles have") }
     )]
     NoArea { faces: usize },

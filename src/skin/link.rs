@@ -16,7 +16,7 @@ define_id!(
 pub struct Link {
     /// Name, as the robot's model gives it; may be empty.
     pub name: String,
-    /// The link it hangs from; always an earlier link.
+    /// The link that carries it; always an earlier link.
     pub parent: Option<LinkId>,
     /// Its frame in that of its parent (or of the world), in m.
     pub pose: DAffine3,
@@ -49,12 +49,12 @@ pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
     links.enumerate().map(name).collect()
 }
 
-/// The same links, all with a name.
+/// The links, with [`link_names`] as their names.
 pub(crate) fn named_links(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, Link> {
     links.iter().zip(link_names(links)).map(|(link, name)| Link { name, ..link.clone() }).collect()
 }
 
-/// The links that do not come after their parent, as every link must.
+/// The links that do not come after their parent.
 pub(super) fn before_parents(links: &IdVec<LinkId, Link>) -> impl Iterator<Item = LinkId> {
     links.enumerate().filter(|(id, link)| link.parent.is_some_and(|parent| parent >= *id)).map(|(id, _)| id)
 }

@@ -1,10 +1,9 @@
 //! Skins: calibrated taxels on patches, posed by the links of a robot.
 //!
-//! A file holds a [`Draft`]: sheets of triangles as they were written, with whatever is wrong with
-//! them. [`assemble`] turns a draft into a [`Skin`], whose patches are oriented manifold disks with
-//! holes, and reports in [`Remark`]s what it changed. [`check`] lists everything that is wrong with
-//! a draft, without changing it. Bare taxels, a draft without any triangle, are joined first
-//! (`triangulate`).
+//! A file contains a [`Draft`]: sheets of triangles as they were written, with all their faults. [`assemble`]
+//! turns a draft into a [`Skin`], whose patches are oriented manifold disks with holes, and reports in
+//! [`Remark`]s what it changed. [`check`] lists everything that is wrong with a draft, without changing it.
+//! Bare taxels, a draft without any triangle, are joined first (`triangulate`).
 //!
 //! ```
 //! use dermatome::{
@@ -28,11 +27,11 @@
 //! ```
 //!
 //! In reading order: `link`, `motion`, `columns`, `taxels`, `patch` (the data); `draft`, `error`, `remark`,
-//! `sentence`; `weld`, `normals` (what assembling and checking share); `triangulate`; `assemble`; `check`.
+//! `sentence`; `weld`, `normals` (shared by assembling and checking); `triangulate`; `assemble`; `check`.
 //!
-//! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit
-//! is right (sizes beyond 5 m are reported), or that the outside is right where neither normals
-//! nor shape tell it.
+//! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit is right
+//! (sizes beyond 5 m are reported), or that the outside is right where neither normals nor shape determine
+//! it.
 
 mod assemble;
 mod triangulate;

@@ -1,4 +1,4 @@
-//! How links move: poses at given times, and between them.
+//! Motions of links: poses at given times, interpolated between them.
 
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
@@ -24,7 +24,7 @@ pub enum MotionFrame {
 /// one a link keeps its pose. Poses of links that do not exist have no effect.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Motion {
-    /// What it is called; may be empty.
+    /// Its name; may be empty.
     pub name: String,
     tracks: BTreeMap<LinkId, Track>,
 }
@@ -39,7 +39,7 @@ pub(crate) struct Track {
 /// Values over time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Curve<T> {
-    /// Rising, in s; of two equal ones the second holds from there on.
+    /// Ascending, in s; of two equal ones the second applies from there on.
     pub(crate) times: Vec<f64>,
     pub(crate) values: Vec<T>,
     /// Slopes per s of a cubic spline before and after each time; empty: values are interpolated
@@ -48,8 +48,8 @@ pub(crate) struct Curve<T> {
 }
 
 impl Motion {
-    /// Gives a link a pose at each of some times (s); poses it had before are forgotten. Times may be
-    /// in any order; of two poses at one time the pose jumps from the first to the second.
+    /// Gives a link a pose at each of these times (s), instead of the poses it had. Times may be in any
+    /// order; at a time with two poses the link jumps from the first to the second.
     ///
     /// # Errors
     /// If a time is not finite or a pose not rigid.
@@ -84,12 +84,12 @@ impl Motion {
         Some((track.frame, track.at(time)?))
     }
 
-    /// The links that move, by what frame, and at what times (s) they have which poses.
+    /// The links that move, with their tracks.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = (LinkId, &Track)> {
         self.tracks.iter().map(|(&link, track)| (link, track))
     }
 
-    /// The poses with each link replaced by the one that `links` has for it; without links that it lacks.
+    /// The poses with each link replaced by its entry in `links`; links without an entry are left out.
     pub(super) fn of_links(&self, links: &IdVec<LinkId, LinkId>) -> Self {
         let mut motion = Self { name: self.name.clone(), ..Self::default() };
         let known = self.tracks().filter_map(|(link, track)| Some((*links.get(link)?, track)));
@@ -112,7 +112,7 @@ impl Motion {
 }
 
 impl Track {
-    /// The same poses in the frame in which that of the track has this pose.
+    /// The poses in the frame in which the frame of the track has this pose.
     pub(crate) fn seen_from(&self, pose: DAffine3) -> Self {
         let turn = DQuat::from_mat3(&pose.matrix3).normalize();
         let (translation, rotation) = (&self.translation, &self.rotation);
@@ -137,7 +137,7 @@ impl<T: Copy> Curve<T> {
         Self { times, values, slopes: Vec::new() }
     }
 
-    /// The values through one function, their slopes through another.
+    /// Applies one function to the values and another to their slopes.
     fn map(&self, value: impl Fn(T) -> T, slope: impl Fn(T) -> T) -> Self {
         Self {
             times: self.times.clone(),
@@ -146,7 +146,7 @@ impl<T: Copy> Curve<T> {
         }
     }
 
-    /// The value at a time; between two times `mix` interpolates where no spline does.
+    /// The value at a time; `mix` interpolates between two times without a spline.
     fn at(&self, time: f64, mix: impl Fn(T, T, f64) -> T) -> Option<T>
     where
         T: Add<Output = T> + Mul<f64, Output = T>,
@@ -189,9 +189,9 @@ mod tests {
     }
 
     #[test]
-    fn poses_between_times_are_interpolated_and_ends_are_held() {
+    fn poses_are_interpolated_and_constant_beyond_the_ends() {
         let mut motion = Motion::default();
-        // No memory for the links before it.
+        // Allocates nothing for the links before it.
         let link = LinkId::from(4_000_000_000);
         let keys =
             [(2.0, pose(1.0, 1.0)), (1.0, pose(0.0, 0.0)), (2.0, pose(5.0, 0.0)), (4.0, pose(7.0, 0.5))];

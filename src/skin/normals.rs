@@ -16,12 +16,12 @@ const UNIT_TOLERANCE: f64 = 0.01;
 /// Normals within about 0.1 degrees of each other are the same.
 pub(super) const SAME_DIRECTION: f64 = 1.0 - 1e-6;
 
-/// A part is flat if the area-weighted mean of its unit face normals is this long; on a spherical
-/// cap of 23 degrees across it is 0.99.
+/// A component is flat if the area-weighted mean of its unit face normals is this long; on a spherical cap of
+/// 23 degrees across it is 0.99.
 const FLAT: f64 = 0.99;
 
-/// Normals tell the outside if, weighted by area, their mean cosine with the faces is this large,
-/// one way or the other. Real covers reach 0.97 and placeholders on closed parts 0.
+/// Normals determine the outside if the absolute value of their mean cosine with the faces, weighted by area,
+/// is this large. Real covers reach 0.97, placeholders on closed surfaces 0.
 const AGREEMENT: f64 = 0.5;
 
 pub(super) fn is_unit(n: DVec3) -> bool {
@@ -29,14 +29,14 @@ pub(super) fn is_unit(n: DVec3) -> bool {
     (n.length() - 1.0).abs() <= UNIT_TOLERANCE
 }
 
-/// What the normals of the taxels of one component can be used for.
+/// How reliable the normals of the taxels of one component are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NormalQuality {
-    /// They tell the outside: the faces are wound with them.
+    /// They determine the outside: the faces are wound with them.
     Outward,
-    /// They tell the outside: the faces are wound against them.
+    /// They determine the outside: the faces are wound against them.
     Inward,
-    /// Nothing.
+    /// They are not used.
     Unreliable(UnreliableNormals),
 }
 
@@ -49,7 +49,7 @@ pub(super) struct NormalConsensus {
     direction: DVec3,
     /// Cosines between faces and the normals of their corners, weighted by twice the area.
     agreement: f64,
-    /// What `agreement` would be if all cosines were 1.
+    /// The value of `agreement` if all cosines were 1.
     weight: f64,
     corners: usize,
     unit_corners: usize,
@@ -58,7 +58,7 @@ pub(super) struct NormalConsensus {
 }
 
 impl NormalConsensus {
-    /// Of a component and the normals of its taxels.
+    /// The consensus of a component and the normals of its taxels.
     pub(super) fn of(mesh: &TriMesh, normals: &IdVec<VertexId, DVec3>) -> Self {
         let mut this = Self::default();
         for (corners, cross) in mesh.triangles.iter().zip(mesh.face_crosses()) {
@@ -101,8 +101,8 @@ impl NormalConsensus {
     }
 }
 
-/// Unit normals, or tangents, of the taxels: the mean of those unit vectors of all file vertices
-/// that are this taxel, zero where there is none; then those of copies, as in the file.
+/// Unit normals, or tangents, of the taxels: the mean of the unit vectors of all file vertices of a taxel,
+/// zero where there is none; then those of copies, as in the file.
 pub(super) fn mean_directions(
     directions: &[DVec3],
     taxel: &IdVec<VertexId, VertexId>,
@@ -121,8 +121,8 @@ pub(super) fn mean_directions(
     sums.map(|n| n.normalize_or_zero())
 }
 
-/// A direction less than 0.06 degrees (as a sine) from the normal has no direction in the tangent
-/// plane: rounding alone would decide.
+/// A direction less than 0.06 degrees (as a sine) from the normal has no direction in the tangent plane: it
+/// would be rounding noise.
 const LEAST_SINE: f64 = 1e-3;
 
 /// The unit vector of `direction`, of any length, in the tangent plane of a unit normal; `None` for
@@ -133,11 +133,11 @@ pub(crate) fn in_tangent_plane(direction: DVec3, normal: DVec3) -> Option<DVec3>
     (tangent.length() > LEAST_SINE).then(|| tangent.normalize())
 }
 
-/// The directions, one per vertex and of any length, in the tangent planes of unit normals, as unit
-/// vectors; and how many had to be replaced since they are zero or along the normal.
+/// Projects directions of any length, one per vertex, to the tangent planes of unit normals, as unit vectors;
+/// also returns how many were replaced since they are zero or along the normal.
 ///
-/// What replaces them is the mean direction of the neighbours; without one, a direction that
-/// follows from the normal alone.
+/// The replacement is the mean direction of the neighbours; without one, a direction computed from the normal
+/// alone.
 pub(crate) fn tangents_along(
     mesh: &TriMesh,
     normals: &IdVec<VertexId, DVec3>,

@@ -1,4 +1,4 @@
-//! Patches and skins: the plain data that all later steps start from.
+//! Patches and skins: the plain data from which all later steps start.
 
 use std::{borrow::Cow, collections::HashSet};
 
@@ -26,7 +26,7 @@ pub struct Patch {
     pub mesh: TriMesh,
     /// How many of the last triangles fill holes: they are not skin, and no taxel lies in them.
     pub filled: usize,
-    /// What is known of each vertex of the mesh.
+    /// The properties of each vertex of the mesh.
     pub taxels: Taxels,
 }
 
@@ -36,7 +36,7 @@ impl Patch {
         Self { name: name.into(), link, taxels: Taxels::from(&mesh), mesh, filled: 0 }
     }
 
-    /// Checks every promise that concerns this patch alone.
+    /// Checks every rule that concerns this patch alone.
     pub(super) fn validate(&self) -> Result<(), SkinError> {
         let patch = || self.name.clone();
         let adjacency =
@@ -54,7 +54,7 @@ impl Patch {
             .map_err(|source| SkinError::Taxels { patch: patch(), source })
     }
 
-    /// The patch in another frame, by a rigid pose.
+    /// The patch in another frame, transformed by a rigid pose.
     fn posed(&self, pose: &DAffine3) -> Self {
         let positions = self.mesh.positions.map(|x| pose.transform_point3(*x));
         let mesh = TriMesh { positions, triangles: self.mesh.triangles.clone() };
@@ -75,7 +75,7 @@ pub struct Skin {
     pub links: IdVec<LinkId, Link>,
     /// The patches.
     pub patches: IdVec<PatchId, Patch>,
-    /// How the links may move.
+    /// Animations of the links.
     pub animations: Vec<Motion>,
 }
 
@@ -88,16 +88,16 @@ impl Skin {
         skin
     }
 
-    /// A patch of this skin as it lies in the world, for formats that know no frames.
+    /// A patch of this skin in the frame of the world, for formats without frames.
     pub(crate) fn in_world<'a>(&self, patch: &'a Patch) -> Cow<'a, Patch> {
         let pose = world_pose(&self.links, patch.link);
         if pose == DAffine3::IDENTITY { Cow::Borrowed(patch) } else { Cow::Owned(patch.posed(&pose)) }
     }
 
-    /// Checks every promise of [`Patch`] and of the links.
+    /// Checks every rule of [`Patch`] and of the links.
     ///
     /// # Errors
-    /// The first broken promise, with the patch's name.
+    /// The first broken rule, with the patch's name.
     pub fn validate(&self) -> Result<(), SkinError> {
         check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
         self.patches.iter().try_for_each(Patch::validate)

@@ -1,4 +1,4 @@
-//! Remarks: what reading, triangulating and assembling changed, assumed or doubts, as data.
+//! Remarks: changes, assumptions and doubts of reading, triangulating and assembling, as data.
 
 use std::fmt;
 
@@ -24,7 +24,7 @@ pub(super) fn note<T>(remarks: &mut Vec<RemarkKind>, about: Vec<T>, kind: impl F
 
 macro_rules! remark_kinds {
     ($($(#[$doc:meta])* $variant:ident { $($field:ident: $type:ty),* } => $text:literal $(, $argument:expr)*;)*) => {
-        /// What a [`Remark`] says.
+        /// The kinds of [`Remark`].
         ///
         /// Vertices and faces are numbered as in the sheet of the draft; after bare taxels were
         /// triangulated, faces are those of the new triangles.
@@ -58,7 +58,7 @@ remark_kinds! {
         "{} dropped at edges shared by more than two faces, where the sheets cannot be separated: {}",
         count(faces.len(), "face was", "faces were"), first_few(faces);
     EdgesParted { edges: Vec<[VertexId; 2]> } =>
-        "{} had more than two faces; those of one solid, or else the two that continue each other most smoothly, stay joined there: {}",
+        "{} had more than two faces; those of one solid, or else the two that continue each other most smoothly, are still joined: {}",
         count(edges.len(), "edge", "edges"), edge_list(edges);
     OneSidedCut { edges: Vec<[VertexId; 2]> } =>
         "cut open along {}, since it would have one side only: {}",
@@ -66,12 +66,12 @@ remark_kinds! {
     FansSplit { vertices: Vec<VertexId> } =>
         "at {} several fans of faces touched in a point; each fan has a taxel of its own now: {}",
         count(vertices.len(), "vertex", "vertices"), first_few(vertices);
-    /// A patch that is not valid was left out, as was asked for.
+    /// A patch that is not valid was left out, as requested.
     PatchLeftOut { reason: SkinError } => "left out: {reason}";
-    /// An animation that does more than move links rigidly was left out.
+    /// An animation that is not rigid motion of links was left out.
     AnimationLeftOut { reason: String } => "left out: {reason}";
     LeftOut { vertices: Vec<VertexId> } =>
-        "{} left out, without a place in a triangle: {}",
+        "{} left out, used by no triangle: {}",
         count(vertices.len(), "taxel was", "taxels were"), first_few(vertices);
     /// Repair: a sheet of bare taxels that cannot be triangulated was left out.
     SheetLeftOut { taxels: usize, reason: SkinError } =>
@@ -89,7 +89,7 @@ remark_kinds! {
     /// Repair: faces were turned over.
     Turned { faces: usize, of: usize, outside: OutsideFrom } => "{}", turned(*faces, *of, *outside);
     Components { patches: Vec<String> } =>
-        "falls into {} pieces that share no edge; they are now {}", patches.len(), first_few(patches);
+        "has {} pieces that share no edge; they are now {}", patches.len(), first_few(patches);
     /// Columns of its table are not used.
     ColumnsNotRead { columns: Vec<String> } =>
         "{} not used: {}", count(columns.len(), "column is", "columns are"), first_few(columns);
@@ -118,18 +118,18 @@ remark_kinds! {
     EmptySlots { slots: usize } => "{} left out", count(*slots, "empty slot was", "empty slots were");
     HolesFilled { holes: usize, max_edges: usize } =>
         "{} of at most {max_edges} edges", count(*holes, "hole was filled,", "holes were filled, each");
-    /// Something in the file was ignored; the words are those of its reader.
+    /// Something in the file was ignored; `what` is the sentence of its reader.
     PassedOver { what: String } => "{what}";
     OutsideFromCentre { components: usize } =>
-        "no normals tell the outside; for {} it was assumed to be away from the \
-          centre of the part", count(*components, "component", "components");
-    OutsideFromAxis { components: usize } => "no normals tell the outside, and {} to neither side; of the two \
+        "no normals determine the outside; for {} it was assumed to be away from the \
+          centre", count(*components, "component", "components");
+    OutsideFromAxis { components: usize } => "no normals determine the outside, and {} to neither side; of the two \
           sides the one that faces most towards +x, +y or +z was assumed",
         count(*components, "component bulges", "components bulge");
     DoubtfulUnit { extent: f64 } => "{}", doubtful_unit(*extent);
 }
 
-/// What decided which side of a patch is outside.
+/// The data that determined which side of a patch is outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutsideFrom {
     /// The normals of the taxels.
@@ -172,7 +172,7 @@ impl fmt::Display for UnreliableNormals {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::NotUnit => "most normals are not unit vectors",
-            Self::Constant => "the normals are all the same although the surface does not face one way",
+            Self::Constant => "the normals are all the same, but the surface faces other directions",
             Self::Unrelated => "the normals do not fit the surface",
         })
     }

@@ -1,4 +1,4 @@
-//! Numbers, lists and lengths as sentences about a skin say them.
+//! Numbers, lists and lengths as text in sentences about a skin.
 
 use std::fmt;
 
@@ -9,17 +9,17 @@ pub(super) fn count(number: usize, one: &str, several: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { several })
 }
 
-/// The words for taxels at one place, up to `distance` (m) apart.
+/// The phrase for coincident taxels, up to `distance` (m) apart.
 pub(super) fn coincident(taxels: usize, distance: f64) -> String {
     let near = if distance > 0.0 { format!(" (up to {distance:.1e} m from it)") } else { String::new() };
-    format!("{} where another one lies{near}", count(taxels, "taxel lies", "taxels lie"))
+    format!("{} at the position of another one{near}", count(taxels, "taxel lies", "taxels lie"))
 }
 
-/// A skin of a size, in m, that makes no sense in metres.
+/// The sentence about a skin whose size (m) is implausible in metres.
 pub(super) fn doubtful_unit(extent: f64) -> String {
     let across = if extent < 1e5 { format!("{extent:.0}") } else { format!("{extent:.0e}") };
     if extent < 1.0 {
-        return format!("it is {} across: is the file in metres, and read in another unit?", length(extent));
+        return format!("it is {} across: is the file in metres, but read in another unit?", length(extent));
     }
     format!(
         "it is {across} m across: is the file in millimetres? Lengths are read as metres, so divide them by 1000"
@@ -38,7 +38,7 @@ pub(super) fn edge_list(edges: &[[VertexId; 2]]) -> String {
 
 /// `1, 5, 9 and 4 more`: the first few of a list.
 pub(super) fn first_few<T: fmt::Display>(items: &[T]) -> String {
-    /// Enough to find the place in the file; a terminal line holds no more.
+    /// Enough to find them in the file, and no more than fits on a line of a terminal.
     const SHOWN: usize = 8;
     let shown: Vec<String> = items.iter().take(SHOWN).map(ToString::to_string).collect();
     let rest = items.len() - shown.len();

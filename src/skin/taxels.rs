@@ -1,5 +1,4 @@
-//! What is known of the taxels of a patch: one array per property, one entry per vertex of its
-//! mesh.
+//! The properties of the taxels of a patch: one array per property, one entry per vertex of its mesh.
 //!
 //! Every step that drops, reorders or moves taxels goes through [`Taxels::select`] and
 //! [`Taxels::posed`], so that no property is lost.
@@ -37,7 +36,7 @@ impl fmt::Display for TaxelId {
     }
 }
 
-/// What a slot of the skin holds.
+/// The content of a slot of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Presence {
     /// A working taxel.
@@ -50,12 +49,12 @@ pub enum Presence {
 }
 
 impl Presence {
-    /// Whether it is a taxel that works.
+    /// Whether it is a working taxel.
     pub(crate) fn reads_pressure(self) -> bool {
         self == Self::Present
     }
 
-    /// The number that stands for it in files.
+    /// Its number in files.
     pub(crate) const fn code(self) -> u8 {
         match self {
             Self::Absent => 0,
@@ -64,7 +63,7 @@ impl Presence {
         }
     }
 
-    /// The word that stands for it in tables.
+    /// Its word in tables.
     pub(crate) const fn word(self) -> &'static str {
         match self {
             Self::Absent => "absent",
@@ -75,19 +74,19 @@ impl Presence {
 
     const ALL: [Self; 3] = [Self::Absent, Self::Present, Self::ThermalPad];
 
-    /// What the number `code` of a file stands for.
+    /// The presence with the number `code` in files.
     pub(crate) fn from_code(code: f64) -> Option<Self> {
         Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
     }
 
-    /// What a word of a table stands for.
+    /// The presence with a word in tables.
     pub(crate) fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|p| p.word() == word)
     }
 }
 
 columns! {
-    /// What is known of the taxels of a patch.
+    /// The properties of the taxels of a patch.
     Taxels {}
     /// Vendor ids; not unique.
     ids: IdVec<VertexId, TaxelId>,
@@ -101,32 +100,33 @@ columns! {
     tangents: Option<IdVec<VertexId, DVec3>>,
     /// Receptive areas in m^2, positive.
     areas: IdVec<VertexId, f64>,
-    /// Taxels per m^2, positive; `None`: as the spacing says.
+    /// Taxels per m^2, positive; `None`: those of the spacing.
     densities: Option<IdVec<VertexId, f64>>,
     /// How much distortion of the map counts at each taxel, at least 0; only ratios matter. `None`:
     /// the same everywhere.
     weights: Option<IdVec<VertexId, f64>>,
-    /// How many times finer than elsewhere the fields are at each taxel, and how many times longer
-    /// lengths on the map, from 0.001 to 1000; only ratios matter. `None`: the same everywhere.
+    /// Factor by which fields are finer, and lengths on the map longer, at each taxel than elsewhere, from
+    /// 0.001 to 1000; only ratios matter. `None`: the same everywhere.
     acuities: Option<IdVec<VertexId, f64>>,
-    /// What each slot holds.
+    /// The content of each slot.
     presence: IdVec<VertexId, Presence>,
-    /// How uncertain the positions are, in the link's frame; `None`: unknown.
+    /// Covariances of the positions, in the link's frame; `None`: unknown.
     covariances: Option<IdVec<VertexId, Covariance>>,
     /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
     joints: Option<IdVec<VertexId, Joints>>,
 }
 
-/// Up to four links that a point follows, and how much: it moves to the mean of where they take it, by
-/// their weights (linear blend skinning). Weights are at least 0 with sum 1; one that is 0 has no effect.
+/// Up to four links that a point follows, with weights: it moves to the weighted mean of the positions to
+/// which they move it (linear blend skinning). Weights are at least 0 with sum 1; a weight of 0 has no
+/// effect.
 pub type Joints = [(LinkId, f64); 4];
 
-/// How far the weights of [`Joints`] may be from a sum of 1 before they are scaled to it: files hold
-/// them in 8 bits.
+/// How far the sum of the weights of [`Joints`] may be from 1 before they are scaled to it: files store them
+/// in 8 bits.
 const JOINTS_TOLERANCE: f64 = 0.02;
 
-/// Joints whose weights have the sum 1, none of them twice, the others 0; `None` if a weight is negative or
-/// not a number, or the sum is another one.
+/// Joints with weights of sum 1 and each link once; unused entries have weight 0. `None` if a weight is
+/// negative or not a number, or the sum is not near 1.
 pub(crate) fn scaled_joints(joints: &Joints) -> Option<Joints> {
     let sum: f64 = joints.iter().map(|joint| joint.1).sum();
     // Also true for NaN.
@@ -144,16 +144,15 @@ pub(crate) fn scaled_joints(joints: &Joints) -> Option<Joints> {
     Some(scaled)
 }
 
-/// Normals and tangents go through `f32` in files, which keeps seven digits: lengths, and the cosine
-/// between the two, may be this far off.
+/// Tolerance of lengths, and of the cosine between normal and tangent: files store both as `f32`, with seven
+/// digits.
 const UNIT_TOLERANCE: f64 = 1e-5;
 
 /// Principal minors of a covariance may be this much below 0, in units of its trace: files store
 /// `f32`.
 const COVARIANCE_TOLERANCE: f64 = 1e-5;
 
-/// The taxels of a mesh of which nothing else is known: ids count from 1, normals and areas come from
-/// the triangles.
+/// The taxels of a bare mesh: ids count from 1, normals and areas come from the triangles.
 impl From<&TriMesh> for Taxels {
     fn from(mesh: &TriMesh) -> Self {
         Self {
@@ -167,14 +166,14 @@ impl From<&TriMesh> for Taxels {
 }
 
 impl Taxels {
-    /// Checks the length of every array and the values in it: the only check of taxels that are assembled,
-    /// built or read.
+    /// Checks the length of every array and its values: the one check of taxels that are assembled, built or
+    /// read.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
         if let Some((what, found)) = self.wrong_column(vertices) {
             return Err(TaxelError::Length { what, found, needed: vertices });
         }
         self.check_demands(vertices)?;
-        // A column that is added is checked here, or named as one that may hold anything.
+        // A new column must be checked here, or listed as one with arbitrary values.
         let Self {
             normals,
             tangents,
@@ -213,7 +212,7 @@ impl Taxels {
         }
     }
 
-    /// Checks what regions demand of fields and maps: densities, weights and acuities.
+    /// Checks densities, weights and acuities, which control fields and maps.
     pub(crate) fn check_demands(&self, vertices: usize) -> Result<(), TaxelError> {
         let Self { densities, weights, acuities, .. } = self;
         for (what, values) in [("densities", densities), ("weights", weights), ("acuities", acuities)] {
@@ -241,7 +240,7 @@ impl Taxels {
         }
     }
 
-    /// Densities (1/m^2) as the acuities want them, for places that depend on them alone.
+    /// Densities (1/m^2) that follow from the acuities, for code that depends on densities alone.
     pub(crate) fn wanted_densities(&self) -> Option<IdVec<VertexId, f64>> {
         match (&self.densities, &self.acuities) {
             (densities, None) => densities.clone(),
@@ -257,10 +256,10 @@ impl Taxels {
         self.selected(origins.iter().map(|v| v.index()))
     }
 
-    /// The taxels in another frame, by a rigid pose.
+    /// The taxels in another frame, transformed by a rigid pose.
     ///
-    /// Poses of links never mirror. A mirror would take normals and tangents to their images, but
-    /// `n x t` to the opposite of its image: frames stay right-handed.
+    /// Poses of links never mirror. A mirror would map `n x t` to the opposite of its image, so frames would
+    /// not stay right-handed.
     pub(super) fn posed(&self, pose: &DAffine3) -> Self {
         let turn = pose.matrix3;
         Self {
@@ -272,7 +271,7 @@ impl Taxels {
     }
 }
 
-/// The first value that is not right, and its vertex.
+/// The first value that is not valid, and its vertex.
 fn first<'a, T: Copy + 'a>(
     mut values: impl Iterator<Item = (VertexId, &'a T)>,
     is_right: impl Fn(&T) -> bool,
@@ -289,8 +288,7 @@ pub(super) fn is_weight(x: f64) -> bool {
     x.is_finite() && x >= 0.0
 }
 
-/// Whether all principal minors are non-negative but for rounding: then no direction has a negative
-/// variance.
+/// Whether all principal minors are non-negative up to rounding: then no direction has a negative variance.
 fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
     let trace = xx + yy + zz;
     let [a, b, c] = [xx * yy - xy * xy, xx * zz - xz * xz, yy * zz - yz * yz];
@@ -341,7 +339,7 @@ pub enum TaxelError {
 }
 
 impl TaxelError {
-    /// The same error with the number that its vertex has elsewhere.
+    /// The error with another number for its vertex.
     pub(super) fn renumbered(mut self, number: impl Fn(VertexId) -> VertexId) -> Self {
         match &mut self {
             Self::Area { vertex, .. }

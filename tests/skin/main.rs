@@ -469,7 +469,7 @@ fn invalid_skins_are_not_built() {
     let changes: [(Change, &str); 3] = [
         (|skin| skin.patches.iter_mut().for_each(|p| p.taxels.normals = vec![DVec3::Z].into()), "normals"),
         (|skin| skin.patches.iter_mut().for_each(|p| p.link = 9_u32.into()), "link 9"),
-        (|skin| skin.patches.iter_mut().for_each(|p| p.filled = 3), "3 faces are said to fill holes"),
+        (|skin| skin.patches.iter_mut().for_each(|p| p.filled = 3), "faces that fill holes is 3"),
     ];
     for (change, found) in changes {
         let mut skin = skin::Skin::from_mesh("palm", shapes::square());

@@ -1,5 +1,4 @@
-//! One sheet, welded, wound consistently and cleared of faces without area, split into its
-//! components.
+//! One sheet, welded, consistently wound and without faces of zero area, split into its components.
 
 use glam::DVec3;
 
@@ -16,11 +15,11 @@ use crate::skin::{RemarkKind, Sheet, SkinError};
 /// One sheet, ready to be split into patches.
 pub(super) struct Components<'a> {
     pub sheet: &'a Sheet,
-    /// The vertex of the file that each vertex is.
+    /// For each vertex its vertex in the file.
     pub in_file: IdVec<VertexId, VertexId>,
     /// Unit normals of the taxels, zero where there is none; `None` without normals.
     pub normals: Option<IdVec<VertexId, DVec3>>,
-    /// Unit tangents, likewise.
+    /// Unit tangents, zero where there is none; `None` without tangents.
     pub tangents: Option<IdVec<VertexId, DVec3>>,
     mesh: TriMesh,
     /// The component of each face; `None` for a face that was dropped.
@@ -30,7 +29,7 @@ pub(super) struct Components<'a> {
     turned: IdVec<FaceId, bool>,
 }
 
-/// One patch to be: its taxels, as the sheet numbers them, and its faces.
+/// A future patch: its taxels, numbered as in the sheet, and its faces.
 #[derive(Debug)]
 pub(super) struct Component {
     pub vertices: IdVec<VertexId, VertexId>,
@@ -93,7 +92,7 @@ impl<'a> Components<'a> {
         Ok(this)
     }
 
-    /// Reports which taxels have no face (any more), and how many vertices were welded.
+    /// Reports which taxels have no face, and how many vertices were welded.
     fn report_taxels(&self, taxel: &IdVec<VertexId, VertexId>, remarks: &mut Vec<RemarkKind>) {
         let mut used = IdVec::<VertexId, bool>::filled(false, self.mesh.positions.len());
         for (face, t) in self.mesh.triangles.enumerate() {
@@ -138,7 +137,7 @@ fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
     }
     note(remarks, surface.duplicates.clone(), |faces| RemarkKind::DuplicatesDropped { faces });
     note(remarks, surface.dropped.clone(), |faces| RemarkKind::ExtraFacesDropped { faces });
-    note(remarks, surface.parted.clone(), |edges| RemarkKind::EdgesParted { edges });
+    note(remarks, surface.split_edges.clone(), |edges| RemarkKind::EdgesParted { edges });
     note(remarks, surface.one_sided.clone(), |edges| RemarkKind::OneSidedCut { edges });
     note(remarks, surface.touching.clone(), |vertices| RemarkKind::FansSplit { vertices });
 }

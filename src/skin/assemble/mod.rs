@@ -1,7 +1,7 @@
 //! Assembling: a draft becomes a skin, and every repair is reported.
 //!
-//! [`assemble`] takes these steps for every sheet: `components` and `zero_area` (the faces that are
-//! connected), `patch` (a patch of each).
+//! [`assemble`] takes these steps for every sheet: `components` and `zero_area` split it into components,
+//! `patch` makes a patch of each.
 
 mod components;
 mod patch;
@@ -21,19 +21,19 @@ use crate::skin::{Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, S
 /// How a draft is assembled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AssembleOptions {
-    /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20.
-    /// What is longer spans a real gap, and a boundary stays there.
+    /// Longest edge between bare taxels over the spacing of the taxels at its ends, from 1 to 20. Longer
+    /// distances are gaps, with a boundary on each side.
     pub gap: f64,
-    /// Which holes are filled; the longest loop of a patch is its outer boundary and stays, but for a
+    /// Which holes are filled; the longest loop of a patch is its outer boundary and is not filled, except a
     /// pin-hole of a closed body.
     pub fill_holes: FillHoles,
-    /// Which vertices at one place are one taxel.
+    /// Which coincident vertices are one taxel.
     pub weld: Weld,
-    /// Drop faces with the corners of an earlier one, split edges with more than two faces into solids
-    /// that touch there or sheets that continue each other, and cut surfaces with one side open.
+    /// Drop faces with the corners of an earlier one, split edges with more than two faces into solids that
+    /// touch there or sheets that continue each other, and cut one-sided surfaces open.
     pub repair: bool,
-    /// Where the outside of bare taxels is, as a direction in the frame of their link, for components
-    /// of which neither normals nor anything else of the file tells it.
+    /// The direction of the outside of bare taxels, in the frame of their link, for components whose outside
+    /// the file does not determine.
     pub outside: Option<DVec3>,
     /// Leave out the sheets that cannot be repaired, instead of refusing the draft.
     pub keep_going: bool,
@@ -58,7 +58,7 @@ impl Default for AssembleOptions {
     }
 }
 
-/// A skin, and what had to be done to get it.
+/// A skin, and the remarks on how it was assembled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assembled {
     /// The skin.
@@ -67,29 +67,29 @@ pub struct Assembled {
     pub remarks: Vec<Remark>,
 }
 
-/// Welds, splits into patches and orients: whatever can be repaired without guessing is, and every
-/// change is reported.
+/// Welds, splits into patches and orients. Everything that can be repaired without guessing is repaired, and
+/// every change is reported.
 ///
-/// - **Bare taxels**, a draft without any triangle, are joined first: by the triangles of the
-///   Delaunay triangulations in their tangent planes whose edges are no longer than the gap
-///   ([`AssembleOptions::gap`]). Taxels closer than a fiftieth of the spacing become one. The result
-///   does not depend on the order of the taxels, but for which diagonal a square gets.
+/// - **Bare taxels**, a draft without any triangle, are joined first: by the triangles of the Delaunay
+///   triangulations in their tangent planes whose edges are no longer than the gap
+///   ([`AssembleOptions::gap`]). Taxels closer than a fiftieth of the spacing become one. The result does not
+///   depend on the order of the taxels, except for the diagonals of squares.
 /// - **Welding**: vertices are one taxel if their positions are exactly equal and their ids are, or
 ///   there are no ids; with different ids they stay two taxels, unless one face has both. A weld
 ///   that would make sheets touch is undone, and a surface that the file cuts open into a disk stays
 ///   cut ([`Weld`](crate::skin::Weld)).
-/// - **Fans** of faces that touch in a vertex get a copy of it each. If asked for, faces with the
+/// - **Fans** of faces that touch in a vertex get a copy of it each. On request, faces with the
 ///   corners of an earlier one are dropped and edges with more than two faces split into sheets.
 /// - **Faces** that use a taxel twice are left out; faces without area are dropped at the boundary
 ///   and flipped away elsewhere, so that no slit opens. Taxels without a face are left out.
 /// - **Patches** are the components joined across edges, in the order of their first faces: `name`,
 ///   `name.1`, ...
-/// - **Winding** is made consistent; the outside is where the taxels' normals point if these are
-///   reliable (unit vectors, not constant on a curved part, on the whole along the faces), else the
-///   outside of a closed surface, else where most faces of the file have it.
-/// - **Holes** are filled, if asked for.
-/// - **Tangents** are projected to the tangent planes of the normals; one that says nothing is
-///   replaced by the mean of its neighbours', and where most say nothing there are none.
+/// - **Winding** is made consistent; the outside is where the taxels' normals point if these are reliable
+///   (unit vectors, not constant on a curved surface, mostly along the normals of the faces), else the
+///   outside of a closed surface, else that of most faces of the file.
+/// - **Holes** are filled, on request.
+/// - **Tangents** are projected to the tangent planes of the normals; an unusable one is replaced by the mean
+///   of its neighbours', and if most are unusable the patch has none.
 /// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come
 ///   from the faces. Missing ids count from 1 through the skin. Sheets without a link get one at
 ///   the origin.
@@ -110,9 +110,9 @@ pub struct Assembled {
 /// ```
 ///
 /// # Errors
-/// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out
-/// of range, bare taxels cannot be joined, more than two faces meet at an edge, a sheet
-/// has only one side, or there is no face at all.
+/// If links or arrays do not fit, a position is not finite, a corner, a density or the gap is out of range,
+/// bare taxels cannot be joined, more than two faces meet at an edge, a sheet has only one side, or there is
+/// no face.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
     let triangulated =
         if draft.is_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
@@ -138,11 +138,11 @@ pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, S
         let faces = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
         return Err(if faces > 0 { SkinError::NoArea { faces } } else { SkinError::NoTriangles });
     }
-    // Links were checked first, each patch when it was made.
+    // Links are checked above, and each patch when it is made.
     Ok(Assembled { skin, remarks })
 }
 
-/// A skin that grows sheet by sheet.
+/// A skin that is assembled sheet by sheet.
 struct Assembly {
     skin: Skin,
     remarks: Vec<Remark>,
@@ -176,7 +176,7 @@ impl Assembly {
         }
     }
 
-    /// Adds the patches of a sheet of a draft with this many links, and what was done or is wrong.
+    /// Adds the patches of a sheet of a draft with this many links, its remarks and its error.
     fn add(&mut self, sheet: &Sheet, links: usize, options: &AssembleOptions) {
         let mut kinds = Vec::new();
         let valid = sheet.validate(links);
@@ -216,7 +216,7 @@ impl Assembly {
     }
 }
 
-/// Whether a sheet fell into several patches, or its name was taken.
+/// The remark that a sheet became several patches, or that its name was taken.
 fn renamed(sheet: &Sheet, patches: &[Patch]) -> Option<RemarkKind> {
     match patches {
         [patch] if patch.name == sheet.title() => None,
@@ -229,7 +229,7 @@ fn renamed(sheet: &Sheet, patches: &[Patch]) -> Option<RemarkKind> {
 /// Gives every patch a unique name.
 #[derive(Debug)]
 struct Names {
-    /// Names of sheets: a component of another sheet must not take them.
+    /// Names of sheets, which components of other sheets must not get.
     of_sheets: HashSet<String>,
     taken: HashSet<String>,
     /// The last number given to a component, by the name of its sheet.
@@ -242,7 +242,7 @@ impl Names {
         Self { of_sheets, taken: HashSet::new(), last: HashMap::new() }
     }
 
-    /// The next free one of `name`, `name.1`, `name.2`, ...
+    /// The next free name of `name`, `name.1`, `name.2`, ...
     fn next(&mut self, name: &str) -> String {
         if self.taken.insert(name.to_owned()) {
             return name.to_owned();

@@ -1,4 +1,4 @@
-//! A component becomes a patch: outward, filled, and with everything the file says about its taxels, whose
+//! Makes a patch of a component: turned outward, filled, and with the data of the file on its taxels, whose
 //! normals are chosen here.
 
 use glam::DVec3;
@@ -12,9 +12,8 @@ use crate::skin::remark::note;
 use crate::skin::taxels::is_positive;
 use crate::skin::{OutsideFrom, Patch, Presence, RemarkKind, SkinError, TaxelId, Taxels, tangents_along};
 
-/// Turns `component` outward, fills the `holes` that are wanted and gives its
-/// taxels what the file says about them. The patch has the name and link of its sheet,
-/// and follows only some of this many `links`.
+/// Turns `component` outward, fills the requested `holes` and adds the data of the file on its taxels. The
+/// patch has the name and link of its sheet; its taxels may follow only links below `links`.
 ///
 /// Holes are filled before normals and areas are computed, since these come from the faces.
 pub(super) fn patch_of(
@@ -70,8 +69,7 @@ pub(super) fn patch_of(
     Ok(patch)
 }
 
-/// The tangents of the file in the tangent planes of the normals chosen; `None` where most of them
-/// say nothing.
+/// The tangents of the file in the tangent planes of the chosen normals; `None` if most of them are unusable.
 fn choose_tangents(
     mesh: &TriMesh,
     normals: &IdVec<VertexId, DVec3>,
@@ -119,8 +117,8 @@ fn count_on(next_id: &mut u32) -> TaxelId {
 /// Turns all faces over if the component is inside out, and reports how many faces then differ from
 /// the file.
 ///
-/// The outside is where reliable normals point, else the outside of a closed surface, else where
-/// most faces of the file have it.
+/// The outside is where reliable normals point, else the outside of a closed surface, else that of most faces
+/// of the file.
 fn turn_outward(component: &mut Component, quality: Option<NormalQuality>, remarks: &mut Vec<RemarkKind>) {
     let of = component.mesh.triangles.len();
     let (inside_out, outside) = match quality {

@@ -9,8 +9,8 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, triangle_cross};
 use crate::parallel::par_collect;
 
-/// A face lower than this share of its longest side has no area. Positions in `f32` move the middle
-/// one of three collinear taxels off the line by up to 1e-5 of their distance; no real face is that
+/// A face lower than this share of its longest side has no area. Rounding of positions to `f32` moves the
+/// middle one of three collinear taxels off the line by up to 1e-5 of their distance; no real face is that
 /// thin.
 const FLATTEST: f64 = 1e-5;
 
@@ -19,7 +19,7 @@ const FLATTEST: f64 = 1e-5;
 pub(in crate::skin) fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     let height = triangle_cross([a, b, c]).length() / longest;
-    // Edges too short or too long for their squares: 0/0.
+    // Squares of very short or long edges under- or overflow: 0/0.
     if height.is_nan() { 0.0 } else { height }
 }
 
@@ -28,7 +28,7 @@ pub(in crate::skin) fn has_no_area(corners: [DVec3; 3]) -> bool {
     slenderness(corners) <= FLATTEST
 }
 
-/// What became of the faces without area, by their index in the mesh.
+/// What was done with the faces without area.
 #[derive(Debug, Default)]
 pub(super) struct Cleared {
     /// Faces at the boundary that were dropped.
@@ -41,11 +41,10 @@ pub(super) struct Cleared {
 
 /// Removes the faces without area from a manifold mesh of consistent winding.
 ///
-/// Where the longest side lies on the boundary the face is dropped, and the boundary then runs
-/// through its middle corner. Elsewhere that would tear a slit, so the longest side is flipped: the
-/// face and its neighbour become two faces with area. Every step removes one face without area, so
-/// the work is linear in their number. Dropped faces stay in the list of triangles: the caller must
-/// leave them out.
+/// Where the longest side lies on the boundary the face is dropped, and the boundary then runs through its
+/// middle corner. Elsewhere that would open a slit, so the longest side is flipped: the face and its
+/// neighbour become two faces with area. Every step removes one face without area, so the work is linear in
+/// their number. Dropped faces remain in the list of triangles: the caller must leave them out.
 pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
     let is_flat = |&face: &FaceId| has_no_area(mesh.corners(face));
     let flat = par_collect(mesh.triangles.len(), |faces, flat| {
@@ -72,7 +71,7 @@ pub(super) fn clear_zero_area(mesh: &mut TriMesh) -> Cleared {
             Step::Flipped => cleared.flipped.push(face),
             Step::Stuck => continue,
         }
-        // Its neighbours may move now. Only steps that succeed get here, so this ends.
+        // Now its neighbours may be dropped or flipped. Only successful steps get here, so this ends.
         queue.extend(around.into_iter().flatten());
         if matches!(step, Step::Flipped) {
             queue.extend(edges.neighbours(mesh.triangles[face]).into_iter().flatten());
@@ -130,7 +129,7 @@ impl DirectedEdges {
         let Some(beyond) = self.face(c, a) else {
             let inner_sides =
                 [(middle, c), (a, middle)].iter().filter(|s| self.faces.contains_key(s)).count();
-            // Two boundaries through one vertex: it would have two fans.
+            // Two boundaries through one vertex would make two fans.
             if self.on_boundary[middle] && inner_sides == 2 {
                 return Step::Stuck;
             }

@@ -1,5 +1,5 @@
-//! Findings: what is wrong with a draft, how bad it is and where, as data; and what every part of the check
-//! works on, one sheet and the findings about it.
+//! Findings: what is wrong with a draft, how severe it is and where, as data; and the input of every check,
+//! one sheet and the findings about it.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ use crate::skin::{LinkId, Sheet, SkinError};
 pub struct Finding {
     /// Name of the sheet; empty if it concerns the whole draft.
     pub patch: String,
-    /// What kind of thing.
+    /// What is wrong.
     pub kind: FindingKind,
     /// The elements concerned, numbered as in the sheet.
     pub elements: Elements,
@@ -37,7 +37,7 @@ pub enum Elements {
     Links(Vec<LinkId>),
 }
 
-/// How bad a finding is.
+/// How severe a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// [`crate::skin::assemble`] refuses the draft.
@@ -59,7 +59,7 @@ macro_rules! finding_kinds {
         }
 
         impl FindingKind {
-            /// How bad it is.
+            /// How severe it is.
             pub const fn severity(&self) -> Severity {
                 match self {
                     $(Self::$variant $({ $($field: _),* })? => Severity::$severity,)*
@@ -85,15 +85,15 @@ macro_rules! finding_kinds {
 finding_kinds! { n;
     /// Neither triangles nor taxels.
     Error NoTriangles => "{}", SkinError::NoTriangles;
-    /// Taxels without triangles, which are joined when they are read.
+    /// Taxels without triangles, which assembling joins.
     Note Bare => "its taxels have no triangles: reading it as a skin joins them";
-    /// What assembling refuses it for, where no other finding is an error.
+    /// The reason why assembling refuses it, if no other finding is an error.
     Error NoSkin { reason: SkinError } => "{reason}";
-    /// Taxels without triangles fall into pieces when they are joined.
+    /// Taxels without triangles make several pieces when they are joined.
     Warning BarePieces { patches: Vec<String> } =>
         "joined, its taxels fall into {} that share no edge", count(patches.len(), "piece", "pieces");
     /// Taxels without triangles that are left out when others are joined.
-    Warning BareLeftOut => "{} left out, without a place in a triangle", count(n, "taxel is", "taxels are");
+    Warning BareLeftOut => "{} left out, used by no triangle", count(n, "taxel is", "taxels are");
     /// A sheet of taxels without triangles that cannot be joined, among others that can.
     Warning BareSheetLeftOut { reason: SkinError } => "left out: {reason}";
     Error LinkOrder => "{}", count(n, "link comes before its parent", "links come before their parents");
@@ -102,11 +102,11 @@ finding_kinds! { n;
         "it is attached to link {link}, but there {}",
         if *links == 1 { "is 1 link".to_owned() } else { format!("are {links} links") };
     /// More vertices or faces than 32-bit numbers count.
-    Error TooLarge => "it has more vertices or faces than 32-bit numbers count; nothing else was looked at";
+    Error TooLarge => "it has more vertices or faces than 32-bit numbers count; nothing else was checked";
     /// A sheet so large that the file is probably not in metres.
     Warning DoubtfulUnit { extent: f64 } => "{}", crate::skin::RemarkKind::DoubtfulUnit { extent: *extent };
     Error ArrayLength { what: &'static str, found: usize, needed: usize } =>
-        "the array of {what} has {} for {}; nothing else was looked at",
+        "the array of {what} has {} for {}; nothing else was checked",
         count(*found, "entry", "entries"), count(*needed, "vertex", "vertices");
     Error NotFinite => "{} a coordinate that is NaN or infinite", count(n, "vertex has", "vertices have");
     /// A face names a vertex that does not exist.
@@ -139,7 +139,7 @@ finding_kinds! { n;
     Note ClosedPatch => "{} no boundary: {} map is cut open along a seam; listed is {}",
         count(n, "piece has", "pieces have"), its(n), first_face(n);
     /// A component with handles: its map is cut open.
-    Note Handle { handles: usize } => "{} {}, like that of a cup: {} map is cut open along a seam; listed is {}",
+    Note Handle { handles: usize } => "{} {}, as a cup has: {} map is cut open along a seam; listed is {}",
         count(n, "piece has", "pieces have"), count(*handles, "handle", "handles"), its(n), first_face(n);
     /// A pin-hole, see [`crate::mesh::FillHoles::PinHoles`].
     Warning PinHole { holes: usize } =>
@@ -152,7 +152,7 @@ finding_kinds! { n;
         count(n, "boundary vertex lies", "boundary vertices lie"), if n == 1 { "it is" } else { "they are" }, 1e3 * nearest;
     Warning IsolatedTaxel { of: usize } =>
         "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
-    /// Several taxels at one place.
+    /// Several taxels at one position.
     Warning DuplicatePosition { distance: f64 } => "{}", coincident(n, *distance);
     Warning DuplicateId { ids: usize } =>
         "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
@@ -162,7 +162,7 @@ finding_kinds! { n;
         count(n, "vertex has", "vertices have");
     Warning ConstantNormals => "the normals of {} are all the same although their piece is curved: placeholders",
         count(n, "taxel", "taxels");
-    /// Normals that have nothing to do with the faces.
+    /// Normals that do not agree with the faces.
     Warning UnrelatedNormals => "{} not fit the faces around {}, inward or outward",
         count(n, "normal does", "normals do"), if n == 1 { "it" } else { "them" };
     Warning InwardNormal => "{} inwards, against most normals of {} piece",
@@ -190,19 +190,19 @@ impl Finding {
         Self { patch: sheet.to_owned(), kind, elements: Elements::Whole }
     }
 
-    /// Whether the draft cannot be assembled because of it, or only the result is doubtful.
+    /// How severe it is.
     pub const fn severity(&self) -> Severity {
         self.kind.severity()
     }
 
-    /// A sentence that says what was found.
+    /// The finding as a sentence.
     pub fn message(&self) -> String {
         self.kind.message(self.elements.len())
     }
 }
 
 impl Elements {
-    /// How many elements.
+    /// The number of elements.
     pub const fn len(&self) -> usize {
         match self {
             Self::Whole => 0,
@@ -263,7 +263,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// One sheet with everything that the parts of the check need to know about it.
+/// One sheet, with the data that the checks need.
 pub(super) struct Subject<'a> {
     pub sheet: &'a Sheet,
     pub surface: WeldedMesh,
@@ -283,7 +283,7 @@ impl<'a> Report<'a> {
         Self { patch, findings: Vec::new() }
     }
 
-    /// Adds a finding, unless it is about a list of elements that is empty.
+    /// Adds a finding, unless its list of elements is empty.
     pub(super) fn add(&mut self, kind: FindingKind, elements: Elements) {
         if elements == Elements::Whole || !elements.is_empty() {
             self.findings.push(Finding { patch: self.patch.to_owned(), kind, elements });

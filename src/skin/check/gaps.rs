@@ -10,24 +10,23 @@ use crate::skin::check::FindingKind;
 use crate::skin::check::finding::{Report, Subject};
 
 /// Two boundaries closer than this share of the local spacing look like a seam that was not joined.
-/// Modules that are meant to stay apart keep at least one spacing.
+/// Modules that are not to be joined are at least one spacing apart.
 const SEAM: f64 = 0.5;
 
-/// Edges this much longer than a vertex's spacing (as a power of two) are not looked for around it.
+/// Edges this much longer than a vertex's spacing (as a power of two) are not searched around it.
 const LEVELS_UP: i32 = 8;
 
-/// Where more edges than this crowd around one vertex the rest is not looked at: a heap of coincident
-/// faces would take quadratic time. A seam has some ten edges around each vertex.
+/// At most this many edges are tested around a vertex: many coincident faces would take quadratic time. A
+/// seam has some ten edges around each vertex.
 const MOST_CANDIDATES: usize = 2048;
 
 /// A boundary edge.
 type Ends = [VertexId; 2];
 
-/// Notes vertices of the boundary that lie close to an edge of the boundary they are not joined
-/// with.
+/// Reports boundary vertices that are close to a boundary edge that they are not joined to.
 pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
     let mesh = &subject.surface.mesh;
-    // Both sides of a cut are one place.
+    // Both sides of a cut are one position.
     let place = |v| subject.surface.place_of(v);
     let mut boundary: Vec<Ends> = Vec::new();
     let mut on_boundary = IdVec::<VertexId, bool>::filled(false, mesh.positions.len());
@@ -38,8 +37,7 @@ pub(super) fn check_gaps(subject: &Subject<'_>, report: &mut Report<'_>) {
             boundary.push(ends);
         }
     }
-    // Mean length of the edges at each vertex of the boundary, and which of these vertices are
-    // neighbours.
+    // Mean length of the edges at each boundary vertex, and which of these vertices are neighbours.
     let mut lengths = IdVec::<VertexId, (f64, u32)>::filled((0.0, 0), mesh.positions.len());
     let mut joined: HashSet<Ends> = HashSet::new();
     for uses in subject.surface.edges.iter() {
@@ -98,8 +96,7 @@ impl<'a> BoundaryEdges<'a> {
 
     /// Distance of `point` to the nearest edge for which `allowed` holds, if that is below `reach`.
     fn nearest(&self, point: DVec3, reach: f64, allowed: impl Fn(Ends) -> bool) -> Option<f64> {
-        // Edges shorter than the reach belong to much denser skin, whose vertices find this place
-        // from their side.
+        // Shorter edges belong to much denser skin, whose vertices find this gap from their side.
         let own = level_of(reach)?;
         let levels = own..=own + LEVELS_UP;
         let mut nearest = reach;
@@ -121,7 +118,7 @@ impl<'a> BoundaryEdges<'a> {
     }
 }
 
-/// The power of two below a length; `None` where there is no such thing.
+/// The exponent of the power of two below a length; `None` for a length that is not usable.
 fn level_of(length: f64) -> Option<i32> {
     // Outside of this range squares of lengths overflow or underflow.
     let is_usable = length > 1e-100 && length < 1e100;
@@ -132,6 +129,6 @@ fn level_of(length: f64) -> Option<i32> {
 fn distance_to_segment(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let along = b - a;
     let t = ((point - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    // NaN for edges without length, which then are near nothing.
+    // NaN for edges without length, so that they are near nothing.
     point.distance(a + t * along)
 }

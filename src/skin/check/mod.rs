@@ -21,19 +21,19 @@ use crate::skin::{AssembleOptions, Draft, Remark, RemarkKind, Sheet, assemble};
 
 pub use finding::{Elements, Finding, FindingKind, Severity};
 
-/// Everything that is wrong with a draft: sheet by sheet, errors first; empty for a healthy one.
+/// Everything that is wrong with a draft: sheet by sheet, errors first; empty if nothing is.
 ///
-/// A sheet is healthy if [`crate::skin::assemble`] takes it unchanged and it is probably what was
-/// meant: one piece with an outer boundary and any number of holes but pin-holes, wound outward, of
-/// taxels that can be distinguished. Vertices that a file splits along seams of its normals or
-/// textures are healthy too, and so are slots marked as absent that have no face.
+/// A sheet has no findings if [`crate::skin::assemble`] takes it unchanged and it is probably what was meant:
+/// one piece with an outer boundary and any number of holes other than pin-holes, wound outward, of taxels
+/// that can be distinguished. Vertices that a file splits along seams of its normals or textures are fine
+/// too, and so are slots marked as absent that have no face.
 ///
 /// With an error among the findings ([`Severity::Error`]), and only then, the draft is refused by
-/// [`crate::skin::assemble`] with the same `options`; with [`AssembleOptions::keep_going`] the sheets of the errors
-/// may be left out instead. What no finding describes more closely is [`FindingKind::NoSkin`]. Takes time
-/// near-linear in the size of the draft, and never panics.
+/// [`crate::skin::assemble`] with the same `options`; with [`AssembleOptions::keep_going`] the sheets of the
+/// errors may be left out instead. Errors that no other kind describes are [`FindingKind::NoSkin`]. Takes
+/// time near-linear in the size of the draft, and never panics.
 ///
-/// Bare taxels are judged by what assembling them with `options` gives.
+/// Bare taxels are joined with `options` first, and the result is checked.
 ///
 /// ```
 /// use dermatome::{
@@ -87,10 +87,10 @@ fn only_name(draft: &Draft) -> &str {
     }
 }
 
-/// Notes what becomes of bare taxels: why they cannot be joined, which are merged, into what
-/// components they fall, and which are left out.
+/// Reports how bare taxels are joined: why they cannot be, which are merged, what components they make, and
+/// which are left out.
 fn check_bare(draft: &Draft, options: &AssembleOptions, findings: &mut Vec<Finding>, whole: &mut Report<'_>) {
-    // Assembling says which taxels are left out, and merges more than what lies at exactly one place.
+    // Assembling reports which taxels are left out, and also merges taxels that are only nearly coincident.
     let is_isolated = |kind: &FindingKind| matches!(kind, FindingKind::IsolatedTaxel { .. });
     let is_duplicate = |kind: &FindingKind| matches!(kind, FindingKind::DuplicatePosition { .. });
     findings.retain(|f| !is_isolated(&f.kind));

@@ -15,7 +15,7 @@ use crate::skin::weld::welded_mesh::duplicate_faces;
 /// to 0.04.
 const SLIVER: f64 = 0.02;
 
-/// Notes faces that repeat corners or other faces, and those that are too thin.
+/// Reports faces that repeat corners or other faces, and those that are too thin.
 pub(super) fn check_faces(subject: &Subject<'_>, report: &mut Report<'_>) {
     let surface = &subject.surface;
     let mesh = &surface.mesh;
@@ -55,7 +55,7 @@ pub(super) fn check_winding(subject: &Subject<'_>, report: &mut Report<'_>) {
     report.add_faces(kind, fewer.map(|f| subject.surface.file_faces[f]));
 }
 
-/// Notes faces wound against the normals, and normals that are zero, not finite, or disagree with the faces.
+/// Reports faces wound against the normals, and normals that are zero, not finite, or disagree with the faces.
 pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     let winding = &subject.winding;
     let mesh = &subject.surface.mesh;
@@ -86,7 +86,7 @@ pub(super) fn check_normals(subject: &Subject<'_>, report: &mut Report<'_>) {
     check_directions(subject, normals, &wound, &qualities, report);
 }
 
-/// Notes normals that do not tell the outside of `wound`, the mesh wound outward.
+/// Reports normals that disagree with `wound`, the mesh wound outward.
 fn check_directions(
     subject: &Subject<'_>,
     normals: &IdVec<VertexId, DVec3>,

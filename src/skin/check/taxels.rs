@@ -9,7 +9,7 @@ use crate::skin::normals::is_unit;
 use crate::skin::taxels::{is_positive, is_weight};
 use crate::skin::{Presence, Sheet, TaxelId, in_tangent_plane};
 
-/// Notes positions and corners that are not valid; says which faces have neither.
+/// Reports positions and corners that are not valid; returns which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {
     let finite: Vec<bool> = sheet.positions.iter().map(|p| p.is_finite()).collect();
     let not_finite = (0..finite.len()).filter(|&v| !finite[v]).map(VertexId::new);
@@ -22,7 +22,7 @@ pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<Face
     sheet.triangles.iter().map(is_usable).collect()
 }
 
-/// Notes taxels without a face and taxels at the same place.
+/// Reports taxels without a face and coincident taxels.
 pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
     let vertices = surface.place.len();
@@ -37,8 +37,7 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     let isolated = in_file.ids().filter(|&v| is_isolated(v));
     report.add_vertices(FindingKind::IsolatedTaxel { of: vertices }, isolated);
 
-    // Copies that are one taxel of a split seam are healthy; a second taxel at the same place is
-    // not.
+    // Copies of one taxel along a split seam are valid; a second taxel at the same position is not.
     let mut first: HashMap<[u64; 3], VertexId> = HashMap::with_capacity(vertices);
     let mut again = Vec::new();
     for (v, p) in surface.mesh.positions.enumerate().take(vertices) {
@@ -54,12 +53,12 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
     report.add_vertices(FindingKind::DuplicatePosition { distance: 0.0 }, again);
 }
 
-/// Notes ids that more than one taxel has.
+/// Reports ids that more than one taxel has.
 pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
     let Some(ids) = &sheet.ids else { return };
     let is_absent = |v: VertexId| sheet.presence.as_ref().is_some_and(|p| p[v.index()] == Presence::Absent);
-    // Where each id is for the first time. Copies of one vertex have one place and are one taxel.
+    // The first vertex of each id. Copies of one vertex have one position and are one taxel.
     let mut owners: HashMap<TaxelId, (VertexId, usize)> = HashMap::with_capacity(ids.len());
     let taxels: Vec<(VertexId, TaxelId)> = surface
         .place
@@ -79,7 +78,7 @@ pub(super) fn check_ids(subject: &Subject<'_>, report: &mut Report<'_>) {
     report.add_vertices(FindingKind::DuplicateId { ids }, repeated.into_iter().map(|&(v, _)| v));
 }
 
-/// Notes normals, areas and densities of taxels with a face that are out of range.
+/// Reports normals, areas and densities out of range, of taxels with a face.
 pub(super) fn check_quantities(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { sheet, surface, .. } = subject;
     let mut used = IdVec::<VertexId, bool>::filled(false, surface.mesh.positions.len());

@@ -5,8 +5,8 @@ use crate::mesh::{FillHoles, Halfedge, Part, Topology, TriMesh, fillings, loops_
 use crate::skin::check::finding::{Report, Subject};
 use crate::skin::check::{Elements, FindingKind};
 
-/// Notes edges, vertices and strips that make the sheet no oriented manifold; says whether every edge
-/// has at most two faces.
+/// Reports edges, vertices and strips because of which the sheet is not an oriented manifold; returns whether
+/// every edge has at most two faces.
 pub(super) fn check_manifold(subject: &Subject<'_>, report: &mut Report<'_>) -> bool {
     let Subject { surface, winding, .. } = subject;
     let in_file = |ends: [VertexId; 2]| ends.map(|v| surface.in_file(v));
@@ -32,7 +32,7 @@ pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {
     }
 }
 
-/// Notes pin-holes, closed pieces and handles of a manifold sheet.
+/// Reports pin-holes, closed pieces and handles of a manifold sheet.
 pub(super) fn check_loops(subject: &Subject<'_>, report: &mut Report<'_>) {
     let Subject { surface, winding, .. } = subject;
     let TriMesh { positions, triangles } = &surface.mesh;
@@ -76,7 +76,7 @@ fn pin_holes(subject: &Subject<'_>) -> Vec<Vec<VertexId>> {
     let pieces = separate(&wound, &winding.components.of.map(|&c| Some(c)), winding.components.count);
     let mut holes = Vec::new();
     for Part { vertices, mesh } in &pieces {
-        // Corners that rounding put at one place can leave a piece that is no manifold.
+        // Corners that rounding made coincident can leave a piece that is not a manifold.
         for filling in fillings(mesh, FillHoles::PinHoles).unwrap_or_default() {
             holes.push(filling.hole.into_iter().map(|v| vertices[v]).collect());
         }

@@ -13,20 +13,19 @@ use crate::id::VertexId;
 use crate::parallel::par_collect;
 use crate::skin::triangulate::neighbours::PointCloud;
 
-/// Circumradii that differ by less than this part are equal, as those of the triangles of a square
-/// are.
+/// Circumradii whose relative difference is smaller are equal, as those of the triangles of a square.
 const SAME_SIZE: f64 = 1e-6;
 
-/// A neighbour whose normal is turned by a right angle or more lies on another side of the part.
+/// A neighbour whose normal is turned by a right angle or more lies on another side of the body.
 const SAME_SIDE: f64 = 0.0;
 
-/// Circumcircles may be wider than the gap by this factor. At 1 the result is an alpha shape, and
-/// gaps between rows of taxels that are a little narrower than the limit stay open; at much more,
-/// slivers fill the notches of every boundary.
+/// Circumcircles may be wider than the gap by this factor. At 1 the result is an alpha shape, and gaps
+/// between rows of taxels slightly below the limit stay open; at larger factors slivers fill the notches of
+/// every boundary.
 const WIDEST: f64 = 1.2;
 
-/// The skin is sheared by a millionth, so that no four taxels are on one circle: all corners of a square see the
-/// same diagonal. Along no axis, so that no lattice of squares stays one.
+/// The skin is sheared by a millionth, so that no four taxels are on one circle and all corners of a square
+/// choose the same diagonal. The direction is along no axis, so that every lattice of squares is sheared.
 const SHEAR: DVec3 = DVec3::new(0.31e-6, 0.57e-6, 0.76e-6);
 const ALONG: DVec3 = DVec3::new(0.74, -0.28, 0.61);
 
@@ -82,7 +81,7 @@ fn tangent_star(v: VertexId, cloud: &PointCloud<'_>) -> impl Iterator<Item = [Ve
     }
     let is_narrow =
         move |a: DVec2, b: DVec2| a.length() * b.length() * a.distance(b) <= WIDEST * gap * a.perp_dot(b);
-    // Positions are finite, and neighbours not far away.
+    // Cannot fail: positions are finite, and neighbours near.
     let around = star(&unrolled).unwrap_or_default().into_iter();
     let narrow = around.filter(move |&[a, b]| is_narrow(unrolled[a], unrolled[b]));
     narrow.map(move |[a, b]| [v, candidates[a], candidates[b]])

@@ -5,8 +5,8 @@ use glam::DVec2;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::skin::triangulate::neighbours::PointCloud;
 
-/// Smallest cosine between a face and the normals of its corners. A face may stand almost on edge,
-/// since noise puts taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves
+/// Smallest cosine between a face and the normals of its corners. A face may be almost perpendicular to the
+/// surface, since noise puts taxels almost above each other: at 0.1, noise of a fifth of the spacing leaves
 /// twice as many holes.
 const LEAST_COSINE: f64 = 0.02;
 
@@ -15,12 +15,11 @@ const SAME_DIRECTION: f64 = 1e-9;
 
 const END: u32 = u32::MAX;
 
-/// A mesh to which triangles are added one by one, if they fit.
+/// A mesh to which triangles are added one by one if they fit.
 ///
-/// The faces around a taxel are sectors of its tangent plane. A face fits if all corners see its
-/// outside, its edges are within the gap, no edge gets a second face in one direction, and no two
-/// sectors of a taxel overlap. So the mesh is always an oriented manifold, except that fans of
-/// faces may touch in a point.
+/// The faces around a taxel are sectors of its tangent plane. A face fits if it faces outward at all corners,
+/// its edges are within the gap, no edge gets a second face in one direction, and no two sectors of a taxel
+/// overlap. So the mesh is always an oriented manifold, except that fans of faces may touch in a point.
 #[derive(Debug)]
 pub(super) struct GrowingMesh<'a> {
     cloud: &'a PointCloud<'a>,
@@ -31,7 +30,7 @@ pub(super) struct GrowingMesh<'a> {
     next: Vec<u32>,
 }
 
-/// A part of a taxel's tangent plane without faces: between two fans, or between the ends of one.
+/// A sector of a taxel's tangent plane without faces: between two fans, or between the ends of one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Opening {
     /// The last neighbour of the fan before it, counter-clockwise.
@@ -117,8 +116,7 @@ impl<'a> GrowingMesh<'a> {
         self.triangles[face] = [t[0]; 3];
     }
 
-    /// Faces around `v`, each with the neighbour where its sector begins and the one where it ends,
-    /// counter-clockwise.
+    /// Faces around `v`, each with the neighbours at which its sector begins and ends, counter-clockwise.
     pub(super) fn sectors(&self, v: VertexId) -> impl Iterator<Item = (FaceId, VertexId, VertexId)> {
         let mut corner = self.first[v];
         std::iter::from_fn(move || {
@@ -164,7 +162,7 @@ impl<'a> GrowingMesh<'a> {
         openings
     }
 
-    /// The angle counter-clockwise from `from` to `to` as `v` sees them, in 0..2 pi.
+    /// The angle at `v` counter-clockwise from `from` to `to`, in 0..2 pi.
     fn turn(&self, v: VertexId, from: VertexId, to: VertexId) -> f64 {
         let angle = self.tangent_direction(v, from).angle_to(self.tangent_direction(v, to));
         if angle < 0.0 { angle + std::f64::consts::TAU } else { angle }
@@ -203,8 +201,8 @@ struct Sector {
 }
 
 impl Sector {
-    /// Whether two sectors that begin and end at different neighbours overlap. Where one begins at
-    /// the neighbour at which the other ends, this common side is inside neither.
+    /// Whether two sectors that begin and end at different neighbours overlap. Sectors that share a side, the
+    /// end of one and the beginning of the other, do not overlap there.
     fn overlaps(&self, other: &Self) -> bool {
         let begins_at_end = self.ends[0] == other.ends[1];
         let ends_at_begin = self.ends[1] == other.ends[0];

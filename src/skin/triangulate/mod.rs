@@ -4,30 +4,30 @@
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
-//! 1. `unique_points`: taxels at one place become one (the first that reads pressure), and so do taxels
-//!    closer than a fiftieth of the spacing: the same place, rounded otherwise. Slots that hold nothing
-//!    are left out; thermal pads and dead taxels have a place, and stay.
+//! 1. `unique_points`: coincident taxels become one (the first that reads pressure), and so do taxels closer
+//!    than a fiftieth of the spacing: one position, rounded differently. Empty slots are left out; thermal
+//!    pads and dead taxels have a position, and are kept.
 //! 2. `neighbours`: the spacing is the distance to the third nearest taxel, smoothed; edges are no longer
 //!    than the gap times the spacing at their ends.
 //! 3. `normals`: those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one
 //!    side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit
-//!    vectors along the planes of the neighbourhoods, not all the same on a curved part), keep the sides of
-//!    a thin part apart, lead the tree, and tell the outside.
+//!    vectors along the planes of the neighbourhoods, not all the same on a curved surface), separate the
+//!    sides of a thin body, guide the tree, and determine the outside.
 //! 4. `candidates`: the triangles of the Delaunay triangulations in the tangent planes, by the votes of
 //!    their corners.
 //! 5. `growing_mesh`: takes those with two votes, then those of one that fit between them, unless a face
 //!    would give an edge a third face, or overlap in the tangent plane of a corner.
 //! 6. `repair`: small holes, touching fans, isolated taxels.
-//! 7. `orient_outward`: of components whose normals do not tell it, two thirds of them, the outside is away
-//!    from the centre of the sheet.
+//! 7. `orient_outward`: where fewer than two thirds of a component's normals point to one side, the outside
+//!    is away from the centre of the sheet.
 //!
-//! `triangulate_taxels` takes these steps sheet by sheet. Taxels keep the order of the file, and arrays move
-//! with them. The result does not depend on that order, up to the order of names, nor on frame and unit,
-//! except for which diagonal a square gets. Time and memory are near-linear.
+//! `triangulate_taxels` takes these steps sheet by sheet. Taxels keep the order of the file, and so do
+//! arrays. The result does not depend on that order, up to numbering, nor on frame and unit, except for the
+//! diagonals of squares. Time and memory are near-linear.
 //!
 //! What each heuristic contributes, measured once with each switched off: pieces, holes and taxels left out,
 //! summed over the shapes of each kind of cover that changes without it, and in how many edges; the last four
-//! are parts of the iCub.
+//! are body parts of the iCub.
 //!
 //! ```text
 //! all                  noise 10/2/0  rough 10/43/9  dense 1/2/0  copies 1/0/45  tube 10/10/0  fold 7/0/0
@@ -50,8 +50,8 @@
 //! SplitFace            rough 10/43/16 (21)
 //! ```
 //!
-//! Not guaranteed: that the mesh is the surface between the taxels. Where parts lie closer than the
-//! spacing and no normals tell them apart, they are joined.
+//! Not guaranteed: that the mesh is the surface between the taxels. Surfaces that are closer than the spacing
+//! are joined if no normals distinguish them.
 
 mod candidates;
 mod growing_mesh;
@@ -77,21 +77,20 @@ use crate::skin::triangulate::orient_outward::{Outside, orient_outward};
 use crate::skin::triangulate::repair::{attach_isolated, fill_small_holes, remove_extra_fans};
 use crate::skin::{Draft, Remark, RemarkKind, Sheet, SkinError};
 
-/// Gaps that make sense: below 1 nothing is joined, and work grows with the square.
+/// Allowed gaps: below 1 nothing is joined, and the work grows with the square.
 const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
 
 /// A sheet whose median neighbourhood is at least this thick is a cloud: a noise of a third of the
 /// spacing reaches 0.1, random points in a ball 0.5.
-const THICKEST: f64 = 0.25;
+const MAX_THICKNESS: f64 = 0.25;
 
-/// Fewer than one in this many opposing normals is not reported.
-const FEW: usize = 20;
+/// A smaller share of opposing normals than one in this many is not reported.
+const MIN_REPORTED: usize = 20;
 
-/// Joins the taxels of every sheet of a draft without triangles, and adds to its remarks what was
-/// done. `gap` and `outside` are those of [`crate::skin::AssembleOptions`].
-/// Fails if the gap is out of range, or the taxels of every sheet have fewer than three places, lie in a
-/// cloud rather than on a surface, or have no triangle within the gap. Such a sheet among others is left out,
-/// with a remark.
+/// Joins the taxels of every sheet of a draft without triangles, and adds remarks on what was done. `gap` and
+/// `outside` are those of [`crate::skin::AssembleOptions`]. Fails if the gap is out of range, or the taxels
+/// of every sheet have fewer than three positions, lie in a cloud rather than on a surface, or have no
+/// triangle within the gap. Such a sheet among others is left out, with a remark.
 pub(super) fn triangulate_taxels(
     draft: &Draft,
     gap: f64,
@@ -143,7 +142,7 @@ fn triangulate_sheet(
     }
     let mut neighbours = Neighbours::new(positions, gap);
     let mut normals = PointNormals::new(&points, &mut neighbours);
-    if normals.thickness > THICKEST && !normals.has_file() {
+    if normals.thickness > MAX_THICKNESS && !normals.has_file() {
         return Err(SkinError::NoSurface { patch: patch(), thickness: normals.thickness });
     }
     orient_normals(&mut normals, positions, &neighbours);
@@ -168,8 +167,8 @@ fn triangulate_sheet(
     Ok(result)
 }
 
-/// Joins the taxels: first triangles for which two or three of their corners vote, then those of
-/// one vote that close what is left open, and last whatever attaches an isolated taxel.
+/// Joins the taxels: first by triangles with two or three votes, then by those of one vote in the gaps that
+/// are left, and last by triangles that attach isolated taxels.
 fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
     let candidates = candidates(cloud);
     let (agreed, doubtful) = candidates.split_at(candidates.partition_point(|c| c.votes > 1));
@@ -205,7 +204,7 @@ fn report(
         remarks.push(RemarkKind::NormalsIgnored { reason });
     }
     let &Outside { centre, arbitrary, opposed, normals: of } = outside;
-    if opposed > of / FEW {
+    if opposed > of / MIN_REPORTED {
         remarks.push(RemarkKind::NormalsOpposed { opposed, of });
     }
     if centre > 0 {

@@ -1,4 +1,4 @@
-//! The spacing of taxels and which of them may be joined: the point cloud before there are triangles.
+//! The point cloud: the spacing of taxels, and which of them may be joined.
 //!
 //! *Heuristic*: the constants are measured on lattices, on iCub and CySkin layouts.
 
@@ -9,18 +9,18 @@ use crate::id::{IdVec, VertexId};
 use crate::mesh::triangle_cross;
 use crate::parallel::{par_collect, par_ids};
 
-/// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on
-/// the boundary and at most corners, and thermal pads between taxels do not halve it as they do the
-/// distance to the nearest.
+/// The distance to the third nearest taxel is the spacing: on a lattice it is the same inside, on the
+/// boundary and at most corners, and thermal pads between taxels do not halve it as they halve the distance
+/// to the nearest.
 const SPACING_RANK: usize = 3;
 
 /// The spacing is the median over a taxel and this many nearest: the ring of a lattice.
 const SMOOTHING: usize = 6;
 
-/// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and
-/// with thermal pads between its taxels 5; more come from another side of the part, or from points
-/// that lie on no surface.
-const DENSEST: f64 = 10.0;
+/// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and with thermal
+/// pads between its taxels 5; more come from another side of the body, or from points that are not on a
+/// surface.
+const MAX_NEIGHBOURS: f64 = 10.0;
 
 /// A taxel that was found, and its squared distance in m^2.
 pub(super) type Neighbour = (VertexId, f64);
@@ -53,8 +53,8 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at
-    /// least two taxels, all at different places.
+    /// Joins taxels that are at most `gap` times the mean of their spacings apart. There must be at least two
+    /// taxels, all at different positions.
     pub(super) fn new(positions: &IdVec<VertexId, DVec3>, gap: f64) -> Self {
         let tree = tree_of(positions);
         let spacing = spacing(&tree, positions);
@@ -89,10 +89,10 @@ impl Neighbours {
 /// The largest number of neighbours of a taxel.
 #[expect(clippy::cast_possible_truncation, reason = "gaps lie between 1 and 20")]
 fn max_neighbours(gap: f64) -> usize {
-    (DENSEST * gap * gap).ceil() as usize
+    (MAX_NEIGHBOURS * gap * gap).ceil() as usize
 }
 
-/// The distance of a taxel to the third nearest, of those that were found; 1 if it is alone.
+/// The distance of a taxel to the third nearest of those found; 1 if it is alone.
 pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
     nearest.get(SPACING_RANK - 1).or(nearest.last()).map_or(1.0, |near| near.1.sqrt())
 }
@@ -118,7 +118,7 @@ fn spacing(tree: &PointTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<Vertex
     })
 }
 
-/// What is known about the taxels before there are triangles.
+/// The taxels before there are triangles.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PointCloud<'a> {
     pub positions: &'a IdVec<VertexId, DVec3>,

@@ -1,5 +1,5 @@
-//! The normal of every taxel before there are triangles: planes of least squares (hoppe1992), or
-//! rigid modules, turned to one side of the surface (hoppe1992), judged as in (konig2009).
+//! The normal of every taxel before there are triangles: that of a plane of least squares or of a rigid
+//! module, turned to one side of the surface (hoppe1992), with the weights of (konig2009).
 //!
 //! *Heuristic*: which normals of a file are reliable.
 
@@ -16,8 +16,7 @@ use crate::skin::normals::{SAME_DIRECTION, is_unit};
 use crate::skin::triangulate::neighbours::Neighbours;
 use crate::skin::triangulate::unique_points::UniquePoints;
 
-/// Neighbours to which a plane is fitted: two rings of a lattice are 18, fewer follow a bend
-/// better.
+/// Neighbours to which a plane is fitted: two rings of a lattice have 18, but fewer follow a bend better.
 const PLANE_NEIGHBOURS: usize = 12;
 
 /// A module gives its taxels a plane if it has this many of them, ...
@@ -31,26 +30,25 @@ const MODULE_BREADTH: f64 = 0.05;
 /// real covers have 0.95, and random directions 0.5.
 const AGREEMENT: f64 = 0.75;
 
-/// The same for normals that are all equal, as they are on a flat part.
+/// As [`AGREEMENT`], for normals that are all equal, as on a flat surface.
 const FLAT_AGREEMENT: f64 = 0.99;
 
-/// Nearest taxels to which the chords of a bent surface are looked at.
+/// The chords of a bent surface are tested to this many nearest taxels.
 const BENT_NEIGHBOURS: usize = 4;
 
 /// Mean cosine between chords and mean normals up to which a surface bends with its normals: a
 /// fingertip of 12 taxels has 0.05, random normals 0.5.
 const BENT: f64 = 0.15;
 
-/// Normals of the file turned by more than 135 degrees may belong to two sides of a thin part;
-/// across a sharp edge it is less.
+/// Normals of the file that differ by more than 135 degrees may belong to two sides of a thin body; across a
+/// sharp edge the angle is smaller.
 const OPPOSED: f64 = -0.7;
 
-/// They do if both taxels see each other this far below, or above, their tangent planes, in
-/// spacings. With one wrong normal one of them is above and one below.
-const APART: f64 = 0.25;
+/// They do if each taxel is this far below, or each this far above, the tangent plane of the other, in
+/// spacings. With one wrong normal one is above and one below.
+const OPPOSED_HEIGHT: f64 = 0.25;
 
-/// Taxels that see each other more than 64 degrees (as a sine) above both tangent planes lie on two
-/// layers.
+/// Taxels lie on two layers if each is more than 64 degrees (as a sine) above the tangent plane of the other.
 const STACKED: f64 = 0.9;
 
 #[derive(Debug)]
@@ -67,10 +65,9 @@ pub(super) struct PointNormals {
 }
 
 impl PointNormals {
-    /// Those of the rigid modules, else of the planes of least squares through the nearest
-    /// neighbours (hoppe1992), with the sign of the file's normals where these are
-    /// reliable. Neighbours on two sides of a thin part, as reliable normals show, are removed from
-    /// `neighbours`.
+    /// The normals of rigid modules, else of planes of least squares through the nearest neighbours
+    /// (hoppe1992), with the sign of the file's normals where these are reliable. Neighbours that reliable
+    /// normals place on two sides of a thin body are removed from `neighbours`.
     pub(super) fn new(points: &UniquePoints<'_>, neighbours: &mut Neighbours) -> Self {
         let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| unit_or_zero(n[k])));
         let mut refused = None;
@@ -104,7 +101,7 @@ impl PointNormals {
     }
 }
 
-/// Whether the file's normals show that `v` and `w` lie on different sides, or layers, of the part.
+/// Whether the file's normals show that `v` and `w` lie on different sides, or layers, of the body.
 fn is_across(
     v: VertexId,
     w: VertexId,
@@ -114,13 +111,13 @@ fn is_across(
 ) -> bool {
     let d = points.positions[w] - points.positions[v];
     let [seen, back] = [d.dot(file[v]), -d.dot(file[w])];
-    let apart = APART * 0.5 * (neighbours.spacing[v] + neighbours.spacing[w]);
+    let apart = OPPOSED_HEIGHT * 0.5 * (neighbours.spacing[v] + neighbours.spacing[w]);
     let least = seen.abs().min(back.abs());
     let is_behind = seen * back > 0.0 && least > apart && file[v].dot(file[w]) < OPPOSED;
     is_behind || least > STACKED * d.length()
 }
 
-/// A unit normal as it is, any other vector as zero.
+/// A unit normal unchanged, any other vector as zero.
 fn unit_or_zero(n: DVec3) -> DVec3 {
     if is_unit(n) { n.normalize() } else { DVec3::ZERO }
 }
@@ -134,7 +131,7 @@ fn bend_with(file: &IdVec<VertexId, DVec3>, points: &UniquePoints<'_>, neighbour
         for &w in neighbours.of(v).iter().take(BENT_NEIGHBOURS) {
             let mean = (file[v] + file[w]).normalize_or_zero();
             let chord = (points.positions[w] - points.positions[v]).normalize_or_zero();
-            // Normals of two sides say nothing about the surface between them.
+            // Normals of two sides give no information on the surface between them.
             if file[v].dot(file[w]) > -0.2 {
                 sum += chord.dot(mean).abs();
                 count += 1;
@@ -234,17 +231,17 @@ fn smallest_axis(moments: &[[f64; 3]; 3]) -> (DVec3, [f64; 3]) {
 /// Orientation spreads along the edges to this many nearest neighbours; more only cost time.
 const SPREAD: usize = 10;
 
-/// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join
-/// the two sides of a thin part, or two taxels that noise put above each other. Along a chord of 90
-/// degrees it is 0.7.
-const STEEP: f64 = 0.75;
+/// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join the two
+/// sides of a thin body, or two taxels that noise put above each other. Along a chord of 90 degrees it is
+/// 0.7.
+const STEEP_EDGE: f64 = 0.75;
 
 /// Turns normals that are known up to sign so that those of neighbours agree: along the spanning
 /// tree of the edges on which this is clearest (hoppe1992).
 ///
-/// How clear it is, and which sign agrees, is judged as if both taxels lay on one circle (konig2009): a
-/// tight bend is clear then, and an edge across a thin part is not. Edges that contradict the file's normals come last, so that correct normals lead and a few wrong ones are
-/// avoided.
+/// Weight and sign of an edge are computed as if both taxels were on one circle (konig2009): then a tight
+/// bend is clear, and an edge across a thin body is not. Edges that contradict the file's normals come last,
+/// so that the tree follows correct normals and avoids a few wrong ones.
 pub(super) fn orient_normals(
     normals: &mut PointNormals,
     positions: &IdVec<VertexId, DVec3>,
@@ -258,7 +255,7 @@ pub(super) fn orient_normals(
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
                 let agreement = normal[v].dot(carried);
-                let is_steep = [v, w].iter().any(|&u| normal[u].dot(along).abs() > STEEP);
+                let is_steep = [v, w].iter().any(|&u| normal[u].dot(along).abs() > STEEP_EDGE);
                 let is_denied = agreement < 0.0 && has_side(v) && has_side(w);
                 let doubt = 1.0 - agreement.abs() + f64::from(u8::from(is_steep) + 2 * u8::from(is_denied));
                 (doubt, v, w, agreement < 0.0)

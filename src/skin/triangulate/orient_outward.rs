@@ -8,21 +8,21 @@ use glam::DVec3;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{face_components, triangle_cross};
 
-/// Smallest mean cosine between the faces and the directions away from a centre that decides: it is
+/// Smallest decisive mean cosine between the faces and the directions away from a centre: it is
 /// 0 on a flat component and on a saddle, and 0.06 on a cap of 20 degrees across.
 const AMBIGUOUS: f64 = 0.02;
 
-/// The file's normals tell the outside of a component if this part of them points to one side of
-/// its faces.
+/// The file's normals determine the outside of a component if this share of them points to one side of its
+/// faces.
 const MAJORITY: f64 = 2.0 / 3.0;
 
-/// How the outside of the components was found.
+/// How the outside of the components was determined.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Outside {
     /// Components that face away from the centre.
     pub centre: usize,
-    /// Components that bulge to neither side; the largest coordinate of their vector area is
-    /// positive now.
+    /// Components that bulge to neither side; they are turned so that the largest coordinate of their vector
+    /// area is positive.
     pub arbitrary: usize,
     /// Normals of the file that point to the other side than most of their component.
     pub opposed: usize,
@@ -42,7 +42,7 @@ struct Component {
     inward: usize,
     /// Sum of area times cosine with the direction away from the centre of the sheet.
     from_sheet: f64,
-    /// The same, away from its own centre.
+    /// Sum of area times cosine with the direction away from its own centre.
     from_own: f64,
 }
 
@@ -51,7 +51,7 @@ impl Component {
         self.moment / self.area
     }
 
-    /// Whether its faces point inwards; counts in `outside` how that was decided.
+    /// Whether its faces point inwards; counts in `outside` how this was determined.
     fn is_inside_out(&self, direction: Option<DVec3>, outside: &mut Outside) -> bool {
         let normals = self.out + self.inward;
         outside.normals += normals;

@@ -1,4 +1,4 @@
-//! Repairs of what growing leaves: small holes, fans that touch in a point, and isolated taxels.
+//! Repairs after growing: small holes, fans that touch in a point, and isolated taxels.
 //!
 //! *Heuristic*: greedy, the smallest circumcircle first.
 
@@ -8,11 +8,11 @@ use crate::skin::triangulate::growing_mesh::GrowingMesh;
 use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees):
-/// faces across the mouth of a sleeve stand on edge.
+/// faces across the mouth of a sleeve are perpendicular to the surface.
 const LEAST_COSINE: f64 = 0.3;
 
-/// Fills the holes that remain where corners disagreed, if all taxels of the hole lie within the
-/// gap of each other. Wider ones are openings of the skin.
+/// Fills the holes that are left where corners disagreed, if all taxels of the hole are within the gap of
+/// each other. Wider holes are openings of the skin.
 pub(super) fn fill_small_holes(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     for rim in boundary_loops(mesh, cloud) {
         let is_small = rim.iter().all(|&v| rim.iter().all(|&w| cloud.is_within_gap(v, w)));
@@ -53,8 +53,7 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
         let count = rim.len();
         let ear = |k: usize| [rim[k], rim[(k + 1) % count], rim[(k + count - 1) % count]];
         let radii: Vec<f64> = (0..count).map(|k| cloud.circumradius(ear(k))).collect();
-        // One pass cuts ears that do not touch each other; the next one works on the hole that is
-        // left.
+        // One pass cuts ears that do not touch each other; the next pass fills the remaining hole.
         let mut keep = vec![true; count];
         let mut touched = vec![false; count];
         for k in argsort(&radii) {
@@ -80,7 +79,7 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
     }
 }
 
-/// Leaves one fan of faces around every taxel: of fans that touch in a point the one with most faces.
+/// Keeps one fan of faces around every taxel: the one with most faces.
 pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut non_manifold: Vec<VertexId> =
         cloud.positions.ids().filter(|&v| mesh.openings(v).len() > 1).collect();
@@ -100,8 +99,8 @@ pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'
     }
 }
 
-/// Gives faces to taxels that have none: the face of smallest circumcircle with a boundary edge
-/// nearby, else three in the place of a face that the taxel lies under.
+/// Gives faces to taxels that have none: the face of smallest circumcircle with a boundary edge nearby, else
+/// three that replace the face under or over the taxel.
 pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut isolated: Vec<VertexId> = cloud.positions.ids().filter(|&v| !mesh.is_used(v)).collect();
     loop {
@@ -110,7 +109,7 @@ pub(super) fn attach_isolated(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>
             let attached = join_to_boundary(mesh, v, cloud) || split_a_face(mesh, v, cloud);
             !attached
         });
-        // An attached taxel may be the boundary that another one needs.
+        // Another taxel may now be attached to the new boundary.
         if isolated.len() == before {
             return;
         }

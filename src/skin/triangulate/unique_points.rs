@@ -1,4 +1,4 @@
-//! The positions of the taxels of a sheet, each once up to rounding, in a frame and an order of their own.
+//! The different positions of the taxels of a sheet, up to rounding, in a normalised frame and order.
 //!
 //! *Heuristic*: `SAME_PLACE` and `MOST_APART` separate rounded copies from neighbouring taxels on
 //! measured layouts.
@@ -14,7 +14,7 @@ use crate::parallel::{par_collect, par_map};
 use crate::skin::triangulate::neighbours::{Neighbour, distance_around, nearest_others, tree_of};
 use crate::skin::{Presence, Sheet};
 
-/// The positions of the taxels of a sheet, each once.
+/// The different positions of the taxels of a sheet.
 ///
 /// They are numbered along a Morton curve, equal codes by coordinate, so that no result depends on
 /// the order of the file, and neighbours lie close together in memory.
@@ -25,9 +25,9 @@ pub(in crate::skin) struct UniquePoints<'a> {
     /// Moved and scaled so that the longest side of their box is 1: squares of the largest
     /// coordinates do not overflow.
     pub positions: IdVec<VertexId, DVec3>,
-    /// The taxel of the sheet that lies there.
+    /// The taxel of the sheet at each position.
     pub taxel: IdVec<VertexId, usize>,
-    /// The length of 1, in m.
+    /// The unit of length, in m.
     pub unit: f64,
     /// Taxels of the sheet that were merged with another one, ascending.
     pub merged: Vec<VertexId>,
@@ -38,10 +38,9 @@ pub(in crate::skin) struct UniquePoints<'a> {
 }
 
 impl<'a> UniquePoints<'a> {
-    /// Finds them. All positions must be finite.
+    /// Finds the positions of a sheet, all of which must be finite.
     ///
-    /// Of several taxels at one position the first stays that has a pressure reading, else the
-    /// first.
+    /// Of coincident taxels the first with a pressure reading is kept, else the first.
     pub(in crate::skin) fn new(sheet: &'a Sheet) -> Self {
         let is_empty = |k: usize| {
             let has_normal = sheet.normals.as_ref().is_some_and(|n| n[k] != DVec3::ZERO);
@@ -52,7 +51,7 @@ impl<'a> UniquePoints<'a> {
         let taxels: Vec<usize> = (0..count).filter(|&k| !is_empty(k)).collect();
         let absent = count - taxels.len();
         let scaling = Scaling::around(taxels.iter().map(|&k| sheet.positions[k]));
-        // Of several taxels at one place the first stays.
+        // Of coincident taxels the first is kept.
         let reads = |k: usize| sheet.presence.as_ref().is_none_or(|p| p[k] == Presence::Present);
         let (reading, others): (Vec<usize>, Vec<usize>) = taxels.into_iter().partition(|&k| reads(k));
         let taxels: IdVec<VertexId, usize> = [reading, others].concat().into();
@@ -83,8 +82,8 @@ impl<'a> UniquePoints<'a> {
 }
 
 struct Scaling {
-    /// Coordinates beyond the square root of the largest `f64` are scaled down before they are
-    /// subtracted.
+    /// Factor that is applied before coordinates are subtracted: it scales down those beyond the square root
+    /// of the largest `f64`.
     down: f64,
     low: DVec3,
     /// Longest side, in m; 1 where there is none.
@@ -110,27 +109,27 @@ impl Scaling {
     }
 }
 
-/// Two taxels coincide if they are closer than this part of the median distance from the centre of
-/// the sheet: the rounding of an `f32`, far below the accuracy of any mounting. The median is
-/// robust against sentinel coordinates such as -999; the bounding box is not.
+/// Two taxels coincide if they are closer than this fraction of the median distance from the centre of the
+/// sheet: the rounding of an `f32`, far below the accuracy of any mounting. The median is robust against
+/// sentinel coordinates such as -999; the bounding box is not.
 const RESOLUTION: f64 = 1.0 / (1_u64 << 24) as f64;
 
-/// They also do if they are closer than this share of the distance to the third nearest, and than
-/// [`MOST_APART`], unless the file's normals point to different sides: one of them was rounded to
-/// the digits of a text. A face with both would be a sliver, fifty times longer than high. The
-/// taxels of an iCub keep 0.41 of it, those of a lattice with a noise of 0.3 spacings 0.1; of
-/// random points one in 1250 is that close to another.
+/// They also coincide if they are closer than this share of the distance to the third nearest taxel, and than
+/// [`MOST_APART`], unless the file's normals point to different sides: one of them was rounded to the digits
+/// of a text. A face with both would be a sliver, fifty times longer than high. The share is at least 0.41
+/// for the taxels of an iCub and 0.1 for a lattice with a noise of 0.3 spacings; of random points one in 1250
+/// is below the limit.
 const SAME_PLACE: f64 = 0.02;
 
-/// Rounding to the digits of a text moves a taxel by at most this, in m: what is farther away is
-/// another pad, or the other side of a foil.
+/// Rounding to the digits of a text moves a taxel by at most this, in m: a taxel farther away is another pad,
+/// or the other side of a foil.
 const MOST_APART: f64 = 1e-4;
 
 /// Taxels within the resolution of each other fill at most this many cells.
 const CELLS: usize = 8;
 
-/// For every taxel the first that coincides with it. `normals` may be zero, and `unit` is the
-/// length of 1, in m.
+/// For every taxel the first that coincides with it. `normals` may be zero, and `unit` is the unit of length,
+/// in m.
 ///
 /// Taxels that coincide through others count as coincident. Of more than `CELLS` taxels within the reach of
 /// one, only the nearest are compared, and each cell by one taxel: there the order of the taxels can matter.
@@ -141,7 +140,7 @@ fn first_at_place(
 ) -> IdVec<VertexId, VertexId> {
     let resolution = RESOLUTION * median_distance(positions);
     let mut sets = DisjointSets::<VertexId>::new(positions.len());
-    // Among many copies a search for the nearest taxels would find nothing else.
+    // Among many copies a search for the nearest taxels would find only copies.
     let mut first_in_cell = HashMap::with_capacity(positions.len());
     let mut firsts = IdVec::<VertexId, VertexId>::default();
     for (v, &p) in positions.enumerate() {
@@ -174,7 +173,7 @@ fn close_pairs(
     let close = |found: &mut Vec<Neighbour>, v: VertexId| {
         nearest_others(&tree, v, CELLS - 1, f64::INFINITY, found);
         let reach = resolution.max((SAME_PLACE * distance_around(found)).min(merge_distance));
-        // A reach whose square underflows finds nothing: no distance is below 0.
+        // If the square of the reach underflows, nothing is found.
         let close = found.iter().take_while(|near| near.1 < reach * reach);
         close.map(|near| [v, near.0]).collect::<Vec<_>>()
     };

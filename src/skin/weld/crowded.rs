@@ -1,6 +1,6 @@
-//! Which faces belong together at an edge of more than two: the two sides of a solid that touches
-//! another there, or those that continue each other most smoothly. *Heuristic*: of 400 meshes of robot
-//! links, 28 became surfaces with one side where smoothness alone decided.
+//! Which faces belong together at an edge of more than two: the two sides of a solid that touches another
+//! there, or those that continue each other most smoothly. *Heuristic*: by smoothness alone, 28 of 400 meshes
+//! of robot links became one-sided surfaces.
 
 use glam::DVec3;
 
@@ -16,13 +16,13 @@ pub(in crate::skin) fn is_turned(mesh: &TriMesh, a: Halfedge, b: Halfedge) -> bo
     a.start(mesh) == b.start(mesh)
 }
 
-/// Share of the edges of two faces, wound alike, from which on the winding of a file is meant.
-const WOUND: f64 = 0.9;
+/// The winding of a file is taken as intended if at least this share of its edges of two faces is wound alike.
+const MIN_ALIKE_SHARE: f64 = 0.9;
 
-/// Share of the edges with one face up to which a file holds solids, not sheets.
-const OPEN: f64 = 0.05;
+/// A file contains solids, not sheets, if at most this share of its edges has one face.
+const MAX_OPEN_SHARE: f64 = 0.05;
 
-/// What a file as a whole says about the faces of an edge with more than two.
+/// The content of a file, which decides how faces are paired at an edge with more than two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::skin) enum Content {
     /// Solids whose faces are wound outward, or, with `inward`, inward.
@@ -44,10 +44,10 @@ impl Content {
                 _ => {}
             }
         }
-        if f64::from(alike) < WOUND * f64::from(alike + turned) {
+        if f64::from(alike) < MIN_ALIKE_SHARE * f64::from(alike + turned) {
             return Self::Faces;
         }
-        if f64::from(open) > OPEN * f64::from(alike + turned + open) {
+        if f64::from(open) > MAX_OPEN_SHARE * f64::from(alike + turned + open) {
             return Self::Sheets;
         }
         let from = mesh.positions.iter().next().copied().unwrap_or_default();
@@ -59,9 +59,9 @@ impl Content {
     }
 }
 
-/// The pairs of faces that belong together at an edge of more than two. Those of solids that touch
-/// there, as many one way as the other, are the two sides of one solid each; others continue each other
-/// most smoothly. Each is on its own where there are too many.
+/// The pairs of faces that belong together at an edge of more than two. Those of solids that touch there, in
+/// equal numbers in both directions, are the two sides of one solid each; others are paired by smoothness. If
+/// there are too many, none are paired.
 pub(in crate::skin) fn pairs(mesh: &TriMesh, uses: &[Halfedge], content: Content) -> Vec<[Halfedge; 2]> {
     if uses.len() > MOST_PAIRED {
         return Vec::new();
@@ -100,7 +100,7 @@ fn sides_of_solids(
     let angles: Vec<f64> = uses.iter().map(|&h| angle(h)).collect();
     let mut around: Vec<Halfedge> = argsort(&angles).into_iter().map(|k| uses[k]).collect();
     let mut pairs = Vec::new();
-    // As brackets: what closes an inside follows what opens it.
+    // As with brackets: the face that closes an inside follows the one that opens it.
     while let Some(k) =
         (0..around.len()).find(|&k| !opening(around[k]) && opening(around[(k + 1) % around.len()]))
     {
@@ -112,8 +112,8 @@ fn sides_of_solids(
     pairs
 }
 
-/// Pairs the faces that continue each other most smoothly, the smoothest first; where the file
-/// `is_wound`, those that are wound alike before others, which would make surfaces with one side.
+/// Pairs the faces that continue each other most smoothly, the smoothest first; where the file `is_wound`,
+/// pairs that are wound alike come first, since others would make one-sided surfaces.
 fn smoothest(mesh: &TriMesh, uses: &[Halfedge], is_wound: bool) -> Vec<[Halfedge; 2]> {
     let mut candidates = Vec::new();
     for (i, &a) in uses.iter().enumerate() {

@@ -22,16 +22,16 @@ pub(in crate::skin) fn join(
     corners.join(b, d);
 }
 
-/// What becomes of vertices with several fans of faces.
+/// The changes at vertices with several fans of faces.
 #[derive(Debug, Default)]
 pub(in crate::skin) struct Split {
     /// The corners at such vertices, and their new vertices.
     pub corners: Vec<(Halfedge, VertexId)>,
-    /// Vertices of the file, and those that stand for them now.
+    /// Vertices of the file, and the vertices that replace them.
     pub names: Vec<(VertexId, VertexId)>,
     /// The vertex of the file that each new one is a copy of; they are numbered after all others.
     pub copied: Vec<VertexId>,
-    /// Vertices of the file that several fans have in common.
+    /// Vertices of the file that several fans share.
     pub touching: Vec<VertexId>,
 }
 
@@ -74,7 +74,7 @@ pub(in crate::skin) fn split_fans(
 impl Split {
     /// Splits one vertex; `around` are its corners by vertex of the file, then fan.
     fn vertex(&mut self, around: &[(VertexId, VertexId, Halfedge, Halfedge)], count: usize) {
-        // A fan takes the first vertex of the file that no fan before it has.
+        // A fan gets the first vertex of the file that no earlier fan has.
         let mut names: HashMap<Halfedge, VertexId> = HashMap::new();
         for of_vertex in around.chunk_by(|a, b| a.1 == b.1) {
             let v = of_vertex[0].1;
@@ -96,7 +96,7 @@ impl Split {
             });
             self.corners.push((corner, name));
         }
-        // The last entry of a vertex counts: that of its own name, if it has one.
+        // The last entry of a vertex counts: the one with its own name, if there is one.
         let mut of_file: Vec<(VertexId, Reverse<bool>, VertexId)> =
             around.iter().map(|&(_, v, fan, _)| (v, Reverse(names[&fan] != v), names[&fan])).collect();
         of_file.sort_unstable();

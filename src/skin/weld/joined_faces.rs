@@ -1,9 +1,9 @@
 //! Across which edges the faces of a sheet are joined, and the vertices that follow from it: one for
 //! every fan of faces.
 //!
-//! Two faces at an edge are joined, unless the file cuts them apart. Of more than two faces those are
-//! joined that share both vertices in the file, and on request those that `crowded` pairs. On request,
-//! too, a surface with one side only is cut open where its faces are wound differently.
+//! Two faces at an edge are joined, unless the file separates them. Of more than two faces those are joined
+//! that share both vertices in the file, and on request those that `crowded` pairs. Also on request, a
+//! one-sided surface is cut open where its faces are wound differently.
 
 use std::collections::BTreeSet;
 
@@ -22,11 +22,11 @@ pub(in crate::skin) struct JoinedFaces<'a> {
     mesh: &'a TriMesh,
     file_faces: &'a IdVec<FaceId, FaceId>,
     options: WeldOptions,
-    /// For every face whether its component stays as the file cuts it; empty: none does.
+    /// For every face whether its component stays cut as in the file; empty if none does.
     open: Vec<bool>,
-    /// What the file holds.
+    /// The content of the file.
     content: Content,
-    /// Pairs of faces that were parted, since their component would have one side only.
+    /// Pairs of faces that were separated, since their component would be one-sided.
     one_sided: BTreeSet<[Halfedge; 2]>,
 }
 
@@ -41,7 +41,7 @@ impl<'a> JoinedFaces<'a> {
         let content = if options.repair { Content::of(mesh, edges) } else { Content::Faces };
         let (open, one_sided) = (Vec::new(), BTreeSet::new());
         let mut joined = Self { sheet, mesh, file_faces, options, open, content, one_sided };
-        // Vertices of one id are one taxel, at several places of a map: only the map is cut there.
+        // Vertices of one id are one taxel with several positions on a map: only the map is cut there.
         let corners = |face: FaceId| sheet.triangles[file_faces[face].index()].map(VertexId::from);
         let is_welded = || mesh.triangles.enumerate().any(|(face, t)| *t != corners(face));
         if options.weld == Weld::Auto && sheet.ids.is_none() && is_welded() {
@@ -132,8 +132,7 @@ impl<'a> JoinedFaces<'a> {
         }
     }
 
-    /// The pairs of faces that are joined across an edge of more than two; `None` if the edge stays as
-    /// it is.
+    /// The pairs of faces that are joined across an edge of more than two; `None` if the edge is not changed.
     fn sheets(&self, uses: &[Halfedge]) -> Option<Vec<[Halfedge; 2]>> {
         if let Some(pairs) = self.sheets_in_file(uses) {
             return Some(pairs);
@@ -159,7 +158,7 @@ impl<'a> JoinedFaces<'a> {
     }
 
     /// The edges of more than two faces that are split into sheets on request.
-    pub(in crate::skin) fn parted(&self, edges: &Edges) -> Vec<[VertexId; 2]> {
+    pub(in crate::skin) fn split_edges(&self, edges: &Edges) -> Vec<[VertexId; 2]> {
         if !self.options.repair {
             return Vec::new();
         }

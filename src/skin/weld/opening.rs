@@ -1,10 +1,10 @@
 //! Which components of a sheet a file cuts open on purpose.
 //!
-//! *Heuristic*: an index buffer splits vertices where normals or texture coordinates jump, and a
-//! seam splits them where a surface is cut to be flattened. A component is taken as cut if its
-//! faces are one disk, with holes or without, by the vertices of the file, while welded it is
-//! closed, has handles or more boundary loops. Exporters that split at sharp edges leave several
-//! pieces (a cube six), or slits that change no topology, and both are welded.
+//! *Heuristic*: an index buffer splits vertices where normals or texture coordinates jump, and a seam splits
+//! them where a surface is cut to be flattened. A component counts as cut if its faces are one disk, with or
+//! without holes, by the vertices of the file, but closed or with handles or more boundary loops when welded.
+//! Exporters that split at sharp edges leave several pieces (a cube six), or slits that change no topology,
+//! and both are welded.
 
 use crate::id::{FaceId, VertexId};
 use crate::mesh::{Edges, Halfedge, Topology, TriMesh};
@@ -13,8 +13,8 @@ use crate::skin::weld::fans::{join, split_fans};
 
 /// For every face whether its component stays cut as in the file; empty if none does.
 ///
-/// `is_cut` tells the edges of two faces that share no edge in the file, `in_file` the vertex of the
-/// file that a halfedge starts from.
+/// `is_cut` is true for edges of two faces that share no edge in the file; `in_file` gives the vertex of the
+/// file at which a halfedge starts.
 pub(in crate::skin) fn kept_open(
     mesh: &TriMesh,
     edges: &Edges,
@@ -35,7 +35,7 @@ pub(in crate::skin) fn kept_open(
             }
         }
     }
-    // Of each component whether it is cut, still one piece, and without edges of more than two faces.
+    // For each component whether it is cut, still connected, and without edges of more than two faces.
     let components = welded.labels();
     let mut candidates = vec![false; components.count];
     for uses in edges.iter().filter(|uses| is_cut(uses)) {

@@ -1,7 +1,6 @@
-//! The triangles of one sheet with split vertices welded: what assembling repairs and checking
-//! judges.
+//! The triangles of one sheet with split vertices welded, for assembling and checking.
 //!
-//! Welding is exact: no tolerance merges vertices that a file keeps apart. It is undone where it
+//! Welding is exact: no tolerance merges different positions. It is undone where it
 //! would make sheets touch along an edge or fans of faces touch in a point, and where the file cuts
 //! a surface open (`opening`). Faces are then joined across edges (`joined_faces`), and every fan of
 //! faces gets a vertex of its own.
@@ -20,24 +19,23 @@ use crate::skin::weld::joined_faces::{JoinedFaces, fans};
 use crate::skin::weld::{Weld, WeldOptions};
 use crate::skin::{Sheet, TaxelId};
 
-/// Dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
+/// Most rounds of repair: dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
 pub(in crate::skin) const MOST_ROUNDS: usize = 16;
 
 /// The triangles of one sheet after welding.
 ///
-/// Vertices keep the numbers of the file, copies follow after them; of vertices that are one taxel,
-/// faces use one.
+/// Vertices keep the numbers of the file, copies follow after them; faces use one vertex for each taxel.
 #[derive(Debug)]
 pub(in crate::skin) struct WeldedMesh {
     /// Positions as in the file, then those of the copies; corners welded.
     pub mesh: TriMesh,
     /// The halfedges along each edge of `mesh`.
     pub edges: Edges,
-    /// For every vertex of the file the first one at its place that has its id.
+    /// For every vertex of the file the first one with its position and id.
     pub place: IdVec<VertexId, VertexId>,
     /// For every vertex of the file the vertex that faces use for it.
     pub taxel: IdVec<VertexId, VertexId>,
-    /// The vertex of the file that each copy is.
+    /// For each copy its vertex in the file.
     pub copied: Vec<VertexId>,
     /// The number of each face of `mesh` in the file.
     pub file_faces: IdVec<FaceId, FaceId>,
@@ -50,10 +48,10 @@ pub(in crate::skin) struct WeldedMesh {
     /// Faces of the file that were dropped at edges that cannot be split into sheets.
     pub dropped: Vec<FaceId>,
     /// Edges of more than two faces that were split into sheets, by vertices of the file.
-    pub parted: Vec<[VertexId; 2]>,
+    pub split_edges: Vec<[VertexId; 2]>,
     /// Edges along which one-sided surfaces were cut open, by vertices of the file.
     pub one_sided: Vec<[VertexId; 2]>,
-    /// How many edges the file cuts open, which stayed so.
+    /// How many edges stay cut open as in the file.
     pub cut: usize,
     /// Whether repair stopped after many rounds, with edges of more than two faces left.
     pub is_given_up: bool,
@@ -63,7 +61,7 @@ impl WeldedMesh {
     /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
     ///
     /// On request, faces are dropped where sheets are connected around both ends of an edge of more
-    /// than two faces, so that it cannot be split: all but the first two that belong together.
+    /// than two faces, so that it cannot be split: all but the first pair.
     pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         Self::repaired(sheet, options, usable, MOST_ROUNDS)
     }
@@ -125,7 +123,7 @@ impl WeldedMesh {
             duplicates,
             touching: Vec::new(),
             dropped: Vec::new(),
-            parted: Vec::new(),
+            split_edges: Vec::new(),
             one_sided: Vec::new(),
             cut: 0,
             is_given_up: false,
@@ -139,7 +137,7 @@ impl WeldedMesh {
         let joined = JoinedFaces::new(sheet, &self.mesh, &self.edges, &self.file_faces, options);
         let mut fans = fans(&self.mesh, &self.edges, &joined);
         let split = split_fans(&self.mesh, &mut fans, |h| joined.in_file(h));
-        self.parted = joined.parted(&self.edges);
+        self.split_edges = joined.split_edges(&self.edges);
         self.one_sided = joined.one_sided();
         self.cut = joined.cut_edges(&self.edges);
         if split.corners.is_empty() {
@@ -162,12 +160,12 @@ impl WeldedMesh {
         self.edges = Edges::new(&self.mesh.triangles, self.mesh.positions.len());
     }
 
-    /// The vertex of the file that a vertex is.
+    /// The vertex of the file for a vertex.
     pub(in crate::skin) fn in_file(&self, v: VertexId) -> VertexId {
         v.index().checked_sub(self.taxel.len()).map_or(v, |copy| self.copied[copy])
     }
 
-    /// For every vertex the first one at its place that has its id.
+    /// The first vertex with the position and id of a vertex.
     pub(in crate::skin) fn place_of(&self, v: VertexId) -> VertexId {
         self.place[self.in_file(v)]
     }
@@ -194,12 +192,12 @@ fn drop_duplicates(mesh: &mut TriMesh, file_faces: &mut IdVec<FaceId, FaceId>) -
     dropped
 }
 
-/// For every vertex the first one that is the same taxel.
+/// For every vertex the first one of the same taxel.
 ///
-/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are
-/// no ids. Ids alone never weld: vendors repeat placeholders all over a skin. Vertices at one place
-/// with different ids are two taxels, unless a face has both as corners: the edge between them has
-/// no length, and only one of them can stay.
+/// Vertices are one taxel if their positions are exactly equal and so are their ids, or there are no ids. Ids
+/// alone never weld: vendors repeat placeholders all over a skin. Coincident vertices with different ids are
+/// two taxels, unless a face has both as corners: the edge between them has no length, so only one of them
+/// can be kept.
 fn weld<'a>(
     mesh: &TriMesh,
     ids: Option<&[TaxelId]>,
@@ -236,7 +234,7 @@ mod tests {
     use super::*;
 
     /// A tetrahedron with a flap that continues one of its faces: the face on the other side of the edge
-    /// is connected with that face around both ends, so it must go.
+    /// is connected with that face around both ends, so it is dropped.
     #[test]
     fn a_repair_that_stops_says_so() {
         let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Y];

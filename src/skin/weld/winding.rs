@@ -6,7 +6,7 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Edges, Halfedge, TriMesh};
 use crate::numeric::{DisjointSets, Labels, Relation};
 
-/// The components of a mesh across edges, and which faces to turn so that each is wound one way.
+/// The components of a mesh across edges, and which faces to turn so that each is wound consistently.
 #[derive(Debug)]
 pub(in crate::skin) struct Winding {
     /// The component of every face, numbered in the order of their first faces.
@@ -18,8 +18,8 @@ pub(in crate::skin) struct Winding {
 }
 
 impl Winding {
-    /// Follows the edges of two faces; edges of more faces join components too, but say nothing
-    /// about their winding.
+    /// Follows the edges of two faces; edges of more faces join components too, but do not relate their
+    /// winding.
     pub(in crate::skin) fn new(mesh: &TriMesh, edges: &Edges) -> Self {
         let mut faces = DisjointSets::<FaceId, Relation>::new(mesh.triangles.len());
         let mut conflicting_edges = Vec::new();
@@ -43,9 +43,8 @@ impl Winding {
     }
 }
 
-/// The shortest closed strip of faces, each next to the one before and the last to the first, that is
-/// turned over once around. It passes through an edge of `conflicting_edges`; empty without such a
-/// strip there.
+/// The shortest closed strip of neighbouring faces that reverses its winding once around. It passes through
+/// an edge of `conflicting_edges`; empty without such a strip there.
 pub(in crate::skin) fn one_sided_strip(mesh: &TriMesh, edges: &Edges, through: [VertexId; 2]) -> Vec<FaceId> {
     // Across each side of a face: the other face, and whether it is wound against this one.
     let mut across = IdVec::<FaceId, [Option<(FaceId, usize)>; 3]>::filled([None; 3], mesh.triangles.len());
@@ -62,7 +61,7 @@ pub(in crate::skin) fn one_sided_strip(mesh: &TriMesh, edges: &Edges, through: [
         }
     }
     let Some(start) = start else { return Vec::new() };
-    // Faces seen from either side.
+    // The predecessor of each face, for both windings.
     let mut before = IdVec::<FaceId, [Option<(FaceId, usize)>; 2]>::filled([None; 2], mesh.triangles.len());
     let mut queue = VecDeque::from([(start, 0)]);
     while let Some((face, side)) = queue.pop_front() {
