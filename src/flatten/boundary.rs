@@ -1,8 +1,8 @@
-//! Places of the outer loop that are known before the map: a circle or a rectangle as large as the
-//! skin, or places that are given (eq. 2 of `(cannata)`, whose `m_j` of the boundary are given).
+//! Prescribed positions of the outer loop: on a circle or a rectangle as large as the skin, or given one by
+//! one (eq. 2 of `(cannata)`, where the `m_j` of the boundary are given).
 //!
-//! *Heuristic*: the corners of a rectangle are the four most convex places of the loop, turning
-//! summed over a part of it, so that a rounded corner counts like a sharp one.
+//! *Heuristic*: the corners of a rectangle are the four most convex vertices of the loop, with turning summed
+//! over a section of it, so that a rounded corner counts like a sharp one.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,11 +17,11 @@ use crate::{
 };
 
 impl Boundary {
-    /// The boundary through these places (m) of taxels, each named by its id; `ids` are those of the
+    /// The boundary through these positions (m) of taxels, each given by its id; `ids` are those of the
     /// vertices of the mesh.
     ///
     /// # Errors
-    /// If no taxel or several have one of the ids, or a taxel has two places.
+    /// If no taxel or several have one of the ids, or a taxel has two positions.
     pub fn through(
         ids: &IdVec<VertexId, TaxelId>,
         places: impl IntoIterator<Item = (TaxelId, DVec2)>,
@@ -58,13 +58,13 @@ impl Vertices {
     }
 }
 
-/// Part of the loop over which the turning of a corner is summed.
+/// Share of the loop over which the turning of a corner is summed.
 const CORNER: f64 = 1.0 / 40.0;
 
 /// Least distance of two corners over the length of the loop.
 const CORNERS_APART: f64 = 1.0 / 12.0;
 
-/// Places (m) of the vertices of the outer loop, around the origin; none for a free boundary.
+/// Positions (m) of the vertices of the outer loop, around the origin; none for a free boundary.
 pub(crate) fn prescribed(
     mesh: &TriMesh,
     boundary: &Boundary,
@@ -108,7 +108,7 @@ fn shares(mesh: &TriMesh, walk: &[VertexId]) -> Vec<f64> {
     shares
 }
 
-/// The given places of the vertices of the loop.
+/// The given positions of the vertices of the loop.
 fn given_places(
     walk: &[VertexId],
     given: &IdVec<VertexId, Option<DVec2>>,
@@ -132,7 +132,7 @@ fn given_places(
     Ok(places)
 }
 
-/// The four most convex places of the loop, in its order; `None` if there are not four apart.
+/// The four most convex vertices of the loop, in its order; `None` if no four are far enough apart.
 fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
     let shares = shares(mesh, walk);
     let mut turning = IdVec::<VertexId, f64>::filled(PI, mesh.positions.len());
@@ -165,7 +165,7 @@ fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
     chosen.try_into().ok()
 }
 
-/// Places on the sides of a rectangle of this size around the origin, by length between corners,
+/// Positions on the sides of a rectangle of this size around the origin, by length between corners,
 /// counter-clockwise from its lower left one.
 fn on_rectangle(shares: &[f64], corners: [usize; 4], size: DVec2) -> Vec<DVec2> {
     let half = 0.5 * size;

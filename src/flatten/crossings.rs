@@ -1,4 +1,4 @@
-//! Which boundary edges of a map cross or touch: every pair once, found by a tree over their boxes.
+//! The boundary edges of a map that cross or touch: every pair once, found by a tree over their boxes.
 //!
 //! The tests are exact signs of areas, compared one by one: neither rounding nor underflow hides a
 //! crossing.
@@ -10,7 +10,7 @@ use crate::delaunay::orientation;
 use crate::flatten::energy::elements::Uv;
 use crate::id::VertexId;
 
-/// Crossings are counted up to this number. Edges that lie on each other have a crossing a pair:
+/// Crossings are counted up to this number. Coincident edges have a crossing for each pair:
 /// the 18 000 edges of 6000 coincident triangles have 160 million, which take a minute.
 pub(crate) const MAX_CROSSINGS: usize = 1_000_000;
 
@@ -25,8 +25,8 @@ pub(crate) fn boundary_crosses_itself(edges: &[[VertexId; 2]], uv: &Uv) -> bool 
     crossings_up_to(1, edges, uv) > 0
 }
 
-/// The vertices of the boundary edges that cross or touch another one on the map, ids rising; of the
-/// first [`MAX_CROSSINGS`] pairs.
+/// The vertices of the boundary edges that cross or touch another one on the map, ids ascending; of the first
+/// [`MAX_CROSSINGS`] pairs.
 pub(crate) fn crossing_vertices(edges: &[[VertexId; 2]], uv: &Uv) -> Vec<VertexId> {
     let mut found = BTreeSet::new();
     each_crossing(MAX_CROSSINGS, edges, uv, &mut |pair| found.extend(pair.into_iter().flatten()));

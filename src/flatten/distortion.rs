@@ -1,4 +1,4 @@
-//! How faithful a map is: measures of any map, however it was computed; and whether it is a minimum.
+//! Measures of the distortion of any map, and of the convergence of its minimisation.
 
 use glam::DVec2;
 
@@ -11,7 +11,7 @@ use crate::parallel::par_each;
 /// Symmetric Dirichlet energy beyond which a map is far from isometric.
 pub(crate) const FAR: f64 = 50.0;
 
-/// Ratios are cut off here, so that one face without area on the map does not make a mean infinite.
+/// Ratios are clamped to this, so that one face without area on the map does not make a mean infinite.
 const LARGEST: f64 = 1e12;
 
 /// How faithful a map is. Means are weighted with the areas on the skin.
@@ -19,9 +19,8 @@ const LARGEST: f64 = 1e12;
 pub struct Distortion {
     /// Triangles whose map is mirrored or has no area.
     pub flips: usize,
-    /// Places where the map overlaps itself: pairs of boundary edges that cross or touch (counted
-    /// up to a million), and vertices about which the map winds more than once. A map without flips
-    /// and crossings is one to one.
+    /// Overlaps of the map: pairs of boundary edges that cross or touch (counted up to a million), and
+    /// vertices about which the map winds more than once. A map without flips and crossings is one to one.
     pub crossings: usize,
     /// Mean `s1/s2`, 1 at a conformal map.
     pub qc_mean: f64,
@@ -39,12 +38,12 @@ pub struct Distortion {
 /// Whether a map is a minimum of its energy.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Convergence {
-    /// Whether the minimisation ended at a minimum: not by its limit of steps, and not where no step
-    /// lowers an energy whose gradient promises it.
+    /// Whether the minimisation ended at a minimum: not at its limit of steps, and not because no step
+    /// lowered the energy although its gradient is large.
     pub converged: bool,
-    /// Length of the gradient of the energy over the energy, with positions in units of the square
-    /// root of the area; that of what keeps holes open and loops apart is counted in. 0 for a map
-    /// that minimises nothing.
+    /// Length of the gradient of the energy over the energy, with positions in units of the square root of
+    /// the area; the energy of fillers, which keep holes open and loops apart, is included. 0 for a map that
+    /// minimises nothing.
     pub gradient: f64,
 }
 
@@ -55,7 +54,7 @@ impl Distortion {
         self.symmetric_dirichlet > FAR
     }
 
-    /// Whether a user should know that the map is poor: the symmetric Dirichlet energy is beyond 6, or
+    /// Whether the map is so poor that a user should be warned: the symmetric Dirichlet energy is beyond 6, or
     /// the stretches of some face beyond a ratio of 20.
     pub fn is_poor(&self) -> bool {
         !(self.symmetric_dirichlet <= 6.0 && self.qc_max <= 20.0)
@@ -74,9 +73,9 @@ impl Distortion {
 /// assert!((measured.symmetric_dirichlet - 4.0).abs() < 1e-12, "a flat skin is its own map");
 /// ```
 ///
-/// Faces without area on the skin count as flips when they are mirrored, but have no singular
-/// values and stay out of the other measures. A mirrored map is not turned back first: all of its
-/// faces are flips. Of a mesh without area all means are NaN.
+/// Faces without area on the skin count as flips when they are mirrored, but have no singular values and are
+/// left out of the other measures. All faces of a mirrored map are flips. Of a mesh without area all means
+/// are NaN.
 ///
 /// # Panics
 /// If `uv` has not one entry per vertex, or a corner does not exist.

@@ -1,4 +1,4 @@
-//! What is to be flattened: a disk with holes, laid out face by face, in units of its own size.
+//! The surface to be flattened: a disk with holes, laid out face by face, in units of its own size.
 
 use glam::{DVec2, DVec3};
 
@@ -10,12 +10,12 @@ use crate::mesh::{Adjacency, FlatTriangle, Topology, TriMesh, loop_length, mean_
 use crate::numeric::argsort;
 use crate::parallel::{par_collect, par_ids, par_sum};
 
-/// Height of a triangle over its longest edge, at least. Flatter ones are treated as if they were
-/// that high: exact slivers still flatten to themselves down to a hundred-millionth, and a face
-/// without area still has an orientation to keep, at a negligible weight.
+/// Least height of a triangle over its longest edge. Flatter ones are treated as if they had this height:
+/// slivers down to a hundred-millionth are still mapped exactly, and a face without area still has an
+/// orientation to keep, at a negligible weight.
 const LEAST_HEIGHT: f64 = 1e-8;
 
-/// Area of a mesh over that with flat triangles treated so, at least: what is less is rounding.
+/// Least area of a mesh over its area with flat triangles treated so: smaller areas are rounding noise.
 const LEAST_AREA: f64 = 1e-6;
 
 /// A disk with holes and its finite elements.
@@ -30,7 +30,7 @@ pub(crate) struct FlattenDomain<'m> {
     /// The unit, in m.
     pub(crate) unit: f64,
     pub(crate) elements: ElementMesh,
-    /// Prescribed places, in units; empty for a free boundary.
+    /// Prescribed positions, in units; empty for a free boundary.
     pub(crate) prescribed: Vec<Option<DVec2>>,
 }
 
@@ -65,10 +65,10 @@ impl<'m> FlattenDomain<'m> {
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })
     }
 
-    /// The domain with energies that aim at the area that `magnification` asks for of each face, and
-    /// that count its distortion as much.
+    /// The domain with energies that aim at the areas of `magnification`, and weight the distortion of each
+    /// face by it.
     ///
-    /// A magnified face does not count more than it did.
+    /// Magnification alone does not change the weight of a face.
     pub(crate) fn magnified(mut self, magnification: &Magnification) -> Self {
         let faces = &mut self.elements.faces;
         for (e, factor) in faces.iter_mut().zip(magnification.area_factors(self.mesh).iter().flatten()) {
@@ -81,7 +81,7 @@ impl<'m> FlattenDomain<'m> {
         self
     }
 
-    /// The domain with vertices that stay at their places (m).
+    /// The domain with prescribed positions of vertices (m).
     pub(crate) fn prescribed(mut self, places: impl Iterator<Item = Option<DVec2>>) -> Self {
         self.prescribed = places.map(|place| place.map(|p| p / self.unit)).collect();
         let held = self.prescribed.iter().map(Option::is_some).collect();

@@ -15,7 +15,7 @@ pub enum FlattenError {
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// It was cancelled.
+    /// The run was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// The mesh has no pyramid.
@@ -34,7 +34,7 @@ pub enum FlattenError {
         /// Components.
         components: usize,
     },
-    /// All corners of a face lie on one point.
+    /// All corners of a face coincide.
     #[error("the corners of face {face} all lie on one point; a face needs an edge with a length")]
     PointFace {
         /// The face.
@@ -56,7 +56,7 @@ pub enum FlattenError {
         name: &'static str,
         /// The value found.
         found: f64,
-        /// What is needed.
+        /// The rule.
         needed: &'static str,
     },
     /// A density that is not positive and finite.
@@ -85,30 +85,30 @@ pub enum FlattenError {
         /// Vertices of the loop.
         found: usize,
     },
-    /// A boundary with places for other vertices than those of the outer loop.
+    /// A given boundary with positions for other vertices than those of the outer loop.
     #[error(
-        "vertex {vertex} has a place on the boundary given, or lacks one: exactly the vertices of the outer boundary \
+        "vertex {vertex} has a position on the given boundary, or lacks one: exactly the vertices of the outer boundary \
          loop need a finite place"
     )]
     BoundaryPlace {
-        /// The first vertex of the loop without a place, or vertex off the loop with one.
+        /// The first vertex of the loop without a position, or vertex off the loop with one.
         vertex: VertexId,
     },
-    /// A taxel of a boundary that does not exist, is not the only one of its id, or has two places.
+    /// A taxel of a given boundary that does not exist, is not the only one with its id, or has two positions.
     #[error(
-        "{taxels} taxels have the id {id}, with {places} places on the boundary given; one of both is needed"
+        "{taxels} taxels have the id {id}, with {places} positions on the given boundary; one of both is needed"
     )]
     BoundaryTaxel {
         /// The id.
         id: TaxelId,
         /// Taxels that have it.
         taxels: usize,
-        /// Places that it has.
+        /// Positions that it has.
         places: usize,
     },
-    /// A boundary that is not a polygon around the map.
+    /// A given boundary that is not a polygon around the map.
     #[error(
-        "the boundary given crosses or touches itself {crossings} times and encloses {area} m^2; it must not cross itself \
+        "the given boundary crosses or touches itself {crossings} times and encloses {area} m^2; it must not cross itself \
          and run counter-clockwise, which makes the area positive"
     )]
     BoundaryShape {
@@ -117,7 +117,7 @@ pub enum FlattenError {
         /// Area it encloses, in m^2; negative where it runs clockwise.
         area: f64,
     },
-    /// No map was found that has no flip, keeps its holes and, where that is wanted, is one to one.
+    /// No map was found that has no flip, keeps its holes and, if required, is one to one.
     #[error(
         "the best map found has {flips} flipped faces and overlaps itself at {overlaps} places; a map without any is \
          needed"
@@ -128,9 +128,9 @@ pub enum FlattenError {
         /// Pairs of boundary edges that cross, branch points, and loops inside out.
         overlaps: usize,
     },
-    /// No map without flips was found within the boundary that is given.
+    /// No map without flips was found within the given boundary.
     #[error(
-        "face {face} has no area within the boundary given; an edge between two places on one straight side leaves none"
+        "face {face} has no area within the given boundary; an edge between two positions on one straight side leaves none"
     )]
     NoRoom {
         /// The first face without area on the map.

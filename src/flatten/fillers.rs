@@ -1,10 +1,10 @@
 //! Scaffold triangles in the holes of a map, and between its outer loop and a frame; they enter the energy
 //! and its Hessian (`(jiang2017)`; *heuristic*: the weights).
 //!
-//! They may not flip, so that a rim can neither cross itself nor turn inside out. Their present shape is
-//! their rest shape, so that they act only where they come close to a flip, and they are made anew every
-//! few steps, so that rims may slide. The barrier that they replaced, on distances within the boundary,
-//! ended at a symmetric Dirichlet energy of 1812 on four tubes that meet; with fillers it is 12.5.
+//! They may not flip, so that a rim can neither cross itself nor turn inside out. Their rest shape is their
+//! current shape, so that they act only where they come close to a flip, and they are made anew every few
+//! steps, so that rims may slide. A barrier on distances within the boundary ended at a symmetric Dirichlet
+//! energy of 1812 on four tubes that meet; fillers end at 12.5.
 
 use glam::DVec2;
 
@@ -13,11 +13,10 @@ use crate::flatten::energy::elements::{Element, Uv, keeps_orientation};
 use crate::id::VertexId;
 use crate::mesh::{FlatTriangle, signed_area};
 
-/// Height of a filler at rest over its longest edge, at least: flatter ones get a rest shape of this
-/// height.
+/// Least rest height of a filler over its longest edge: flatter ones get a rest shape of this height.
 const LEAST_HEIGHT: f64 = 1e-2;
 
-/// Largest ratio of the rest height of a filler to its present height: its energy stays finite.
+/// Largest ratio of the rest height of a filler to its current height, so that its energy stays finite.
 const MOST_OPENING: f64 = 10.0;
 
 /// Fixed posts of the frame.
@@ -30,7 +29,7 @@ const FRAME: f64 = 1.6;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fillers {
     pub(crate) triangles: Vec<[VertexId; 3]>,
-    /// Places of the posts, which do not move.
+    /// Positions of the posts, which do not move.
     pub(crate) posts: Vec<DVec2>,
 }
 
@@ -72,14 +71,14 @@ impl Fillers {
         uv.iter().chain(&self.posts).copied().collect()
     }
 
-    /// The fillers as faces of total weight `weight`, at rest as they lie on the map `uv`, which has
-    /// the posts.
+    /// The fillers as faces of total weight `weight`, with their shape on the map `uv`, which has the posts,
+    /// as rest shape.
     pub(crate) fn elements(&self, uv: &Uv, weight: f64) -> Vec<Element> {
         let weight = weight / self.triangles.len().max(1) as f64;
         let element = |&corners: &[VertexId; 3]| {
             let at = corners.map(|v| uv[v]);
             let area = signed_area(at);
-            // What rounding alone holds open has no shape to keep.
+            // A filler that is open only by rounding gets no element.
             let longest = (0..3).map(|k| at[k].distance_squared(at[(k + 1) % 3])).fold(0.0, f64::max);
             if !keeps_orientation(at) || area.is_nan() || area / longest <= 0.0 {
                 return None;
@@ -122,11 +121,11 @@ mod tests {
 
     /// A flat ring: its hole and the region around it.
     #[test]
-    fn fillers_cover_the_hole_and_the_land_up_to_the_frame() {
+    fn fillers_cover_the_hole_and_the_region_up_to_the_frame() {
         let mesh = shapes::tube(12, 3, 0.05, 0.1);
         let domain = FlattenDomain::new(&mesh).unwrap();
         let uv = mesh.positions.map(|p| p.truncate() * (1.0 + p.z));
-        // Orientation on the map decides which loop is the outer one.
+        // Orientation on the map determines which loop is the outer one.
         let mut loops = domain.disk.loops.clone();
         let radius = |walk: &Vec<VertexId>| uv[walk[0]].length();
         loops.sort_by(|a, b| radius(b).total_cmp(&radius(a)));

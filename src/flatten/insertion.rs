@@ -1,13 +1,13 @@
 //! Puts the vertices of a finer level on the map of a coarser one: the removals of the pyramid are
 //! undone on the map.
 //!
-//! Every vertex goes where its ring on the skin says, by mean value coordinates
-//! (`(floater2003mvc)`), if no face around it flips there; else into the kernel of its ring, the
-//! set of points that see all of it. A kernel may be empty: then the vertex is counted as unplaced,
-//! and the caller repairs the flips. *Heuristic*: the share of area that counts as well inside.
+//! Every vertex is placed by its mean value coordinates (`(floater2003mvc)`) in its ring on the skin, if no
+//! face around it flips there; else in the kernel of its ring, the set of points from which all of it is
+//! visible. A kernel may be empty: then the vertex is counted as unplaced, and the caller repairs the flips.
+//! *Heuristic*: the share of area that counts as well inside.
 //!
 //! Next to a filler the ring of a boundary vertex is closed by the third corner of that filler, which
-//! the vertex then splits: a rim that does not cross itself stays so.
+//! the vertex then splits: so a rim never starts to cross itself.
 
 use std::{collections::HashMap, f64::consts::TAU};
 
@@ -20,12 +20,12 @@ use crate::mesh::{TriMesh, angle};
 use crate::parallel::par_collect;
 use crate::pyramid::{Level, PyramidError, Removal, RemovalLog};
 
-/// A vertex lies well inside its star if every new face has at least this share of the mean area, or of the
-/// area that it has on the skin.
-const WELL_INSIDE: f64 = 0.02;
+/// A vertex is well inside its star if every new face has at least this share of the mean area, or of its own
+/// area on the skin.
+const LEAST_SHARE: f64 = 0.02;
 
-/// A map of a coarser level that becomes the map of `level`: removals are undone on it one by one,
-/// last to first, and each vertex goes back into its own ring.
+/// A map of a coarser level that becomes the map of `level`: removals are undone on it one by one, last to
+/// first, and each vertex is placed in its own ring again.
 #[derive(Debug, Clone)]
 pub(crate) struct Insertion<'l> {
     mesh: &'l TriMesh,
@@ -33,7 +33,7 @@ pub(crate) struct Insertion<'l> {
     /// Removals not yet undone.
     pub(crate) left: usize,
     present: IdVec<VertexId, bool>,
-    /// Map positions of those, in m, and of the posts of the fillers.
+    /// Map positions of the vertices, in m, and of the posts of the fillers.
     pub(crate) map: Uv,
     /// The third corner of the filler on the left of each of its sides.
     apex: HashMap<[VertexId; 2], VertexId>,
@@ -63,7 +63,7 @@ impl<'l> Insertion<'l> {
         Ok(insertion)
     }
 
-    /// Moves `vertices`, all that are on the map, to `uv`, and takes the fillers of that map.
+    /// Moves `vertices`, which are all on the map, to `uv`, and takes the fillers of that map.
     pub(crate) fn place(&mut self, vertices: &[VertexId], uv: &Uv, fillers: &Fillers) {
         let count = self.mesh.positions.len();
         for (&vertex, &at) in vertices.iter().zip(uv) {
@@ -97,7 +97,7 @@ impl<'l> Insertion<'l> {
         self.apex.get(&sides).copied().filter(|_| removal.boundary)
     }
 
-    /// The map of all vertices, once nothing is left to insert.
+    /// The map of all vertices, after all are inserted.
     pub(crate) fn finished(self) -> Uv {
         self.map.iter().take(self.mesh.positions.len()).copied().collect()
     }
@@ -107,13 +107,13 @@ impl<'l> Insertion<'l> {
         self.mesh.positions.len() - self.left
     }
 
-    /// Undoes removals until this many are left, and returns how many vertices found no place
-    /// without a flip.
+    /// Undoes removals until this many are left, and returns how many vertices could not be placed without a
+    /// flip.
     pub(crate) fn undo_until(&mut self, left: usize) -> usize {
         let mut unplaced = 0;
         let mut removals = self.removals.iter().take(self.left).skip(left).rev().peekable();
         while let Some(first) = removals.next() {
-            // Vertices whose rings are on the map go back side by side; but two may split one filler.
+            // Vertices whose rings are on the map are placed in parallel, unless two may split one filler.
             let mut together = vec![first];
             let is_ready = |next: &Removal<'_>| next.ring.iter().all(|&v| self.present[v]);
             while let Some(next) = removals.next_if(|next| self.apex.is_empty() && is_ready(next)) {
@@ -136,7 +136,7 @@ impl<'l> Insertion<'l> {
         unplaced
     }
 
-    /// Where a vertex goes whose ring is on the map, and whether that flips no face.
+    /// The position of a vertex whose ring is on the map, and whether it flips no face.
     fn place_of(&self, removal: &Removal<'_>, ring: &mut RingMap) -> (DVec2, bool) {
         ring.take(self.mesh, &self.map, removal, self.apex_of(removal));
         let wanted = ring.transplanted();
@@ -144,7 +144,7 @@ impl<'l> Insertion<'l> {
         (at.unwrap_or(wanted), at.is_some())
     }
 
-    /// The mesh of the vertices on the map, and the vertex of the level that each of them is.
+    /// The mesh of the vertices on the map, and for each of them its vertex of the level.
     pub(crate) fn mesh(&self) -> (TriMesh, Vec<VertexId>) {
         let vertices: Vec<VertexId> = self.present.ids().filter(|&v| self.present[v]).collect();
         let mut number = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.present.len());
@@ -160,19 +160,19 @@ impl<'l> Insertion<'l> {
     }
 }
 
-/// An open ring, around a boundary vertex, is narrowed to this share of a turn if its angles add up
-/// to more: its first and last vertex would meet, or change sides.
+/// An open ring, around a boundary vertex, is narrowed to this share of a turn if its angles add up to more,
+/// since its first and last vertex would meet or change sides.
 const WIDEST_OPEN: f64 = 0.9;
 
-/// The ring of a removed vertex, on the skin around the vertex and on the map; its buffers are used
-/// again for the next one.
+/// The ring of a removed vertex, on the skin around the vertex and on the map; its buffers are reused for the
+/// next one.
 #[derive(Default)]
 struct RingMap {
     /// The ring laid flat around the vertex: true lengths, angles scaled to a full turn inside.
     skin: Vec<DVec2>,
     map: Vec<DVec2>,
     boundary: bool,
-    /// Where the ring of a boundary vertex is closed by a filler, the corner of that.
+    /// The corner of the filler that closes the ring of a boundary vertex, if there is one.
     apex: Option<DVec2>,
     angles: Vec<f64>,
 }
@@ -189,9 +189,9 @@ impl RingMap {
     /// Lays the ring around the removed vertex in the plane, the vertex at the origin: true distances,
     /// angles added up; those of a closed ring scaled to a full turn.
     ///
-    /// An open ring keeps its angles: the vertex must go back to where it was, outside of an edge
-    /// between its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled
-    /// to half a turn instead, because there the boundary must run straight past the removed vertex.)
+    /// An open ring keeps its angles: the vertex must return to its old position, outside of an edge between
+    /// its first and last neighbour. (The star that `pyramid::removal` retriangulates is scaled to half a
+    /// turn instead, because there the boundary must run straight past the removed vertex.)
     fn lay_flat(&mut self, mesh: &TriMesh, removal: &Removal<'_>) {
         let centre = mesh.positions[removal.vertex];
         let count = removal.ring.len();
@@ -213,7 +213,7 @@ impl RingMap {
         }
     }
 
-    /// The ring's edges on the map that the vertex must see from their left.
+    /// The ring's edges on the map; the vertex must be on their left.
     fn edges(&self) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
         let count = self.map.len() - usize::from(self.boundary);
         let ends = self.map.first().zip(self.map.last()).zip(self.apex);
@@ -222,9 +222,8 @@ impl RingMap {
         chain.chain(closing.into_iter().flatten())
     }
 
-    /// Where the vertex goes if the star on the skin is carried over by the affine map (inside) or
-    /// the similarity (on a boundary, where the vertex lies outside of its ring) that fits the ring
-    /// best.
+    /// The position of the vertex if the star on the skin is transformed by the affine map (inside) or the
+    /// similarity (on a boundary, where the vertex is outside of its ring) that fits the ring best.
     fn transplanted(&self) -> DVec2 {
         let count = self.skin.len() as f64;
         let from = self.skin.iter().sum::<DVec2>() / count;
@@ -240,7 +239,7 @@ impl RingMap {
         if self.boundary {
             return to + similar.rotate(-from);
         }
-        // Mean value coordinates of the centre (Floater 2003): exact for affine maps, and smooth.
+        // Mean value coordinates of the centre: exact for affine maps, and smooth.
         let (mut sum, mut total) = (DVec2::ZERO, 0.0);
         for (k, weight) in mean_value_weights(&self.skin).enumerate() {
             sum += weight * self.map[k];
@@ -249,8 +248,8 @@ impl RingMap {
         if total > 0.0 && (sum / total).is_finite() { sum / total } else { to + similar.rotate(-from) }
     }
 
-    /// Whether every face of the star with the vertex at `p` has a fair share of the area, be it little because
-    /// the face is a needle on the skin.
+    /// Whether every face of the star with the vertex at `p` has its share of the area, which is small if the
+    /// face is a needle on the skin.
     fn fits(&self, p: DVec2) -> bool {
         let areas = || self.edges().map(|(a, b)| (a - p).perp_dot(b - p));
         let (sum, count) = areas().fold((0.0, 0.0), |(sum, count), a| (sum + a.abs(), count + 1.0));
@@ -259,17 +258,17 @@ impl RingMap {
         let on_skin = |k: usize| self.skin[k].perp_dot(self.skin[(k + 1) % self.skin.len()]).max(0.0);
         let total: f64 = (0..faces).map(on_skin).sum();
         let share = |k: usize| if k < faces { on_skin(k) / total } else { 1.0 };
-        areas().enumerate().all(|(k, a)| a > WELL_INSIDE * sum * share(k).min(1.0 / count))
+        areas().enumerate().all(|(k, a)| a > LEAST_SHARE * sum * share(k).min(1.0 / count))
     }
 
-    /// The middle of the places from which the whole ring is seen; `None` if there is none.
+    /// The centre of the kernel, the positions from which the whole ring is visible; `None` if there are none.
     fn kernel_centre(&self, wanted: DVec2) -> Option<DVec2> {
         let (mut lo, mut hi) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for &p in self.map.iter().chain(&self.apex) {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
         if self.boundary && self.apex.is_none() && wanted.is_finite() {
-            // The kernel reaches beyond the ring there: as far as the vertex wants to go, and back.
+            // There the kernel extends beyond the ring: it is bounded by the distance to the wanted position.
             let reach = DVec2::splat(wanted.distance((lo + hi) / 2.0).max((hi - lo).length()));
             (lo, hi) = (lo - reach, hi + reach);
         }
@@ -278,7 +277,7 @@ impl RingMap {
             kernel = left_of(&kernel, a, b);
         }
         let centre = centroid(&kernel)?;
-        // From the middle towards the wanted place as far as the faces allow.
+        // From the centre towards the wanted position as far as the faces allow.
         let keep = |p: &DVec2| self.edges().all(|(a, b)| (a - *p).perp_dot(b - *p) > 0.0);
         [0.75, 0.5, 0.25]
             .into_iter()
@@ -300,7 +299,7 @@ fn mean_value_weights(ring: &[DVec2]) -> impl Iterator<Item = f64> {
     (0..count).map(move |k| (half_tangent((k + count - 1) % count) + half_tangent(k)) / ring[k].length())
 }
 
-/// The part of a convex polygon on the left of the line from `a` to `b`.
+/// A convex polygon clipped to the left of the line from `a` to `b`.
 fn left_of(polygon: &[DVec2], a: DVec2, b: DVec2) -> Vec<DVec2> {
     let side = |p: DVec2| (b - a).perp_dot(p - a);
     let mut kept = Vec::with_capacity(polygon.len() + 1);
@@ -346,8 +345,8 @@ mod tests {
         assert!(s.transplanted().distance(affine.translation) < 1e-14, "the origin goes to the translation");
     }
 
-    /// A needle that was made wider to be inserted would hold back every Newton step: one of 2 um by 3 mm on a body
-    /// with legs was a gap of 3 mm on its map.
+    /// A needle that is widened when it is inserted slows every Newton step down: one of 2 um by 3 mm on a
+    /// body with legs became a gap of 3 mm on its map.
     #[test]
     fn a_needle_stays_one() {
         let mut s = star(&[[1.0, 0.0], [0.9, 1e-4], [-0.5, 0.8], [-0.5, -0.8]], false);
@@ -371,31 +370,31 @@ mod tests {
         assert!(s.transplanted().distance(DVec2::X) < 1e-15);
     }
 
-    /// An L: the corner behind the bend does not see the far end, the kernel is the square at the
+    /// An L: the far end is not visible from the corner behind the bend; the kernel is the square at the
     /// bend.
     #[test]
-    fn a_place_outside_of_the_kernel_moves_into_it() {
+    fn a_position_outside_of_the_kernel_moves_into_it() {
         let l = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
         let s = star(&l, false);
         let p = s.kernel_centre(DVec2::new(2.5, 0.5)).unwrap();
         assert!(p.cmpgt(DVec2::ZERO).all() && p.cmplt(DVec2::ONE).all(), "{p} in the unit square");
     }
 
-    /// The vertex wants to go beyond the filler above its ring: it goes into it instead.
+    /// The wanted position is beyond the filler above the ring: the vertex is placed inside the filler instead.
     #[test]
     fn a_filler_keeps_a_boundary_vertex_inside() {
         let mut s = star(&[[1.0, 0.0], [0.0, 0.2], [-1.0, 0.0]], true);
         s.skin = vec![DVec2::new(1.0, 2.0), DVec2::new(0.0, 2.2), DVec2::new(-1.0, 2.0)];
-        assert!(s.fits(s.transplanted()), "nothing is in the way");
+        assert!(s.fits(s.transplanted()), "no filler limits it");
         s.apex = Some(DVec2::new(0.0, -0.5));
         let wanted = s.transplanted();
         let p = s.kernel_centre(wanted).unwrap();
         assert!(wanted.y < -1.0 && !s.fits(wanted) && s.fits(p) && p.y > -0.5, "{p} instead of {wanted}");
     }
 
-    /// A U has no place that sees all of it.
+    /// All of a U is visible from no position.
     #[test]
-    fn an_empty_kernel_has_no_place() {
+    fn an_empty_kernel_has_no_centre() {
         let u =
             [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
         assert_eq!(star(&u, false).kernel_centre(DVec2::new(0.5, 2.0)), None);

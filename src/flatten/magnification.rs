@@ -1,5 +1,5 @@
-//! What regions ask of the map: the area that each face aims at, from the densities and acuities of
-//! the taxels, and how much its distortion counts.
+//! The area that each face of the map aims at, from the densities and acuities of the taxels, and the weight
+//! of its distortion.
 
 use crate::flatten::{FlattenError, Method};
 use crate::id::{FaceId, IdVec, VertexId};
@@ -11,16 +11,14 @@ use crate::skin::{Patch, Taxels};
 /// without extreme angles.
 const LARGEST_FACTOR: f64 = 1e3;
 
-/// Least weight of a face over the mean: one of weight 0 still must not flip, which its energy sees
-/// to.
+/// Least weight of a face over the mean: a face of weight 0 must not flip either, so it needs some energy.
 const LEAST_WEIGHT: f64 = 1e-3;
 
 /// One number per vertex, where there is one.
 type Values = Option<IdVec<VertexId, f64>>;
 
-/// How many times larger than on the skin each part of the map should be, `a^2 (rho / mean rho)^gamma`
-/// with the acuity `a`, as the cortex gives densely innervated skin a larger share; and how much its
-/// distortion counts.
+/// Wanted ratio of the area on the map to that on the skin, `a^2 (rho / mean rho)^gamma` with the acuity `a`,
+/// as the cortex gives densely innervated skin a larger share; and the weight of distortion.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Magnification {
     /// Densities `rho` of the vertices, in 1/m^2, unless `gamma = 0`.
@@ -33,8 +31,8 @@ pub(crate) struct Magnification {
 }
 
 impl Magnification {
-    /// From what is known of the taxels, of the receptive areas `areas` (m^2). Without densities, the
-    /// areas give them.
+    /// From the properties of the taxels and their receptive areas `areas` (m^2), which replace densities
+    /// where there are none.
     pub(crate) fn new(
         method: Method,
         taxels: Option<&Taxels>,
@@ -58,7 +56,7 @@ impl Magnification {
         Ok(Self { densities, gamma, shares, weights })
     }
 
-    /// With other values at the vertices.
+    /// Applies a function to the values at the vertices.
     fn map(&self, values: impl Fn(&IdVec<VertexId, f64>) -> IdVec<VertexId, f64>) -> Self {
         let map = |of: &Values| of.as_ref().map(&values);
         let Self { densities, gamma, shares, weights } = self;
@@ -77,7 +75,7 @@ impl Magnification {
         })
     }
 
-    /// The magnification of a mesh of some of the vertices.
+    /// The magnification of a mesh of these vertices.
     pub(crate) fn of_vertices(&self, vertices: &[VertexId]) -> Self {
         self.map(|values| vertices.iter().map(|&v| values[v]).collect())
     }
@@ -110,7 +108,7 @@ impl Magnification {
         logs
     }
 
-    /// The weight of each face, 1 on the mean by area; `None` where all are 1.
+    /// The weight of each face, with mean 1 by area; `None` where all are 1.
     pub(crate) fn face_weights(&self, mesh: &TriMesh) -> Option<IdVec<FaceId, f64>> {
         let weights = self.weights.as_ref()?;
         let raw = mesh.triangles.map(|t| t.map(|v| weights[v]).iter().sum::<f64>() / 3.0);
@@ -119,9 +117,9 @@ impl Magnification {
     }
 }
 
-/// How much longer the lines of each patch's map must be than on a map as large as its skin, so that
-/// densities and acuities count over their mean over all patches. All maps together stay as large as the
-/// skin. A patch whose values are out of range counts as one without any.
+/// The scale of each patch's map, relative to a map as large as its skin, with which densities and acuities
+/// are relative to their mean over all patches. All maps together stay as large as the skin. A patch whose
+/// values are out of range counts as one without any.
 pub(crate) fn patch_scales(method: Method, patches: &[&Patch]) -> Vec<f64> {
     if patches.len() < 2 {
         return vec![1.0; patches.len()];

@@ -1,10 +1,9 @@
 //! Flattening: a disk-like mesh with holes to the plane, with a free boundary and no flips.
 //!
-//! The map of a patch is where its tactile images are drawn, so it should be as close to an
-//! isometry as the skin's curvature allows, everywhere at once, and never fold. This module follows
-//! Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile Information"
-//! (`(cannata)`), whose weighted sum of angle, area and perimeter distortion it minimises as one
-//! nonlinear energy instead of by linear rows.
+//! Tactile images are drawn on the map of a patch, so it should be as close to an isometry as the skin's
+//! curvature allows, everywhere, and never fold. This module follows Cannata, Denei and Mastrogiovanni, "On
+//! Internal Models for Representing Tactile Information" (`(cannata)`), whose weighted sum of angle, area and
+//! perimeter distortion it minimises as one nonlinear energy instead of by linear rows.
 //!
 //! # The energy
 //!
@@ -17,37 +16,36 @@
 //!   + l3 h sum over boundary edges of L (r + 1/r)/2
 //! ```
 //!
-//! Each term is 1 at an isometry, and a face that collapses costs infinitely much, so a descent
-//! never flips one. There are no pins, and the boundary is free unless [`Boundary`] prescribes it. The
-//! alternative is the symmetric Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `a^2
-//! (rho / mean rho)^gamma` times its area, with `rho` the density of taxels and `a` their acuity, and
-//! a face counts by the mean weight of its taxels.
+//! Each term is 1 at an isometry, and infinite for a face that collapses, so a descent never flips one. There
+//! are no pins, and the boundary is free unless [`Boundary`] prescribes it. The alternative is the symmetric
+//! Dirichlet energy, `s1^2 + s2^2 + 1/s1^2 + 1/s2^2`. *Magnification* makes each face aim at `a^2 (rho / mean
+//! rho)^gamma` times its area, with `rho` the density of taxels and `a` their acuity, and a face counts by
+//! the mean weight of its taxels.
 //!
 //! # The algorithm
 //!
 //! 1. **Domain.** Check that the mesh is a disk with holes; lay each face flat, in units of the
 //!    square root of the whole area.
-//! 2. **Start**, on the coarsest level: the spectral natural conformal map (`(mullen2008)`), one
-//!    sparse Hermitian eigenproblem. Flipped faces are repaired locally (`(garanzha2021)`). If that
-//!    fails, the map winds twice about a vertex, a hole is not a hole or its energy is beyond 50:
-//!    the outer loop on a circle and holes closed by a vertex each (`(tutte1963)`), which cannot
-//!    flip in exact arithmetic, solved again with springs that are stiff where the map is too large
-//!    (`(yoshizawa2004)`). From a start that is still bad, faces flatter than a hundredth, then a
-//!    thousandth are minimised as if they were so high first: needles would stop every step.
+//! 2. **Start**, on the coarsest level: the spectral natural conformal map (`(mullen2008)`), one sparse
+//!    Hermitian eigenproblem. Flipped faces are repaired locally (`(garanzha2021)`). If that fails, or the
+//!    map winds twice about a vertex, a hole is not a hole or the energy is beyond 50, the start is instead:
+//!    the outer loop on a circle and holes closed by a vertex each (`(tutte1963)`), which cannot flip in
+//!    exact arithmetic, solved again with springs that are stiff where the map is too large
+//!    (`(yoshizawa2004)`). From a map that is still poor because faces have collapsed, the descent is
+//!    repeated with rest shapes that change gradually.
 //! 3. **Minimise** by projected Newton: the Hessian of each face, clamped to be positive
 //!    semi-definite along its four known eigenvectors (`(smith2019)`, `(teran2005)`), a step below
 //!    the first collapse of a face (`(smith2015)`), a line search. Up to 3000 vertices systems
-//!    are factored, above solved by conjugate gradients in single precision, along a curve that fills space.
-//! 4. **Fill, if needed.** Where a hole turns inside out, the descent goes on from the last map
-//!    that kept it with light triangles in the holes, which may not flip and are made anew every
-//!    few steps; where the map overlaps itself, with such triangles also between its outer loop and
-//!    a frame (`(jiang2017)`).
-//! 5. **Next finer level**: undo the removals of the pyramid on the map: place each vertex in the
-//!    kernel of its ring, which next to a filler includes the filler; then go to 3. Small levels and
-//!    suspicious ones are also solved from scratch, and the better map is kept. The table of all
-//!    fallbacks is at the top of `refine.rs`.
-//! 6. **Place** every level: centred, turned to its main direction, as large as the skin, coarse
-//!    levels like the finest.
+//!    are factored, larger ones are solved by conjugate gradients in single precision, along a space-filling curve.
+//! 4. **Fill, if needed.** If a hole turns inside out, the descent continues from the last map that kept it,
+//!    with light triangles in the holes, which may not flip and are made anew every few steps; if the map
+//!    overlaps itself, with such triangles also between its outer loop and a frame (`(jiang2017)`).
+//! 5. **Next finer level**: undo the removals of the pyramid on the map: place each vertex in the kernel of
+//!    its ring, which includes a filler next to it; then go to 3. Small levels and suspicious ones are also
+//!    solved from scratch, and the better map is kept. The table of all fallbacks is at the top of
+//!    `refine.rs`.
+//! 6. **Place** every level: centred, turned to its main direction, scaled to the area of the skin; coarse
+//!    levels are aligned with the finest.
 //!
 //! # Guarantees
 //!
@@ -62,19 +60,19 @@
 //! - The minimum is local; nothing proves that it is the global one.
 //! - With [`Overlap::Allow`] a map may overlap itself. [`distortion()`] counts overlaps.
 //! - [`Method::Conformal`] and [`Method::Linear`] may flip faces and overlap.
-//! - Closed surfaces and handles are refused, and patches that bend round a limb stay rings, far
-//!   from isometric: [`crate::cut`] finds a seam for them before.
+//! - Closed surfaces and handles are refused, and patches around a limb become rings, far from isometric:
+//!   [`crate::cut`] finds a seam for them first.
 //!
 //! # Files, in reading order
 //!
-//! - `options`, `error`: what is asked for, and why it may fail
-//! - `domain`, `magnification`, `boundary`: what is known of the skin and of its map
+//! - `options`, `error`: choices of the user, and reasons of failure
+//! - `domain`, `magnification`, `boundary`: the skin, and prescriptions for its map
 //! - `energy/` (`elements`, `face_energy`, `assembly`, `objective`, `newton`): the faces, the energy of one,
 //!   sums over all, and the minimiser; a new energy goes into `face_energy`
-//! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps without another one to start from
+//! - `start/` (`conformal`, `linear`, `tutte`, `untangle`): maps that need no start
 //! - `crossings`, `overlap`, `fillers`: whether a map overlaps itself, and how that is prevented
 //! - `relax`, `insertion`, `refine`: least energy on one level; from one level to the next
-//! - `placement`: where the finished map lies; `distortion`: how faithful any map is
+//! - `placement`: position and rotation of the finished map; `distortion`: measures of any map
 
 mod boundary;
 mod crossings;
@@ -126,13 +124,13 @@ pub struct Flattening {
     pub convergence: Convergence,
 }
 
-/// Meshes up to this size are flattened at once, larger ones through a pyramid: at 5000 vertices at
-/// once takes half the time with holes and as long without, at 10 000 a pyramid is quicker.
-const AT_ONCE: usize = 6000;
+/// Meshes up to this size are flattened at once, larger ones through a pyramid: flattening 5000 vertices at
+/// once takes half the time with holes and as long without; at 10 000 a pyramid is faster.
+const MAX_AT_ONCE: usize = 6000;
 
-/// Vertices of a level over those of the next coarser one, above which its map starts anew: the
-/// coarse map knows too little. A star of 20k faces, whose coarser level has ten, took 30 s from it.
-const TOO_COARSE: usize = 16;
+/// If a level has more than this many times the vertices of the next coarser one, its map does not start from
+/// that of the coarser level: a star of 20k faces, whose coarser level has ten, took 30 s from it.
+const MAX_LEVEL_RATIO: usize = 16;
 
 /// Flattens one mesh: map positions in m, isometric in scale on average, never mirrored. The densities,
 /// weights and acuities of the taxels at its vertices, if they are given, drive [`Method::Intrinsic`], as
@@ -178,7 +176,7 @@ pub fn flatten_with(
     run: Run<'_>,
 ) -> Result<Flattening, FlattenError> {
     options.validate()?;
-    if options.starts_coarse() && mesh.positions.len() > AT_ONCE {
+    if options.starts_coarse() && mesh.positions.len() > MAX_AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
         let maps = flatten_pyramid_with(&pyramid_of(mesh, run)?, taxels, options, run)?;
@@ -200,8 +198,8 @@ pub fn flatten_with(
     Ok(Flattening { uv, convergence })
 }
 
-/// The `placed` map, or the map as it was `found` where the first has faces that rounding has turned over or overlaps
-/// itself by it; checked exactly if the intrinsic method has made it.
+/// The `placed` map, or the map as `found` if rounding has turned faces of the first over or made it overlap
+/// itself; checked exactly for the intrinsic method.
 fn verified(
     mesh: &TriMesh,
     loops: &[Vec<VertexId>],
@@ -219,11 +217,11 @@ fn verified(
     }
 }
 
-/// Newton steps of a map by which a seam is judged: what it still gains does not change the judgement.
+/// Limits of a map by which a seam is judged: further steps would not change the judgement.
 const ROUGH: NewtonLimits = NewtonLimits { rest: 1e-4, steps: 60, gain: 3e-3, most: f64::INFINITY };
 
-/// About the map (m) of least symmetric Dirichlet energy, to judge a seam by: it may overlap itself. A map that
-/// will hardly get closer to the energy of an isometry than `most` is given up.
+/// Approximately the map (m) of least symmetric Dirichlet energy, to judge a seam by; it may overlap itself.
+/// Gives up if the energy will probably stay above `most`.
 ///
 /// # Errors
 /// As [`flatten`].
@@ -235,7 +233,7 @@ pub(crate) fn flatten_roughly(mesh: &TriMesh, most: f64, run: Run<'_>) -> Result
     Ok(domain.to_metres(&reached.uv))
 }
 
-/// Places of the outer loop, where the options prescribe them.
+/// Positions of the outer loop, if the options prescribe them.
 fn prescribed_by(
     options: &FlattenOptions,
     mesh: &TriMesh,
@@ -251,13 +249,12 @@ fn pyramid_of(mesh: &TriMesh, run: Run<'_>) -> Result<Pyramid, FlattenError> {
     Ok(coarsen_with(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), run)?)
 }
 
-/// Flattens every level of a pyramid, coarse to fine. The weights and acuities of the taxels, its
-/// level-0 vertices, drive [`Method::Intrinsic`], and so do their densities its magnification; without
-/// densities the areas do.
+/// Flattens every level of a pyramid, coarse to fine. [`Method::Intrinsic`] uses the weights and acuities of
+/// the taxels, its level-0 vertices, and their densities for magnification; without densities it uses the
+/// areas.
 ///
-/// All levels are aligned: what is left on a coarse map is left on the fine one. Where a coarse level
-/// of a long thin tube has no map in 64-bit numbers, it and all coarser ones are left out: there are
-/// fewer maps than levels then.
+/// The maps of all levels are aligned. If a coarse level of a long thin tube has no map in 64-bit numbers, it
+/// and all coarser ones are left out: then there are fewer maps than levels.
 ///
 /// ```
 /// use dermatome::{
@@ -316,7 +313,7 @@ pub fn flatten_pyramid_with(
             domain = domain.prescribed(level.origins.iter().map(|&v| places[v]));
         }
         let coarser = pyramid.levels.get(LevelId::new(id.index() + 1)).zip(maps.last());
-        let coarser = coarser.filter(|(c, _)| domain.vertices() <= TOO_COARSE * c.mesh.positions.len());
+        let coarser = coarser.filter(|(c, _)| domain.vertices() <= MAX_LEVEL_RATIO * c.mesh.positions.len());
         let inherited = match coarser.filter(|_| options.starts_coarse()) {
             Some((coarse, uv)) => {
                 let start = Insertion::new(level, &pyramid.removals[id], coarse, uv, &fillers)?;
@@ -344,7 +341,7 @@ pub fn flatten_pyramid_with(
         weights.push(magnification.face_weights(&level.mesh));
         how.push((reached.convergence, domain.disk.loops));
     }
-    // Level 0 is normalised; the coarser maps are turned so that their vertices lie near the same taxels of it.
+    // Level 0 is normalised; the coarser maps are turned so that their vertices lie near the same taxels of level 0.
     let mut flattenings: IdVec<LevelId, Flattening> = IdVec::default();
     let found = maps.into_iter().zip(weights).zip(how).rev();
     for (level, ((found, weights), (convergence, loops))) in pyramid.levels.iter().zip(found) {

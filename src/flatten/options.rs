@@ -1,5 +1,4 @@
-//! What a user chooses: how a map is computed, what it minimises, and whether it may overlap
-//! itself.
+//! Options: how a map is computed, what it minimises, and whether it may overlap itself.
 
 use glam::DVec2;
 
@@ -11,20 +10,20 @@ use crate::id::{IdVec, VertexId};
 pub enum Method {
     /// Minimise an [`Energy`] with projected Newton, from a spectral conformal start.
     Intrinsic {
-        /// What is minimised.
+        /// The energy that is minimised.
         energy: Energy,
         /// Exponent `gamma` of magnification: 0 isometric, 1 equal map area per taxel.
         magnify: f64,
     },
-    /// Spectral natural conformal map alone (Desbrun, Meyer and Alliez 2002; Mullen et al. 2008).
+    /// Spectral natural conformal map alone (`(desbrun2002)`, `(mullen2008)`).
     Conformal,
-    /// Linear mix of conformal and authalic rows with the natural conformal boundary (Desbrun,
-    /// Meyer and Alliez 2002; eq. 7 and 8 of Cannata, Denei and Mastrogiovanni).
+    /// Linear mix of conformal and authalic rows with the natural conformal boundary (`(desbrun2002)`; eq. 7
+    /// and 8 of `(cannata)`).
     ///
-    /// It minimises nothing, and only its conformal rows reach the boundary, so nothing bounds the
-    /// areas either. Measured on the skins of `meshes/`, angles **and** areas get worse as `area`
-    /// grows, visibly from a hundredth of `angle` on, and from a tenth on maps flip or cross
-    /// themselves. With `area: 0.0` this is a conformal map with two pins.
+    /// It minimises nothing, and only its conformal rows reach the boundary, so nothing bounds the areas
+    /// either. On the skins of `meshes/`, angles **and** areas get worse as `area` grows, visibly from a
+    /// hundredth of `angle` on; from a tenth on maps flip or cross themselves. With `area: 0.0` this is a
+    /// conformal map with two pins.
     Linear {
         /// Weight of the conformal rows.
         angle: f64,
@@ -39,11 +38,10 @@ impl Default for Method {
     }
 }
 
-/// What the intrinsic method minimises; both are least at an isometry and infinite at a flip.
+/// The energy that the intrinsic method minimises; both kinds are least at an isometry and infinite at a flip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Energy {
-    /// Weighted sum of three terms, each 1 at an isometry (eq. 4 of Cannata, Denei and
-    /// Mastrogiovanni).
+    /// Weighted sum of three terms, each 1 at an isometry (eq. 4 of `(cannata)`).
     Sum {
         /// Weight `l1` of the angle term.
         angle: f64,
@@ -63,20 +61,20 @@ impl Default for Energy {
     }
 }
 
-/// What happens where the map of least distortion overlaps itself: a skin that winds more than once
+/// What to do if the map of least distortion overlaps itself: a skin that winds more than once
 /// around, like a spiral ramp, or a junction of tubes. Holes stay holes either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overlap {
-    /// The intrinsic method goes on from the last map that did not, with a scaffold of triangles around
-    /// it (after Jiang, Schaefer and Panozzo 2017), at more distortion. The other methods have only
-    /// one map, which may overlap itself.
+    /// The intrinsic method continues from the last map that did not, with a scaffold of triangles around it
+    /// (after `(jiang2017)`), at more distortion. The other methods have only one map, which may overlap
+    /// itself.
     #[default]
     Prevent,
     /// It may overlap itself: least distortion.
     Allow,
 }
 
-/// Where the outer boundary of an intrinsic map lies. The other methods have boundaries of their own.
+/// The outer boundary of an intrinsic map. The other methods have boundaries of their own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Boundary {
     /// Where the energy is least.
@@ -84,15 +82,15 @@ pub enum Boundary {
     Free,
     /// On a circle as large as the skin, by length.
     Circle,
-    /// On a rectangle as large as the skin, by length between its corners: the four most convex places.
+    /// On a rectangle as large as the skin, by length between its corners: the four most convex vertices.
     Rectangle {
         /// Width of the rectangle; only its ratio to the height counts.
         width: f64,
         /// Its height.
         height: f64,
     },
-    /// At these places (m), counter-clockwise: one for each vertex of the outer loop, `None` for all
-    /// other vertices.
+    /// At these positions (m), counter-clockwise: one for each vertex of the outer loop, `None` for all other
+    /// vertices.
     Places(IdVec<VertexId, Option<DVec2>>),
 }
 
@@ -101,9 +99,9 @@ pub enum Boundary {
 pub struct FlattenOptions {
     /// How the map is computed.
     pub method: Method,
-    /// Whether it may overlap itself. A map that does not is the same either way.
+    /// Whether it may overlap itself. A map that does not is the same with both.
     pub overlap: Overlap,
-    /// Where its outer boundary lies.
+    /// Its outer boundary.
     pub boundary: Boundary,
 }
 
@@ -126,7 +124,7 @@ impl FlattenOptions {
         self.boundary == Boundary::Free && matches!(self.method, Method::Intrinsic { .. })
     }
 
-    /// Checks that every number is in range and that something is left to minimise.
+    /// Checks that every number is in range and that there is something to minimise.
     pub(crate) fn validate(&self) -> Result<(), FlattenError> {
         if let Boundary::Rectangle { width, height } = self.boundary {
             for (name, found) in [("width", width), ("height", height)] {

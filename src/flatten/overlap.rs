@@ -1,7 +1,7 @@
 //! Whether a map overlaps itself: crossings of the boundary, branch points inside, excess angles on
 //! the boundary.
 //!
-//! This is the only judge of overlap, for the solver that must prevent it and for the measures of
+//! The only test of overlap, for the solver that must prevent it and for the measures of
 //! [`Distortion`](crate::flatten::Distortion).
 
 use glam::DVec2;
@@ -15,17 +15,17 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, boundary_edges, face_components, loops_of};
 use crate::parallel::{par_each, par_sum};
 
-/// The faces at a boundary vertex overlap if their angles on the map add up to a full turn and more
-/// than this, in rad. What is less is rounding: both sides of a slit may meet.
+/// The faces at a boundary vertex overlap if their angles on the map exceed a full turn by more than this, in
+/// rad. A smaller excess is rounding: both sides of a slit may meet.
 const BEYOND_A_TURN: f64 = 1e-6;
 
-/// Number of places where a map overlaps itself: pairs of boundary edges without a common vertex
+/// Number of overlaps of a map: pairs of boundary edges without a common vertex
 /// that cross or touch, vertices about which the map winds more than once, and loops inside out.
 ///
-/// A map without flips and without these is one to one. Flips and crossings alone are not enough: a
-/// sleeve whose hole is turned inside out has neither, but two inner vertices with two full turns
-/// of faces, or as many on its boundary (Gauss and Bonnet). Where [`MAX_CROSSINGS`] pairs of edges
-/// cross, nothing more is counted; nor is a component inside another one.
+/// A map without flips and without these is one to one. Flips and crossings alone are not enough: a sleeve
+/// whose hole is turned inside out has neither, but two inner vertices with two full turns of faces, or as
+/// many on its boundary (Gauss and Bonnet). If [`MAX_CROSSINGS`] pairs of edges cross, the rest is not
+/// counted. A component inside another one is not counted either.
 pub(crate) fn overlaps(mesh: &TriMesh, uv: &Uv) -> usize {
     let edges = boundary_edges(mesh);
     let crossings = boundary_crossings(&edges, uv);
@@ -53,7 +53,7 @@ pub(crate) fn has_no_branch_points(domain: &FlattenDomain<'_>, uv: &Uv) -> bool 
 /// and not across itself.
 pub(crate) fn keeps_holes(loops: &[Vec<VertexId>], uv: &Uv) -> bool {
     let is_outer = |walk: &&Vec<VertexId>| is_counter_clockwise(walk, uv);
-    // A disk's only loop is the outer one, even where it runs across itself.
+    // The only loop of a disk is the outer one, even if it crosses itself.
     loops.len() == 1
         || (loops.iter().filter(is_outer).count() == 1
             && loops.iter().all(|walk| is_outer(&walk) || !boundary_crosses_itself(&loop_edges(walk), uv)))
@@ -65,8 +65,8 @@ pub(crate) fn is_one_to_one(loops: &[Vec<VertexId>], uv: &Uv) -> bool {
     keeps_holes(loops, uv) && !boundary_crosses_itself(&edges, uv)
 }
 
-/// Checks what the intrinsic method promises of the map of a disk with these loops, exactly: no face is flipped,
-/// holes stay holes, and it does not overlap itself where it must not.
+/// Checks the guarantees of the intrinsic method for the map of a disk with these loops, exactly: no face is
+/// flipped, holes stay holes, and it does not overlap itself if it must not.
 ///
 /// # Errors
 /// [`FlattenError::NotInjective`].
@@ -94,7 +94,7 @@ fn loop_edges(walk: &[VertexId]) -> Vec<[VertexId; 2]> {
 
 /// Whether a loop encloses a positive area.
 fn is_counter_clockwise(walk: &[VertexId], uv: &Uv) -> bool {
-    // Seen from a place on the loop, so that a small one is not lost in rounding.
+    // Relative to a vertex of the loop, so that a small one is not lost in rounding.
     let origin = walk.first().map_or(DVec2::ZERO, |&v| uv[v]);
     let sides = walk.iter().zip(walk.iter().cycle().skip(1));
     sides.map(|(&a, &b)| (uv[a] - origin).perp_dot(uv[b] - origin)).sum::<f64>() > 0.0
@@ -102,8 +102,8 @@ fn is_counter_clockwise(walk: &[VertexId], uv: &Uv) -> bool {
 
 /// Number of inner vertices about which the faces wind more than once.
 ///
-/// Counted by the edges opposite to a vertex that pass it on its right: signs of differences and of
-/// exact areas, so nothing is rounded.
+/// Counts the edges opposite to a vertex that pass it on its right, by signs of differences and of exact
+/// areas, so nothing is rounded.
 fn count_branch_points(
     triangles: &IdVec<FaceId, [VertexId; 3]>,
     on_boundary: &IdVec<VertexId, bool>,
@@ -111,7 +111,7 @@ fn count_branch_points(
 ) -> usize {
     let mut winding = IdVec::<VertexId, i32>::filled(0, uv.len());
     let below = |a: VertexId, b: VertexId| (uv[a].y, uv[a].x) < (uv[b].y, uv[b].x);
-    // A face passes one of its corners at most.
+    // A face passes at most one of its corners.
     let passed = |face: FaceId| {
         let [a, b, c] = triangles[face];
         let side = orientation([uv[a], uv[b], uv[c]]);
@@ -155,9 +155,9 @@ mod tests {
     use crate::flatten::domain::Disk;
     use crate::mesh::shapes;
 
-    /// What rounding or an attempt may do to a map: turn faces over, or place some over others.
+    /// Rounding or an attempt may turn faces of a map over, or place some over others.
     #[test]
-    fn maps_that_are_not_legal_are_refused() {
+    fn illegal_maps_are_refused() {
         let holed = shapes::tube(8, 3, 0.01, 0.02);
         let ring = |p: glam::DVec3, r: f64| (0.02 + r * p.z) * DVec2::new(p.x, p.y).normalize();
         let outward = holed.positions.map(|&p| ring(p, -0.5));

@@ -1,7 +1,7 @@
-//! Where a finished map lies: centred, turned to its main direction, as large as the skin.
+//! Places a finished map: centred, turned to its main direction, as large as the skin.
 //!
-//! Any map may be moved, turned and scaled without a change of its shape; this fixes the choice,
-//! independent of the numbering of the vertices wherever the shape has a direction of its own.
+//! A map may be moved, turned and scaled without a change of its shape; this fixes the choice, independent of
+//! the numbering of the vertices if the shape has a direction of its own.
 
 use std::iter::Sum;
 
@@ -25,7 +25,7 @@ struct Moments {
     second: DVec3,
 }
 
-/// The sum of `visit(mass, position)` over points that carry the area: the middles of the faces' sides, a
+/// The sum of `visit(mass, position)` over points that carry the area: the midpoints of the faces' sides, a
 /// third of the face each, which integrates second moments exactly.
 fn sum_of_masses<T: Send + Sum>(mesh: &TriMesh, uv: &Uv, visit: impl Fn(f64, DVec2) -> T + Sync) -> T {
     par_sum(mesh.triangles.len(), |face| {
@@ -51,17 +51,17 @@ fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
     Moments { centre, area, second }
 }
 
-/// The direction on the map that must point along x.
+/// The direction on the map that is turned to x.
 ///
-/// That is the longer principal axis, towards the side where the map reaches farther (third
-/// moment). A shape without such an axis or side, like a disk, turns so that its first vertex off
-/// the centre lies on the positive x axis or side.
+/// It is the longer principal axis, towards the side where the map extends farther (third moment). A shape
+/// without such an axis or side, like a disk, turns so that its first vertex off the centre lies on the
+/// positive x axis or side.
 pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
     let Moments { centre, area, second } = moments(mesh, uv);
     let [xx, yy, xy] = second.to_array();
     let spread = xx + yy;
     let radius = spread.max(0.0).sqrt();
-    // The first vertex that is neither at the centre nor, seen along an axis, in its middle.
+    // The first vertex that is neither at the centre nor, along an axis, level with it.
     let first = |along: &dyn Fn(DVec2) -> f64| {
         uv.iter().map(|&p| p - centre).find(|&q| along(q).abs() > 1e-3 * radius)
     };
@@ -99,8 +99,8 @@ pub(super) fn normalise_map(
     uv.map(|&p| back.rotate(p - centre) * scale)
 }
 
-/// The direction on a map that must point along x so that it lies like another one. `pairs` are
-/// positions of the same points, first on the map to be turned, then on the other.
+/// The direction on a map that must be turned to x to align it with another one. `pairs` are positions of the
+/// same points, first on the map to be turned, then on the other.
 pub(super) fn direction_like<'a>(pairs: impl Iterator<Item = (&'a DVec2, &'a DVec2)> + Clone) -> DVec2 {
     let count = pairs.clone().count() as f64;
     let (sum_a, sum_b) = pairs.clone().fold((DVec2::ZERO, DVec2::ZERO), |(s, t), (a, b)| (s + *a, t + *b));

@@ -11,9 +11,9 @@ use crate::mesh::{Rings, angle};
 use crate::pyramid::removal::SeamRole;
 use crate::skin::Taxels;
 
-/// A boundary vertex is a corner if its interior angle differs from a straight one by more than
-/// this, 75 degrees: the rim of a triangular lattice turns by 60 degrees at each vertex and is
-/// straight on the whole.
+/// A boundary vertex is a corner if its interior angle differs from a straight one by more than this, 75
+/// degrees: the rim of a triangular lattice turns by 60 degrees at each vertex although it is straight
+/// overall.
 const CORNER_TURN: f64 = 75.0 / 180.0 * PI;
 
 /// At least this many vertices stay on each boundary loop: fewer do not form a loop.
@@ -22,14 +22,14 @@ const LEAST_PER_LOOP: usize = 3;
 /// Separation of centres, in local spacings, that leaves about a quarter of the vertices.
 pub(super) const ALPHA: f64 = 1.35;
 
-/// An asked-for count is met when it is missed by at most this share.
+/// Tolerance of a requested count, as a share of it.
 const COUNT_TOLERANCE: f64 = 0.01;
 
-/// Trials for an asked-for count: three or four meet it where counts do not jump.
+/// Most trials for a requested count: three or four suffice where counts do not jump.
 const MAX_TRIALS: usize = 12;
 
-/// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short
-/// edge must not make a place look dense.
+/// Rounds in which each spacing is replaced by the mean of itself and its neighbours': one short edge must
+/// not make a region look dense.
 const SMOOTHING_ROUNDS: usize = 2;
 
 /// Smoothed distance of every vertex to its neighbours, in m.
@@ -47,9 +47,9 @@ pub(super) fn measured_spacing(rings: &Rings, positions: &IdVec<VertexId, DVec3>
     spacing
 }
 
-/// The spacing that densities and acuities ask for on level 0, in m: that of a triangular lattice of
-/// the densities `rho` (1/m^2), `sqrt(2 / (sqrt3 rho))`, or else the measured one, over the acuity.
-/// `None` where the measured one is all there is.
+/// The spacing that follows from densities and acuities on level 0, in m: that of a triangular lattice of the
+/// densities `rho` (1/m^2), `sqrt(2 / (sqrt3 rho))`, or else the measured one, divided by the acuity. `None`
+/// without densities and acuities.
 pub(super) fn wanted_spacing(
     taxels: &Taxels,
     measured: impl FnOnce() -> IdVec<VertexId, f64>,
@@ -68,14 +68,13 @@ pub(super) fn wanted_spacing(
 /// The spacing `wanted`, times the factor that makes its geometric mean that of the `measured` one,
 /// in m.
 ///
-/// On level 0 of a skin whose densities are correct the factor is about 1. It grows with the
-/// levels, and it lets acuities, which only weigh places against each other, coarsen as fast as
-/// anything else.
+/// On level 0 of a skin whose densities are correct the factor is about 1. It grows with the levels. Acuities
+/// are only relative; with the factor they do not change how fast levels coarsen.
 pub(super) fn scaled_spacing(
     wanted: &IdVec<VertexId, f64>,
     measured: &IdVec<VertexId, f64>,
 ) -> IdVec<VertexId, f64> {
-    // Where vertices coincide a spacing may be zero: such places do not count.
+    // The spacing of coincident vertices may be zero: these do not count.
     let (mut sum, mut count) = (0.0, 0.0);
     for (m, w) in measured.iter().zip(wanted).filter(|(m, w)| **m > 0.0 && **w > 0.0) {
         sum += (m / w).ln();
@@ -85,13 +84,13 @@ pub(super) fn scaled_spacing(
     wanted.map(|w| w * factor)
 }
 
-/// The vertices of one level in the order in which they may become centres: corners, then the
-/// boundary, then the inside; of each, taxels that read pressure before absent ones and thermal
-/// pads; of these, in the order of a hash of the taxel's id, so that neither the order in a file nor
-/// that of a vendor's numbering shows; ids without gaps count from 1, so that other patches of a skin do not
-/// show either. Vertices of equal ids are ordered by number.
+/// The vertices of one level in the order in which they may become centres: corners, then the boundary, then
+/// the inside; of each, taxels that read pressure before absent ones and thermal pads; of these, in the order
+/// of a hash of the taxel's id, so that the result depends neither on the order in a file nor on a vendor's
+/// numbering; ids without gaps count from 1, so that it does not depend on other patches either. Vertices of
+/// equal ids are ordered by number.
 ///
-/// `origins` says which of the taxels each vertex is. A seam counts as a boundary, its ends and
+/// `origins` gives the taxel of each vertex. A seam counts as a boundary, its ends and
 /// branchings as corners.
 pub(super) fn priorities(
     rings: &Rings,
@@ -139,7 +138,7 @@ const fn hash(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// What the choice of centres sees of a level.
+/// The data of a level from which centres are chosen.
 pub(super) struct Candidates<'a> {
     pub(super) rings: &'a Rings,
     /// The boundary loops, see [`Rings::boundary_loops`].
@@ -147,9 +146,9 @@ pub(super) struct Candidates<'a> {
     pub(super) positions: &'a IdVec<VertexId, DVec3>,
     /// Local spacing `h`, in m.
     pub(super) spacing: &'a IdVec<VertexId, f64>,
-    /// All vertices, most wanted first.
+    /// All vertices, highest priority first.
     pub(super) priorities: &'a [VertexId],
-    /// Whether each vertex is a centre in any case.
+    /// Whether each vertex must be a centre.
     pub(super) fixed: &'a dyn Fn(VertexId) -> bool,
     /// Whether each vertex is a taxel that reads pressure.
     pub(super) is_live: &'a dyn Fn(VertexId) -> bool,
@@ -170,8 +169,8 @@ impl Candidates<'_> {
 
     /// Adds vertices without a conflict at separation `alpha` in order of priority, `most` at most.
     ///
-    /// Paths keep the two sides of a thin fold apart. One sweep in order of priority beats rounds
-    /// of parallel selection here, because only the quarter that is chosen looks around.
+    /// Paths distinguish the two sides of a thin fold. One sweep in order of priority is faster than rounds
+    /// of parallel selection, because only the chosen quarter searches its neighbourhood.
     fn add(&self, alpha: f64, chosen: &mut IdVec<VertexId, bool>, mut most: usize) {
         let mut ruled_out = IdVec::<VertexId, bool>::filled(false, self.positions.len());
         let mut seen = IdVec::filled(VertexId::from(u32::MAX), self.positions.len());
@@ -205,9 +204,9 @@ impl Candidates<'_> {
 
     /// About `count` centres, at the separation `alpha` that gives them.
     ///
-    /// Counts fall like `alpha^-2`, which proposes the next trial; a bracket keeps the proposals
-    /// honest. On a regular lattice counts jump: there the wider separation is made up to `count`
-    /// at the narrower one.
+    /// Counts fall like `alpha^-2`, which proposes the next trial within a bracket. On a regular lattice
+    /// counts jump: there centres at the narrower separation are added to those at the wider one, up to
+    /// `count`.
     pub(super) fn choose_about(&self, count: f64) -> IdVec<VertexId, bool> {
         let (mut low, mut high) = (0.0, f64::INFINITY);
         let mut alpha = ALPHA;
@@ -229,8 +228,8 @@ impl Candidates<'_> {
             let middle = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * low };
             alpha = if proposal > low && proposal < high { proposal } else { middle };
         }
-        // Boundary loops alone may hold more than `count`: then there is no sparse choice, and few
-        // is the best.
+        // Boundary loops alone may have more than `count` centres: then no choice is sparse enough, and this
+        // one has few.
         let Some((found, mut chosen)) = sparse else { return self.choose(alpha) };
         #[expect(clippy::cast_possible_truncation, reason = "a count of vertices")]
         let missing = (count.round() as usize).saturating_sub(found);
@@ -239,15 +238,15 @@ impl Candidates<'_> {
     }
 }
 
-/// Makes up for centres that a boundary loop lacks: the vertices at thirds of the loop, from a
-/// centre where it has one, or the nearest live ones to them.
+/// Adds centres to a boundary loop that has too few: the vertices at thirds of the loop, from a centre if it
+/// has one, or the live vertices nearest to them.
 fn keep_loop(walk: &[VertexId], is_live: &dyn Fn(VertexId) -> bool, chosen: &mut IdVec<VertexId, bool>) {
     if walk.iter().filter(|v| chosen[**v]).count() >= LEAST_PER_LOOP {
         return;
     }
     let count = walk.len();
     let start = walk.iter().position(|v| chosen[*v]).unwrap_or(0);
-    // Searches from different thirds do not meet.
+    // So that searches from different thirds do not meet.
     let reach = (count / LEAST_PER_LOOP).saturating_sub(1) / 2;
     for third in 0..LEAST_PER_LOOP.min(count) {
         let at = start + third * count / LEAST_PER_LOOP;

@@ -18,7 +18,7 @@ use crate::skin::Taxels;
 /// A level must have this many times fewer vertices than the next finer one, or the pyramid ends.
 const LEAST_RATIO: f64 = 1.5;
 
-/// What [`ALPHA`] makes of a level, for judging whether a further level would overshoot.
+/// Ratio of a level to the next with [`ALPHA`], to predict whether a further level would be too coarse.
 const USUAL_RATIO: f64 = 4.0;
 
 /// How to coarsen.
@@ -29,7 +29,7 @@ pub struct CoarsenOptions {
     pub ratio: Option<f64>,
     /// At most this many levels above level 0; `None`: as many as `coarsest` allows.
     pub levels: Option<usize>,
-    /// Stop at about this many vertices: where a further level would miss them by more.
+    /// Stop at about this many vertices: if a further level would be farther from this number.
     pub coarsest: usize,
 }
 
@@ -39,7 +39,7 @@ impl Default for CoarsenOptions {
     }
 }
 
-/// The pyramid of one patch: its mesh, and what is known of each of its vertices.
+/// The pyramid of one patch, from its mesh and taxels.
 ///
 /// ```
 /// use dermatome::{id::VertexId, mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
@@ -88,17 +88,17 @@ pub fn coarsen_with(
 /// The pyramid of a patch that is mapped cut open, and the same levels cut open.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct CutPyramid {
-    /// The pyramid of the uncut patch, with a centre wherever the seam ends or branches.
+    /// The pyramid of the uncut patch, with a centre at every end and branching of the seam.
     pub(crate) pyramid: Pyramid,
     /// The levels cut open, to be mapped: level 0 is the patch after its cut, and vertices and
-    /// origins count those of cut levels. Areas are those of the whole taxel at each of its places.
+    /// origins count those of cut levels. Each place has the area of its whole taxel.
     pub(crate) opened: Pyramid,
     /// How each level of the pyramid is cut into the one to be mapped.
     pub(crate) cuts: IdVec<LevelId, CutMesh>,
 }
 
-/// The pyramid of a patch that is mapped after the cut `cut`. Every level has the same seam: it is
-/// coarsened like a boundary whose two sides go together.
+/// The pyramid of a patch that is mapped after the cut `cut`. Every level has the same seam: it is coarsened
+/// like a boundary, both sides together.
 ///
 /// # Errors
 /// As [`coarsen`].
@@ -115,7 +115,7 @@ pub(crate) fn coarsen_cut(
     let (mut coarsener, rings) = Coarsener::new(mesh, taxels, options, &curve, Some(seam))?;
     let (mut levels, mut cuts) = (IdVec::<LevelId, Level>::default(), IdVec::default());
     let mut removals = [IdVec::default(), IdVec::default()];
-    // The places of level 0 that those of the next level are.
+    // For each place of the next level its place of level 0.
     let mut origins: IdVec<PlaceId, PlaceId> =
         cut.unsplit.ids().map(|place| PlaceId::of_opened(curve.given(place.opened()))).collect();
     let mut all_origins = vec![cut.unsplit.ids().collect()];
@@ -140,7 +140,7 @@ pub(crate) fn coarsen_cut(
     })
 }
 
-/// The levels after their cuts; `origins` are the places of level 0 that theirs are.
+/// The levels after their cuts; `origins` has the place of level 0 of each of their places.
 fn open_levels(
     levels: &IdVec<LevelId, Level>,
     cuts: &IdVec<LevelId, CutMesh>,
@@ -151,7 +151,7 @@ fn open_levels(
     for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
         let to_finest = level.to_finest.as_ref().map(|rows| {
             let mut indices: IdVec<VertexId, _> = finest.iter().map(|&v| rows.indices[v]).collect();
-            // A copy that is a vertex still is its own field.
+            // A copy that is still a vertex is its own field.
             for (place, origin) in origins.enumerate() {
                 indices[origin.opened()][0] = place.opened();
             }
@@ -202,23 +202,23 @@ struct Coarsener<'a> {
     taxels: &'a Taxels,
     options: &'a CoarsenOptions,
     level: Level,
-    /// The order in which the next members number vertices and taxels.
+    /// The numbering of vertices and taxels in the following members.
     curve: &'a AlongCurve,
     /// The level's mesh, from which vertices are removed.
     surface: HalfedgeMesh,
     positions: IdVec<VertexId, DVec3>,
-    /// The taxel that each vertex is.
+    /// The taxel of each vertex.
     origins: IdVec<VertexId, VertexId>,
-    /// Where the taxels of level 0 lie on it.
+    /// The locations of the taxels of level 0 on it.
     locations: TaxelLocations,
-    /// Where it is cut for its map.
+    /// The seam along which it is cut for its map.
     seam: Option<SeamedLevel>,
-    /// The spacing that densities and acuities ask for at each vertex of level 0, in its order, in m.
+    /// The spacing that follows from densities and acuities at each vertex of level 0, in its order, in m.
     wanted_spacing: Option<IdVec<VertexId, f64>>,
 }
 
-/// How the next coarser level is cut: the removals from the cut level, the place of that level that
-/// each of its own is, and the cut itself.
+/// How the next coarser level is cut: the removals from the cut level, for each of its places the place of
+/// that level, and the cut itself.
 type CutStep = (RemovalLog, IdVec<PlaceId, PlaceId>, CutMesh);
 
 impl<'a> Coarsener<'a> {
@@ -230,7 +230,7 @@ impl<'a> Coarsener<'a> {
         curve: &'a AlongCurve,
         seam: Option<SeamedLevel>,
     ) -> Result<(Self, Rings), PyramidError> {
-        // An error names vertices of the mesh given.
+        // An error names vertices of the given mesh.
         let (surface, rings) =
             HalfedgeMesh::new(&curve.mesh).map_err(|error| Adjacency::new(mesh).err().unwrap_or(error))?;
         let locations = TaxelLocations::new(mesh.positions.len(), mesh.triangles.len());
@@ -256,8 +256,8 @@ impl<'a> Coarsener<'a> {
         Ok((this, rings))
     }
 
-    /// Goes on to the coarsest level, and hands out every level before it with the removals from it
-    /// and how the next one is cut.
+    /// Coarsens to the coarsest level, and passes on every finer level with the removals from it and the cut
+    /// of the next one.
     fn run(
         &mut self,
         rings: Rings,
@@ -275,14 +275,14 @@ impl<'a> Coarsener<'a> {
         Ok(())
     }
 
-    /// Whether a further level comes nearer to the coarsest count, as a factor, than this one.
+    /// Whether a further level would be nearer to the coarsest count, as a factor, than this one.
     fn wants_coarser(&self) -> bool {
         let ratio = self.options.ratio.unwrap_or(USUAL_RATIO);
         self.level.mesh.positions.len() as f64 > self.options.coarsest as f64 * ratio.sqrt()
     }
 
-    /// Goes on to the next coarser level; returns the one before, with its `from_coarser`, and the
-    /// removals between them. `None` if the level would not shrink enough.
+    /// Makes the next coarser level; returns the one before, with its `from_coarser`, and the removals
+    /// between them. `None` if the level would not shrink enough.
     fn step(
         &mut self,
         rings: Rings,
@@ -309,7 +309,7 @@ impl<'a> Coarsener<'a> {
             (log, places, seam.cut.clone())
         });
         if level.to_finest.is_none() {
-            // Level 0 is handed out in its own order.
+            // Level 0 is passed on in its own order.
             let logs = iter::once(&mut removals).chain(cut.as_mut().map(|(log, ..)| log));
             logs.for_each(|log| log.renumber(|v| curve.given(v)));
         }
@@ -332,7 +332,7 @@ impl<'a> Coarsener<'a> {
         Ok(Some((std::mem::replace(level, next), removals, cut)))
     }
 
-    /// Which vertices stay, and the order in which the others go.
+    /// Which vertices are kept, and the order in which the others are removed.
     fn choose(&self, rings: &Rings) -> (IdVec<VertexId, bool>, Vec<VertexId>) {
         let Self { taxels, positions, .. } = self;
         let origins = self.origins.map(|&taxel| self.curve.given(taxel));

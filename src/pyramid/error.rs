@@ -10,7 +10,7 @@ pub enum PyramidError {
     /// The triangles are not an oriented manifold.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// It was cancelled.
+    /// The run was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// An array that does not fit its mesh.
@@ -37,13 +37,13 @@ pub enum PyramidError {
     /// A ratio that shrinks too little to make levels.
     #[error("a ratio of {found} between levels; at least {least} is needed")]
     Ratio {
-        /// The ratio asked for.
+        /// The requested ratio.
         found: f64,
         /// The least ratio.
         least: f64,
     },
     /// A pyramid without levels.
-    #[error("a pyramid without levels; level 0, the skin itself, is always there")]
+    #[error("a pyramid without levels; level 0, the skin itself, is needed")]
     NoLevels,
     /// A level that breaks a rule.
     #[error("level {level}: {source}")]
@@ -53,7 +53,7 @@ pub enum PyramidError {
         /// The rule.
         source: Box<PyramidError>,
     },
-    /// A prolongation from another number of coarse vertices than there are.
+    /// A prolongation for another number of coarse vertices than there are.
     #[error("{what} names {found} coarse vertices, but there are {needed}")]
     Columns {
         /// Which one: `from_coarser` or `to_finest`.
@@ -72,11 +72,11 @@ pub enum PyramidError {
         source: Box<PyramidError>,
     },
     /// A centre that is not a vertex of the level it should come from.
-    #[error("vertex {vertex} is said to be vertex {found} of {what}, which has {count}")]
+    #[error("vertex {vertex} names vertex {found} of {what}, which has {count}")]
     NotNested {
         /// The coarse vertex.
         vertex: VertexId,
-        /// Of which level.
+        /// The level it should come from.
         what: &'static str,
         /// The vertex it names there.
         found: VertexId,
@@ -101,7 +101,7 @@ pub enum PyramidError {
         /// Its weights.
         weights: [f64; 3],
     },
-    /// A row of a prolongation that names no face of its level.
+    /// A row of a prolongation that does not name a face of its level.
     #[error(
         "row {row} of to_finest has vertices {corners:?} with weights {weights:?}; the corners of one face with \
          non-negative weights are needed"
@@ -109,9 +109,9 @@ pub enum PyramidError {
     NoFace {
         /// The row: a vertex of level 0.
         row: VertexId,
-        /// What it names.
+        /// The vertices it names.
         corners: [VertexId; 3],
-        /// With which weights.
+        /// Their weights.
         weights: [f64; 3],
     },
 }

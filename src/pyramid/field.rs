@@ -1,9 +1,9 @@
-//! [`Field`]: a receptive field as a thing of its own.
+//! [`Field`]: one receptive field of a level.
 
 use crate::id::{IdVec, VertexId};
 use crate::pyramid::Level;
 
-/// A receptive field: a vertex of a level with the taxels that it stands for.
+/// A receptive field: a vertex of a level with the taxels that it represents.
 ///
 /// These are the taxels with a weight in its column of the level's direct prolongation `Q`
 /// ([`Level::to_finest`]): those on the faces around the vertex, whose weight falls from 1 at the centre to 0 at
@@ -14,14 +14,14 @@ pub struct Field {
     pub centre: VertexId,
     /// The taxels in it, ascending.
     pub members: Vec<VertexId>,
-    /// How much of each member belongs to it.
+    /// The share of each member that belongs to it.
     pub weights: Vec<f64>,
     /// Its receptive area, in m^2: the sum of those of its members by their weights.
     pub area: f64,
     /// The fields next to it: the neighbours of its vertex on the level, ascending.
     pub neighbours: Vec<VertexId>,
-    /// The share of its area that belongs to each of these as well: `sum a_i w_i v_i / area` with the weights
-    /// `v_i` of the neighbour. With what is its own, `sum a_i w_i^2 / area`, they have the sum 1.
+    /// The share of its area that also belongs to each neighbour: `sum a_i w_i v_i / area` with the weights
+    /// `v_i` of the neighbour. With its own share, `sum a_i w_i^2 / area`, they have the sum 1.
     pub overlap: Vec<f64>,
 }
 

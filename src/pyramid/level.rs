@@ -1,10 +1,10 @@
-//! Levels of receptive fields, and the rules that levels of one patch keep among each other.
+//! Levels of receptive fields, and the rules for the levels of one patch.
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{Adjacency, TriMesh};
 use crate::pyramid::{LevelId, Prolongation, PyramidError, RemovalLog};
 
-/// Weights that differ by less are the same but for the rounding of other programs.
+/// Smaller differences of weights are the rounding of other programs.
 const SAME_WEIGHT: f64 = 1e-3;
 
 /// One level of a pyramid: a mesh whose vertices are the centres of receptive fields.
@@ -12,16 +12,16 @@ const SAME_WEIGHT: f64 = 1e-3;
 pub struct Level {
     /// The mesh; level 0 is the patch itself.
     pub mesh: TriMesh,
-    /// The level-0 vertex that each vertex is.
+    /// The level-0 vertex of each vertex.
     pub origins: IdVec<VertexId, VertexId>,
     /// Receptive areas in m^2, collected from level 0 by `to_finest`: `Q' a`.
     pub areas: IdVec<VertexId, f64>,
     /// This level's vertices in terms of the next coarser level; `None` on the coarsest. These are
     /// the rows of the next level's `to_finest` that belong to this level's vertices.
     pub from_coarser: Option<Prolongation>,
-    /// Level 0's vertices in terms of this level; `None` on level 0. A row names the corners of the
-    /// face that the taxel lies in, as they stand in that face up to rotation; a centre's row is
-    /// itself with weight 1, then two neighbours with weight 0.
+    /// Level 0's vertices in terms of this level; `None` on level 0. A row names the corners of the face in
+    /// which the taxel lies, in the order of that face up to rotation; the row of a centre is itself with
+    /// weight 1, then two neighbours with weight 0.
     pub to_finest: Option<Prolongation>,
 }
 
@@ -55,7 +55,7 @@ impl Pyramid {
         Ok(())
     }
 
-    /// Checks what a map need not keep: manifoldness, nesting, and the record of removals.
+    /// Checks the rules that a map need not keep: manifoldness, nesting, and the record of removals.
     fn check_step(&self, id: LevelId, level: &Level, finer: Option<&Level>) -> Result<(), PyramidError> {
         Adjacency::new(&level.mesh)?;
         if let Some(finer) = finer {
@@ -77,7 +77,7 @@ impl Level {
         Self { origins: mesh.positions.ids().collect(), mesh, areas, from_coarser: None, to_finest: None }
     }
 
-    /// The vertex of the next finer level that each vertex of this one is.
+    /// The vertex of the next finer level for each vertex of this one.
     ///
     /// # Errors
     /// If one of them is not a vertex of that level.
@@ -96,9 +96,9 @@ impl Level {
         Ok(self.origins.enumerate().map(find).collect::<Result<Vec<_>, _>>()?.into())
     }
 
-    /// The first vertex at the place of its taxel on `finest` whose row of `from_coarser` has other
-    /// weights than that taxel's row in the `to_finest` of the next coarser level; all arrays are known
-    /// to fit.
+    /// The first vertex at the position of its taxel on `finest` whose row of `from_coarser` has other
+    /// weights than that taxel's row in the `to_finest` of the next coarser level. The lengths of all arrays
+    /// must be valid.
     pub(crate) fn contradiction(&self, coarser: &Self, finest: &Self) -> Option<VertexId> {
         let (up, direct) = (self.from_coarser.as_ref()?, coarser.to_finest.as_ref()?);
         let differ = |(v, &origin): (VertexId, &VertexId)| {
@@ -144,9 +144,9 @@ impl Level {
     }
 }
 
-/// Checks the rules that the levels of one patch keep in a pyramid and in a map, in time linear in
-/// their size: meshes of finite triangles, one entry per vertex, centres on level 0, and
-/// prolongations that fit and are convex combinations.
+/// Checks the rules for the levels of one patch in a pyramid and in a map, in time linear in their size:
+/// meshes of finite triangles, one entry per vertex, centres on level 0, and prolongations that fit and are
+/// convex combinations.
 ///
 /// # Errors
 /// The first broken rule, with its level.

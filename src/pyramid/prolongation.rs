@@ -5,22 +5,20 @@ use std::ops::{Add, Mul};
 use crate::id::{IdVec, VertexId};
 use crate::pyramid::PyramidError;
 
-/// A row's weights may miss the sum 1 by this much: rounding, also of weights that were stored as
-/// `f32`.
+/// Tolerance of the sum of a row's weights, which is 1: rounding, also of weights that were stored as `f32`.
 const SUM_TOLERANCE: f64 = 1e-6;
 
-/// Rows of files that miss the sum 1 by at most this much are scaled: other programs may round more
-/// coarsely.
+/// Rows of files whose sum differs from 1 by at most this are scaled: other programs may round more coarsely.
 const RESCALED: f64 = 1e-5;
 
 /// Coarse to fine: every fine vertex as a convex combination of at most three coarse ones.
 ///
-/// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0.
-/// In a pyramid the three indices of a row are always the corners of one coarse face, so a row is
-/// also a place on the coarse mesh.
+/// A sparse matrix `P` (fine x coarse) with exactly three slots a row; unused slots have weight 0. In a
+/// pyramid the three indices of a row are always the corners of one coarse face, so a row is also a point of
+/// the coarse mesh.
 ///
-/// Two prolongations have no product of this form (their rows would grow), so a pyramid carries
-/// every taxel along instead: see [`crate::pyramid::Level::to_finest`].
+/// A product of two prolongations is not of this form (rows would grow), so a pyramid locates every taxel on
+/// every level instead: see [`crate::pyramid::Level::to_finest`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prolongation {
     /// Coarse vertices of each fine vertex.
@@ -53,8 +51,8 @@ impl Prolongation {
         Ok(())
     }
 
-    /// Scales every row of a file whose sum is 1 but for rounding to the sum 1 in `f64`; leaves
-    /// others to [`Self::validate`].
+    /// Scales every row of a file whose sum is 1 up to rounding to the sum 1 in `f64`; leaves others to
+    /// [`Self::validate`].
     pub(crate) fn rescale(&mut self) {
         for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED)) {
             let sum: f64 = weights.iter().sum();
@@ -67,8 +65,7 @@ impl Prolongation {
         self.indices[row].into_iter().zip(self.weights[row]).filter(|(_, w)| *w > 0.0)
     }
 
-    /// `P x`: a quantity of places (a position, a pressure) of the coarse vertices on the fine
-    /// ones.
+    /// `P x`: an intensive quantity (a position, a pressure) of the coarse vertices on the fine ones.
     ///
     /// # Panics
     /// If `coarse` has not one entry per coarse vertex.

@@ -1,13 +1,13 @@
-//! What was removed between two levels, in order, so that flattening can undo it on the map.
+//! The removals between two levels, in order, so that flattening can undo them on the map.
 
 use crate::id::{FaceId, IdVec, VertexId};
 
-/// One vertex removed from a level: its ring at that moment and the triangles that filled the hole.
+/// One vertex removed from a level: its ring just before and the triangles that filled the hole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Removal<'a> {
     /// The vertex removed.
     pub vertex: VertexId,
-    /// Its neighbours at that moment, counter-clockwise; an open chain if it was on a boundary,
+    /// Its neighbours just before, counter-clockwise; an open chain if it was on a boundary,
     /// from the next to the previous vertex of its loop.
     pub ring: &'a [VertexId],
     /// Whether it was on a boundary.
@@ -38,7 +38,7 @@ pub struct RemovalLog {
 }
 
 impl RemovalLog {
-    /// No removals yet, and memory for about this many of stars of six faces.
+    /// No removals yet; allocates memory for about this many, of stars of six faces.
     pub(crate) fn with_capacity(removals: usize) -> Self {
         Self {
             vertices: Vec::with_capacity(removals),
@@ -57,7 +57,7 @@ impl RemovalLog {
         self.triangle_ends.push(VertexId::new(self.triangles.len()).raw());
     }
 
-    /// Gives every vertex another number.
+    /// Renumbers every vertex.
     pub(crate) fn renumber(&mut self, number: impl Fn(VertexId) -> VertexId) {
         self.vertices.iter_mut().for_each(|(v, _)| *v = number(*v));
         self.rings.iter_mut().for_each(|v| *v = number(*v));
@@ -67,12 +67,10 @@ impl RemovalLog {
         self.vertices.len()
     }
 
-    /// The triangles of the finer level after its first `count` removals, in finer ids: all of them
-    /// give the coarser level, none the finer one, and what lies between are the steps by which a
-    /// map is refined.
+    /// The triangles of the finer level after its first `count` removals, in finer ids: all removals give the
+    /// coarser level, none the finer one, and numbers between them the steps in which a map is refined.
     ///
-    /// A triangle goes exactly when the first of its corners is removed, so nothing has to be
-    /// searched for.
+    /// A triangle disappears exactly when the first of its corners is removed, so no search is needed.
     pub(crate) fn triangles_after(
         &self,
         finer: &IdVec<FaceId, [VertexId; 3]>,
@@ -108,10 +106,10 @@ impl RemovalLog {
 mod tests {
     use super::*;
 
-    /// The middle of a square of four triangles goes, then one of its corners, which is on the
+    /// The middle of a square of four triangles is removed, then one of its corners, which is on the
     /// boundary.
     #[test]
-    fn triangles_go_with_the_first_of_their_corners() {
+    fn triangles_disappear_with_the_first_of_their_corners() {
         let v = |ids: [u32; 3]| ids.map(VertexId::from);
         let ring = [1, 2, 3, 4].map(VertexId::new);
         let mut log = RemovalLog::default();

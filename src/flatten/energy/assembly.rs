@@ -1,4 +1,4 @@
-//! Which blocks of a Hessian each face adds to.
+//! The blocks of a Hessian to which each face contributes.
 
 use std::ops::Range;
 
@@ -10,23 +10,23 @@ use crate::flatten::energy::face_energy::LocalModel;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::sparse::{Block, Matrix};
 
-/// Rows that one task sums. A face between two parts is computed for both: one in fourteen along a curve that
-/// fills the plane.
+/// Rows that one task sums. A face between two groups of rows is computed for both: one face in fourteen
+/// along a space-filling curve.
 const ROWS: usize = 2048;
 
-/// Slot of an entry whose row another part sums, or whose row or column is fixed or held: there is no
+/// Slot of an entry whose row another task sums, or whose row or column is fixed or held and so has no
 /// unknown.
 const NONE: u32 = u32::MAX;
 
-/// A face, and where its blocks go to in the entries of a part.
+/// A face, and the slots of its blocks among the entries of a task.
 struct FaceSlots {
     face: FaceId,
-    /// Of the row of each corner: the slots of the corner itself, of the next and of the previous one.
+    /// For the row of each corner: the slots of the corner itself, of the next and of the previous one.
     slots: [[u32; 3]; 3],
 }
 
 impl FaceSlots {
-    /// The place of a face in the part of these rows.
+    /// The slots of a face in the task of these rows.
     fn new(net: &ElementMesh, rows: &Range<usize>, face: FaceId) -> Self {
         let corners = net.faces[face].corners.map(VertexId::index);
         let first = net.pattern().slots(rows.start).start;
@@ -44,8 +44,7 @@ impl FaceSlots {
     }
 }
 
-/// The faces around the rows of each part of a system, so that parts are summed side by side, always in the
-/// same order.
+/// The faces around the rows of each task, so that tasks run in parallel and each sums in a fixed order.
 pub(crate) struct Assembly(Vec<Vec<FaceSlots>>);
 
 impl Assembly {

@@ -1,5 +1,4 @@
-//! The faces of a surface as finite elements: what the energies, the linear maps and the repairs
-//! compute with.
+//! The faces of a surface as finite elements, for energies, linear maps and repairs.
 
 use std::sync::OnceLock;
 
@@ -16,7 +15,7 @@ use crate::sparse::Pattern;
 /// Map positions of the vertices.
 pub(crate) type Uv = IdVec<VertexId, DVec2>;
 
-/// One face as the energies see it, in units of the square root of the whole area.
+/// One face as a finite element, in units of the square root of the whole area.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Element {
     pub(crate) corners: [VertexId; 3],
@@ -70,7 +69,7 @@ pub(crate) fn outer(a: DVec2, b: DVec2) -> DMat2 {
     DMat2::from_cols(a * b.x, a * b.y)
 }
 
-/// Whether a face with these corners keeps its orientation, exactly; what is not finite does not.
+/// Whether a face with these corners keeps its orientation, exactly; false if a corner is not finite.
 pub(crate) fn keeps_orientation(corners: [DVec2; 3]) -> bool {
     orientation(corners) > 0.0
 }
@@ -84,8 +83,7 @@ pub(crate) struct BoundaryEdge {
     pub(crate) length: f64,
 }
 
-/// Faces that share vertices, some of which may move: a whole surface, or a part of one inside a
-/// fixed rim.
+/// Faces that share vertices, some of which may move: a whole surface, or a region of one inside a fixed rim.
 #[derive(Debug, Clone)]
 pub(crate) struct ElementMesh {
     pub(crate) faces: IdVec<FaceId, Element>,
@@ -94,12 +92,12 @@ pub(crate) struct ElementMesh {
     /// Positions of the movable vertices on the skin, in m: they order large systems. Movable vertices are numbered
     /// before the fixed ones.
     pub(crate) positions: Vec<DVec3>,
-    /// Boundary edges, loop by loop, the outer loop first; none for a part inside a fixed rim.
+    /// Boundary edges, loop by loop, the outer loop first; none for a region inside a fixed rim.
     pub(crate) boundary: Vec<BoundaryEdge>,
     /// Mean length of all edges.
     pub(crate) mean_edge: f64,
-    /// Vertices that stay where they are though they are numbered as movable, whole boundary loops; empty
-    /// for none.
+    /// Whether each vertex that is numbered as movable is fixed nevertheless, always for whole boundary
+    /// loops; empty for none.
     held: Vec<bool>,
 }
 
@@ -123,8 +121,8 @@ impl ElementMesh {
         })
     }
 
-    /// The elements with vertices and faces numbered along a curve that fills space, and the vertex that each of
-    /// the movable ones was: what is near in space is near in memory.
+    /// The elements with vertices and faces numbered along a space-filling curve, so that neighbours are near
+    /// in memory, and the old id of each movable vertex.
     pub(crate) fn along_curve(&self) -> (Self, IdVec<VertexId, VertexId>) {
         let order: IdVec<VertexId, VertexId> =
             along_curve(&self.positions).into_iter().map(VertexId::new).collect();
@@ -177,13 +175,13 @@ impl ElementMesh {
         self.held.get(vertex) == Some(&true)
     }
 
-    /// The elements with vertices that stay where they are.
+    /// The elements with fixed vertices.
     pub(crate) fn holding(mut self, held: Vec<bool>) -> Self {
         self.held = held;
         self
     }
 
-    /// Which vertices stay where they are, though they are numbered as movable.
+    /// The vertices that are fixed although they are numbered as movable.
     pub(crate) fn held_vertices(&self) -> impl Iterator<Item = usize> + '_ {
         self.held.iter().enumerate().filter(|(_, held)| **held).map(|(v, _)| v)
     }

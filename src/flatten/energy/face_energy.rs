@@ -42,9 +42,9 @@
 //!
 //! # Convex model
 //!
-//! Newton needs a positive semi-definite Hessian: negative curvatures are clamped to 0 (`(teran2005)`). Near a
-//! minimum the whole Hessian is positive although some faces are not, and clamping only makes steps
-//! too short: a share of the negative curvatures can be kept.
+//! Newton needs a positive semi-definite Hessian: negative curvatures are clamped to 0 (`(teran2005)`). Near
+//! a minimum the whole Hessian is positive although those of some faces are not, and clamping only makes
+//! steps too short: a share of the negative curvatures can be kept.
 
 use glam::{DMat2, DVec2};
 
@@ -60,7 +60,7 @@ pub(crate) enum DistortionEnergy {
     /// `(s1^2 + s2^2)/chi(s1 s2)` with `chi(d) = (d + sqrt(d^2 + 4 e^2))/2`: finite for flipped
     /// faces too.
     Untangling {
-        /// `e`: about how deep a flipped face may lie.
+        /// `e`: about how negative the area of a flipped face may be.
         softness: f64,
     },
 }
@@ -81,7 +81,7 @@ struct Coefficients {
 }
 
 impl DistortionEnergy {
-    /// Whether flipped faces cost infinitely much.
+    /// Whether the energy of flipped faces is infinite.
     pub(crate) fn has_barrier(&self) -> bool {
         !matches!(self, Self::Untangling { .. })
     }
@@ -130,7 +130,7 @@ fn chi(d: f64, softness: f64) -> [f64; 3] {
     [value, value / root, 2.0 * softness * softness / (root * root * root)]
 }
 
-/// The derivatives of the energy of a face, and the stretches that its hat gradients are.
+/// The derivatives of the energy of a face, and its hat gradients along the two stretches.
 struct Derivatives {
     /// The first and the second stretch, of unit Frobenius norm, applied to each hat gradient.
     stretches: [[DVec2; 3]; 2],
@@ -208,8 +208,8 @@ pub(crate) struct LocalModel {
 }
 
 impl LocalModel {
-    /// The model of a face of weight `weight` with hat gradients `hats` and the Jacobian `j`, with this share
-    /// of its negative curvatures.
+    /// The model of a face of weight `weight` with hat gradients `hats` and the Jacobian `j`, with the share
+    /// `kept` of its negative curvatures.
     #[inline(always)]
     pub(crate) fn new(
         energy: &DistortionEnergy,
@@ -305,7 +305,7 @@ mod tests {
         std::array::from_fn(|i| std::array::from_fn(|k| blocks[i / 2][k / 2].col(k % 2)[i % 2]))
     }
 
-    /// Isometric, turned, sheared, stretched, flat, as good as collapsed, and shrunk.
+    /// Isometric, turned, sheared, stretched, flat, nearly collapsed, and shrunk.
     fn jacobians() -> impl Iterator<Item = DMat2> {
         let stretches =
             [[1.0, 1.0], [1.1, 0.9], [3.0, 0.2], [0.4, 0.3], [7.0, 5.0], [1.0, 1e-2], [2.0, 1e-3]];
@@ -317,7 +317,7 @@ mod tests {
         })
     }
 
-    /// A face with less is flat on the map.
+    /// A face with a smaller area counts as flat on the map.
     const NO_AREA: f64 = 1e-4;
 
     #[track_caller]
@@ -354,8 +354,8 @@ mod tests {
         }
     }
 
-    /// The model has the directions of curvature of the energy itself, and of the negative curvatures the share
-    /// that it must keep.
+    /// The model has the directions of curvature of the energy itself, and the given share of its negative
+    /// curvatures.
     #[test]
     fn the_model_is_the_hessian_with_negative_curvatures_scaled() {
         for energy in &ENERGIES {
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_face_costs_infinitely_much_where_there_is_a_barrier() {
+    fn a_barrier_makes_the_energy_of_a_flipped_face_infinite() {
         let mirrored = UV.map(|p| DVec2::new(-p.x, p.y));
         for energy in &ENERGIES {
             let value = energy.value(&jacobian(&mirrored));

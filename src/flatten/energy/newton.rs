@@ -1,14 +1,14 @@
 //! Projected Newton with a line search that cannot flip a face (`(teran2005)`, `(smith2015)`).
 //!
-//! Each step solves the Newton system of the convex model, directly or by truncated conjugate
-//! gradients with block Jacobi: in single precision as long as that finds a descent. It starts at
-//! 0.9 of the first step that collapses a face, and is halved until the energy falls
-//! (`(armijo1966)`). It reaches a local minimum, which need not be the global one.
+//! Each step solves the Newton system of the convex model, directly or by truncated conjugate gradients with
+//! block Jacobi: in single precision as long as that finds a descent. The line search starts at 0.9 of the
+//! first step that collapses a face, and halves the step until the energy falls (`(armijo1966)`). It reaches
+//! a local minimum, which need not be the global one.
 //!
-//! Where steps stay too short, because faces have negative curvatures that the convex model leaves
-//! out, most of these are kept, and left out again for a few steps where the Hessian is not positive
-//! with them (after `(longva2023)`; *heuristic*: when, and how many): 45 steps instead of 184 at 4400
-//! vertices of a head with sharp features.
+//! Where steps stay too short, because the convex model leaves out negative curvatures of faces, most of
+//! these are kept; they are left out again for a few steps if the Hessian is not positive with them (after
+//! `(longva2023)`; *heuristic*: when, and how many): 45 steps instead of 184 at 4400 vertices of a head with
+//! sharp features.
 
 use glam::{DMat2, DVec2, Mat2};
 
@@ -19,82 +19,80 @@ use crate::id::VertexId;
 use crate::parallel::par_ids;
 use crate::sparse::{Block, CgOptions, Cholesky, Matrix, SparseError, conjugate_gradients, dot};
 
-/// Added to the diagonal of the Hessian, over its mean: moving and turning the whole map costs
-/// nothing, so the Hessian alone is singular. It fixes the gauge without pinning a vertex.
+/// Added to the diagonal of the Hessian, over its mean: the energy does not depend on the position and
+/// rotation of the whole map, so the Hessian alone is singular. It fixes the gauge without pinning a vertex.
 const GAUGE: f64 = 1e-9;
 
-/// Mean of that diagonal over the energy, at most: about that of well-shaped faces. Needles have
-/// more by their aspect, and a gauge term of that size would hold back all other faces.
+/// Largest mean of that diagonal over the energy: about that of well-shaped faces. That of needles is larger
+/// by their aspect, and a gauge term of that size would slow all other faces down.
 const WELL_SHAPED: f64 = 4.0;
 
 /// How much the gauge term grows when rounding still makes a pivot negative.
 const GAUGE_GROWTH: f64 = 1e3;
 
-/// Ratio of the decrease that one step promises to that of the step before, at most and for the first step.
+/// Ratio of the predicted decrease of a step to that of the step before: the largest, and the one of the first step.
 const MOST_RATIO: f64 = 0.9;
 const FIRST_RATIO: f64 = 0.5;
 
-/// How much of that ratio is left at the next step, at least.
+/// Least factor by which that ratio changes at the next step.
 const LEAST_FALL: f64 = 0.3;
 
-/// Decrement over the energy below which negative curvatures may be kept: the Hessian is likely to be
-/// positive there.
-const NEAR: f64 = 1e-2;
+/// Decrement over the energy below which negative curvatures may be kept: the Hessian is probably positive
+/// there.
+const KEPT_BELOW: f64 = 1e-2;
 
 /// Slow steps in a row before negative curvature is kept.
 const SLOW_STEPS: u32 = 2;
 
 /// Share of the negative curvature that is removed at first; each further step removes a tenth of the share
 /// of the last.
-const LEFT_OUT: f64 = 0.1;
+const LEFT_OUT_FACTOR: f64 = 0.1;
 
-/// The minimisation ends if this many steps like the last would not reach the wanted energy.
-const HOPEFUL_STEPS: f64 = 4.0;
+/// The minimisation ends if this many more steps like the last one would not reach the wanted energy.
+const MAX_STEPS_TO_WANTED: f64 = 4.0;
 
-/// Share of the decrease promised by the gradient that a step must reach (Armijo 1966).
+/// Share of the decrease predicted by the gradient that a step must reach.
 const ARMIJO: f64 = 1e-4;
 
-/// Rise of the energy, over its value, that rounding explains: the last steps to the optimum are
-/// lost in it.
+/// Relative rise of the energy that is rounding error: the last steps to the optimum are below it.
 const ROUNDING: f64 = 4e-15;
 
-/// Decrease promised by a step, over the energy, below which a map that cannot be improved any more
-/// is a minimum.
+/// Predicted decrease over the energy below which a map that cannot be improved counts as a minimum.
 const STATIONARY: f64 = 1e-6;
 
 /// Halvings of a step before the minimisation ends: the map is then optimal up to rounding.
-const HALVINGS: usize = 30;
+const MAX_HALVINGS: usize = 30;
 
 /// Conjugate gradients stop at this relative residual (truncated Newton).
 const RESIDUAL: f64 = 1e-2;
 
-/// Iterations of the first steps: from the optimum of a coarser level only short-range corrections
-/// are missing.
+/// Iterations of the first steps: a start from the optimum of a coarser level needs only short-range
+/// corrections.
 const FIRST_ITERATIONS: usize = 20;
 
-/// Iterations at most.
+/// Most iterations.
 const MOST_ITERATIONS: usize = 640;
 
-/// If the decrease promised by a step is more than this share of the last one, the last step was
-/// solved too coarsely: the iterations are doubled.
-const SLOW: f64 = 0.3;
+/// If the predicted decrease of a step is more than this share of the last one, the last step was solved too
+/// coarsely: the iterations are doubled.
+const SLOW_RATIO: f64 = 0.3;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Solver {
     /// By a Cholesky factorisation: few exact steps.
     Direct,
-    /// By conjugate gradients, with more iterations where steps fall short.
+    /// By conjugate gradients, with more iterations where steps are too short.
     Iterative,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct NewtonLimits {
-    /// Decrease that the steps to come are expected to bring, over the energy.
+    /// The minimisation ends if the expected decrease of all further steps, over the energy, is below this.
     pub(crate) rest: f64,
     pub(crate) steps: usize,
     /// Relative decrease of the energy in a round with fillers at which the rounds end.
     pub(crate) gain: f64,
-    /// The wanted energy: the minimisation ends where it is not likely to get below it.
+    /// The wanted energy: the minimisation ends if it will probably not get below it.
     pub(crate) most: f64,
 }
 
@@ -103,19 +101,19 @@ pub(crate) struct NewtonLimits {
 pub(crate) enum Ended {
     /// At a minimum, up to the limits.
     Converged,
-    /// After all steps, where no step lowers the energy although the gradient promises it, or where the
+    /// At the limit of steps, where no step lowers the energy although the gradient is large, or where the
     /// Hessian overflows.
     Short,
-    /// Where the caller wanted.
+    /// Where the caller stopped it.
     Stopped,
-    /// Far above an energy of use.
+    /// Far above the wanted energy.
     Hopeless,
 }
 
 impl Objective<'_> {
-    /// Minimises the energy by projected Newton. An energy with a barrier needs a map without flips
-    /// to start from, and no step flips a face. `go_on` sees the map after every step; where it
-    /// returns `false` the minimisation ends.
+    /// Minimises the energy by projected Newton. An energy with a barrier needs a map without flips to start
+    /// from, and no step flips a face. `go_on` gets the map after every step; the minimisation ends where it
+    /// returns `false`.
     pub(crate) fn minimise(
         &self,
         uv: &mut Uv,
@@ -126,7 +124,7 @@ impl Objective<'_> {
         if solver == Solver::Direct {
             return self.descend(uv, solver, limits, go_on);
         }
-        // A large system waits for memory: in the order of a file, whatever that is, up to three times as long.
+        // A large system is bound by memory: in the order of a file it may take three times as long.
         let (elements, order) = self.elements.along_curve();
         let mut moved = order.map(|&v| uv[v]);
         let mut back = |moved: &Uv| {
@@ -172,22 +170,22 @@ impl Objective<'_> {
             if expected_rest(decrement, last, before) <= limits.rest * energy {
                 return Ok(Ended::Converged);
             }
-            if energy - HOPEFUL_STEPS * decrement > limits.most {
+            if energy - MAX_STEPS_TO_WANTED * decrement > limits.most {
                 return Ok(Ended::Hopeless);
             }
             if decrement.is_nan() {
                 break;
             }
-            if decrement > SLOW * last {
+            if decrement > SLOW_RATIO * last {
                 iterations = (2 * iterations).min(MOST_ITERATIONS);
             }
-            kept.after(decrement > SLOW * last && decrement < NEAR * energy);
+            kept.after(decrement > SLOW_RATIO * last && decrement < KEPT_BELOW * energy);
             (last, before) = (decrement, last);
         }
         Ok(Ended::Short)
     }
 
-    /// The step from `uv`, where the energy is `energy`, by these iterations at most unless it is factored.
+    /// The step from `uv`, where the energy is `energy`; at most `iterations` unless the system is factored.
     fn step(
         &self,
         uv: &Uv,
@@ -223,11 +221,11 @@ impl Objective<'_> {
         }
     }
 
-    /// Moves `uv` along `d` as far as the energy falls, and returns the new energy; `None` if it
-    /// falls nowhere.
+    /// Moves `uv` along `d` by a step that lowers the energy enough, and returns the new energy; `None` if
+    /// there is no such step.
     fn line_search(&self, uv: &mut Uv, d: &[DVec2], energy: f64, decrement: f64) -> Option<f64> {
         let mut step = self.largest_step(uv, d);
-        for _ in 0..HALVINGS {
+        for _ in 0..MAX_HALVINGS {
             let moved = |v: VertexId| uv[v] + d.get(v.index()).map_or(DVec2::ZERO, |d| step * *d);
             let trial = par_ids(uv.len(), moved);
             let reached = self.energy(&trial);
@@ -241,7 +239,7 @@ impl Objective<'_> {
     }
 }
 
-/// What the steps to come are expected to bring after the decrements `before`, `last` and `decrement`: `decrement *
+/// The expected decrease of all further steps after the decrements `before`, `last` and `decrement`: `decrement *
 /// r / (1 - r)` with `r = (decrement / last) max((decrement / last) / (last / before), LEAST_FALL)`. Half of the time
 /// of a level of a million faces went into two steps that lowered the energy by a millionth.
 fn expected_rest(decrement: f64, last: f64, before: f64) -> f64 {
@@ -277,8 +275,8 @@ impl<'e> System<'e> {
         Ok(Self { assembly: Assembly::new(elements), method })
     }
 
-    /// Goes on in double precision, if it was not so before: single precision does not resolve the curvatures of
-    /// needles.
+    /// Continues in double precision; `false` if it is in use already. Single precision does not resolve the
+    /// curvatures of needles.
     fn widen(&mut self) -> bool {
         let Method::Single(hessian) = &self.method else { return false };
         self.method = Method::Double(Matrix::zero(hessian.pattern()));
@@ -291,18 +289,18 @@ struct Step {
     /// Minus the gradient.
     downhill: Vec<DVec2>,
     d: Vec<DVec2>,
-    /// Whether the Hessian is positive as far as the step knows.
+    /// Whether the step found the Hessian to be positive.
     is_convex: bool,
 }
 
-/// How much of the negative curvatures the next step keeps.
+/// The share of the negative curvatures that the next step keeps.
 #[derive(Debug, Default)]
 struct Kept {
-    /// What is left out; `None`: all.
+    /// The share that is left out; `None`: all.
     left_out: Option<f64>,
     /// Slow steps in a row.
     slow: u32,
-    /// Steps until they may be kept again, and how many it will be next time.
+    /// Steps until they may be kept again, and this number for the next pause.
     wait: u32,
     waits: u32,
 }
@@ -321,7 +319,7 @@ impl Kept {
         if self.is_on() { GAUGE } else { 1.0 }
     }
 
-    /// The Hessian is not positive, or its step leads nowhere.
+    /// Leaves them out for some steps: the Hessian is not positive, or its step does not lower the energy.
     fn pause(&mut self) {
         self.waits = (2 * self.waits).max(1);
         (self.left_out, self.wait) = (None, self.waits);
@@ -331,8 +329,8 @@ impl Kept {
         self.slow = if is_slow { self.slow + 1 } else { 0 };
         self.wait = self.wait.saturating_sub(1);
         self.left_out = match self.left_out {
-            Some(left_out) => Some(LEFT_OUT * left_out),
-            None => (self.slow >= SLOW_STEPS && self.wait == 0).then_some(LEFT_OUT),
+            Some(left_out) => Some(LEFT_OUT_FACTOR * left_out),
+            None => (self.slow >= SLOW_STEPS && self.wait == 0).then_some(LEFT_OUT_FACTOR),
         };
     }
 }
@@ -372,12 +370,12 @@ fn factored_step(
     }
 }
 
-/// A step that lowers the model, by conjugate gradients. They start at zero and need no gauge: nothing moves or
-/// turns the whole map.
+/// A step that lowers the model, by conjugate gradients. They start at zero and need no gauge: no component
+/// of the step moves or turns the whole map.
 fn iterated_step<B: Block>(hessian: &Matrix<'_, B>, downhill: Vec<DVec2>, iterations: usize) -> Step {
     let options = CgOptions { relative_residual: RESIDUAL, iterations };
     let (d, report) = conjugate_gradients(hessian, &downhill, options);
-    // It ends early along a direction of negative curvature.
+    // They end early along a direction of negative curvature.
     let ended = report.relative_residual <= RESIDUAL || report.iterations == iterations;
     let is_convex = ended && dot(&downhill, &d) > 0.0;
     Step { downhill, d, is_convex }

@@ -5,9 +5,9 @@
 //!       + l3 h sum over boundary edges of L (r + 1/r)/2
 //! ```
 //!
-//! with `A` the share of the area, `L` the length of an edge and `r` its stretch, `h` the mean edge
-//! (so that the perimeter term does not grow as a mesh is refined); eq. (4) of `(cannata)`. Sums
-//! run in fixed parts, so results do not depend on the number of threads.
+//! with `A` the share of the area, `L` the length of an edge and `r` its stretch, `h` the mean edge (so that
+//! the perimeter term does not grow as a mesh is refined); eq. (4) of `(cannata)`. Sums run in fixed groups,
+//! so results do not depend on the number of threads.
 
 use std::ops::Range;
 
@@ -22,11 +22,12 @@ use crate::mesh::SymmetricDirichlet;
 use crate::parallel::{par_each, par_parts, par_sum};
 use crate::sparse::{Block, Matrix, dot};
 
-/// Share of the step to the first collapsed face that is taken at most.
+/// Largest share of the step to the first collapsed face that is taken.
 const STEP_TO_COLLAPSE: f64 = 0.9;
 
-/// More than the inverse of that: a face that keeps its area up to here does not limit a step.
-const BEYOND: f64 = 1.12;
+/// Slightly above the inverse of [`STEP_TO_COLLAPSE`]: a face that keeps its area up to this multiple of the
+/// step does not limit it.
+const NO_COLLAPSE: f64 = 1.12;
 
 /// The energy of a map, with its gradient and a convex model of its Hessian.
 #[derive(Debug)]
@@ -100,7 +101,7 @@ impl<'e> Objective<'e> {
             downhill[b] -= force;
             downhill[a] += force;
         }
-        // The rows of held vertices are empty: they stay where they are.
+        // The rows of held vertices are empty: these do not move.
         for i in self.elements.held_vertices() {
             *hessian.at(i, i) = B::of(DMat2::IDENTITY);
         }
@@ -137,11 +138,11 @@ impl<'e> Objective<'e> {
         dot(&gradient, &gradient).sqrt() / self.energy(uv)
     }
 
-    /// What each boundary edge adds if there is a perimeter term: its ends, the force that its second
-    /// end feels and its first end against it, and the block of the Hessian for each end.
+    /// The contribution of each boundary edge to the perimeter term: its ends, the force on its second end
+    /// (that on the first is opposite), and the block of the Hessian for each end.
     fn perimeter_terms(&self, uv: &Uv) -> impl Iterator<Item = ([usize; 2], DVec2, DMat2)> {
         let scale = 0.5 * self.perimeter * self.elements.mean_edge;
-        // A loop is held as a whole: its length is constant.
+        // Loops are held as a whole, so their length is constant.
         let is_free = |edge: &&BoundaryEdge| !self.elements.is_held(edge.ends[0].index());
         let edges = self.elements.boundary.iter().filter(|_| self.perimeter != 0.0).filter(is_free);
         edges.map(move |&BoundaryEdge { ends: [a, b], length }| {
@@ -189,7 +190,7 @@ fn collapse(e: &Element, uv: &Uv, d: &[DVec2]) -> f64 {
     // area(t) = c0 + c1 t + c2 t^2.
     let (c0, c1, c2) = (p.perp_dot(q), p.perp_dot(dq) + dp.perp_dot(q), dp.perp_dot(dq));
     // Nearly all faces: no root, no division.
-    if c0 > BEYOND * (c1.abs() + BEYOND * c2.abs()) {
+    if c0 > NO_COLLAPSE * (c1.abs() + NO_COLLAPSE * c2.abs()) {
         return f64::INFINITY;
     }
     let discriminant = c1 * c1 - 4.0 * c2 * c0;
@@ -240,12 +241,13 @@ mod tests {
         assert!(left_out > 0.1, "the convex model leaves out {left_out}");
     }
 
-    /// A saddle, pressed flat and sheared, so that nothing is stationary.
+    /// A saddle, projected to the plane and sheared, so that nothing is stationary.
     #[test]
     fn gradient_and_hessian_are_those_of_differences() {
         let mesh = shapes::saddle(8);
         let domain = FlattenDomain::new(&mesh).unwrap();
-        // Near an isometry the model is the Hessian but for what is clamped: of the order of the strain.
+        // Near an isometry the model is the Hessian except for the clamped curvatures, which are of the order
+        // of the strain.
         let uv: Uv = (0..domain.vertices())
             .map(|v| domain.position(VertexId::new(v)).truncate())
             .map(|p| p + 0.05 * DVec2::new(p.y * p.y, p.x * p.y))

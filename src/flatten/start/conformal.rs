@@ -1,7 +1,7 @@
 //! The spectral natural conformal map: least angle distortion, free boundary, no pinned vertex
 //! (`(mullen2008)`, `(desbrun2002)`).
 //!
-//! A map by itself, and the start of the intrinsic method. It may flip faces and wind twice about a
+//! One of the methods, and the start of the intrinsic method. It may flip faces and wind twice about a
 //! vertex.
 
 use std::f64::consts::TAU;
@@ -14,9 +14,9 @@ use crate::flatten::energy::elements::{BoundaryEdge, Uv};
 use crate::id::{IdVec, VertexId};
 use crate::sparse::{Cholesky, Matrix, SparseError};
 
-/// Share of the boundary mass that is added to the matrix, which is singular (translations) and on
-/// a flat mesh doubly so. A shift by the mass does not change the eigenvectors; it is far below the
-/// other eigenvalues, which are of order 1, and far above rounding.
+/// Share of the boundary mass that is added to the matrix, which is singular (translations) and on a flat
+/// mesh doubly so. A shift by the mass does not change the eigenvectors. The share is far below the other
+/// eigenvalues, which are of order 1, and far above rounding.
 const SHIFT: f64 = 1e-4;
 
 /// How much the shift grows when rounding still makes a pivot negative.
@@ -26,16 +26,15 @@ const SHIFT_GROWTH: f64 = 10.0;
 /// the map is about its square root.
 const TOLERANCE: f64 = 1e-13;
 
-/// Iterations at most; 5 to 20 are usual, two nearly equal eigenvalues need more and either map is
-/// as good.
+/// Most iterations; 5 to 20 are usual. Two nearly equal eigenvalues need more, and either map is as good.
 const ITERATIONS: usize = 60;
 
 /// The conformal energy `E_D - A` of a map given as complex numbers, as a Hermitian matrix: `z* M z
 /// / 2`.
 ///
-/// The Dirichlet energy is the cotangent Laplacian; the area enclosed is a sum over boundary edges
-/// and adds the only imaginary entries. One complex unknown a vertex instead of two real ones makes
-/// the factor four times smaller (natural conformal map of Desbrun, Meyer and Alliez 2002).
+/// The Dirichlet energy is the cotangent Laplacian; the area enclosed is a sum over boundary edges and adds
+/// the only imaginary entries. One complex unknown per vertex instead of two real ones makes the factor four
+/// times smaller (natural conformal map of `(desbrun2002)`).
 pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
     let mut matrix = Matrix::<DVec2>::zero(domain.elements.pattern());
     for e in &domain.elements.faces {
@@ -53,10 +52,10 @@ pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, 
     matrix
 }
 
-/// Spectral natural conformal map (Mullen, Tong, Alliez and Desbrun 2008): the map of least
+/// Spectral natural conformal map (`(mullen2008)`): the map of least
 /// conformal energy among those whose boundary has mass one and mean zero.
 ///
-/// Departure from the paper: boundary vertices weigh their share of the boundary's length instead
+/// Departure from the paper: boundary vertices are weighted by their share of the boundary's length instead
 /// of 1, so that the map does not depend on how densely the boundary is sampled.
 pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
@@ -102,7 +101,7 @@ fn outer_circle(domain: &FlattenDomain<'_>) -> Uv {
     z
 }
 
-/// Places of the outer loop's vertices on the unit circle, by arc length.
+/// Positions of the outer loop's vertices on the unit circle, by arc length.
 pub(crate) fn circle(domain: &FlattenDomain<'_>) -> Vec<DVec2> {
     let outer = domain.disk.loops[0].len();
     // The boundary list runs loop by loop, the outer one first.

@@ -22,9 +22,8 @@ const MAX_COTAN: f64 = 57_296.0;
 /// **at `j`** over the squared length. The two faces of an edge together give `(cot g + cot d) /
 /// |x_i - x_j|^2`.
 ///
-/// The source paper's equations (7) and (8) print the angles opposite to the edge instead; with
-/// those a planar one-ring is no longer reproduced (Desbrun, Meyer and Alliez 2002 have the angles
-/// at `j`).
+/// The source paper's equations (7) and (8) print the angles opposite to the edge instead; with those a
+/// planar one-ring is not reproduced (`(desbrun2002)` has the angles at `j`).
 fn authalic_weight(i: DVec3, j: DVec3, k: DVec3) -> f64 {
     cotangent(j, i, k).clamp(-MAX_COTAN, MAX_COTAN) / i.distance_squared(j)
 }
@@ -47,13 +46,11 @@ fn authalic_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
     matrix
 }
 
-/// Linear mix of conformal and authalic rows inside, natural conformal rows on the boundary, two
-/// boundary vertices pinned (Desbrun, Meyer and Alliez 2002; equations (7) and (8) of the source
-/// paper).
+/// Linear mix of conformal and authalic rows inside, natural conformal rows on the boundary, two boundary
+/// vertices pinned (`(desbrun2002)`; equations (7) and (8) of the source paper).
 ///
-/// Both kinds of rows are scaled to the same mean diagonal before they are mixed `angle : area`.
-/// Conformal rows are real except on the boundary, so one complex unknown a vertex holds both
-/// coordinates.
+/// Both kinds of rows are scaled to the same mean diagonal before they are mixed `angle : area`. Conformal
+/// rows are real except on the boundary, so one complex unknown per vertex represents both coordinates.
 pub(crate) fn linear(domain: &FlattenDomain<'_>, angle: f64, area: f64) -> Result<Uv, FlattenError> {
     let mut matrix = conformal_matrix(domain);
     let authalic = authalic_matrix(domain);
@@ -88,9 +85,8 @@ pub(crate) fn linear(domain: &FlattenDomain<'_>, angle: f64, area: f64) -> Resul
     Ok(uv.into())
 }
 
-/// Two vertices of the outer loop: the one farthest from the middle of its vertices, and the one
-/// farthest from that. Pins that are close together ruin the map, and these do not depend on how
-/// the vertices are numbered.
+/// Two vertices of the outer loop: the one farthest from the centre of its vertices, and the one farthest
+/// from that. Pins that are close together ruin the map, and these do not depend on the numbering.
 fn far_apart(domain: &FlattenDomain<'_>) -> [VertexId; 2] {
     let outer = &domain.disk.loops[0];
     let at = |v: VertexId| domain.mesh.positions[v];
@@ -111,7 +107,7 @@ mod tests {
     use super::*;
     use crate::mesh::shapes;
 
-    /// Linear precision: the authalic row of a planar one-ring sends the plane to itself. With the
+    /// Linear precision: the authalic row reproduces a planar one-ring. With the
     /// angles opposite to the edge, as printed in the source paper, the residual is of order 1.
     #[test]
     fn a_planar_ring_is_reproduced_by_the_authalic_row() {

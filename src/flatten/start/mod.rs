@@ -1,4 +1,4 @@
-//! Maps to start from, none of which needs another one.
+//! Start maps: none needs another map.
 
 pub(super) mod conformal;
 pub(super) mod linear;

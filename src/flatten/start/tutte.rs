@@ -3,7 +3,7 @@
 //! (`(yoshizawa2004)`).
 //!
 //! In exact arithmetic no face flips and no vertex has more than one turn of faces, whatever the
-//! positive springs. In 64 bits faces of a long thin part may end without area. Departure from the
+//! positive springs. In 64 bits faces of a long thin tube may end without area. Departure from the
 //! paper: each spring is divided by the stretch at both of its ends, which keeps the system
 //! symmetric and is the same system with scaled rows.
 
@@ -20,34 +20,34 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::loop_length;
 use crate::sparse::{Cholesky, Matrix, Pattern, SparseError};
 
-/// Solves at most. The least energy is found after 2 to 6, a tenth to a ten-thousandth of that of
+/// Most solves. The least energy is found after 2 to 6 of them and is a tenth to a ten-thousandth of that of
 /// the first (measured on tubes and balls with holes).
-const SOLVES: usize = 8;
+const MAX_SOLVES: usize = 8;
 
-/// Solves with more energy than the least so far before the end.
-const WORSE: usize = 2;
+/// Ends after this many solves with more energy than the least so far.
+const MAX_WORSE: usize = 2;
 
-/// Solves with springs by edges at most, where equal springs leave faces without area. Of two thin
-/// plates of CAD, a thousand of whose faces have none at first, the third solve is the first with
-/// areas and the fifth the best.
-const EDGE_SOLVES: usize = 16;
+/// Most solves with springs by edges, if equal springs leave faces without area. For two thin plates of CAD,
+/// where a thousand faces have none at first, the third solve is the first in which all faces have area and
+/// the fifth the best.
+const MAX_EDGE_SOLVES: usize = 16;
 
 /// Exponent of the stretch by which the spring of an edge gets stiffer.
 const EDGE_DAMPING: f64 = 0.5;
 
-/// Length of a spring in units, at least: some vertices lie on one another.
+/// Least length of a spring, in units: some vertices coincide.
 const LEAST_LENGTH: f64 = 1e-9;
 
-/// Stretch of an edge, at least: one that is crushed beyond all numbers does not count more.
+/// Least stretch of an edge, also of one that is crushed below all numbers.
 const LEAST_STRETCH: f64 = 1e-12;
 
-/// Every vertex off the circle lies at the weighted mean of its neighbours; holes are closed by a
-/// virtual vertex in the middle of each. Equal springs first, then those that are too long on the
-/// map get stiffer; the map of least energy is returned, at its best scale.
+/// Every vertex off the circle is at the weighted mean of its neighbours; holes are closed by a virtual
+/// vertex at the centre of each. Equal springs first, then those that are too long on the map get stiffer;
+/// the map of least energy is returned, at its best scale.
 ///
-/// Where equal springs leave faces without area, in long tubes, springs are one over their lengths
-/// instead, and then stiffer by the stretch of each edge alone (*heuristic*: the exponent): lengths
-/// mean something where areas are lost.
+/// If equal springs leave faces without area, in long tubes, springs are one over their lengths instead, and
+/// then stiffer by the stretch of each edge alone (*heuristic*: the exponent): lengths can be measured where
+/// areas are lost.
 ///
 /// # Errors
 /// [`FlattenError::NoStart`] when faces are too small for 64-bit numbers in every solve.
@@ -57,9 +57,9 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let cholesky = Cholesky::new(&net.pattern, &net.coordinates).map_err(failed)?;
     let mut best = Best { domain, map: None, worse: 0, collapsed: FaceId::default() };
     let mut weights = vec![1.0; net.springs.len()];
-    for _ in 0..SOLVES {
+    for _ in 0..MAX_SOLVES {
         let uv = net.solve(&cholesky, &weights).map_err(failed)?;
-        if !best.takes(net.of_mesh(&uv)) || best.worse == WORSE {
+        if !best.takes(net.of_mesh(&uv)) || best.worse == MAX_WORSE {
             break;
         }
         soften(&mut weights, &net.springs, &stretches(domain, &uv));
@@ -68,10 +68,10 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
         return Ok(uv);
     }
     weights = net.lengths.iter().map(|length| length.recip()).collect();
-    for _ in 0..EDGE_SOLVES {
+    for _ in 0..MAX_EDGE_SOLVES {
         let uv = net.solve(&cholesky, &weights).map_err(failed)?;
         best.takes(net.of_mesh(&uv));
-        if best.worse == WORSE {
+        if best.worse == MAX_WORSE {
             break;
         }
         net.stiffen(&mut weights, &uv);
@@ -82,7 +82,7 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
 /// The map of least energy so far.
 struct Best<'d> {
     domain: &'d FlattenDomain<'d>,
-    /// Its energy, and it at its best scale.
+    /// Its energy, and the map at its best scale.
     map: Option<(f64, Uv)>,
     /// Maps since the first one that were worse.
     worse: usize,
@@ -91,7 +91,7 @@ struct Best<'d> {
 }
 
 impl Best<'_> {
-    /// Takes the map if it is better, and says whether all of its faces have areas.
+    /// Keeps the map if it is better; returns whether all of its faces have areas.
     fn takes(&mut self, uv: Uv) -> bool {
         let elements = &self.domain.elements;
         if let Some(face) = elements.first_flip(&uv) {
@@ -154,14 +154,14 @@ fn normalise(weights: &mut [f64]) {
     weights.iter_mut().for_each(|w| *w /= mean);
 }
 
-/// Springs along the edges and to the middles of the holes, the outer loop on a circle.
+/// Springs along the edges and to the centres of the holes, with the outer loop on a circle.
 struct Net {
     /// Ends of the springs; virtual vertices behind the real ones.
     springs: Vec<[usize; 2]>,
-    /// Their lengths on the skin; to the middle of a hole, as if it were a circle.
+    /// Their lengths on the skin; to the centre of a hole, as if it were a circle.
     lengths: Vec<f64>,
     vertices: usize,
-    /// Places of the outer loop's vertices.
+    /// Positions of the outer loop's vertices.
     fixed: Vec<Option<DVec2>>,
     /// Row of each free vertex.
     row_of: Vec<usize>,
@@ -215,12 +215,12 @@ impl Net {
         normalise(weights);
     }
 
-    /// The places of the mesh's vertices among those of all.
+    /// The positions of the mesh's vertices among those of all.
     fn of_mesh(&self, uv: &Uv) -> Uv {
         uv.iter().take(self.vertices).copied().collect()
     }
 
-    /// Places of all vertices, the virtual ones behind the real ones.
+    /// Positions of all vertices, the virtual ones after the real ones.
     fn solve(&self, cholesky: &Cholesky, weights: &[f64]) -> Result<Uv, SparseError> {
         let rows = self.coordinates.len();
         let mut matrix = Matrix::<f64>::zero(&self.pattern);
@@ -274,14 +274,14 @@ mod tests {
         }
     }
 
-    /// A tube of four radii: equal springs crush its far end.
+    /// A tube four radii long: equal springs crush its far end.
     #[test]
     fn solving_again_lets_the_far_end_of_a_tube_grow() {
         let [first, last] = energy(&shapes::tube(16, 16, 0.05, 0.4));
         assert!(last < 0.25 * first, "{last} is far below {first}");
     }
 
-    /// Forty radii: equal springs shrink its far end to nothing in 64-bit numbers.
+    /// Forty radii long: equal springs shrink its far end to no area in 64-bit numbers.
     #[test]
     fn springs_by_edges_keep_what_equal_springs_crush() {
         let mesh = shapes::tube(5, 70, 0.01, 1.0);

@@ -1,8 +1,8 @@
-//! Removes flipped faces by moving only the vertices around them (`(garanzha2021)`; *heuristic*:
-//! the sizes of the parts).
+//! Removes flipped faces by moving only the vertices around them (`(garanzha2021)`; *heuristic*: the sizes of
+//! the regions).
 //!
-//! Success is not guaranteed, and a repaired map may wind twice about a vertex: the caller checks
-//! both and has a convex start for what fails.
+//! Success is not guaranteed, and a repaired map may wind twice about a vertex: the caller checks both, and
+//! uses a convex start if that fails.
 
 use std::collections::HashMap;
 
@@ -15,27 +15,26 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::signed_area;
 use crate::sparse::SparseError;
 
-/// Rings around flipped faces that may move, tried one after the other: a larger part costs more
-/// but leaves more room.
+/// Rings around flipped faces that may move, tried in turn: a larger region costs more but leaves more room.
 const RINGS: [usize; 4] = [2, 4, 8, 16];
 
-/// Parts up to this many movable vertices are repaired; more are quicker to flatten anew, unless the
+/// Regions up to this many movable vertices are repaired; larger ones are faster to flatten anew, unless the
 /// boundary is prescribed.
 const LARGEST_PART: usize = 20_000;
 
 /// The regularisation starts at this multiple of the worst area and is halved from round to round.
 const SOFTNESS: f64 = 1.0;
 
-/// Halvings of the regularisation before a part is given up.
+/// Halvings of the regularisation before a region is given up.
 const ROUNDS: usize = 40;
 
-/// Newton steps of a round; the energy changes with the next one anyway.
+/// Newton steps of a round; the energy changes in the next round anyway.
 const ROUND: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 4, gain: 0.0, most: f64::INFINITY };
 
-/// Turns flipped faces back by moving only the vertices around them, and says whether none is left.
+/// Turns flipped faces back by moving only the vertices around them; returns whether none is left.
 ///
-/// Each part minimises the untangling energy while its `e` shrinks
-/// (escobar2003, garanzha2021). There is no proof that this always succeeds.
+/// In each region the untangling energy is minimised while its `e` shrinks (`(escobar2003)`,
+/// `(garanzha2021)`). There is no proof that this always succeeds.
 pub(crate) fn untangle(domain: &FlattenDomain<'_>, uv: &mut Uv) -> Result<bool, SparseError> {
     let everything = if domain.prescribed.is_empty() { None } else { Some(domain.vertices()) };
     let largest = everything.unwrap_or(LARGEST_PART);
@@ -87,8 +86,7 @@ struct Part {
     faces: Vec<FaceId>,
 }
 
-/// The connected parts of the `movable` vertices, each in the order of a search from its smallest
-/// one.
+/// The connected regions of `movable` vertices, each in the order of a search from its smallest one.
 fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
     const NONE: usize = usize::MAX;
     let mut part_of = IdVec::<VertexId, usize>::filled(NONE, movable.len());
@@ -111,7 +109,7 @@ fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Par
         }
         parts.push(Part { vertices, faces: Vec::new() });
     }
-    // Movable corners of one face are neighbours, so they are all of the same part.
+    // Movable corners of one face are neighbours, so they are all in one region.
     for (face, e) in domain.elements.faces.enumerate() {
         let part = e.corners.into_iter().map(|v| part_of[v]).find(|p| *p != NONE);
         if let Some(part) = part.and_then(|p| parts.get_mut(p)) {
@@ -121,8 +119,8 @@ fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Par
     parts
 }
 
-/// Moves the vertices of `part` until no face around them is flipped; leaves them where they were
-/// if that fails.
+/// Moves the vertices of `part` until no face around them is flipped; if that fails, they keep their old
+/// positions.
 fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), SparseError> {
     let (elements, ids) = elements_of(domain, part, uv);
     let mut local: Uv = ids.iter().map(|&v| uv[v]).collect();
@@ -132,7 +130,7 @@ fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), Sp
         .zip(elements.map_areas(&local))
         .map(|(e, area)| 2.0 * area * e.gradients[1].perp_dot(e.gradients[2]))
         .fold(0.0, f64::min);
-    // A part that only touches zero still needs some softness to be pushed off it.
+    // Areas of exactly zero still need some softness to become positive.
     let mut softness = SOFTNESS * worst.abs().max(1e-2);
     for _ in 0..ROUNDS {
         let objective = Objective::of_faces(&elements, DistortionEnergy::Untangling { softness });
@@ -148,11 +146,10 @@ fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), Sp
     Ok(())
 }
 
-/// The faces around the vertices of `part`, numbered anew, movable vertices first, and the old
-/// number of each vertex.
+/// The faces around the vertices of `part`, with new ids, movable vertices first, and the old id of each
+/// vertex.
 ///
-/// Faces are scaled so that their areas on the map are 1 on average: the part may be magnified or
-/// shrunk.
+/// Faces are scaled so that their areas on the map are 1 on average: the region may be magnified or shrunk.
 fn elements_of(domain: &FlattenDomain<'_>, part: &Part, uv: &Uv) -> (ElementMesh, Vec<VertexId>) {
     let mut ids = part.vertices.clone();
     let mut number: HashMap<VertexId, VertexId> =
@@ -190,11 +187,11 @@ mod tests {
     use crate::mesh::shapes;
 
     #[test]
-    fn scattered_vertices_find_back_into_their_stars() {
+    fn displaced_vertices_return_into_their_stars() {
         let mesh = shapes::lattice(12, 10, 0.01);
         let domain = FlattenDomain::new(&mesh).unwrap();
         let mut uv: Uv = mesh.positions.ids().map(|v| domain.position(v).truncate()).collect();
-        // Two vertices inside and one on the boundary, thrown across their rings.
+        // Two vertices inside and one on the boundary, moved across their rings.
         for (v, by) in [(42, DVec2::new(0.3, 0.1)), (67, DVec2::new(-0.2, 0.25)), (5, DVec2::new(0.0, 0.4))] {
             uv[VertexId::new(v)] += by;
         }

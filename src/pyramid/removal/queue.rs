@@ -1,4 +1,4 @@
-//! The vertices whose removal is worth a try, in a fixed order.
+//! The vertices that may be removed, in a fixed order.
 
 use rayon::prelude::*;
 
@@ -6,7 +6,7 @@ use crate::id::{IdVec, VertexId};
 use crate::mesh::HalfedgeMesh;
 use crate::parallel::par_collect;
 
-/// Where a vertex stands that is to be removed.
+/// The state of a vertex in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Standing {
     /// Kept, or removed already.
@@ -16,18 +16,18 @@ enum Standing {
     Parked,
 }
 
-/// A refused vertex comes back only when a neighbour has gone, so the work is proportional to what
-/// is removed.
+/// A refused vertex is tried again only after a neighbour was removed, so the work is proportional to the
+/// number of removals.
 #[derive(Debug, Clone)]
 pub(super) struct Queue {
-    /// The place of each vertex in the order that decides between neighbours.
+    /// The rank of each vertex in the order that decides between neighbours.
     ranks: IdVec<VertexId, u32>,
     standing: IdVec<VertexId, Standing>,
     waiting: Vec<VertexId>,
     woken: Vec<VertexId>,
     /// The last round in which a neighbour of each vertex was removed.
     changed: IdVec<VertexId, u32>,
-    /// The round at hand, from 1.
+    /// The current round, from 1.
     pub(super) round: u32,
 }
 
@@ -55,7 +55,7 @@ impl Queue {
         self.waiting.append(&mut self.woken);
         let waits = |v: VertexId| self.standing[v] == Standing::Waiting;
         self.waiting.retain(|&v| waits(v));
-        // Neighbours in memory are planned together.
+        // So that neighbours in memory are planned together.
         self.waiting.par_sort_unstable();
         // A vertex that was refused and woken in one round is listed twice.
         self.waiting.dedup();
@@ -68,12 +68,12 @@ impl Queue {
         })
     }
 
-    /// `v` may not be removed as things are.
+    /// Parks `v`, which cannot be removed now.
     pub(super) fn park(&mut self, v: VertexId) {
         self.standing[v] = Standing::Parked;
     }
 
-    /// `v` is gone and its `ring` has changed.
+    /// Records that `v` was removed and its `ring` has changed.
     pub(super) fn removed(&mut self, v: VertexId, ring: &[VertexId]) {
         self.standing[v] = Standing::Settled;
         for &w in ring {

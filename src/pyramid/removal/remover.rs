@@ -1,5 +1,5 @@
-//! Removes the vertices of a level that are not kept, in rounds of independent stars. A vertex
-//! along a seam has two, one on each side, which are filled apart and go together.
+//! Removes the vertices of a level that are not kept, in rounds of independent stars. A vertex along a seam
+//! has two, one on each side, which are filled separately and removed together.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use crate::run::{Cancelled, Run};
 /// Most stars planned by one task: enough to reuse buffers. The result does not depend on it.
 const MAX_STARS_PER_TASK: usize = 256;
 
-/// Tasks of a round that has fewer stars: few stars of a coarse level carry many taxels each.
+/// Number of tasks in a round with few stars: on a coarse level each star has many taxels.
 const TASKS: usize = 32;
 
 /// First a filling may turn by 60 degrees from the star it replaces, and a boundary may lose a
@@ -25,8 +25,8 @@ const TASKS: usize = 32;
 /// edges from the edge that cuts it off).
 const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
 
-/// What is left then (sharp folds, the last rows between kept vertices) may turn by 78 degrees: a
-/// level that kept them as fields would be uneven, and folds begin at 90.
+/// The remaining vertices (at sharp folds, in the last rows between kept vertices) may turn it by 78 degrees:
+/// a level that kept them as fields would be uneven, and folds begin at 90.
 const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
 
 /// Turns one level into the next coarser one.
@@ -34,15 +34,14 @@ pub(crate) struct Remover<'a> {
     pub(crate) mesh: &'a mut HalfedgeMesh,
     pub(crate) locations: &'a mut TaxelLocations,
     pub(crate) positions: &'a IdVec<VertexId, DVec3>,
-    /// The taxel that each vertex is.
+    /// The taxel of each vertex.
     pub(crate) origins: &'a IdVec<VertexId, VertexId>,
-    /// Where the level is cut for its map.
+    /// The seam along which the level is cut for its map.
     pub(crate) seam: Option<&'a mut SeamedLevel>,
 }
 
 impl Remover<'_> {
-    /// Removes every vertex that is not `kept`, where the rules allow it; `order` decides between
-    /// neighbours.
+    /// Removes every vertex that is not `kept`, if the rules allow it; `order` decides between neighbours.
     ///
     /// Works in rounds: vertices of which no two are neighbours, so that their stars share no
     /// triangle, are planned in parallel and applied in order.
@@ -84,7 +83,7 @@ impl Remover<'_> {
         Ok(log)
     }
 
-    /// Plans the removal of each of `vertices`, on a mesh that rests.
+    /// Plans the removal of each of `vertices`; the mesh does not change meanwhile.
     fn plan(&self, vertices: &[VertexId], limits: &Limits) -> Plans {
         let (mut star, mut filler, mut plans) = (Star::default(), Filler::default(), Plans::default());
         let mut pair = Pair::default();
@@ -110,8 +109,8 @@ impl Remover<'_> {
         plans
     }
 
-    /// Plans the removal of a vertex along the seam: its star is filled on both sides of the edge
-    /// that the seam has then. `false` if that does not go.
+    /// Plans the removal of a vertex along the seam: its star is filled on both sides of the new edge of the
+    /// seam. `false` if that is not possible.
     fn plan_pair(
         &self,
         v: VertexId,
@@ -129,7 +128,7 @@ impl Remover<'_> {
         whole.halfedges.rotate_left(first);
         let (count, middle) = (whole.ring.len(), second - first);
         let sides = &whole.halfedges;
-        // An edge between two ends of the seam would be one edge of the cut mesh too: not open.
+        // An edge between two ends of the seam would not be open: it would be one edge of the cut mesh too.
         if seam.ends_at(sides[0], sides[count - 1]) && seam.ends_at(sides[middle], sides[middle - 1]) {
             return false;
         }
@@ -174,8 +173,8 @@ impl Remover<'_> {
         true
     }
 
-    /// Whether nothing that was applied in this round forbids the plan: that another star has taken
-    /// one of its edges, or folds over it now. If so the vertex waits for the next round.
+    /// Whether no plan applied in this round forbids this one, by using one of its edges or by folding over
+    /// it. If one does, the vertex waits for the next round.
     fn still_fits(&self, plan: &Plan<'_>, queue: &Queue, filled: &IdVec<FaceId, u32>) -> bool {
         let Removal { ring, boundary, triangles, .. } = plan.removal;
         let last = ring.len() - 1;
@@ -241,7 +240,7 @@ struct Plans {
     log: RemovalLog,
     stars: Vec<Halfedge>,
     moves: Vec<Move>,
-    /// Where each plan ends in `stars` and in `moves`.
+    /// The end of each plan in `stars` and in `moves`.
     ends: Vec<(usize, usize)>,
 }
 

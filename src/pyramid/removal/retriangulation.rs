@@ -6,12 +6,12 @@ use crate::mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross};
 use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its
-/// longest side on the skin: below, the weights of a point in it would be rounding.
+/// longest side on the skin: below, the weights of a point in it would be rounding noise.
 const MIN_FLAT_AREA: f64 = 1e-9;
 
-/// A fan is taken if the sine of its smallest angle is at least this share of the best filling's.
-/// On a map a fan can always be undone; 0.6 makes 96 to 99 of 100 fillings fans and costs less than
-/// a degree of the mean smallest angle of a level (0.8: 85 to 95 of 100).
+/// A fan is used if the sine of its smallest angle is at least this share of that of the best filling. On a
+/// map a fan can always be undone; 0.6 makes 96 to 99 of 100 fillings fans and costs less than a degree of
+/// the mean smallest angle of a level (0.8: 85 to 95 of 100).
 const FAN_SHARE: f64 = 0.6;
 
 /// Quality of a triangle that must not be used.
@@ -24,15 +24,13 @@ pub(super) struct Filler {
     pub(super) triangles: Vec<[u8; 3]>,
     /// Diagonals that must not be used.
     forbidden: Vec<[usize; 2]>,
-    /// Quality of the best filling of the ring positions `i..=j`, and the position `k` that makes
-    /// it, at `i n + j`.
+    /// Quality of the best filling of the ring positions `i..=j`, and its position `k`, at `i n + j`.
     best: Vec<(f64, usize)>,
     stack: Vec<(usize, usize)>,
 }
 
 impl Filler {
-    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that does not
-    /// go.
+    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that is not possible.
     pub(super) fn fill(&mut self, star: &Star, surface: &HalfedgeMesh, limits: &Limits) -> bool {
         self.forbidden.clear();
         if !self.optimise(star, limits) {
@@ -41,8 +39,7 @@ impl Filler {
         let count = star.ring.len();
         let exists = |&[i, j]: &[usize; 2]| surface.has_edge(star.ring[i], star.ring[j]);
         if diagonals(&self.triangles, count).any(|d| exists(&d)) {
-            // Rare, so only now every diagonal is tried, and the filling found without those that
-            // exist.
+            // Rare, so all diagonals are tested only now; the filling is then found without those that exist.
             let all = (0..count).flat_map(|i| (i + 2..count).map(move |j| [i, j]));
             self.forbidden.extend(all.filter(|d| *d != [0, count - 1] && exists(d)));
             if !self.optimise(star, limits) {
@@ -52,14 +49,14 @@ impl Filler {
         !self.folds(star)
     }
 
-    /// Takes the best fan if it is nearly as good as the best filling, else that; `false` if all
-    /// are refused.
+    /// Chooses the best fan if it is nearly as good as the best filling, else the filling; `false` if all are
+    /// refused.
     fn optimise(&mut self, star: &Star, limits: &Limits) -> bool {
         let n = star.ring.len();
         let (fan, apex, bound) = self.best_fan(star, limits);
         let share = FAN_SHARE * FAN_SHARE;
-        // Up to five neighbours every filling is a fan, and mostly the bound shows that no filling
-        // is much better.
+        // Up to five neighbours every filling is a fan; else the bound usually shows that no filling is much
+        // better.
         let best = if n <= 5 || fan >= share * bound { fan } else { self.best_filling(star, limits) };
         if best <= 0.0 {
             return false;
@@ -82,8 +79,8 @@ impl Filler {
         true
     }
 
-    /// Quality and apex of the fan whose worst triangle is best, and a bound for all fillings: each
-    /// has a triangle on every side of the ring, and only triangles of fans are on sides.
+    /// Quality and apex of the fan whose worst triangle is best, and an upper bound for all fillings: each
+    /// has a triangle on every side of the ring, and every such triangle is also in a fan.
     fn best_fan(&self, star: &Star, limits: &Limits) -> (f64, usize, f64) {
         let n = star.ring.len();
         let mut best_on_side = [REFUSED; MAX_RING];
@@ -106,7 +103,7 @@ impl Filler {
     }
 
     /// The filling whose worst triangle is best, by dynamic programming over the polygons that one
-    /// diagonal cuts off (Klincsek 1980); returns its quality.
+    /// diagonal cuts off (`(klincsek1980)`); returns its quality.
     fn best_filling(&mut self, star: &Star, limits: &Limits) -> f64 {
         let n = star.ring.len();
         self.best.clear();
@@ -222,7 +219,7 @@ mod tests {
 
     /// Of the two diagonals of a kite the short one gives the larger angles.
     #[test]
-    fn the_smallest_angle_is_made_large() {
+    fn fillings_maximise_the_smallest_angle() {
         let (star, triangles) = fill(&wheel(&[3.0, 1.0, 3.0, 1.0])).unwrap();
         let [i, j] = diagonals(&triangles, 4).next().unwrap();
         assert!((star.flat[i] - star.flat[j]).length() < 2.1, "the diagonal from {i} to {j}");
@@ -231,7 +228,7 @@ mod tests {
     /// A spike's neighbours lie on a circle, so its filling faces along the spike, away from all of
     /// its star's faces.
     #[test]
-    fn only_what_faces_the_same_way_may_replace_a_star() {
+    fn fillings_must_face_the_direction_of_their_star() {
         let mut pleated = wheel(&[1.0; 8]);
         for (i, p) in pleated.positions.iter_mut().skip(1).enumerate() {
             p.z = if i % 2 == 0 { 4.0 } else { -4.0 };
@@ -240,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_boundary_may_be_cut_short_but_not_across_a_corner() {
+    fn boundary_vertices_are_removed_but_not_at_corners() {
         let half = |turn: f64| {
             // A boundary vertex at the origin whose boundary turns by `turn`.
             let ring = (0..4).map(|i| {

@@ -1,11 +1,10 @@
 //! The seam of a patch that is mapped cut open, from level to level: its two sides are coarsened
 //! together, so that every level has the same seam.
 //!
-//! The mesh that is coarsened is the uncut one. Next to it each corner of a face is named twice: as
-//! a vertex of the mesh, and as a vertex of the cut mesh. An edge belongs to the seam where the
-//! names in the cut mesh differ across it. A vertex along the seam may be removed if its star may
-//! on both sides, and the seam runs straight past it then; where the seam ends or branches, on the
-//! boundary too, vertices stay.
+//! The mesh that is coarsened is the uncut one. Each corner of a face has two ids: that of a vertex of the
+//! mesh, and that of a place of the cut mesh. An edge belongs to the seam if the places differ across it. A
+//! vertex along the seam may be removed if its star may on both sides; the seam then runs straight past it.
+//! Vertices where the seam ends, branches or meets the boundary are kept.
 
 use crate::cut::{CutMesh, PlaceId};
 use crate::delaunay::smallest_first;
@@ -14,7 +13,7 @@ use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh};
 use crate::pyramid::removal::star::small;
 use crate::pyramid::{Removal, RemovalLog};
 
-/// What a vertex is to the seam.
+/// The relation of a vertex to the seam.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum SeamRole {
     /// Not on it.
@@ -25,12 +24,12 @@ pub(crate) enum SeamRole {
     Fixed,
 }
 
-/// The seam of the level at hand.
+/// The seam of the current level.
 #[derive(Debug, Clone)]
 pub(crate) struct SeamedLevel {
-    /// What each vertex of the level is to it.
+    /// The role of each vertex of the level.
     pub(crate) roles: IdVec<VertexId, SeamRole>,
-    /// The level cut open: corners of every face, dead ones included, and what they are uncut.
+    /// The level cut open: corners of every face, dead ones included, and their uncut vertices.
     pub(crate) cut: CutMesh,
     /// The removals from the cut level.
     pub(super) log: RemovalLog,
@@ -58,8 +57,8 @@ impl SeamedLevel {
         self.cut.triangles[h.face()][h.side()]
     }
 
-    /// The first position of a star, whose halfedges leave its vertex, that the seam leads to from
-    /// there, and the next one; `None` if there are not two.
+    /// The two positions around a star, given by the halfedges that leave its vertex, to which the seam leads
+    /// from there; `None` if there are not two.
     pub(super) fn crossings(&self, star: &[Halfedge]) -> Option<[usize; 2]> {
         let last = star.len().checked_sub(1)?;
         let name = |k: usize| self.corner(star[k]);
@@ -68,14 +67,14 @@ impl SeamedLevel {
         found.next().is_none().then_some(pair)
     }
 
-    /// Whether the seam ends at the neighbour that a halfedge of a star leads to: it has one name
-    /// on both sides then. `before` is the halfedge before it around the star.
+    /// Whether the seam ends at the neighbour to which a halfedge of a star leads: then that is one place on
+    /// both sides. `before` is the halfedge before it around the star.
     pub(super) fn ends_at(&self, h: Halfedge, before: Halfedge) -> bool {
         self.corner(h.next()) == self.corner(before.previous())
     }
 
-    /// Follows the removal of a vertex, whose `star` becomes the removal's triangles in this order;
-    /// where the vertex is along the seam, it is that of one side, then of the other.
+    /// Applies the removal of a vertex, whose `star` becomes the removal's triangles in this order; along the
+    /// seam the star of one side, then that of the other.
     pub(super) fn apply(&mut self, removal: &Removal<'_>, star: &[Halfedge]) {
         let Removal { vertex, ring, boundary, triangles } = *removal;
         if self.roles[vertex] != SeamRole::Along {
@@ -84,7 +83,7 @@ impl SeamedLevel {
             self.rename(star, &names, triangles);
             return;
         }
-        // The seam leads to the first vertex of the ring, and to this one.
+        // The seam connects the first vertex of the ring and this one.
         let Some([_, middle]) = self.crossings(star) else { return };
         let (left, right) = triangles.split_at(middle - 1);
         let local = |p: u8| small(if p == 0 { ring.len() - middle } else { usize::from(p) - middle });
@@ -106,7 +105,7 @@ impl SeamedLevel {
         self.log.push(&Removal { vertex: vertex.opened(), ring: &ring, boundary, triangles });
     }
 
-    /// The names of a ring of `count` vertices, from the faces of its star.
+    /// The places of a ring of `count` vertices, from the faces of its star.
     fn names(&self, star: &[Halfedge], count: usize) -> Vec<PlaceId> {
         let last = star.last().filter(|_| count > star.len()).map(|h| self.corner(h.previous()));
         star.iter().map(|h| self.corner(h.next())).chain(last).collect()
@@ -118,8 +117,8 @@ impl SeamedLevel {
         }
     }
 
-    /// Goes on to the next level, on which the vertices `parents` and the faces `is_kept` are left.
-    /// Returns the removals, and the place of the level before that each one is.
+    /// Moves to the next level, of the vertices `parents` and the faces `is_kept`. Returns the removals, and
+    /// for each place its place on the level before.
     pub(crate) fn compact(
         &mut self,
         parents: &IdVec<VertexId, VertexId>,
@@ -133,7 +132,7 @@ impl SeamedLevel {
         for v in number.ids() {
             number[v] = number[v].map(|v| places.push(v));
         }
-        // Vertices of the mesh keep their names in it, which are the first ones.
+        // The first places are the vertices of the mesh.
         let count = parents.len();
         let mut of_parent = IdVec::<VertexId, VertexId>::filled(VertexId::default(), self.roles.len());
         parents.enumerate().for_each(|(v, &parent)| of_parent[parent] = v);

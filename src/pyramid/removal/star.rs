@@ -1,5 +1,4 @@
-//! The faces around one vertex, gathered and flattened; decides whether their shape allows the
-//! removal.
+//! The faces around one vertex, gathered and flattened, and whether their shape allows its removal.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,8 +12,8 @@ pub(super) fn small(position: usize) -> u8 {
     position as u8
 }
 
-/// A corner of a star below this angle, in rad, has no direction that rounding leaves alone; such a
-/// star is not flattened.
+/// The direction of a corner of a star below this angle, in rad, is rounding noise; such a star is not
+/// flattened.
 const MIN_ANGLE: f64 = 1e-9;
 
 /// How far a removal may change the surface.
@@ -40,14 +39,13 @@ pub(super) struct Star {
     pub(super) ring: Vec<VertexId>,
     /// The side that leads to each neighbour; a boundary star's last neighbour has none.
     pub(super) halfedges: Vec<Halfedge>,
-    /// Where the neighbours lie around the vertex on the plane, in m.
+    /// Positions of the neighbours around the vertex in the plane, in m.
     pub(super) flat: Vec<DVec2>,
-    /// Where they lie in space, in m from the vertex.
+    /// Their positions in space, relative to the vertex, in m.
     pub(super) offsets: Vec<DVec3>,
     /// Sum of the faces' cross products: twice the star's area along its normal.
     pub(super) normal: DVec3,
-    /// Cross product of the face across each side of the ring; zero where there is none to compare
-    /// with.
+    /// Cross product of the face across each side of the ring; zero where there is none.
     pub(super) beyond: Vec<DVec3>,
 }
 
@@ -71,7 +69,7 @@ impl Star {
         self.closed = !surface.on_boundary[v];
         // A boundary vertex of one face alone would leave no polygon to fill. Vertices with more
         // than [`MAX_RING`] neighbours stay for now: filling their star costs the cube of that
-        // number, and their turn comes again when neighbours are gone.
+        // number, and they are tried again when neighbours are removed.
         if !(3..=MAX_RING).contains(&(surface.degree[v] as usize)) {
             return false;
         }
@@ -87,8 +85,8 @@ impl Star {
         true
     }
 
-    /// The part of the closed star `whole` of `v` with these `sides`, as if it were on a boundary;
-    /// `false` if its shape forbids the removal.
+    /// Gathers the `sides` of the closed star `whole` of `v`, as if `v` were on a boundary; `false` if their
+    /// shape forbids the removal.
     pub(super) fn gather_part(
         &mut self,
         whole: &Self,
@@ -107,8 +105,7 @@ impl Star {
         self.ring.len() >= 3 && self.prepare(surface, positions, v, limits)
     }
 
-    /// Measures and flattens what was gathered around `v`; `false` if its shape forbids the
-    /// removal.
+    /// Measures and flattens the gathered star of `v`; `false` if its shape forbids the removal.
     fn prepare(
         &mut self,
         surface: &HalfedgeMesh,
@@ -126,9 +123,8 @@ impl Star {
         true
     }
 
-    /// Lays the ring around the vertex with the lengths of its edges and its angles scaled to a
-    /// full turn, on a boundary to half a one (the conformal map `z^a` of Lee et al. 1998, "MAPS",
-    /// with `a` on the angles alone).
+    /// Lays the ring around the vertex with the lengths of its edges and its angles scaled to a full turn, on
+    /// a boundary to half a one (the conformal map `z^a` of `(lee1998)`, with `a` on the angles alone).
     fn flatten(&mut self) -> bool {
         let mut angles = [0.0; MAX_RING];
         let mut total = 0.0;
@@ -150,7 +146,7 @@ impl Star {
             self.flat.push(DVec2::from_angle(turn) * p.length());
             turn += angle * scale;
         }
-        // A face that took half a turn or more would have no inside on the plane.
+        // A face of half a turn or more would have no inside in the plane.
         angles[..self.halfedges.len()].iter().all(|angle| angle * scale < PI - MIN_ANGLE)
     }
 
@@ -173,8 +169,7 @@ impl Star {
         sagitta <= limits.max_sagitta * edge.length() && !surface.has_edge(self.ring[0], self.ring[last])
     }
 
-    /// Takes the face across the closing edge of a part of the star `whole` of `v`: a triangle of
-    /// its ring.
+    /// Sets the face across the closing edge of one side of the star `whole` of `v`: a triangle of its ring.
     pub(super) fn look_across(
         &mut self,
         triangle: Option<&[u8; 3]>,
@@ -189,8 +184,8 @@ impl Star {
         surface.twin(self.halfedges[i].next())
     }
 
-    /// Measures the faces around the star. One that folds over the star already sets no limit: the
-    /// vertex would never go.
+    /// Measures the faces around the star. A face that already folds over the star sets no limit: else the
+    /// vertex could never be removed.
     fn look_beyond(&mut self, surface: &HalfedgeMesh, positions: &IdVec<VertexId, DVec3>) {
         self.beyond.clear();
         self.beyond.resize(self.ring.len(), DVec3::ZERO);

@@ -1,4 +1,4 @@
-//! Where the taxels that are not vertices any more lie: which face, and where in it.
+//! The locations of taxels that are no longer vertices: the face, and the weights in it.
 
 use glam::DVec2;
 
@@ -10,7 +10,7 @@ use crate::pyramid::removal::star::Star;
 /// End of a list of taxels.
 const NONE: u32 = u32::MAX;
 
-/// Where a taxel lies that is not a vertex any more.
+/// The location of a taxel that is no longer a vertex.
 #[derive(Debug, Clone, Copy)]
 struct TaxelLocation {
     face: FaceId,
@@ -18,17 +18,17 @@ struct TaxelLocation {
     weights: [f64; 3],
 }
 
-/// Where all taxels of level 0 lie on the level at hand: on a vertex, or inside a face that lists
+/// The locations of all taxels of level 0 on the current level: on a vertex, or inside a face that lists
 /// them.
 #[derive(Debug, Clone)]
 pub(crate) struct TaxelLocations {
-    /// By level-0 vertex; without meaning for those that are vertices still.
+    /// By level-0 vertex; meaningless for those that are still vertices.
     locations: IdVec<VertexId, TaxelLocation>,
     next: Vec<u32>,
     heads: IdVec<FaceId, u32>,
 }
 
-/// A taxel with its new place: a filling triangle and the weights of its corners.
+/// A taxel with its new location: a filling triangle and the weights of its corners.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Move {
     pub(super) taxel: VertexId,
@@ -56,8 +56,8 @@ impl TaxelLocations {
         })
     }
 
-    /// New places for everything inside `star`, whose vertex is the taxel `centre`, in the
-    /// triangles that fill it.
+    /// New locations for the taxels inside `star`, whose vertex is the taxel `centre`, in the triangles that
+    /// fill it.
     pub(super) fn plan(&self, star: &Star, centre: VertexId, filling: &[[u8; 3]], moves: &mut Vec<Move>) {
         moves.push(locate(star, filling, centre, DVec2::ZERO));
         self.plan_inside(star, filling, moves);
@@ -68,7 +68,7 @@ impl TaxelLocations {
         for (i, side) in star.halfedges.iter().enumerate() {
             let (a, b) = (star.flat[i], star.flat[(i + 1) % star.flat.len()]);
             for taxel in self.inside(side.face()) {
-                // The side leaves the star's vertex, which lies at zero.
+                // The side starts at the star's vertex, which is at zero.
                 let weights = self.locations[taxel].weights;
                 let (p, q) = (weights[side.next().side()], weights[side.previous().side()]);
                 moves.push(locate(star, filling, taxel, a * p + b * q));
@@ -76,7 +76,7 @@ impl TaxelLocations {
         }
     }
 
-    /// Carries out the moves of one star, whose faces become its filling, in order.
+    /// Applies the moves of one star, whose faces become its filling, in order.
     pub(super) fn carry(&mut self, star: &[Halfedge], moves: &[Move]) {
         for side in star {
             self.heads[side.face()] = NONE;
@@ -103,9 +103,9 @@ impl TaxelLocations {
         self.heads = heads;
     }
 
-    /// The corners and weights on `surface` of `taxels`, the taxels here in another order, of which its
-    /// vertices are the `origins`. All three indices of a row are the corners of one face, also where one
-    /// weight is 1.
+    /// The corners and weights on `surface` of `taxels`, the taxels here in another order, whose vertices are
+    /// the taxels `origins`. All three indices of a row are the corners of one face, also where one weight is
+    /// 1.
     pub(crate) fn rows(
         &self,
         surface: &HalfedgeMesh,
@@ -124,8 +124,7 @@ impl TaxelLocations {
     }
 }
 
-/// The triangle of `filling` that holds `point` (or is nearest to holding it, by rounding) and its
-/// weights there.
+/// The triangle of `filling` that contains `point` (up to rounding), and the weights of `point` in it.
 #[inline]
 fn locate(star: &Star, filling: &[[u8; 3]], taxel: VertexId, point: DVec2) -> Move {
     let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
