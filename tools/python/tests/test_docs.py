@@ -1,8 +1,10 @@
 """The Python blocks of the documentation and the cells of the notebooks, run as a user would: one after the other, next to
-the folder `meshes`. Blocks that import a package which is not there are skipped by name."""
+the folder `meshes`. Blocks that import a package which is not there are skipped by name, and those of recordings without the
+samples of DERMATOME_DATA."""
 
 import importlib.util
 import json
+import os
 import re
 import shutil
 import sys
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[3]
+SAMPLES = Path(os.environ.get("DERMATOME_DATA", "")) / "recordings"
 NOTEBOOKS = sorted((ROOT / "tools" / "python" / "examples").glob("*.ipynb"))
 
 
@@ -22,6 +25,10 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "meshes").mkdir()
     for name in ("forearm.glb", "arm.urdf"):
         shutil.copy(ROOT / "meshes" / name, tmp_path / "meshes")
+    if SAMPLES.is_dir():
+        for name, sample in {"layouts": "layouts", "lerobot_v3": "lerobot_v3", "bag": "ros/bag_sqlite"}.items():
+            shutil.copytree(SAMPLES / sample, tmp_path / name)
+        shutil.copy(SAMPLES / "hdf5/opentouch_like.hdf5", tmp_path / "glove.hdf5")
     monkeypatch.chdir(tmp_path)
 
 
@@ -64,6 +71,8 @@ def run(blocks, page):
     for block in blocks:
         needed = re.findall(r"^import (\w+)", block, re.MULTILINE)
         missing = [name for name in needed if importlib.util.find_spec(name) is None]
+        if "Readings.open(" in block and not SAMPLES.is_dir():
+            missing.append("DERMATOME_DATA/recordings")
         if missing:
             print(f"{page}: skipped a block that needs {', '.join(missing)}")
         else:

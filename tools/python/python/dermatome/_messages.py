@@ -119,6 +119,16 @@ def _sensors(sensors: list[tuple[str, Any]], map: Map, count: int) -> Numbers:
 
 def _image(message: Any, count: int) -> Numbers:
     """A reading for each pixel, row by row from the top."""
+    pixels, names = pixels_of(message)
+    height, width, depth = pixels.shape
+    if height * width != count:
+        needed = f"{count} pixels, one for each taxel, or values, a function of an image; a cloud of points can have ids"
+        raise DataError(f"image: found {height} x {width} pixels; needed: {needed}")
+    return Numbers(pixels.reshape(count, depth).T.astype("f8"), names)
+
+
+def pixels_of(message: Any) -> tuple[Any, list[str]]:
+    """The pixels of an image, (H, W, C), and names of the channels."""
     np = need("numpy", "ros")
     encoding, known = message.encoding, OPENCV.fullmatch(message.encoding)
     named = re.fullmatch(r"(mono|rgba?|bgra?)(8|16)", encoding)
@@ -133,29 +143,38 @@ def _image(message: Any, count: int) -> Numbers:
     row = width * depth * kind.itemsize
     if message.step < row or len(data) < message.step * height:
         raise DataError(f"image: found {len(data)} bytes in rows of {message.step}; needed: {height} rows of {row} or more")
-    if height * width != count:
-        needed = f"{count} pixels, one for each taxel, or values, a function of an image; a cloud of points can have ids"
-        raise DataError(f"image: found {height} x {width} pixels; needed: {needed}")
     pixels = np.ascontiguousarray(data[: message.step * height].reshape(height, -1)[:, :row]).view(kind)
-    values = pixels.reshape(count, depth).T.astype(np.float64)
     letters = named[1] if named and depth > 1 else ""
-    return Numbers(values, list(letters) or (["image"] if depth == 1 else [f"image{k}" for k in range(depth)]))
+    names = list(letters) or (["image"] if depth == 1 else [f"image{k}" for k in range(depth)])
+    return pixels.reshape(height, width, depth), names
 
 
 def points_of(message: Any, names: list[str] | None) -> Numbers:
     """A reading for each point: its field `value`, or all that are no position, normal, colour, time or id."""
     np = need("numpy", "ros")
-    kinds = {}
-    for field in message.fields:
-        if field.datatype not in POINTS:
-            raise DataError(f"field {field.name!r}: found the type {field.datatype}; needed: 1 to 8")
-        kinds[field.name] = (POINTS[field.datatype], max(field.count, 1), field.offset)
+    points = table_of(message)
+    kinds = points.dtype.names
     known = [name for name in kinds if not NOT_READ.match(name)]
     names = names or (["value"] if "value" in kinds else known)
     missing = [name for name in names if name not in kinds]
     if missing or not names:
         found = f"{missing[0]!r}" if missing else "none that can be a reading"
         raise DataError(f"values: found {found}; needed: one of the fields {list(kinds)} of the points")
+    values = np.concatenate([points[name].astype(np.float64).T for name in names])
+    counts = {name: points[name].shape[1] for name in names}
+    titles = [name if counts[name] == 1 else f"{name}{k}" for name in names for k in range(counts[name])]
+    ids = next((points[name][:, 0].astype(np.int64) for name in ("id", "taxel_id") if name in kinds), None)
+    return Numbers(values, titles, ids)
+
+
+def table_of(message: Any) -> Any:
+    """The points of a cloud, each with its fields, (n, count) each."""
+    np = need("numpy", "ros")
+    kinds = {}
+    for field in message.fields:
+        if field.datatype not in POINTS:
+            raise DataError(f"field {field.name!r}: found the type {field.datatype}; needed: 1 to 8")
+        kinds[field.name] = (POINTS[field.datatype], max(field.count, 1), field.offset)
     order, width, data = ">" if message.is_bigendian else "<", message.width, np.asarray(message.data, np.uint8)
     formats = [(f"{order}{kind}", (count,)) for kind, count, _ in kinds.values()]
     offsets = [offset for _, _, offset in kinds.values()]
@@ -167,11 +186,7 @@ def points_of(message: Any, names: list[str] | None) -> Numbers:
     if step < row or len(data) < step * message.height:
         raise DataError(f"points: found {len(data)} bytes in rows of {step}; needed: {message.height} rows of {row} or more")
     rows = np.ascontiguousarray(data[: step * message.height].reshape(message.height, step)[:, :row])
-    points = rows.reshape(-1).view(point)
-    values = np.concatenate([points[name].astype(np.float64).T for name in names])
-    titles = [name if kinds[name][1] == 1 else f"{name}{k}" for name in names for k in range(kinds[name][1])]
-    ids = next((points[name][:, 0].astype(np.int64) for name in ("id", "taxel_id") if name in kinds), None)
-    return Numbers(values, titles, ids)
+    return rows.reshape(-1).view(point)
 
 
 def _array(message: Any, count: int) -> Numbers:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from dermatome._dermatome import Layout
+    from dermatome._recording import Recording
+
 # Times beyond 3170 years are not in s: the command refuses them too.
 LATEST = 1e11
 
@@ -29,7 +32,7 @@ class Readings:
     Attributes
     ----------
     values : (T, C, N) float64 array
-        The readings, NaN where there is none.
+        The readings, NaN where there is none; of a `Recording` they are float32 where that is exact.
     ids : (N,) uint32 array or None
         Ids of the taxels; None: they are in the order of the map.
     timestamps : (T,) float64 array
@@ -38,11 +41,13 @@ class Readings:
         Names and units of the channels.
     measured : (T, C, N) bool array or None
         Which values were measured and not filled; None: all that are finite.
+    episode : int or None
+        The number of the episode of a `Recording` whose chunk this is.
     remarks : tuple of str
         What was noticed when the readings were read, put on a map and conditioned, as the command prints it.
     """
 
-    values: NDArray[np.float64]
+    values: NDArray[np.floating[Any]]
     ids: NDArray[np.uint32] | None
     timestamps: NDArray[np.float64]
     channels: tuple[str, ...]
@@ -50,6 +55,7 @@ class Readings:
     # No defaults on the class: the attributes are documented by it.
     measured: NDArray[np.bool_] | None = field(default_factory=lambda: None)
     remarks: tuple[str, ...] = field(default_factory=tuple)
+    episode: int | None = field(default_factory=lambda: None)
 
     @staticmethod
     def read(
@@ -96,6 +102,38 @@ class Readings:
             remarks=tuple(remarks),
         )
         return readings if map is None else readings.on(map)
+
+    @staticmethod
+    def open(
+        path: str | os.PathLike[str],
+        *,
+        stream: str | None = None,
+        layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        episode: int | None = None,
+    ) -> Recording:
+        """Open a recording of any program, and read nothing but what is in it.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            What `read` reads, text of Tekscan, novel, XSENSOR, Stappone, XELA and YARP, a Zarr of Open-X-Tactile (folder
+            or zip), a LeRobot dataset, HDF5, a bag of ROS or MCAP. Zarr, LeRobot, HDF5 and bags need the extras `zarr`,
+            `parquet`, `hdf5`, `ros` of the package.
+        stream : str, optional
+            What is read, where there is more than one: a name of `Recording.streams`, or a pattern for one array of each
+            episode, as `data/*/pressure`. By default that of the layout, or the only one.
+        layout : Layout, str, os.PathLike or mapping, optional
+            What the file does not say: axes, time, unit, sign, zero, taxels. Or "tnc", "tcn", as for `read`.
+        episode : int, optional
+            The episode that is read; by default all, one after the other.
+
+        Returns
+        -------
+        Recording
+        """
+        from dermatome._recording import Recording
+
+        return Recording(path, stream, layout, episode)
 
     @staticmethod
     def from_arrays(

@@ -18,7 +18,10 @@ from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
 
 # Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
-DEFINITIONS = {"tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors"}
+DEFINITIONS = {
+    "tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors",
+    "tuw_airskin_msgs/msg/AirskinPressures": "std_msgs/Header header\nuint8[] ids\nstring[] frame_ids\nuint32[] pressures",
+}
 
 
 def read(

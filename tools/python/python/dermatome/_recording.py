@@ -1,0 +1,334 @@
+"""A recording in a file: what is in it, what it says, and its readings a chunk at a time."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from dermatome._dermatome import Layout, Map, Skin
+from dermatome._errors import DataError, FileError
+from dermatome._readings import Readings
+from dermatome.recordings import Container, Track, open_container
+from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+# `Recording.read` refuses more: 1 GB.
+MOST_BYTES = 10**9
+# The stream of times where the layout names a unit of time and no stream.
+TIMES = "timestamps"
+# What a number of ns is multiplied by to be in a unit of time.
+NANOSECONDS = {"s": 1e-9, "ms": 1e-6, "us": 1e-3, "ns": 1.0}
+
+
+class Recording:
+    """A recording in a file, of which nothing but headers was read: made by `Readings.open`.
+
+    Attributes
+    ----------
+    path : str
+        The file or folder.
+    streams : dict of str to tuple of int
+        What there is: the shape of each stream, the number of frames first. A `*` stands for the number of an episode.
+    layout : Layout or None
+        What the file does not say.
+    episode : int or None
+        The episode that is read; None: one after the other, never joined in a chunk.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], stream: str | None, layout: Any, episode: int | None) -> None:
+        self.path = os.fspath(path)
+        self.layout = layout_of(layout)
+        self.episode = episode
+        self._wanted = stream if stream is not None else self.layout.stream if self.layout else None
+        self._from = "argument" if stream is not None else "layout" if self._wanted else "file"
+        self._container: Container | None = open_container(path)
+        self._track: Track | None = None
+        self._decoder: Any = None
+        self._said: tuple[tuple[str, str, str], ...] = ()
+        if self._container is not None:
+            self.streams = dict(self._container.streams)
+            if self._wanted is not None or self.layout is not None:
+                self._decoder = self._new_decoder()
+                self._remember(self._decoder.statements if self._decoder else ())
+        else:
+            if episode not in (None, 0):
+                raise DataError(f"{path}: found episode={episode!r}; needed: 0: this file is one episode")
+            self.streams = dict(self._core().streams)
+
+    @property
+    def stream(self) -> str:
+        """str: The name of the stream that is read."""
+        return self._of().stream if self._container is not None else (self._wanted or next(iter(self.streams), ""))
+
+    @property
+    def says(self) -> dict[str, Any]:
+        """dict: What the file states of the stream: unit, rate, axes, ids, area, sensor, pitch."""
+        return dict(self._of().says) if self._container is not None else dict(self._core().says)
+
+    @property
+    def episodes(self) -> tuple[int, ...]:
+        """tuple of int: The number of frames of each episode; empty where that is not known before the end."""
+        if self._container is not None:
+            return self._of().episodes
+        frames = self._core().frames
+        return () if frames is None else (frames,)
+
+    @property
+    def statements(self) -> list[tuple[str, str, str]]:
+        """list of tuple of str: What is known, its value, and who says so: "file", "layout", "argument" or "checked".
+
+        What is found in the readings is added while they are read.
+        """
+        made = [("stream", self.stream, self._from)]
+        if self.episode is not None:
+            made.append(("episode", str(self.episode), "argument"))
+        elif len(self.episodes) > 1:
+            lengths = ", ".join(map(str, self.episodes[:10])) + (", ..." if len(self.episodes) > 10 else "")
+            made.append(("episodes", f"{len(self.episodes)}, one after the other, of {lengths} frames; times are those of each", "file"))
+        if self._track is not None:
+            made += self._track.statements
+        return list(dict.fromkeys([*made, *self._said]))
+
+    def chunks(self, map: Map | None = None, frames: int = 1024) -> Iterator[Readings]:
+        """The readings, at most `frames` frames at a time; a chunk has frames of one episode.
+
+        Parameters
+        ----------
+        map : Map, optional
+            The map in whose order they are; by default they are in the order of their ids.
+        frames : int
+            The most frames of a chunk.
+
+        Yields
+        ------
+        Readings
+            With float32 values, or float64 where numbers of the file need them. Times begin at 0 in each episode, or
+            are those of the file in s.
+        """
+        if not isinstance(frames, int) or frames < 1:
+            raise DataError(f"frames: found {frames!r}; needed: a whole number above 0")
+        return self._chunks(map, frames)
+
+    def _chunks(self, map: Map | None, frames: int) -> Iterator[Readings]:
+        join: Join | None = None
+        channels: tuple[str, ...] = ()
+        units: tuple[str, ...] = ()
+        for episode, values, seconds, source in self._decoded(frames):
+            if join is None:
+                join = Join(map, source.ids)
+                channels, units = tuple(source.channels), tuple(source.units)
+            for start in range(0, len(values), frames):
+                part = slice(start, start + frames)
+                yield Readings(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+
+    def _decoded(self, frames: int) -> Iterator[tuple[int, Any, Any, Any]]:
+        """The number of an episode, values (T, C, N) and times of some of its frames, and who decoded them."""
+        if self._container is None:
+            source = self._core()
+            while (found := source.next(frames)) is not None:
+                yield 0, *found, source
+                self._remember(source.statements)
+            self._remember(source.statements)
+            return
+        layout, track = self._needed(), self._of()
+        if not sum(track.episodes):
+            raise DataError(f"{self.path}: found no frame of {track.stream}; needed: one or more")
+        time = None if "rate" in layout.time else layout.time.get("stream") or TIMES
+        blocks = track.blocks(max(frames, learn_frames(self._new_decoder())), self.episode, time, layout.zero_stream)
+        zeros = Zeros(self.path, layout)
+        decoder: Any = None
+        first: dict[int, Any] = {}
+        for block in learnable(blocks, learn_frames(self._decoder)):
+            values = zeros(block)
+            if decoder is None:
+                decoder = self._decoder = self._new_decoder(zeros.zero)
+            times = block.times
+            if times is not None and getattr(track, "ticks", None):
+                # The first is subtracted as an integer: 1e18 ns as a float is 0.2 us off.
+                times = (times - first.setdefault(block.episode, times[0])) * NANOSECONDS[layout.time["unit"]]
+            made, seconds = decoder.decode(values, times, block.episode)
+            self._remember(decoder.statements)
+            yield block.episode, made, seconds, decoder
+
+    def raw(self, frames: int = 1024) -> Iterator[tuple[int, Any]]:
+        """The number of the episode and the numbers of the stream as the file has them, at most `frames` frames at a time."""
+        if self._container is None:
+            raise DataError(f"{self.path}: found a file without raw numbers; needed: chunks, or Zarr, LeRobot, HDF5, a bag")
+        return ((block.episode, block.values) for block in self._of().blocks(frames, self.episode))
+
+    def read(self, map: Map | None = None) -> Readings:
+        """All readings; episodes one after the other, each with its own times.
+
+        Raises
+        ------
+        DataError
+            If they take more than 1 GB: `chunks` reads them a part at a time.
+        """
+        import numpy as np
+
+        known = self.episodes if self.episode is None else self.episodes[self.episode : self.episode + 1]
+        total, made, at = (sum(known) if known else None), None, 0
+        kept: list[Readings] = []
+        size = 0
+        for part in self.chunks(map):
+            each = part.values.nbytes // max(len(part), 1)
+            size = (total or 0) * each if total else size + part.values.nbytes
+            if size > MOST_BYTES:
+                frames = f"{total} frames" if total else "more frames"
+                raise DataError(f"{self.path}: found {frames} of {each} bytes; needed: at most {MOST_BYTES} bytes in all; chunks() reads them a part at a time")
+            if total is None:
+                kept.append(part)
+                continue
+            if made is None:
+                made = (part, np.empty((total, *part.values.shape[1:]), part.values.dtype), np.empty(total))
+            made[1][at : at + len(part)], made[2][at : at + len(part)] = part.values, part.timestamps
+            at += len(part)
+        if total is None and kept:
+            made = (kept[0], np.concatenate([part.values for part in kept]), np.concatenate([part.timestamps for part in kept]))
+            at = len(made[1])
+        if made is None:
+            raise DataError(f"{self.path}: found no frame; needed: one or more")
+        first, values, times = made
+        said = [f"{what}: {value}" for what, value, source in self.statements if source == "checked" or what == "episodes"]
+        episode = first.episode if len(known) <= 1 else None
+        remarks = (*first.remarks, *said)
+        return Readings(values[:at], first.ids, times[:at], first.channels, first.units, remarks=remarks, episode=episode)
+
+    def skin(self) -> Skin:
+        """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""
+        found: Skin | None = None
+        if self._container is None:
+            found = self._core().skin()
+        else:
+            first: Any = getattr(self._of(), "first", None)
+            if first is not None and first.points is not None:
+                found = Skin.from_arrays(first.points, ids=first.ids)
+        if found is None:
+            raise DataError(f"{self.path}: found no pitch and no positions of taxels; needed: Skin.read or Skin.from_arrays")
+        return found
+
+    def write_oxt(self, path: str | os.PathLike[str], map: Map, level: int = 1, *, areas: Mapping[str, int], side: str = "right") -> None:
+        """Write images of a map as a Zarr of Open-X-Tactile, which FTP-1 reads: `SIDE_tactile_data_map (T, patches, H, W)`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            A `.zarr.zip`, or a `.zarr` folder that does not exist yet.
+        map : Map
+            The map.
+        level : int
+            The level that is drawn; a patch without it has its coarsest level.
+        areas : mapping of str to int
+            The functional area of each patch, 0 to 23: 0 to 4 are the tips of thumb to little finger, 5 is the palm. A
+            patch that is not in it is left out. Images have pixels of one size, and are padded to one size with 0, as is
+            what shows no skin; a missing reading is NaN.
+        side : {"right", "left"}
+            The hand.
+        """
+        from dermatome.recordings.write import write_oxt
+
+        write_oxt(self, path, map, level, areas, side)
+
+    def write_lerobot(self, path: str | os.PathLike[str], map: Map, level: int = 1, *, repo_id: str | None = None) -> Any:
+        """Write a copy of a LeRobot dataset with the values of the fields of a map as features, by lerobot's `add_features`.
+
+        Features are those of `dermatome.lerobot.features`, for each channel.
+
+        Returns
+        -------
+        LeRobotDataset
+            The new dataset, in the folder `path`.
+        """
+        from dermatome.recordings.write import write_lerobot
+
+        return write_lerobot(self, path, map, level, repo_id)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._container is not None:
+            self._container.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name} {shape}" for name, shape in list(self.streams.items())[:3])
+        return f"<Recording: {self.path}: {shown}{', ...' if len(self.streams) > 3 else ''}>"
+
+    def draft(self) -> str:
+        """The text of a layout with what the file says, and null where nobody knows."""
+        if self._container is None:
+            return str(self._core().draft())
+        track = self._of()
+        return str(Layout.draft(self.path, track.cells, stream=track.stream, says=_stated(track, None)))
+
+    def _remember(self, said: Any) -> None:
+        self._said = tuple(tuple(map(str, each)) for each in said)  # type: ignore[misc]
+
+    def _core(self) -> Any:
+        """A new reader of a file that the library reads itself."""
+        raise DataError(f"{self.path}: found no Zarr, LeRobot dataset, HDF5 or bag; needed: one of them, or Readings.read")
+
+    def _needed(self) -> Any:
+        if self.layout is None:
+            needed = "layout=, a file that says axes, time, unit, sign, zero and taxels; Layout.draft(recording).write(path) begins one"
+            raise DataError(f"{self.path}: found {self._of().stream} {self._of().cells} without a layout; needed: {needed}")
+        return self.layout
+
+    def _of(self) -> Track:
+        if self._track is None:
+            container: Any = self._container
+            axis = self.layout.frame_axis if self.layout else 0
+            self._track = container.track(container.choose(self._wanted), axis)
+        return self._track
+
+    def _new_decoder(self, zero: Any = None) -> Any:
+        track, layout = self._of(), self.layout
+        if layout is None:
+            return None
+        if zero is None and layout.zero_stream:
+            import numpy as np
+
+            zero = np.zeros(track.cells)
+        return layout.decoder(self.path, track.cells, stream=track.stream, says=_stated(track, layout), zero=zero)
+
+
+def _stated(track: Track, layout: Any) -> dict[str, Any]:
+    """What a file says, with the units of the components that a layout takes."""
+    says = dict(track.says)
+    units = says.pop("units", None)
+    if units and len(set(units)) == 1:
+        says["unit"] = units[0]
+    elif units and layout is not None:
+        chosen = [channel.get("component") for channel in json.loads(layout.text).get("channels", [])]
+        if all(isinstance(k, int) and 0 <= k < len(units) for k in chosen):
+            says["unit"] = [units[k] for k in chosen]
+    elif units:
+        says["units"] = ", ".join(units)
+    return says
+
+
+def layout_of(given: Any) -> Any:
+    """A layout, of a file, an object or a dict."""
+    if given is None or isinstance(given, Layout):
+        return given
+    if isinstance(given, Mapping):
+        try:
+            return Layout.parse(json.dumps(given))
+        except (TypeError, ValueError) as error:
+            if isinstance(error, DataError):
+                raise
+            raise DataError(f"layout: found {error}; needed: what JSON can hold") from None
+    if isinstance(given, (str, os.PathLike)):
+        return Layout.read(given)
+    raise DataError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
+
+
+Recording.__module__ = "dermatome"

@@ -1,0 +1,117 @@
+"""What happens to blocks of frames on their way from a reader to a map."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from dermatome import _conditioning
+from dermatome._dermatome import Map, join_readings
+from dermatome._errors import DataError
+from dermatome.recordings._track import Block
+
+
+class Join:
+    """Puts readings into the order of a map."""
+
+    def __init__(self, map: Map | None, ids: Any) -> None:
+        import numpy as np
+
+        self.ids, self.order, self.missing = ids, None, None
+        self.count: int | None = None
+        self.remarks: tuple[str, ...] = ()
+        if map is None:
+            return
+        if ids is None:
+            self.count = map.n_taxels
+            return
+        self.ids = None
+        self.remarks = tuple(_conditioning.joined(map, ids))
+        columns = join_readings(map, np.arange(len(ids), dtype=np.float64)[None, None], ids)[0, 0]
+        missing = np.isnan(columns)
+        order = np.where(missing, 0, columns).astype(np.int64)
+        self.missing = missing if missing.any() else None
+        self.order = None if self.missing is None and np.array_equal(order, np.arange(len(ids))) else order
+
+    def __call__(self, values: Any) -> Any:
+        import numpy as np
+
+        if self.count not in (None, values.shape[2]):
+            raise DataError(f"map: found {self.count} taxels; needed: {values.shape[2]}, or readings with ids")
+        if self.order is None:
+            return values
+        made = np.take(values, self.order, axis=2)
+        if self.missing is not None:
+            made[:, :, self.missing] = np.nan
+        return made
+
+
+class Zeros:
+    """What is subtracted where the layout names a stream of zeros: one frame of it, or the frame beside each frame."""
+
+    def __init__(self, path: str, layout: Any) -> None:
+        self.path, self.name, self.each = path, layout.zero_stream, False
+        self.zero: Any = None
+        self.missing = json.loads(layout.text).get("missing") or []
+
+    def __call__(self, block: Any) -> Any:
+        import numpy as np
+
+        if self.name is None:
+            return block.values
+        rows, values = np.asarray(block.zero), block.values
+        if rows.shape == values.shape[1:]:
+            rows = rows[None]
+        if rows.shape[1:] != values.shape[1:]:
+            raise DataError(f"{self.path}: {self.name}: found zeros of the shape {rows.shape[1:]}; needed: {values.shape[1:]}, that of a frame")
+        stays = bool((rows == rows[0]).all())
+        if self.zero is None:
+            self.each = not stays
+            self.zero = np.zeros(rows.shape[1:]) if self.each else rows[0]
+        if self.each:
+            made = values.astype(np.result_type(values.dtype, np.float32)) - rows
+            made[np.isin(values, self.missing)] = np.nan
+            return made
+        if not stays or not np.array_equal(rows[0], self.zero, equal_nan=True):
+            raise DataError(f"{self.path}: {self.name}: found zeros that change after they stayed; needed: one zero, or one that is measured with each frame")
+        return values
+
+
+def learn_frames(decoder: Any) -> int:
+    """How many frames a decoder takes at first."""
+    return int(decoder.learn_frames) if decoder is not None else 1
+
+
+def learnable(blocks: Iterator[Block], learn: int) -> Iterator[Block]:
+    """The same blocks, the first of them with as many frames as a decoder learns from, or all of its episode."""
+    import numpy as np
+
+    first: list[Block] = []
+    done = False
+    for block in blocks:
+        if done:
+            yield block
+            continue
+        if first and block.episode != first[0].episode:
+            yield _merged(np, first)
+            yield block
+            done = True
+            continue
+        first.append(block)
+        if sum(len(each.values) for each in first) >= learn:
+            yield _merged(np, first)
+            done = True
+    if not done and first:
+        yield _merged(np, first)
+
+
+def _merged(np: Any, blocks: list[Block]) -> Block:
+    made = blocks[0]
+    if len(blocks) > 1:
+        made.values = np.concatenate([block.values for block in blocks])
+        if made.times is not None:
+            made.times = np.concatenate([block.times for block in blocks])
+        if made.zero is not None and made.zero.ndim == made.values.ndim:
+            made.zero = np.concatenate([block.zero for block in blocks])
+    return made

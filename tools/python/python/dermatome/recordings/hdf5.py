@@ -1,0 +1,238 @@
+"""HDF5: datasets with frames along one axis, an episode a group. Nothing outside the file is read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dermatome._adapter import need
+from dermatome._errors import DataError, FileError
+from dermatome.recordings._track import Block, Container, Track, chosen, matching, sizes, small_enough
+
+# Names of numbers and attributes that say how many frames a second there are.
+RATES = ("rate", "fps", "frequency", "rate_hz")
+# The most objects of a file that are listed.
+MOST_OBJECTS = 100_000
+
+
+class Hdf5(Container):
+    """An HDF5 file."""
+
+    def __init__(self, path: Any) -> None:
+        super().__init__(path)
+        h5py = need("h5py", "hdf5")
+        try:
+            self.file: Any = h5py.File(path, "r")
+        except OSError as error:
+            raise FileError(f"{path}: found no HDF5 file that can be read: {error}; needed: the file as it was written", "hdf5") from error
+        self.datasets: dict[str, Any] = {}
+        self._walk(self.file, "", set())
+        shapes: dict[str, tuple[int, ...]] = {}
+        for name, dataset in self.datasets.items():
+            pattern = re.sub(r"\d+", "*", name)
+            if dataset.dtype.kind not in "biuf" or dataset.ndim < 2:
+                continue
+            key, shape = (pattern, dataset.shape[1:])
+            if shapes.setdefault(key, shape) != shape:
+                key = name
+            self.streams[key] = (self.streams.get(key, (0,))[0] + dataset.shape[0], *shape)
+        for key in [key for key in self.streams if "*" in key]:  # One dataset is listed by its own name.
+            hits = matching(self.path, list(self.datasets), key)
+            if len(hits) == 1:
+                self.streams = {hits[0] if name == key else name: shape for name, shape in self.streams.items()}
+
+    def _walk(self, group: Any, prefix: str, seen: set[Any]) -> None:
+        h5py = need("h5py", "hdf5")
+        for name in group:
+            path = f"{prefix}{name}"
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                self._leave(path, f"a link to {link.filename!r}")
+                continue
+            try:
+                item = group[name]
+            except (KeyError, OSError, RuntimeError):
+                self._leave(path, "a link to nothing")
+                continue
+            if isinstance(item, h5py.Group):
+                # Links may lead back to a group above.
+                key = (h5py.h5o.get_info(item.id).addr, h5py.h5o.get_info(item.id).fileno)
+                if key not in seen and len(seen) < MOST_OBJECTS:
+                    self._walk(item, f"{path}/", seen | {key})
+            elif isinstance(item, h5py.Dataset):
+                if len(self.datasets) == MOST_OBJECTS:
+                    raise DataError(f"{self.path}: found more than {MOST_OBJECTS} datasets; needed: fewer")
+                self.datasets[path] = item
+
+    def _leave(self, path: str, found: str) -> None:
+        self.unread[path] = DataError(f"{self.path}: {path}: found {found}; needed: readings in the file itself; copy them into it")
+
+    def close(self) -> None:
+        self.file.close()
+
+    def track(self, stream: str, frame_axis: int = 0) -> Track:
+        stream = stream.strip("/")
+        if stream in self.unread:
+            raise self.unread[stream]
+        hits = matching(self.path, list(self.datasets), stream)
+        shapes: dict[tuple[int, ...], str] = {}
+        for name in hits:
+            dataset = self._checked(name)
+            if not 0 <= frame_axis < dataset.ndim or dataset.dtype.kind not in "biuf":
+                raise DataError(f"{self.path}: {name}: found {dataset.dtype} {dataset.shape}; needed: numbers with {frame_axis + 1} axes or more")
+            shapes.setdefault(_cells(dataset.shape, frame_axis), name)
+        if len(shapes) > 1:
+            found = ", ".join(f"{shape} in {name}" for shape, name in list(shapes.items())[:4])
+            raise DataError(f"{self.path}: found frames of several shapes: {found}; needed: stream=, one of them, or other `axes` in the layout")
+        first = self.datasets[hits[0]]
+        lengths = tuple(self.datasets[name].shape[frame_axis] for name in hits)
+        made = Hdf5Track(self.path, stream, next(iter(shapes)), first.dtype.str, lengths, container=self, names=hits, axis=frame_axis)
+        made.says |= _attributes(first)
+        rate = next((item for name, item in self.datasets.items() if name.rpartition("/")[2] in RATES and item.shape == ()), None)
+        if rate is not None and rate.dtype.kind in "iuf":
+            made.says.setdefault("rate", float(rate[()]))
+        return made
+
+    def _checked(self, name: str) -> Any:
+        """A dataset that can be read from this file, with bounded memory."""
+        h5py, dataset = need("h5py", "hdf5"), self.datasets[name]
+        where, item = f"{self.path}: {name}", dataset.dtype.itemsize
+        if dataset.is_virtual or dataset.external:
+            kept = "other files" if dataset.is_virtual else repr(dataset.external[0][0])
+            raise DataError(f"{where}: found numbers kept in {kept}; needed: readings in the file itself; copy them into it")
+        shape = sizes(self.path, name, dataset.shape, item)
+        plist = dataset.id.get_create_plist()
+        for k in range(plist.get_nfilters()):
+            code, _, _, title = plist.get_filter(k)
+            if not h5py.h5z.filter_avail(code):
+                known = title.decode("utf-8", "replace") or "without a name"
+                raise DataError(f"{where}: found the filter {code} ({known}), which is not installed; needed: pip install hdf5plugin, or gzip")
+        if 0 in shape:
+            return dataset
+        if dataset.chunks:
+            small_enough(self.path, name, dataset.chunks, item)
+            needed = math.prod(math.ceil(size / chunk) for size, chunk in zip(shape, dataset.chunks))
+            found = dataset.id.get_num_chunks()
+            if found != needed:
+                raise DataError(f"{where}: found {found} of {needed} chunks; needed: all; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
+        elif dataset.id.get_storage_size() < item * math.prod(shape):
+            found = dataset.id.get_storage_size()
+            raise DataError(f"{where}: found {found} bytes for the shape {shape}; needed: {item * math.prod(shape)}; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
+        return dataset
+
+    def beside(self, name: str, stream: str) -> str:
+        """The dataset of a name in the group of another, or in one above."""
+        folder = stream.rpartition("/")[0]
+        while True:
+            path = f"{folder}/{name}" if folder else name
+            if path in self.datasets:
+                return path
+            if not folder:
+                break
+            folder = folder.rpartition("/")[0]
+        near = stream.rpartition("/")[0]
+        known = [each for each in self.datasets if each.rpartition("/")[0] == near][:20]
+        raise DataError(f"{self.path}: found no {name!r} beside {stream}, which the layout names; needed: one of {known}, or `rate` in the layout")
+
+
+def _cells(shape: tuple[int, ...], frame_axis: int) -> tuple[int, ...]:
+    return shape[:frame_axis] + shape[frame_axis + 1 :]
+
+
+def _attributes(dataset: Any) -> dict[str, Any]:
+    """What the attributes of a dataset and of the file say."""
+    made: dict[str, Any] = {}
+    for owner in (dataset.file, dataset.parent, dataset):
+        for key in ("unit", "units", *RATES):
+            try:
+                value = owner.attrs.get(key)
+            except (OSError, TypeError):
+                continue
+            if isinstance(value, bytes):
+                value = value.decode("utf-8", "replace")
+            if value is None or getattr(value, "size", 1) != 1:
+                continue
+            value = value.item() if hasattr(value, "item") else value
+            if key in RATES and isinstance(value, (int, float)):
+                made["rate"] = float(value)
+            elif key not in RATES and isinstance(value, str):
+                made["unit"] = value
+    return made
+
+
+@dataclass
+class Hdf5Track(Track):
+    container: Any = None
+    names: Any = ()
+    axis: int = 0
+
+    def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
+        np = need("numpy", "hdf5")
+        for number in chosen(self.path, self.episodes, episode):
+            name, count = self.names[number], self.episodes[number]
+            dataset = self.container.datasets[name]
+            times = None if time is None else self._beside(time, name, count)
+            zeros: Any = None if zero is None else self.container._checked(self.container.beside(zero, name))
+            valid = self._valid(name, count)
+            # Whole chunks, so that none is decoded twice.
+            step = self._step(dataset, frames)
+            for start in range(0, count, step):
+                stop = min(start + step, count)
+                rows = np.moveaxis(self._read(dataset, (slice(None),) * self.axis + (slice(start, stop),)), self.axis, 0)
+                if valid is not None and not (good := self._read(valid, slice(start, stop)).astype(bool)).all():
+                    rows = np.where(good.reshape(-1, *[1] * (rows.ndim - 1)), rows, np.nan)
+                    self.state("validity", f"{int((~good).sum())} frames of episode {number} from frame {start} on are not valid: no readings there")
+                at = None if times is None else self._read(times, slice(start, stop)).ravel()
+                rest = None
+                if zeros is not None:
+                    rest = self._read(zeros, ()) if zeros.shape == self.cells else self._read(zeros, slice(start, stop))
+                for first in range(0, len(rows), frames):
+                    part = slice(first, first + frames)
+                    own = rest if rest is None or zeros.shape == self.cells else rest[part]
+                    yield Block(number, rows[part], None if at is None else at[part], own)
+
+    def _step(self, dataset: Any, frames: int) -> int:
+        """How many frames are read at once: those of whole chunks, but not more than take some MB."""
+        size = dataset.chunks[self.axis] if dataset.chunks else 1
+        each = max(dataset.dtype.itemsize * math.prod(self.cells), 1)
+        small_enough(self.path, self.stream, self.cells, dataset.dtype.itemsize)
+        return int(max(1, min(frames, (1 << 25) // each) // size) * size)
+
+    def _read(self, dataset: Any, part: Any) -> Any:
+        try:
+            return dataset[part]
+        except (OSError, RuntimeError, ValueError) as error:
+            where = f"{self.path}: {dataset.name.strip('/')}"
+            raise FileError(f"{where}: frames {part} cannot be read: {error}; needed: the file as it was written", "hdf5") from error
+
+    def _beside(self, time: str, name: str, count: int) -> Any:
+        dataset = self.container._checked(self.container.beside(time, name))
+        if dataset.size != count or dataset.dtype.kind not in "iuf":
+            found = f"{dataset.size} times ({dataset.dtype}) beside {count} frames of {name} {self.container.datasets[name].shape}"
+            raise DataError(f"{self.path}: {dataset.name.strip('/')}: found {found}; needed: one for each frame; is `axes` of the layout right?")
+        return dataset
+
+    def _valid(self, name: str, count: int) -> Any:
+        """Flags `validity/NAME`, one a frame."""
+        path = f"validity/{name.rpartition('/')[2]}"
+        found = self.container.datasets.get(path)
+        if found is None or found.shape != (count,) or found.dtype.kind != "b":
+            return None
+        return self.container._checked(path)
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a file has the signature of HDF5, at its start or behind a user block."""
+    try:
+        with open(path, "rb") as file:
+            for at in (0, 512, 1024, 2048):
+                file.seek(at)
+                if file.read(8) == b"\x89HDF\r\n\x1a\n":
+                    return True
+    except OSError:
+        return False
+    return False

@@ -1,0 +1,296 @@
+"""LeRobot datasets, formats 2.0, 2.1 and 3.0, by `pyarrow` alone: only the columns that are asked for are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dermatome._adapter import need
+from dermatome._errors import DataError, FileError
+from dermatome.recordings._track import MOST_JSON, Block, Container, Track, bytes_of, chosen, read_json, sizes, small_enough
+
+VERSIONS = ("v2.0", "v2.1", "v3.0")
+# Columns that count.
+COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+# What a column of times may be called in a layout that is written for several formats.
+TIMES = ("timestamp", "timestamps")
+# Numbers that are decoded at once: some MB.
+NUMBERS = 1 << 19
+
+
+class LeRobot(Container):
+    """A LeRobot dataset: a folder with `meta/info.json`."""
+
+    def __init__(self, path: Any) -> None:
+        super().__init__(path)
+        self.root = Path(path)
+        self.info = read_json(self.path, bytes_of(self.root / "meta/info.json", MOST_JSON), "meta/info.json")
+        version = self.info.get("codebase_version")
+        if version not in VERSIONS:
+            raise self.wrong("codebase_version", f"{version!r}" if version else "none", f"one of {', '.join(VERSIONS)}")
+        fps = self.info.get("fps")
+        if not isinstance(fps, (int, float)) or isinstance(fps, bool) or not 0 < fps < math.inf:
+            raise self.wrong("fps", repr(fps), "a number above 0")
+        self.fps = float(fps)
+        features = self.info.get("features")
+        if not isinstance(features, dict) or not all(isinstance(each, dict) for each in features.values()):
+            raise self.wrong("features", type(features).__name__, "an object with an object for each feature")
+        self.features = features
+        self.frames = self.count("total_frames")
+        for name, feature in features.items():
+            if feature.get("dtype") not in ("image", "video", "string") and name not in COUNTERS:
+                self.streams[name] = (self.frames, *sizes(self.path, f"feature {name}", feature.get("shape"), 8))
+        self.files: list[tuple[Path, Any]] = []
+        self.lengths: dict[int, int] = {}
+        self._find(version)
+
+    def wrong(self, what: str, found: Any, needed: str) -> DataError:
+        """An error of `info.json`."""
+        return DataError(f"{self.path}: {what} in meta/info.json: found {found}; needed: {needed}")
+
+    def count(self, key: str) -> int:
+        """A number of frames or episodes."""
+        found = self.info.get(key)
+        if not isinstance(found, int) or isinstance(found, bool) or found < 0:
+            raise self.wrong(key, repr(found), "a whole number from 0")
+        return found
+
+    def choose(self, stream: str | None) -> str:
+        if stream is None:
+            beside = (".baseline", ".status", ".valid", ".dt", ".std")
+            named = [name for name in self.streams if "tactile" in name and not name.endswith(beside)]
+            if len(named) == 1:
+                return named[0]
+        return super().choose(stream)
+
+    def _find(self, version: str) -> None:
+        """The data files, and the length of each episode as the metadata say."""
+        pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
+        folders = "data/chunk-*/file-*.parquet" if version == "v3.0" else "data/chunk-*/episode_*.parquet"
+        paths, total = sorted(self.root.glob(folders), key=lambda path: [len(path.name), str(path)]), 0
+        paths.sort(key=lambda path: path.parent.name)
+        for path in paths:
+            try:
+                file = pq.ParquetFile(path, memory_map=True, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
+            except (OSError, arrow.ArrowException) as error:
+                raise FileError(f"{path}: found no Parquet file that can be read: {error}; needed: the file as it was written", "parquet") from error
+            self.files.append((path, file))
+            total += file.metadata.num_rows
+        self._episodes(version)
+        if version != "v3.0":
+            there = {path.name for path in paths}
+            gone = [number for number in self.lengths if f"episode_{number:06d}.parquet" not in there]
+            if gone:
+                raise DataError(f"{self.path}: found no data/*/episode_{gone[0]:06d}.parquet; needed: a file for each of {len(self.lengths)} episodes; copy it again")
+        if total != self.frames:
+            raise DataError(f"{self.path}: found {total} frames in {len(paths)} files; needed: {self.frames}, total_frames of meta/info.json")
+
+    def _episodes(self, version: str) -> None:
+        if version == "v3.0":
+            pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
+            for path in sorted(self.root.glob("meta/episodes/chunk-*/file-*.parquet")):
+                try:
+                    table = pq.read_table(path, columns=["episode_index", "length"], use_threads=False).to_pydict()
+                except (OSError, arrow.ArrowException, KeyError) as error:
+                    raise FileError(f"{path}: cannot be read: {error}; needed: episode_index and length of each episode", "parquet") from error
+                self.lengths |= dict(zip(table["episode_index"], table["length"]))
+        else:
+            path = self.root / "meta/episodes.jsonl"
+            for number, line in enumerate(bytes_of(path, 4 * MOST_JSON).splitlines()):
+                if line.strip():
+                    each = read_json(str(path), line, f"line {number + 1}")
+                    self.lengths[each.get("episode_index", -1)] = each.get("length", -1)
+        wrong = [key for key, value in self.lengths.items() if not isinstance(value, int) or not isinstance(key, int) or min(key, value) < 0]
+        if wrong or sorted(self.lengths) != list(range(self.count("total_episodes"))):
+            known = str(list(self.lengths)[:20])
+            raise DataError(f"{self.path}: found the episodes {known} in meta/episodes; needed: 0 to {self.count('total_episodes') - 1}, each with its length")
+
+    def track(self, stream: str, frame_axis: int = 0) -> Track:
+        if frame_axis:
+            raise DataError(f"{self.path}: found the frames on axis {frame_axis} in the layout; needed: axis 0: a row is a frame")
+        if stream not in self.streams:
+            raise DataError(f"{self.path}: found no stream {stream!r}; needed: one of {', '.join(list(self.streams)[:40]) or 'none'}")
+        feature, cells = self.features[stream], self.streams[stream][1:]
+        small_enough(self.path, stream, cells, 8)
+        for path, file in self.files:
+            if stream not in file.schema_arrow.names:
+                raise DataError(f"{path}: found no column {stream!r}; needed: one, as features of meta/info.json say")
+        lengths = tuple(self.lengths[number] for number in sorted(self.lengths))
+        says: dict[str, Any] = {"rate": self.fps}
+        names = feature.get("names")
+        if isinstance(names, list) and 1 < len(names) == len(cells) and all(isinstance(name, str) for name in names):
+            says["axes"] = names
+        made = LeRobotTrack(self.path, stream, cells, str(feature.get("dtype")), lengths, says, dataset=self)
+        if "unit" in feature:
+            says["unit"] = feature["unit"]
+        made.state("times", "frame / fps, as LeRobot writes them")
+        return made
+
+
+@dataclass
+class LeRobotTrack(Track):
+    dataset: Any = None
+    counted: dict[str, int] = field(default_factory=dict)
+
+    def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
+        np = need("numpy", "parquet")
+        wanted = chosen(self.path, self.episodes, episode)
+        columns = [self.stream, "timestamp", "episode_index", "frame_index"]
+        status = self._status()
+        columns += [name for name in (zero, status and status[0]) if name]
+        if time is not None and time not in TIMES:
+            columns.append(time)
+        last, at, origin = -1, 0, 0.0
+        for path, batch in self._batches(columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1)))):
+            episodes, counter = (self._column(path, batch, name) for name in ("episode_index", "frame_index"))
+            stamps = self._column(path, batch, "timestamp")
+            values = self._column(path, batch, self.stream)
+            zeros = None if zero is None else self._column(path, batch, zero)
+            times = stamps if time in TIMES else None if time is None else self._column(path, batch, time)
+            cuts = [0, *(np.flatnonzero(np.diff(episodes)) + 1).tolist(), len(episodes)]
+            for first, stop in zip(cuts, cuts[1:]):
+                number, rows = int(episodes[first]), slice(first, stop)
+                if number != last:
+                    if number != last + 1 or (last >= 0 and at != self.episodes[last]):
+                        raise self._order(path, last, at, number)
+                    last, at, origin = number, 0, float(stamps[first])
+                if number >= len(self.episodes) or at + stop - first > self.episodes[number]:
+                    raise self._order(path, last, at + stop - first, number)
+                expected = np.arange(at, at + stop - first)
+                if (counter[rows] != expected).any():
+                    row = int(np.argmax(counter[rows] != expected))
+                    raise DataError(f"{path}: episode {number}: found frame_index {counter[rows][row]} in row {at + row}; needed: {at + row}: no frame is left out")
+                self._check_times(path, number, at, stamps[rows].astype(np.float64) - origin, time)
+                at += stop - first
+                if number in wanted:
+                    kept = self._valid(status, batch, path, rows, values[rows], number, at - (stop - first))
+                    yield Block(number, kept, None if times is None else times[rows].reshape(-1), None if zeros is None else zeros[rows])
+            if wanted and last > wanted[-1]:
+                return
+        if last + 1 != len(self.episodes) or (last >= 0 and at != self.episodes[last]):
+            raise self._order(self.path, last, at, last + 1)
+
+    def _order(self, path: Any, last: int, at: int, number: int) -> DataError:
+        said = self.episodes[last] if 0 <= last < len(self.episodes) else 0
+        found = f"{at} frames of episode {last}, then episode {number}" if last >= 0 else f"episode {number} first"
+        return DataError(f"{path}: found {found}; needed: {len(self.episodes)} episodes in order, {said} frames in this one; are rows mixed?")
+
+    def _check_times(self, path: Any, number: int, at: int, seconds: Any, time: str | None) -> None:
+        """Refuses times that do not follow from the frames a second, which the file states too."""
+        np, fps = need("numpy", "parquet"), self.dataset.fps
+        expected = (np.arange(len(seconds)) + at) / fps
+        # Measured times may be late by half a frame; a layout that names the column takes them as they are.
+        late = ~(np.abs(seconds - expected) <= 0.5 / fps + 1e-6 * np.abs(expected))
+        steps = np.diff(seconds)
+        other_rate = len(steps) > 4 and not 0.8 <= float(np.median(steps)) * fps <= 1.25
+        if other_rate or (time is None and late.any()):
+            row = int(np.argmax(late))
+            found = f"timestamp {seconds[row]:.6g} s after the first in frame {at + row}"
+            raise DataError(f"{path}: episode {number}: found {found}; needed: {expected[row]:.6g}, as fps {fps:g} of meta/info.json says")
+
+    def _batches(self, columns: list[str], rows: int) -> Iterator[tuple[Path, Any]]:
+        arrow = need("pyarrow", "parquet")
+        for path, file in self.dataset.files:
+            missing = [name for name in columns if name not in file.schema_arrow.names]
+            if missing:
+                raise DataError(f"{path}: found no column {missing[0]!r}; needed: one of {', '.join(file.schema_arrow.names[:40])}")
+            batches = file.iter_batches(rows, columns=columns, use_threads=False)
+            while True:
+                try:
+                    batch = next(batches)
+                except StopIteration:
+                    break
+                except (OSError, arrow.ArrowException) as error:
+                    raise FileError(f"{path}: cannot be decoded: {error}; needed: the file as it was written", "parquet") from error
+                yield path, batch
+
+    def _column(self, path: Any, batch: Any, name: str) -> Any:
+        """The numbers of a column: a row a frame."""
+        np, arrow = need("numpy", "parquet"), need("pyarrow", "parquet")
+        feature = self.dataset.features.get(name, {})
+        shape = sizes(self.path, f"feature {name}", feature.get("shape", [1]), 8)
+        column, count = batch.column(name), len(batch)
+        if isinstance(column, arrow.ExtensionArray):
+            column = column.storage
+        empty = None
+        if column.null_count:
+            if name in COUNTERS:
+                raise DataError(f"{path}: found no {name} in a row; needed: one in each")
+            empty = ~column.is_valid().to_numpy(zero_copy_only=False)
+            column = column.drop_null()
+        flat, axes = column, shape if shape != (1,) or _is_list(arrow, column.type) else ()
+        depth, rows = 0, count if empty is None else int((~empty).sum())
+        while _is_list(arrow, flat.type):
+            size = axes[depth] if depth < len(axes) else None
+            if size is None or flat.null_count or not _has_length(np, arrow, flat, size):
+                found = f"lists of {_lengths(np, flat)} numbers" if size is not None else f"lists in {depth + 1} levels"
+                raise DataError(f"{path}: {name}: found {found} on axis {depth + 1}; needed: the shape {shape}, as features of meta/info.json say")
+            flat, depth = flat.flatten(), depth + 1
+        if depth != len(axes) or not (arrow.types.is_integer(flat.type) or arrow.types.is_floating(flat.type) or arrow.types.is_boolean(flat.type)):
+            raise DataError(f"{path}: {name}: found {column.type}; needed: numbers of the shape {shape}, as features of meta/info.json say")
+        array = flat.to_numpy(zero_copy_only=False).reshape(rows, *axes)
+        if name in COUNTERS or (empty is None and axes == shape):
+            return array
+        array = array.reshape(rows, *shape)
+        if empty is None:
+            return array
+        whole = np.full((count, *shape), np.nan, np.result_type(array.dtype, np.float32))
+        whole[~empty] = array
+        self._count("null", int(empty.sum()))
+        return whole
+
+    def _count(self, what: str, number: int) -> None:
+        """How many frames have no readings, for the statement at the end."""
+        self.counted[what] = self.counted.get(what, 0) + number
+        self.statements = [each for each in self.statements if each[0] != what]
+        self.state(what, f"{self.counted[what]} frames are {what}: no readings there")
+
+    def _status(self) -> tuple[str, int | None] | None:
+        """The column that says which frames are valid: `.valid`, or `valid` of `.status`."""
+        for suffix in (".valid", ".status"):
+            name = self.stream + suffix
+            feature = self.dataset.features.get(name)
+            if feature is None or not all(name in file.schema_arrow.names for _, file in self.dataset.files):
+                continue
+            if suffix == ".valid":
+                return name, None
+            names = feature.get("names")
+            if isinstance(names, list) and "valid" in names:
+                return name, names.index("valid")
+        return None
+
+    def _valid(self, status: tuple[str, int | None] | None, batch: Any, path: Any, rows: slice, values: Any, number: int, at: int) -> Any:
+        """The values, NaN where the file says that they are not valid."""
+        np = need("numpy", "parquet")
+        if status is None:
+            return values
+        name, column = status
+        flags = self._column(path, batch, name)[rows]
+        good = np.asarray(flags.reshape(len(values), -1)[:, column or 0] != 0) if column is not None else flags != 0
+        if column is None and good.shape[1:] not in ((1,), self.cells):
+            raise DataError(f"{path}: {name}: found the shape {good.shape[1:]}; needed: (1,) or {self.cells}")
+        if good.all():
+            return values
+        self._count("not valid", int((~good.reshape(len(good), -1)).any(axis=1).sum()))
+        if good.shape[1:] != self.cells:
+            good = good.reshape(len(good), *[1] * len(self.cells))
+        return np.where(good, values, np.asarray(np.nan, np.result_type(values.dtype, np.float32)))
+
+
+def _is_list(arrow: Any, kind: Any) -> bool:
+    types = arrow.types
+    return bool(types.is_list(kind) or types.is_fixed_size_list(kind) or types.is_large_list(kind))
+
+
+def _has_length(np: Any, arrow: Any, lists: Any, size: int) -> bool:
+    """Whether all lists of an array have one length."""
+    if arrow.types.is_fixed_size_list(lists.type) or not len(lists):
+        return not len(lists) or bool(lists.type.list_size == size)
+    return bool((np.diff(lists.offsets.to_numpy()) == size).all())
+
+
+def _lengths(np: Any, lists: Any) -> str:
+    return ", ".join(map(str, np.unique(lists.value_lengths().to_numpy(zero_copy_only=False))[:4].tolist()))

@@ -1,0 +1,196 @@
+"""What a map makes of a recording, written into the formats that recordings come in."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from dermatome._adapter import level_of, need
+from dermatome._errors import DataError, FileError
+from dermatome.recordings.oxt import AREAS
+
+# The name of the group.
+GROUP = "map"
+# Bytes of a chunk: those of FTP-1's own writer.
+CHUNK = 1 << 21
+# The most bytes of features, which lerobot takes at once.
+MOST_BYTES = 10**9
+
+
+def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[str, int], side: str) -> None:
+    """Images of the patches of a map as one group."""
+    np = need("numpy", "zarr")
+    if side not in ("right", "left"):
+        raise DataError(f"side: found {side!r}; needed: 'right' or 'left'")
+    if not areas:
+        raise DataError(f"areas: found none; needed: the area, 0 to {AREAS - 1}, of a patch of {list(map.patches)[:10]}")
+    for patch, area in areas.items():
+        level_of(map, patch, level)
+        if not isinstance(area, int) or not 0 <= area < AREAS:
+            raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {AREAS - 1}")
+    with _Target(path) as target:
+        images, times, stops = (_Rows(target, name) for name in (f"data/{side}_tactile_data_{GROUP}", "data/timestamps", "meta/episode_ends"))
+        renderers: list[Any] = []
+        episode: int | None = None
+        for part in recording.chunks(map):
+            renderers = renderers or _renderers(map, level, list(areas), part)
+            images.add(_images(np, renderers, part.values))
+            if part.episode != episode and times.count:
+                stops.add(np.array([times.count], "<i8"))
+            episode = part.episode
+            times.add(part.timestamps.astype("<f8"))
+        if not renderers:
+            raise DataError(f"{recording.path}: found no frame; needed: one or more")
+        stops.add(np.array([times.count], "<i8"))
+        for array in (images, times, stops):
+            array.end()
+        about = {f"{side}_tactile_area_{GROUP}": list(areas.values()), f"{side}_tactile_sensor_{GROUP}": "dermatome"}
+        for name, each in {**about, f"{side}_tactile_type_{GROUP}": "matrix", "sub_task_instruction": " "}.items():
+            rows = _Rows(target, f"data/{name}")
+            rows.add(np.array([each] * times.count))
+            rows.end()
+        for folder in ("", "data/", "meta/"):
+            target.write(f"{folder}.zgroup", b'{"zarr_format": 2}')
+
+
+def _renderers(map: Any, level: int, patches: list[str], part: Any) -> list[Any]:
+    """What draws each patch, with pixels of one size."""
+    how: dict[str, Any] = {"channels": len(part.channels), "extensive": list(part.extensive)}
+    numbers = [level_of(map, patch, level).number for patch in patches]
+    drawn = [map.renderer(number, patch=patch, **how) for number, patch in zip(numbers, patches)]
+    pixel = max(max(each.pixel) for each in drawn)
+    return [map.renderer(number, patch=patch, pixel=pixel, **how) for number, patch in zip(numbers, patches)]
+
+
+def _images(np: Any, renderers: list[Any], values: Any) -> Any:
+    """The images of all patches, (T, patches, H, W), or (T, patches, H, W, C) of several channels."""
+    height, width = (max(each.shape[axis] for each in renderers) for axis in (0, 1))
+    made = np.zeros((len(values), len(renderers), values.shape[1], height, width), "<f4")
+    for k, renderer in enumerate(renderers):
+        drawn = renderer(values)
+        # No skin is 0, as in other recordings; a missing reading stays NaN.
+        drawn[:, :, ~renderer.mask] = 0
+        made[:, k, :, : drawn.shape[2], : drawn.shape[3]] = drawn
+    return made[:, :, 0] if values.shape[1] == 1 else np.moveaxis(made, 2, -1)
+
+
+class _Target:
+    """A Zarr folder or zip archive, which is there once it is whole."""
+
+    def __init__(self, path: Any) -> None:
+        self.path = Path(path)
+        self.part = self.path.with_name(f".{self.path.name}.part")
+        self.archive: zipfile.ZipFile | None = None
+        if self.path.suffix.lower() != ".zip" and self.path.exists():
+            raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
+
+    def __enter__(self) -> _Target:
+        try:
+            if self.path.suffix.lower() == ".zip":
+                self.archive = zipfile.ZipFile(self.part, "w")
+            else:
+                self.part.mkdir()
+        except OSError as error:
+            raise FileError(f"{self.path}: cannot be written: {error}", "io") from error
+        return self
+
+    def write(self, name: str, data: bytes) -> None:
+        try:
+            if self.archive is not None:
+                # The same bytes on another day.
+                self.archive.writestr(zipfile.ZipInfo(name), data)
+                return
+            (self.part / name).parent.mkdir(parents=True, exist_ok=True)
+            (self.part / name).write_bytes(data)
+        except OSError as error:
+            raise FileError(f"{self.path}: cannot be written: {error}", "io") from error
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if self.archive is not None:
+            self.archive.close()
+        if error is None:
+            os.replace(self.part, self.path)
+        elif self.archive is not None:
+            self.part.unlink()
+        else:
+            shutil.rmtree(self.part)
+
+
+class _Rows:
+    """An array of Zarr 2 that grows along its first axis."""
+
+    def __init__(self, target: _Target, name: str) -> None:
+        self.target, self.name, self.kept, self.count, self.written = target, name, [], 0, 0  # type: ignore[var-annotated]
+        self.codec = need("numcodecs", "zarr").Blosc("zstd", 5, shuffle=2)
+
+    def add(self, rows: Any) -> None:
+        np = need("numpy", "zarr")
+        self.kept.append(rows)
+        self.count += len(rows)
+        self.size = max(1, CHUNK // max(rows.dtype.itemsize * math.prod(rows.shape[1:]), 1))
+        while sum(map(len, self.kept)) >= self.size:
+            whole = np.concatenate(self.kept)
+            self._write(whole[: self.size])
+            self.kept = [whole[self.size :]]
+
+    def _write(self, rows: Any) -> None:
+        np = need("numpy", "zarr")
+        key = ".".join([str(self.written), *["0"] * (rows.ndim - 1)])
+        self.target.write(f"{self.name}/{key}", bytes(self.codec.encode(np.ascontiguousarray(rows))))
+        self.written += 1
+
+    def end(self) -> None:
+        np = need("numpy", "zarr")
+        rows = np.concatenate(self.kept)
+        if len(rows):
+            self._write(np.concatenate([rows, np.zeros((self.size - len(rows), *rows.shape[1:]), rows.dtype)]))
+        about = {
+            "zarr_format": 2,
+            "shape": [self.count, *rows.shape[1:]],
+            "chunks": [self.size, *rows.shape[1:]],
+            "dtype": rows.dtype.str,
+            "compressor": self.codec.get_config(),
+            "fill_value": "" if rows.dtype.kind == "U" else 0,
+            "order": "C",
+            "filters": None,
+        }
+        self.target.write(f"{self.name}/.zarray", json.dumps(about).encode())
+        self.target.write(f"{self.name}/.zattrs", b"{}")
+
+
+def write_lerobot(recording: Any, path: Any, map: Any, level: int, repo_id: str | None) -> Any:
+    """A copy of a dataset with features of the fields of a map."""
+    np = need("numpy", "lerobot")
+    root = Path(recording.path)
+    if not (root / "meta/info.json").is_file():
+        raise DataError(f"{root}: found no LeRobot dataset; needed: a recording of one; write_oxt writes others")
+    if recording.episode is not None:
+        raise DataError(f"{root}: found episode={recording.episode}; needed: all episodes: a feature has a value in each frame")
+    if Path(path).exists():
+        raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
+    dataset_module = need("lerobot.datasets.lerobot_dataset", "lerobot")
+    tools = need("lerobot.datasets.dataset_tools", "lerobot")
+    kept: dict[str, list[Any]] = {}
+    shapes: dict[str, Any] = {}
+    size = 0
+    for part in recording.chunks(map):
+        for name, feature in part.features(map, level).items():
+            rows = {name: feature["values"], f"{name}.valid": feature["valid"].astype(np.float32)}
+            for key, values in rows.items():
+                kept.setdefault(key, []).append(values)
+                shapes[key] = values.shape[1:]
+                size += values.nbytes
+        if size > MOST_BYTES:
+            raise DataError(f"{root}: found more than {MOST_BYTES} bytes of features; needed: a coarser level, which has fewer fields")
+    features = {
+        key: (np.concatenate(rows), {"dtype": "float32", "shape": list(shapes[key]), "names": None}) for key, rows in kept.items()
+    }
+    name = repo_id or root.resolve().name
+    source = dataset_module.LeRobotDataset(name, root=root)
+    return tools.add_features(source, features=features, output_dir=Path(path), repo_id=f"{name}_map" if repo_id is None else repo_id)

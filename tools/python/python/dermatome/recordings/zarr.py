@@ -1,0 +1,314 @@
+"""Arrays of Zarr, formats 2 and 3, in folders and zip archives.
+
+Decoded by `numcodecs`, without the package zarr: an array is checked before it is read. No chunk is missing, since Zarr
+would give its fill value, which looks like a reading; and none is larger than the array says.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dermatome._adapter import need
+from dermatome._errors import DataError, FileError
+from dermatome.recordings._track import MOST_JSON, bytes_of, read_json, sizes, small_enough
+
+# The index of a shard has the numbers of no chunk here.
+ABSENT = 2**64 - 1
+# Bytes of the header of a Blosc buffer: version, flags, item size, and the numbers of bytes before and after compression.
+BLOSC_HEADER = 16
+COMPRESSORS = ("blosc", "zstd", "lz4", "crc32c")
+TYPES = ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float16", "float32", "float64")
+
+
+class Store:
+    """The files of a folder or of a zip archive, by their names."""
+
+    def __init__(self, path: Any) -> None:
+        self.path = str(path)
+        self.archive: zipfile.ZipFile | None = None
+        self.root = ""
+        if Path(path).is_dir():
+            self.names = {
+                str(Path(folder, name).relative_to(path)).replace(os.sep, "/")
+                for folder, _, names in os.walk(path)
+                for name in names
+            }
+        else:
+            try:
+                self.archive = zipfile.ZipFile(path)
+            except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+                needed = "a whole archive; copy it again"
+                raise FileError(f"{path}: found a zip archive that cannot be read: {error}; needed: {needed}", "zip") from error
+            self.names = {name for name in self.archive.namelist() if not name.endswith("/")}
+        if not any(name in self.names for name in (".zgroup", ".zarray", "zarr.json")):
+            inner = {name.split("/")[0] for name in self.names if name.count("/") and name.split("/")[1] in (".zgroup", "zarr.json")}
+            if len(inner) != 1:
+                found = f"{len(inner)} folders with Zarr groups" if inner else "no .zgroup and no zarr.json"
+                raise FileError(f"{path}: found {found}; needed: a Zarr group, at the root or in one folder", "zarr")
+            self.root = f"{inner.pop()}/"
+            self.names = {name[len(self.root) :] for name in self.names if name.startswith(self.root)}
+
+    def read(self, name: str, most: int) -> bytes:
+        """A file of at most `most` bytes."""
+        if self.archive is None:
+            data = bytes_of(Path(self.path, self.root + name), most)
+        else:
+            try:
+                with self.archive.open(self.root + name) as file:
+                    data = file.read(most + 1)
+            except (OSError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError) as error:
+                needed = "the archive as it was written; copy it again"
+                raise FileError(f"{self.path}: {name}: cannot be read: {error}; needed: {needed}", "zip") from error
+        if len(data) > most:
+            raise FileError(f"{self.path}: {name}: found more than {most} bytes; needed: at most what the array's shape takes", "too-large")
+        return data
+
+    def arrays(self) -> list[str]:
+        """The names of all arrays."""
+        made = [name[: -len("/.zarray")] for name in self.names if name.endswith("/.zarray")]
+        for name in self.names:
+            if name.endswith("/zarr.json") and self.json(name).get("node_type") == "array":
+                made.append(name[: -len("/zarr.json")])
+        return sorted(made)
+
+    def json(self, name: str) -> dict[str, Any]:
+        """A file of JSON; empty where there is none."""
+        return read_json(self.path, self.read(name, MOST_JSON), name) if name in self.names else {}
+
+
+class Array:
+    """An array, read along its first axis."""
+
+    def __init__(self, store: Store, name: str) -> None:
+        np = need("numpy", "zarr")
+        self.store, self.name, self.where = store, name, f"{store.path}: {name}"
+        self.dtype: Any = np.dtype("u1")
+        self.shape: Any = ()
+        # Chunks are files; a shard is a file of inner chunks.
+        self.chunk: Any = ()
+        self.inner: Any = ()
+        self.shard: Any = None
+        about = store.json(f"{name}/.zarray")
+        self.format = 2 if about else 3
+        about = about or store.json(f"{name}/zarr.json")
+        if about.get("zarr_format") != self.format:
+            raise FileError(f"{self.where}: found zarr_format {about.get('zarr_format')!r}; needed: 2 or 3", "zarr")
+        try:
+            self._describe(np, about)
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            if isinstance(error, DataError):
+                raise
+            what = f"no {error}" if isinstance(error, KeyError) else str(error)
+            raise FileError(f"{self.where}: found metadata that cannot be used: {what}; needed: those of Zarr 2 or 3", "zarr") from error
+        if self.dtype.kind not in "biufUSO":
+            raise DataError(f"{self.where}: found the type {self.dtype}; needed: numbers or text")
+        self.shape = sizes(store.path, name, self.shape, self.dtype.itemsize)
+        self.chunk = sizes(store.path, name, self.chunk, self.dtype.itemsize)
+        self.inner = sizes(store.path, name, self.inner, self.dtype.itemsize)
+        wrong = len(self.chunk) != len(self.shape) or 0 in self.chunk or 0 in self.inner
+        if wrong or len(self.inner) != len(self.chunk) or any(a % b for a, b in zip(self.chunk, self.inner)):
+            raise DataError(f"{self.where}: found chunks {self.chunk} of {self.inner} for the shape {self.shape}; needed: one size for each axis")
+        self.bytes = small_enough(store.path, name, self.inner, self.dtype.itemsize)
+        small_enough(store.path, name, self.chunk, self.dtype.itemsize)
+        self.attributes = about.get("attributes") or store.json(f"{name}/.zattrs")
+        self.kept: tuple[Any, Any] = (None, None)
+
+    def _describe(self, np: Any, about: dict[str, Any]) -> None:
+        self.shape = about["shape"]
+        if self.format == 2:
+            if not isinstance(about["dtype"], str):
+                raise DataError(f"{self.where}: found records {about['dtype']!r}; needed: numbers")
+            self.dtype, self.chunk, self.inner = np.dtype(about["dtype"]), about["chunks"], about["chunks"]
+            self.order, separator, self.prefix = about.get("order", "C"), about.get("dimension_separator", "."), ""
+            codecs = list(about.get("filters") or []) + ([about["compressor"]] if about.get("compressor") else [])
+            self.codecs = [(str(codec["id"]), codec) for codec in codecs]
+        else:
+            kind = about["data_type"]
+            if kind not in TYPES:
+                raise DataError(f"{self.where}: found the type {kind!r}; needed: one of {', '.join(TYPES)}")
+            self.dtype, self.order = np.dtype(kind), "C"
+            self.chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
+            keys = about["chunk_key_encoding"]
+            separator = (keys.get("configuration") or {}).get("separator", "/" if keys["name"] == "default" else ".")
+            self.prefix = f"c{separator}" if keys["name"] == "default" else ""
+            codecs, self.inner = about["codecs"], self.chunk
+            if codecs[0]["name"] == "sharding_indexed" and len(codecs) == 1:
+                self.shard = codecs[0]["configuration"]
+                codecs, self.inner = self.shard["codecs"], self.shard["chunk_shape"]
+                names = [codec["name"] for codec in self.shard["index_codecs"]]
+                if names not in (["bytes"], ["bytes", "crc32c"]):
+                    raise DataError(f"{self.where}: found an index of {names}; needed: bytes, crc32c")
+                self.checksum = names[-1] == "crc32c"
+            self.codecs = [(str(codec["name"]), codec.get("configuration") or {}) for codec in codecs]
+            while self.codecs and self.codecs[0][0] == "bytes":
+                if self.codecs.pop(0)[1].get("endian") == "big":
+                    self.dtype = self.dtype.newbyteorder(">")
+        if separator not in (".", "/") or self.order not in ("C", "F"):
+            raise DataError(f"{self.where}: found separator {separator!r}, order {self.order!r}; needed: '.' or '/', 'C' or 'F'")
+        self.separator = separator
+
+    def complete(self) -> None:
+        """Refuses an array of which a chunk is missing."""
+        if 0 in self.shape:
+            return
+        counts = [math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]
+        # Names are counted first: a shape can claim more chunks than could be listed.
+        first = f"{self.name}/{self.prefix}"
+        found = sum(name.startswith(first) and name[len(first) :].replace(self.separator, "").isdigit() for name in self.store.names)
+        missing = None
+        if found >= math.prod(counts):
+            keys = itertools.product(*map(range, counts))
+            missing = next((key for key in keys if self._file(key) not in self.store.names), None)
+            if missing is None:
+                return
+        which = f"no chunk {self._file(missing)}" if missing else f"{found} chunks"
+        needed = f"all {math.prod(counts)}; readers of Zarr give fill values for the others, which look like readings; copy the file again"
+        raise DataError(f"{self.where}: found {which}; needed: {needed}")
+
+    def _file(self, key: tuple[int, ...]) -> str:
+        return f"{self.name}/{self.prefix}{self.separator.join(map(str, key))}" if key else f"{self.name}/{self.prefix.rstrip('/.') or '0'}"
+
+    def read(self, start: int, stop: int) -> Any:
+        """The frames from `start` to `stop`."""
+        np = need("numpy", "zarr")
+        made = np.empty((stop - start, *self.shape[1:]), self.dtype)
+        for at, piece in self._pieces(start, stop):
+            low, high = max(start, at[0]), min(stop, at[0] + len(piece))
+            rest = [slice(a, min(a + n, size)) for a, n, size in zip(at[1:], piece.shape[1:], self.shape[1:])]
+            made[(slice(low - start, high - start), *rest)] = piece[(slice(low - at[0], high - at[0]), *(slice(s.stop - s.start) for s in rest))]
+        return made
+
+    def whole(self, most: int = 1 << 24) -> Any:
+        """All numbers, where they are few."""
+        if math.prod(self.shape) > most:
+            raise DataError(f"{self.where}: found the shape {self.shape}; needed: at most {most} numbers")
+        return self.read(0, self.shape[0])
+
+    def _pieces(self, start: int, stop: int) -> Iterator[tuple[tuple[int, ...], Any]]:
+        """The first index and the numbers of each inner chunk."""
+        if start >= stop or 0 in self.shape:
+            return
+        counts = [math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]
+        rows = range(start // self.chunk[0], (stop - 1) // self.chunk[0] + 1)
+        for key in itertools.product(rows, *map(range, counts[1:])):
+            corner = tuple(k * size for k, size in zip(key, self.chunk))
+            if self.shard is None:
+                yield corner, self._decoded(self._file(key))
+                continue
+            for inner, data in self._shard(self._file(key)):
+                at = tuple(a + k * size for a, k, size in zip(corner, inner, self.inner))
+                if at[0] < stop and at[0] + self.inner[0] > start and all(a < size for a, size in zip(at, self.shape)):
+                    yield at, self._numbers(data, f"{self.store.path}: {self._file(key)}")
+
+    def _decoded(self, file: str) -> Any:
+        # Frames are read in order: a chunk that a block ends in is the first of the next one.
+        if self.kept[0] != file:
+            self.kept = (file, self._numbers(self.store.read(file, 2 * self.bytes + (1 << 16)), f"{self.store.path}: {file}"))
+        return self.kept[1]
+
+    def _shard(self, file: str) -> Iterator[tuple[tuple[int, ...], bytes]]:
+        np = need("numpy", "zarr")
+        counts = [a // b for a, b in zip(self.chunk, self.inner)]
+        index = 16 * math.prod(counts) + 4 * self.checksum
+        where = f"{self.store.path}: {file}"
+        data = self.store.read(file, 2 * self.dtype.itemsize * math.prod(self.chunk) + index + (1 << 16))
+        if len(data) < index:
+            raise FileError(f"{where}: found {len(data)} bytes; needed: an index of {index}", "zarr")
+        table = data[:index] if self.shard.get("index_location") == "start" else data[-index:]
+        if self.checksum:
+            if crc32c(table[:-4]) != int.from_bytes(table[-4:], "little"):
+                raise FileError(f"{where}: found an index with another checksum; needed: the file as it was written", "zarr")
+            table = table[:-4]
+        big = self.shard["index_codecs"][0].get("configuration", {}).get("endian") == "big"
+        for key, (offset, count) in zip(np.ndindex(*counts), np.frombuffer(table, ">u8" if big else "<u8").reshape(-1, 2).tolist()):
+            if offset == ABSENT and count == ABSENT:
+                raise DataError(f"{where}: found no chunk {key}; needed: all; readers of Zarr give fill values, which look like readings; write it with write_empty_chunks")
+            if offset + count > len(data):
+                raise FileError(f"{where}: found a chunk that ends at byte {offset + count}; needed: at most {len(data)}", "zarr")
+            yield key, data[offset : offset + count]
+
+    def _numbers(self, data: bytes, where: str) -> Any:
+        np = need("numpy", "zarr")
+        found: Any = data
+        for name, options in reversed(self.codecs):
+            found = self._decode(name, options, found, where)
+        if self.dtype.kind == "O":
+            array = np.asarray(found, object).ravel()
+        else:
+            array = np.frombuffer(memoryview(found).cast("B") if len(found) else b"", self.dtype) if len(found) == self.bytes else None
+        if array is None or array.size != math.prod(self.inner):
+            raise FileError(f"{where}: found {len(found)} bytes; needed: {self.bytes}, those of {self.inner} numbers", "zarr")
+        return array.reshape(self.inner, order=self.order)
+
+    def _decode(self, name: str, options: dict[str, Any], data: Any, where: str) -> Any:
+        """What a codec makes of bytes; their number is known before, so that a lie takes no memory."""
+        most = self.bytes + 64  # A checksum may follow.
+        found: Any
+        try:
+            if name in ("gzip", "zlib"):
+                decoder = zlib.decompressobj(zlib.MAX_WBITS | 32)
+                found = decoder.decompress(bytes(data), most + 1)
+                claimed = len(found) if decoder.eof else most + 1
+            else:
+                claimed = size_in(name, data)
+                if name == "vlen-utf8" or self.dtype.kind == "O":
+                    if name != "vlen-utf8" or claimed > math.prod(self.inner):
+                        raise ValueError(f"objects by {name}")
+                elif claimed > most:
+                    raise ValueError(f"{claimed} bytes")
+                # The options of compressors are for writing, and differ between the formats.
+                codec = need("numcodecs.registry", "zarr").get_codec({**({} if name in COMPRESSORS else options), "id": name})
+                found = codec.decode(data)
+        except ImportError:
+            raise
+        except Exception as error:  # Each codec has errors of its own.
+            if type(error).__name__ == "UnknownCodecError" or "codec not available" in str(error):
+                raise DataError(f"{where}: found the codec {name!r}; needed: one that numcodecs has; write the array with another") from None
+            raise FileError(f"{where}: cannot be decoded by {name}: {error}; needed: {self.bytes} bytes", "zarr") from error
+        if claimed > most and self.dtype.kind != "O":
+            raise FileError(f"{where}: found {claimed} bytes or more by {name}; needed: {self.bytes}", "zarr")
+        if hasattr(found, "tobytes") and self.dtype.kind != "O":
+            found = found.reshape(-1).view("u1").data
+        return found
+
+
+def size_in(name: str, data: Any) -> int:
+    """How many bytes (items of text) an encoded buffer says that it decodes to."""
+    head = bytes(data[:18])
+
+    def number(at: int, size: int) -> int:
+        return int.from_bytes(head[at : at + size], "little")
+
+    if name == "blosc":
+        if len(head) < BLOSC_HEADER or number(12, 4) != len(data):
+            raise ValueError(f"{len(data)} bytes of {number(12, 4)}")
+        return number(4, 4)
+    if name == "lz4" or name == "vlen-utf8":
+        return number(0, 4)
+    if name == "zstd":
+        if number(0, 4) != 0xFD2FB528:
+            raise ValueError("no zstd frame")
+        flags = head[4]
+        size, single = flags >> 6, flags >> 5 & 1
+        if not size and not single:
+            raise ValueError("a frame that does not say its size")
+        at = 5 + (1 - single) + (0, 1, 2, 4)[flags & 3]
+        return number(at, 1 << size) + (256 if size == 1 else 0)
+    return len(data)
+
+
+def crc32c(data: bytes) -> int:
+    """The checksum of the index of a shard (Castagnoli's polynomial, reflected)."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF

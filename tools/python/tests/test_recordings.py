@@ -1,0 +1,275 @@
+"""`Readings.open`: recordings of other programs equal their truth, and spoiled ones are refused, stated or read as is right.
+
+The samples and the program that spoils them are in `DERMATOME_DATA/recordings`; tests of them are skipped without it."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dermatome
+from dermatome import Readings
+
+DATA = Path(os.environ.get("DERMATOME_DATA", "")) / "recordings"
+samples = pytest.mark.skipif(not (DATA / "truth.json").is_file(), reason="DERMATOME_DATA has no recordings")
+PACKAGES = {"oxt": "numcodecs", "lerobot": "pyarrow", "hdf5": "h5py", "ros": "rosbags"}
+
+
+def layout(name, **changes):
+    return {**json.loads((DATA / "layouts" / f"{name}.json").read_text()), **changes}
+
+
+def opened(path, **options):
+    pytest.importorskip(next((need for kind, need in PACKAGES.items() if str(path).startswith(kind)), "numpy"))
+    return Readings.open(DATA / path, **options)
+
+
+def pads(path=""):
+    """The frames of the pads; the bags have each fourth one."""
+    return np.load(DATA / "numpy/pads.npy")[:: 4 if path.startswith("ros") else 1]
+
+
+PADS = {"zero": 0}
+PAD_STREAM = "observation.tactile.pads"
+SAME = [
+    ("oxt/pad_pair.zarr.zip", None, (20, 28)),
+    ("oxt/pad_v3.zarr.zip", None, (48,)),
+    ("lerobot_v3", PAD_STREAM, (16, 24)),
+    ("lerobot_v21", PAD_STREAM, (16, 24)),
+    ("ros/bag_mcap", "/pads", (12,)),
+    ("ros/bag_sqlite", "/pads", (12,)),
+    ("ros/bag_mcap/bag_mcap.mcap", "/pads", (12,)),
+]
+
+
+@samples
+@pytest.mark.parametrize("path, stream, episodes", SAME)
+def test_one_recording_is_the_same_in_every_container(path, stream, episodes):
+    recording = opened(path, stream=stream, layout=layout("pad_pair", zero=0))
+    assert recording.episodes == episodes
+    parts = list(recording.chunks(frames=7))
+    assert [part.episode for part in parts] == [k for k, n in enumerate(episodes) for _ in range(-(-n // 7))]
+    values = np.concatenate([part.values for part in parts])
+    truth = pads(path)[: sum(episodes)].reshape(sum(episodes), 1, -1)
+    assert values.dtype == np.float32 and np.array_equal(values, truth)
+    for number, frames in enumerate(episodes):
+        times = np.concatenate([part.timestamps for part in parts if part.episode == number])
+        assert np.allclose(times, np.arange(frames) / 30)
+        one = opened(path, stream=stream, layout=layout("pad_pair", zero=0), episode=number).read()
+        assert np.array_equal(one.values, truth[sum(episodes[:number]) :][:frames]) and one.episode == number
+    whole = recording.read()
+    assert np.array_equal(whole.values, truth) and whole.channels == ("pressure",) and whole.units == ("count",)
+    assert any("one after the other" in remark for remark in whole.remarks) == (len(episodes) > 1)
+    raw = np.concatenate([values for _, values in recording.raw(5)])
+    assert np.array_equal(raw, truth.reshape(raw.shape))
+    with pytest.raises(dermatome.DataError, match=f"episode={len(episodes)}; needed: 0 to {len(episodes) - 1}|a bag is one episode"):
+        list(opened(path, stream=stream, layout=layout("pad_pair"), episode=len(episodes)).chunks())
+
+
+@samples
+def test_samples_equal_their_truth():
+    truth = json.loads((DATA / "truth.json").read_text())
+    glove = opened("hdf5/opentouch_like.hdf5", layout=DATA / "layouts/opentouch.json")
+    about = truth["hdf5/opentouch_like.hdf5"]
+    values = glove.read().values[:, 0]
+    assert values.shape == (40, about["valid_cells"]) and glove.episodes == (25, 15)
+    assert values[0, 0] == 3072 - about["cell_0_0"] and values.max() == 3072 - about["deepest"][0]
+    assert np.unravel_index(values.argmax(), values.shape)[0] == about["deepest"][1][0]
+    skin = opened("hdf5/dexskin_like.hdf5", layout=DATA / "layouts/dexskin.json").read()
+    assert skin.values.shape == (80, 1, 120) and abs(skin.values.max() - truth["hdf5/dexskin_like.hdf5"]["max"]) < 1e-4
+    hand = {"axes": ["frame", "taxel", "component"], "time": {"rate": 30}, "press": "raises", "zero": 0, "taxels": {"shape": [320]}}
+    hand |= {"dermatome_layout": 1, "channels": [{"name": "pressure", "unit": "count", "component": 3}]}
+    recording = opened("hdf5/humantouch_like.hdf5", layout=hand)
+    raw = np.concatenate([values for _, values in recording.raw()])
+    assert raw.shape == (20, 320, 4)
+    read = recording.read().values[:, 0]
+    assert np.array_equal(read, np.where(np.isnan(read), np.nan, raw[:, :, 3]), equal_nan=True)
+    aether = truth["oxt/aether_glove.zarr.zip"]
+    fingers = {"axes": ["frame", "finger", "taxel"], "time": {"stream": "timestamps", "unit": "s"}, "taxels": {"shape": [5, 12]}, "press": "raises"}
+    fingers |= {"dermatome_layout": 1, "channels": [{"name": "pressure", "unit": "count"}], "zero": 0}
+    made = opened("oxt/aether_glove.zarr.zip", stream="left_tactile_data_fingers", layout=fingers)
+    assert made.says["area"] == aether["areas"]["fingers"]
+    read = made.read()
+    assert np.allclose(read.values[0, 0, :4], aether["value_left_fingers_0_0"], atol=1e-6)
+    assert np.allclose(np.diff(read.timestamps), 0.1) and read.timestamps[0] > 1.7e9
+    touch = opened("oxt/touch_880.zarr.zip", layout=DATA / "layouts/oxt_glove880.json").read()
+    assert touch.values.shape == (12, 3, 880) and touch.extensive == (True, True, True)
+    for path in ("lerobot_v3", "lerobot_v21"):
+        glove = opened(path, stream="observation.tactile.glove", layout=DATA / "layouts/glove256.json").read()
+        first = truth[path]["observation.tactile.glove"]["frame0_sum"]
+        assert glove.values.shape == (40, 1, 256) and abs(glove.values[0].sum() + first) < 1e-2
+    beside = layout("glove256", zero={"stream": "observation.tactile.glove.baseline"})
+    lowered = opened("lerobot_v3", stream="observation.tactile.glove", layout=beside).read()
+    assert np.allclose(lowered.values, glove.values + 3072, atol=1e-3)
+
+
+FORCE = [{"name": f"force.{axis}", "unit": "N", "component": k, "signed": True} for k, axis in enumerate("xyz")]
+
+
+def of_taxels(count, **changes):
+    """A layout of a list of taxels, with the stamps of headers."""
+    made = {"dermatome_layout": 1, "axes": ["frame", "taxel"], "time": {"stream": "header", "unit": "ns"}, "press": "raises", "zero": 0}
+    return {**made, "channels": [{"name": "pressure", "unit": "count"}], "taxels": {"shape": [count], "first_id": 1}, **changes}
+
+
+@samples
+@pytest.mark.parametrize("bag", ["ros/bag_mcap", "ros/bag_sqlite"])
+def test_messages_of_every_type(bag):
+    streams = opened(bag).streams
+    assert streams == {
+        "/pads": (12, 2, 12, 32), "/pad_image": (12, 12, 32), "/pad_mono16": (12, 12, 32), "/skin_points": (12, 169),
+        "/wrist": (12, 1, 6), "/skin.thumb": (12, 12), "/skin.index": (12, 16), "/airskin.pressures": (12, 3),
+    }  # fmt: skip
+    image = of_taxels(0, axes=["frame", "row", "col"], taxels={"shape": [12, 32], "first_id": 1})
+    for topic in ("/pad_image", "/pad_mono16"):
+        read = opened(bag, stream=topic, layout=image).read()
+        assert np.array_equal(read.values[:, 0], pads(bag)[:12, 0].reshape(12, -1)), topic
+        assert np.allclose(read.timestamps, 0.033 * np.arange(12), atol=1e-9)
+    for unit in ("s", "ms", "us"):
+        times = opened(bag, stream="/pad_image", layout={**image, "time": {"stream": "header", "unit": unit}}).read().timestamps
+        assert np.allclose(times, 0.033 * np.arange(12), atol=1e-9)
+    points = opened(bag, stream="/skin_points", layout=of_taxels(169, press="lowers", zero=3072, taxels={"ids": "file"}))
+    read, cells = points.read(), np.loadtxt(DATA / "layouts/opentouch_cells.csv", delimiter=",", skiprows=1, usecols=2)
+    assert np.array_equal(read.ids, cells) and points.skin().n_taxels == 169
+    force = of_taxels(1, axes=["frame", "taxel", "component"], channels=FORCE)
+    wrist = opened(bag, stream="/wrist", layout=force)
+    assert wrist.read().values.shape == (12, 3, 1) and ("unit", "['N', 'N', 'N']", "file") in wrist.statements or wrist.read().units == ("N",) * 3
+    with pytest.raises(dermatome.DataError, match="N m|N.m"):
+        opened(bag, stream="/wrist.torque", layout=force)
+    thumb, both = (opened(bag, stream=name, layout=of_taxels(n)).read().values for name, n in (("/skin.thumb", 12), ("/skin", 28)))
+    assert thumb.shape == (12, 1, 12) and np.array_equal(both[:, :, :12], thumb)
+    air = opened(bag, stream="/airskin", layout=of_taxels(3, taxels={"ids": "file"})).read()
+    assert air.ids.tolist() == [8, 9, 12] and air.values[0, 0].tolist() == [101325, 101300, 101310]
+    logged = opened(bag, stream="/pads", layout=layout("pad_pair", time={"stream": "log", "unit": "ns"})).read()
+    assert np.allclose(np.diff(logged.timestamps), 0.033)
+    with pytest.raises(dermatome.DataError, match="no header.*'log'"):
+        opened(bag, stream="/pads", layout=layout("pad_pair", time={"stream": "header", "unit": "ns"})).read()
+    with pytest.raises(dermatome.DataError, match="/pads.*needed: stream="):
+        opened(bag, layout=of_taxels(3))
+
+
+@samples
+def test_json_in_mcap():
+    pytest.importorskip("mcap")
+    glove = of_taxels(256, press="lowers", zero=3072, time={"stream": "log", "unit": "ns"})
+    read = opened("ros/json.mcap", layout=glove).read()
+    assert read.values.shape == (12, 1, 256) and read.values[0, 0, 0] == 3072 - 1572
+
+
+@samples
+def test_spoiled_files_are_refused_stated_or_read(tmp_path):
+    for need in ("h5py", "zarr", "pyarrow", "numcodecs"):
+        pytest.importorskip(need)
+    subprocess.run([sys.executable, DATA / "spoil.py", tmp_path], check=True, capture_output=True)
+    rows = list(csv.DictReader((tmp_path / "spoiled.csv").open()))
+    assert len(rows) == 50
+    # The library itself reads no files of these yet.
+    rows = [row for row in rows if not row["base"].startswith(("vendor", "numpy"))]
+    plain = {}
+    for row in rows:
+        wanted = {"stream": row["stream"] or None, "layout": DATA / row["layout"] if row["layout"] else None}
+        found, text, said = "read", "", []
+        try:
+            recording = Readings.open(tmp_path / row["file"], **wanted)
+            values = np.concatenate([part.values for part in recording.chunks()])
+            said = recording.statements
+            if (row["base"], row["stream"]) not in plain and row["right"] != "refuse":
+                good = Readings.open(DATA / row["base"], **wanted)
+                plain[row["base"], row["stream"]] = (np.concatenate([part.values for part in good.chunks()]), good.statements)
+            good, known = plain[row["base"], row["stream"]]
+            same = np.isnan(values) | (values == good)
+            assert same.all() and np.isnan(values).mean() < 0.2, row
+            if set(said) != set(known):
+                found = "state"
+        except dermatome.Error as error:
+            found, text = "refuse", str(error)
+            assert "found" in text and "needed" in text, row
+            assert any(name in text for name in (Path(row["file"]).name, Path(row["layout"]).name)), (row, text)
+        assert found == row["right"], (row, said, text)
+
+
+@samples
+def test_readings_go_to_images_fields_and_areas(tmp_path):
+    positions = [[0.004 * c, 0.004 * r, 0.15 * p] for p in range(2) for r in range(12) for c in range(32)]
+    pair = dermatome.build(dermatome.Skin.from_arrays(positions))
+    recording = opened("oxt/pad_pair.zarr.zip", layout=layout("pad_pair", zero=0))
+    read = recording.read(pair)
+    assert read.ids is None and np.array_equal(read.values[:, 0], pads().reshape(48, -1))
+    patches = list(pair.patches)
+    for name in ("o.zarr", "o.zarr.zip"):
+        recording.write_oxt(tmp_path / name, pair, 1, areas=dict(zip(patches, (0, 1))))
+        back = Readings.open(tmp_path / name)
+        (stream,) = back.streams
+        assert stream == "right_tactile_data_map" and back.says == {"area": [0, 1], "sensor": "dermatome", "type": "matrix"}
+        assert back.episodes == (20, 28) and not [p for p in tmp_path.iterdir() if p.name.endswith(".part")]
+        images = np.concatenate([values for _, values in back.raw()])
+        for k, patch in enumerate(patches):
+            pixel = max(max(pair.renderer(1, patch=each).pixel) for each in patches)
+            renderer = pair.renderer(1, patch=patch, pixel=pixel)
+            drawn = renderer(read.values)[:, 0]
+            height, width = renderer.shape
+            assert np.array_equal(images[:, k, :height, :width], np.where(renderer.mask, drawn, 0))
+        zarr = pytest.importorskip("zarr")
+        group = zarr.open_group(str(tmp_path / "o.zarr"), mode="r")
+        assert np.array_equal(group["data/right_tactile_data_map"][:], images)
+        assert group["meta/episode_ends"][:].tolist() == [20, 48]
+    with pytest.raises(dermatome.FileError, match="o.zarr: found a file or folder"):
+        recording.write_oxt(tmp_path / "o.zarr", pair, areas={patches[0]: 0})
+    for areas in ({patches[0]: 24}, {"palm": 5}, {}):
+        with pytest.raises(dermatome.DataError, match="area|patch"):
+            recording.write_oxt(tmp_path / "p.zarr", pair, areas=areas)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["o.zarr", "o.zarr.zip"]
+
+
+@samples
+def test_the_command_draws_a_container(tmp_path):
+    positions = [[0.004 * c, 0.004 * r, 0.15 * p] for p in range(2) for r in range(12) for c in range(32)]
+    pair = dermatome.build(dermatome.Skin.from_arrays(positions))
+    pair.write(tmp_path / "map.glb")
+
+    def command(*args):
+        line = [sys.executable, "-m", "dermatome", *map(str, args)]
+        return subprocess.run(line, capture_output=True, text=True, cwd=tmp_path)
+
+    pytest.importorskip("numcodecs")
+    path, given = DATA / "oxt/pad_pair.zarr.zip", ["--layout", DATA / "layouts/pad_pair.json"]
+    said = command("render", "map.glb", path, *given, "-o", "o.npz", "--json", "--values-only", "--level", 0)
+    assert said.returncode == 0 and "2 episodes" in said.stderr, said.stderr
+    report = json.loads(said.stdout)
+    assert report["frames"] == 48 and report["matched"] == 768 and "layout" in [source for what, _, source in report["statements"] if what == "press"]
+    read = Readings.open(path, layout=DATA / "layouts/pad_pair.json").read(pair)
+    made = np.load(tmp_path / "o.npz")
+    drawn = np.concatenate([made[f"{name}.L0.values"] for name in pair.patches], axis=2)
+    assert np.allclose(drawn, read.values, atol=1e-6) and made["units"].tolist() == ["count"]
+    assert command("render", "map.glb", path, *given, "-o", "p.npz", "--episode", 1, "--baseline", 2).returncode == 0
+    assert np.load(tmp_path / "p.npz")["timestamps"].shape == (28,)
+    for wrong, match in ((["--baseline", 2], "--episode"), (["--episode", 7], "0 to 1"), (["--episode", "x"], "whole number")):
+        said = command("render", "map.glb", path, *given, "-o", "q.npz", *wrong)
+        assert said.returncode == 2 and match in said.stderr and not (tmp_path / "q.npz").exists()
+    said = command("render", "map.glb", path, "-o", "q.npz")
+    assert said.returncode == 2 and "layout" in said.stderr
+    assert command("layout", path, "-o", "draft.json").returncode == 0
+    with pytest.raises(dermatome.DataError, match="draft.json"):
+        Readings.open(path, layout=tmp_path / "draft.json")
+
+
+@samples
+def test_a_copy_of_a_dataset_has_fields(tmp_path):
+    pytest.importorskip("lerobot")
+    positions = [[0.004 * c, 0.004 * r, 0.15 * p] for p in range(2) for r in range(12) for c in range(32)]
+    pair = dermatome.build(dermatome.Skin.from_arrays(positions))
+    recording = opened("lerobot_v3", stream=PAD_STREAM, layout=layout("pad_pair", zero=0))
+    recording.write_lerobot(tmp_path / "more", pair, level=1)
+    fields = recording.read(pair).pooled(pair, 1)[:, 0]
+    start = 0
+    for name in dermatome.lerobot.features(pair, 1):
+        if not name.endswith(".valid"):
+            values = np.concatenate([values for _, values in Readings.open(tmp_path / "more", stream=name).raw()])
+            assert np.array_equal(values, fields[:, start : start + values.shape[1]])
+            start += values.shape[1]
+    assert start == fields.shape[1]
