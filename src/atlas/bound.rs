@@ -1,6 +1,6 @@
-//! How many pixels images may have: checked before anything is rasterised. The bounds are a
-//! *heuristic*: 16 pixels along and across a taxel are those of 1 mm at a spacing of 16 mm, which few
-//! skins exceed; one distant taxel without the bound made 3.5 GB of images from a table of 9 kB.
+//! Limits on the pixels of images, checked before anything is rasterised. The limits are a *heuristic*: 16 x
+//! 16 pixels per taxel are those of 1 mm at a spacing of 16 mm, which few skins exceed; without a limit one
+//! distant taxel made 3.5 GB of images from a table of 9 kB.
 
 use crate::atlas::AtlasError;
 use crate::atlas::rasterize::MAX_SIDE;
@@ -15,12 +15,10 @@ const PIXELS_PER_TAXEL: u64 = 256;
 /// Pixels that the images of any map may have: a picture of a few triangles is still sharp.
 const FREE_PIXELS: u64 = 1 << 20;
 
-/// The largest pixel size that is asked for is this many times the one that just fits: room for
-/// margins.
-const ROOM: f64 = 1.1;
+/// The suggested pixel size is at most this many times the one that just fits, for margins.
+const MARGIN_FACTOR: f64 = 1.1;
 
-/// Whether an image keeps to the largest size.
-/// Fails if not, with a pixel size that would.
+/// Fails if an image exceeds the largest size, with a pixel size that would fit.
 pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasError> {
     let (size, size_px) = (frame.size, frame.size_px);
     let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
@@ -32,15 +30,14 @@ pub(super) fn check_size(frame: &ImageFrame, image: &str) -> Result<(), AtlasErr
             size_px,
             max_side: MAX_SIDE,
             max_pixels: MAX_PIXELS,
-            fits_mm: two_digits_up(1e3 * ROOM * fits),
+            fits_mm: two_digits_up(1e3 * MARGIN_FACTOR * fits),
         });
     }
     Ok(())
 }
 
-/// Whether all images together keep to [`MAX_PIXELS`]; each sample of a pixel takes 4 bytes, and
-/// there are `samples` of them.
-/// Fails if not, with a pixel size that would.
+/// Fails if all images together exceed [`MAX_PIXELS`], with a pixel size that would fit; a pixel has
+/// `samples`, of 4 bytes each.
 pub(super) fn check_total<'a>(
     frames: impl Iterator<Item = &'a ImageFrame>,
     samples: u64,
@@ -48,13 +45,13 @@ pub(super) fn check_total<'a>(
     check(Sum::of(frames), MAX_PIXELS, samples)
 }
 
-/// Whether the images of a map keep to what its taxels need; a pixel has `samples`, of 4 bytes.
-/// Fails if not, with a pixel size that would.
+/// Fails if the images of a map have more pixels than its taxels need, with a pixel size that would fit; a
+/// pixel has `samples`, of 4 bytes each.
 pub(super) fn check_map(map: &SkinMap, samples: u64) -> Result<(), AtlasError> {
     check(Sum::of(frames(map)), most_pixels(map), samples)
 }
 
-/// The pixel size (mm) at which the images of a map keep to all bounds; `None` if they do.
+/// The pixel size (mm) with which the images of a map keep to all limits; `None` if they do now.
 pub(crate) fn fitting_pixel(map: &SkinMap) -> Option<f64> {
     let (sum, most) = (Sum::of(frames(map)), most_pixels(map));
     let is_wide = frames(map).any(|frame| frame.size_px.iter().any(|&n| n > MAX_SIDE));
@@ -63,7 +60,7 @@ pub(crate) fn fitting_pixel(map: &SkinMap) -> Option<f64> {
     }
     let by_side = frames(map).map(side_that_fits).fold(0.0, f64::max);
     let by_area = (sum.area / most as f64).sqrt();
-    Some(two_digits_up(1e3 * ROOM * by_side.max(by_area)))
+    Some(two_digits_up(1e3 * MARGIN_FACTOR * by_side.max(by_area)))
 }
 
 pub(crate) fn pixels_of(map: &SkinMap) -> u64 {
@@ -79,7 +76,7 @@ fn most_pixels(map: &SkinMap) -> u64 {
     (PIXELS_PER_TAXEL * taxels).clamp(FREE_PIXELS, MAX_PIXELS)
 }
 
-/// The images of a skin, added up.
+/// The total of some images.
 struct Sum {
     images: usize,
     pixels: u64,
@@ -105,12 +102,12 @@ fn check(sum: Sum, max_pixels: u64, samples: u64) -> Result<(), AtlasError> {
     if pixels <= max_pixels {
         return Ok(());
     }
-    let fits_mm = two_digits_up(1e3 * ROOM * (area / max_pixels as f64).sqrt());
+    let fits_mm = two_digits_up(1e3 * MARGIN_FACTOR * (area / max_pixels as f64).sqrt());
     let bytes = pixels.saturating_mul(4 * samples);
     Err(AtlasError::TooManyPixels { images, pixels, bytes, max_pixels, fits_mm })
 }
 
-/// The pixel size (m) at which an image just has the largest side.
+/// The pixel size (m) with which an image just has the largest side.
 fn side_that_fits(frame: &ImageFrame) -> f64 {
     frame.size.max_element() / f64::from(MAX_SIDE - 2)
 }
@@ -119,6 +116,6 @@ fn side_that_fits(frame: &ImageFrame) -> f64 {
 fn two_digits_up(x: f64) -> f64 {
     let exponent = x.log10().floor() - 1.0;
     let digits = (x / 10_f64.powf(exponent)).ceil();
-    // Through text, which has no 4.800000000000001.
+    // Via text, to avoid 4.800000000000001.
     format!("{digits}e{exponent}").parse().unwrap_or(x)
 }

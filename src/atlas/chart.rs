@@ -1,6 +1,6 @@
-//! Which face every pixel of a chart shows: sizes are checked, positions snapped to exact
-//! coordinates, faces rasterised once. Nothing is guaranteed of the map: where it overlaps itself
-//! the smallest face wins, and how often that happened is counted.
+//! The face that every pixel of a chart shows: sizes are checked, positions snapped to exact coordinates,
+//! faces rasterised once. The map may overlap itself: there the smallest face wins, and such pixels are
+//! counted.
 
 use std::sync::Arc;
 
@@ -19,16 +19,16 @@ use crate::mesh::SurfacePoint;
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
 
-/// One level of a patch as it lies in an image: which face each pixel shows, and where in it.
+/// One level of a patch in an image: the face and the point in it that each pixel shows.
 ///
-/// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face
-/// id wins. Neighbouring pixels of a row that show one face take eight bytes together: barycentric
-/// coordinates are found from the face when they are asked for.
+/// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face id wins.
+/// Neighbouring pixels of a row that show one face take eight bytes together: barycentric coordinates are
+/// computed from the face on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
     /// The patch it shows.
     pub patch: PatchId,
-    /// Which of its levels.
+    /// The level it shows.
     pub level: LevelId,
     /// By how many eighths of a turn, counter-clockwise, the map is turned in the image.
     pub turns: u8,
@@ -36,7 +36,7 @@ pub struct Chart {
     pub frame: ImageFrame,
     /// Column and row of its upper left pixel in the image.
     pub corner_px: [u32; 2],
-    /// Shared, so that who draws through a chart can keep one.
+    /// Shared, so that renderers can keep a chart.
     spans: Arc<Spans>,
 }
 
@@ -53,7 +53,7 @@ impl Chart {
         Ok(Self { patch, level, turns, frame, corner_px, spans: Arc::new(spans) })
     }
 
-    /// One level of a patch alone, with a pixel of margin around it; pixels have the side `pixel` (m).
+    /// Rasterises one level of a patch alone, with a margin of one pixel; pixels have the side `pixel` (m).
     /// Fails as [`Self::new`]; panics if the map has no such level.
     pub(crate) fn of_level(
         map: &SkinMap,
@@ -72,7 +72,7 @@ impl Chart {
         self.spans.pixels()
     }
 
-    /// How often a pixel centre lay in a further face: 0 for a map that does not overlap itself.
+    /// How often a pixel centre was in a further face: 0 for a map that does not overlap itself.
     pub fn overlaps(&self) -> usize {
         self.spans.overlaps
     }
@@ -112,7 +112,7 @@ impl Chart {
         (0..self.frame.size_px[1]).map(move |row| ((top + row as usize) * width + left, self.spans.row(row)))
     }
 
-    /// Where a point of the map lies, in pixels of the chart: right, and down from the upper edge.
+    /// The position of a point of the map in pixels of the chart: right, and down from the upper edge.
     pub(crate) fn pixel_position(&self, uv: DVec2) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);
         let unit = (turned(uv, self.turns) - self.frame.origin) / self.frame.size;
@@ -125,7 +125,7 @@ impl Chart {
         self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
     }
 
-    /// The id of the vertex that is nearest to a place of a face: the taxel's, above level 0 the index of the field.
+    /// The id of the vertex nearest to a point of a face: that of the taxel, above level 0 the index of the field.
     pub(super) fn shown_id(
         &self,
         patch: &PatchMap,
@@ -141,7 +141,7 @@ impl Chart {
         }
     }
 
-    /// The place of a pixel's centre on the turned map; `column` and `row` are those of the chart.
+    /// The position of a pixel's centre on the turned map; `column` and `row` are those of the chart.
     fn centre_at(&self, column: f64, row: f64) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);
         self.frame.map_position(DVec2::new((column + 0.5) / width, (row + 0.5) / height))
@@ -175,8 +175,8 @@ impl Barycentric {
         Self { corners: level.uv_of(face).map(|at| turned(at, chart.turns)) }
     }
 
-    /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17`
-    /// pixels: that is clamped away.
+    /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17` pixels,
+    /// so they are clamped.
     fn at(&self, p: DVec2) -> [f64; 3] {
         let [a, b, c] = self.corners.map(|x| x - p);
         let cross = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
@@ -187,7 +187,7 @@ impl Barycentric {
     }
 }
 
-/// Map positions in the rasteriser's integers.
+/// Map positions in the integers of the rasteriser.
 fn snap(
     uv: &IdVec<PlaceId, DVec2>,
     turns: u8,
@@ -198,7 +198,7 @@ fn snap(
     let mut points = IdVec::default();
     for (place, &at) in uv.enumerate() {
         let px = (turned(at, turns) - frame.origin) / frame.size * count;
-        // Texture coordinates read from a file are rounded: a pixel beyond the border does no harm.
+        // Texture coordinates from a file are rounded: up to a pixel beyond the border is allowed.
         let inside = px.cmpge(DVec2::NEG_ONE).all() && px.cmple(count + 1.0).all();
         if !inside {
             return Err(AtlasError::OutsideFrame { image: image.into(), place, at });

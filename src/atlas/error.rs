@@ -56,7 +56,7 @@ pub enum AtlasError {
     )]
     Canvas {
         canvas: [u32; 2],
-        /// Height and width that hold one pixel of each chart.
+        /// Height and width that are enough for one pixel of each chart.
         least: [u64; 2],
         max_side: u32,
     },

@@ -1,4 +1,4 @@
-//! The free cells of an image, as bits: where a chart can lie without covering what another one covers.
+//! The free cells of an image, as bits: the positions at which a chart covers no cell of another one.
 
 use glam::DVec2;
 
@@ -11,19 +11,20 @@ const ROUNDING: f64 = 1e-3;
 /// The cells that a turned chart covers.
 pub(super) struct Mask {
     pub(super) turns: u8,
-    /// Of the turned map.
+    /// The frame of the turned map.
     pub(super) frame: ImageFrame,
     /// Width and height in cells.
     pub(super) size: [usize; 2],
-    /// Whether each level covers a cell.
+    /// Whether every level covers a cell.
     pub(super) shows: bool,
-    /// From the bottom: first covered cell and the one after the last.
+    /// Runs of covered cells of each row, from the bottom: the first cell, and the one after the last.
     rows: Vec<Vec<[usize; 2]>>,
 }
 
 impl Mask {
-    /// All levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels. A cell is covered if a triangle meets
-    /// the rectangle around the centres of its pixels; one cell is covered at least.
+    /// The mask of all levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels. A cell is
+    /// covered if a triangle meets the rectangle around the centres of its pixels; at least one cell is
+    /// covered.
     pub(super) fn new(patch: &PatchMap, turns: u8, pixel: f64, cell: usize) -> Self {
         let Extent { lo, hi } = Extent::of(patch, turns);
         let frame = ImageFrame::around_box(lo, hi, pixel, 0);
@@ -60,7 +61,7 @@ impl Mask {
     }
 }
 
-/// An index from a number: 0 for what is below it.
+/// An index from a number; 0 if it is negative.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
 fn to_index(x: f64) -> usize {
     x as usize
@@ -71,7 +72,7 @@ fn span(values: &[f64]) -> [f64; 2] {
     values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
 }
 
-/// The range of x that a triangle has between two values of y; empty (from infinity to its opposite) if none.
+/// The range of x of a triangle between two values of y; empty (from infinity to minus infinity) if there is none.
 fn within(corners: &[DVec2; 3], band: [f64; 2]) -> [f64; 2] {
     let mut found = [f64::INFINITY, f64::NEG_INFINITY];
     let mut add = |x: f64| found = [found[0].min(x), found[1].max(x)];
@@ -101,13 +102,13 @@ fn runs(row: &[u64], count: usize) -> Vec<[usize; 2]> {
     runs
 }
 
-/// Which cells of an image are taken. It has a fixed width, and rows as far up as charts lie.
+/// The taken cells of an image of fixed width; it grows upwards with the charts.
 pub(super) struct Grid {
     width: usize,
     words: usize,
-    /// Of each row from the bottom, for each power of two: bit x is set if one of that many cells from x on is taken.
+    /// For each row from the bottom and each power of two: bit x is set if one of that many cells from x on is taken.
     rows: Vec<Vec<u64>>,
-    /// Of a row: the cells in which a chart's lower left corner cannot lie.
+    /// For one row: the cells in which the lower left corner of a chart cannot be.
     blocked: Vec<u64>,
 }
 
@@ -117,8 +118,9 @@ impl Grid {
         Self { width, words, rows: Vec::new(), blocked: vec![0; words] }
     }
 
-    /// The place of the least cost for the lower left corner of a mask, from row `floor` on and below `height`, if it
-    /// costs less than `below`. `cost` of column and row grows with the row, and is at least `least` of the row.
+    /// The cell of least cost for the lower left corner of a mask, from row `floor` on and below `height`, if
+    /// it costs less than `below`. `cost` of column and row grows with the row, and is at least `least` of
+    /// the row.
     pub(super) fn place(
         &mut self,
         mask: &Mask,
@@ -143,7 +145,7 @@ impl Grid {
         best
     }
 
-    /// Finds in which columns a mask would lie on taken cells if its lowest row were `y`.
+    /// Marks the columns in which a mask would cover taken cells if its lowest row were `y`.
     fn block(&mut self, mask: &Mask, y: usize) {
         let Self { words, rows, blocked, .. } = self;
         blocked.fill(0);
@@ -157,7 +159,7 @@ impl Grid {
         }
     }
 
-    /// Takes the cells of a mask at a place, and those within `gap` of them.
+    /// Takes the cells of a mask at a position, and those within `gap` of them.
     pub(super) fn take(&mut self, mask: &Mask, [x, y]: [usize; 2], gap: usize) {
         let powers = self.width.max(1).ilog2() as usize + 1;
         let top = y + mask.size[1] + gap;

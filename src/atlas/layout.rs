@@ -1,7 +1,7 @@
-//! Where the charts of a skin lie in its images: one image per patch and level, or one per level
-//! with all patches packed.
+//! The layout of the charts of a skin in its images: one image per patch and level, or one per level with all
+//! patches packed.
 //!
-//! `pack` says where charts lie in one image, `turn` how they are turned.
+//! `pack` computes the positions of charts in one image, `turn` their rotations.
 
 use glam::DVec2;
 
@@ -13,7 +13,7 @@ use crate::map::{ImageFrame, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
 
-/// Where one chart lies in its image.
+/// The position of one chart in its image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ChartPosition {
     pub(super) patch: PatchId,
@@ -23,7 +23,7 @@ pub(super) struct ChartPosition {
     pub(super) corner_px: [u32; 2],
 }
 
-/// An image with the places of its charts.
+/// An image with the positions of its charts.
 pub(super) struct PartLayout {
     pub(super) name: String,
     pub(super) level: LevelId,
@@ -31,13 +31,13 @@ pub(super) struct PartLayout {
     pub(super) places: Vec<ChartPosition>,
 }
 
-/// Patch and level as files name them: `palm/L0`.
+/// Patch and level as in files: `palm/L0`.
 pub(super) fn image_name(patch: &PatchMap, level: LevelId) -> String {
     format!("{}/L{level}", patch.name)
 }
 
 /// The images of a map that is known to be valid.
-/// Fails if the options make no sense or the charts do not fit into the canvas.
+/// Fails if the options are invalid or the charts do not fit into the canvas.
 pub(super) fn layout(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, AtlasError> {
     if let Resolution::Pixel(found) = options.resolution
         && !(found.is_finite() && found > 0.0)
@@ -86,7 +86,7 @@ fn centred(extent: Extent, canvas: [u32; 2]) -> Result<ImageFrame, AtlasError> {
     Ok(ImageFrame { origin: middle - size / 2.0, size, size_px })
 }
 
-/// A pixel size for charts without a size: any will do.
+/// A pixel size, also for charts without a size, for which any is valid.
 fn positive(pixel: f64) -> f64 {
     if pixel > 0.0 { pixel } else { 1e-3 }
 }
@@ -144,7 +144,7 @@ fn packed(map: &SkinMap, pack: Pack, resolution: Resolution) -> Result<Vec<PartL
     Ok((0..levels).map(LevelId::new).map(part).collect())
 }
 
-/// The charts in a canvas (height, width), at the largest scale that fits.
+/// Packs the charts into a canvas (height, width), at the largest scale that fits.
 fn within_canvas(items: &Items<'_>, canvas: [u32; 2]) -> Result<Packing, AtlasError> {
     let coarse = positive(items.largest_side());
     // One pixel a chart.
@@ -174,8 +174,8 @@ pub enum Resolution {
 pub struct AtlasOptions {
     /// How many pixels the images have. [`Resolution::Map`] by default.
     pub resolution: Resolution,
-    /// How all patches of a level lie in one image; `None` gives each its own. Packed images of different levels have
-    /// the same layout, and a patch without a level shows its coarsest there.
+    /// How all patches of a level are packed into one image; `None` gives each its own. Packed images of
+    /// different levels have the same layout, and a patch without a level shows its coarsest there.
     pub pack: Option<Pack>,
 }
 

@@ -1,5 +1,5 @@
-//! The channels of `map.exr`, filled from the chart of each level. The shading channel `Y` is a
-//! *heuristic* for the eye, without a physical light; all others are measures or ids.
+//! The channels of `map.exr`, filled from the chart of each level. The shading channel `Y` is a *heuristic*
+//! for viewers, not a physical light; all others are measures or ids.
 
 use std::{ops::Range, sync::Arc};
 
@@ -31,16 +31,15 @@ pub(crate) enum SampleType {
     U32,
 }
 
-/// An image that is asked for a band of rows at a time, so that it need not be in memory as a
-/// whole.
+/// An image that is computed in bands of rows, so that it need not be in memory as a whole.
 pub(crate) trait ImageRows: Sync {
     /// Patch and level, as `palm/L0`.
     fn name(&self) -> &str;
 
-    /// The part of the map it shows, and its size in pixels.
+    /// The rectangle of the map it shows, and its size in pixels.
     fn frame(&self) -> &ImageFrame;
 
-    /// The names of the channels, as `position.X`, and what each holds.
+    /// The names of the channels, as `position.X`, and their types.
     fn channels(&self) -> Vec<(String, SampleType)>;
 
     /// The samples of the channels in that order, for `rows` counted from the top: width times the
@@ -119,7 +118,7 @@ impl ShadedChart {
         };
         let p = mix(&|v| mesh.positions[v]);
         let n = mix(&|v| self.normals[v]).normalize_or_zero();
-        // Half-Lambert: what faces away is dim, not black.
+        // Half-Lambert: surfaces that face away are dim, not black.
         let shade = 0.5 + 0.5 * n.dot(self.light);
         let [_, u, v] = weights;
         [shade, 1.0, p.x, p.y, p.z, n.x, n.y, n.z, u, v, stretch.angle, stretch.area]
@@ -163,7 +162,7 @@ impl LevelImage {
         Ok(Self { name, frame, map: Arc::clone(map), charts })
     }
 
-    /// What the pixels of an image of an atlas show.
+    /// The channels of an image of an atlas.
     pub(super) fn of_part(map: &Arc<SkinMap>, part: &AtlasPart) -> Self {
         let charts = part.charts.iter().map(|chart| ShadedChart::new(map, chart.clone())).collect();
         Self { name: part.name.clone(), frame: part.frame, map: Arc::clone(map), charts }
@@ -203,7 +202,7 @@ impl ImageRows for LevelImage {
     }
 }
 
-/// Direction the light comes from: where the mesh faces on the whole, or up if it faces everywhere.
+/// Direction towards the light: the mean direction of the mesh, or up if there is none.
 fn light(mesh: &TriMesh) -> DVec3 {
     let sum: DVec3 = mesh.triangles.ids().map(|f| mesh.face_cross(f)).sum();
     sum.try_normalize().unwrap_or(DVec3::Z)

@@ -1,10 +1,9 @@
-//! Which pixel is which place of the skin: every chart rasterised once, then filled with values.
+//! The point of the skin that each pixel shows: every chart is rasterised once, then filled with values.
 //!
-//! A [`Chart`] says for every pixel of a level's image which face and which place in it the pixel
-//! shows. An [`Atlas`] holds the charts of all levels and patches, one image each or packed into
-//! one image per level; [`crate::image`] draws values through it. [`LevelImage`] fills the channels
-//! of `map.exr`, a band of rows at a time, so that an image of a whole skin need never be in memory
-//! at once.
+//! A [`Chart`] gives the face and the point in it that every pixel of a level's image shows. An [`Atlas`] has
+//! the charts of all levels and patches, one image each or packed into one image per level; [`crate::image`]
+//! draws values through it. [`LevelImage`] fills the channels of `map.exr`, a band of rows at a time, so that
+//! an image of a whole skin is never in memory at once.
 //!
 //! In reading order: `rasterize`, `turn`, `grid`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
@@ -39,7 +38,7 @@ pub(crate) use nearest::NearestVertices;
 pub use pack::Pack;
 pub(crate) use stretch::{Stretch, face_stretch};
 
-/// Which place of the skin every pixel of its images shows.
+/// The images of a map, with the point of the skin that each pixel shows.
 ///
 /// ```
 /// use dermatome::{
@@ -71,18 +70,18 @@ pub struct AtlasPart {
     pub name: String,
     /// The level it shows.
     pub level: LevelId,
-    /// Its size. Where charts are packed the origin has no meaning.
+    /// Its size. The origin has no meaning if charts are packed.
     pub frame: ImageFrame,
     /// The charts, in the order in which they were packed.
     pub charts: Vec<Chart>,
 }
 
-/// A name in an image, for a person.
+/// A name in an image, for human readers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Label {
     /// The name of a link.
     pub text: String,
-    /// Where its middle lies, in pixels right and down.
+    /// Position of its centre, in pixels right and down.
     pub at: DVec2,
 }
 
@@ -93,9 +92,8 @@ impl Atlas {
     /// Rasterises every level of a map.
     ///
     /// # Errors
-    /// If the map breaks a rule of [`SkinMap::validate`], the options make no sense, the charts do
-    /// not fit into the canvas, or an image would be larger than 16384 pixels a side or all
-    /// together than `2^26` pixels.
+    /// If the map breaks a rule of [`SkinMap::validate`], the options are invalid, the charts do not fit into
+    /// the canvas, or an image would be larger than 16384 pixels a side or all together than `2^26` pixels.
     pub fn new(map: &SkinMap, options: &AtlasOptions) -> Result<Self, AtlasError> {
         map.validate()?;
         let layouts = layout(map, options)?;
@@ -113,7 +111,7 @@ impl Atlas {
         self.parts.iter().filter(move |part| level.is_none_or(|level| part.level == level))
     }
 
-    /// What the pixels of its images show, of one level or of all: places, normals, ids and stretch.
+    /// The channels of its images, of one level or of all: positions, normals, ids and stretch.
     ///
     /// ```
     /// use std::sync::Arc;
@@ -154,7 +152,7 @@ impl AtlasPart {
         covered as f64 / self.frame.size_px.map(f64::from).iter().product::<f64>()
     }
 
-    /// The names of the links that it shows, each in the middle of the link's largest chart, larger charts first.
+    /// The names of the links that it shows, each at the centre of the link's largest chart, larger charts first.
     ///
     /// # Panics
     /// If `map` is not the one that was rasterised.

@@ -1,9 +1,9 @@
-//! Which vertex of a level is nearest to a point of its surface.
+//! The vertex of a level nearest to a point of its surface.
 //!
-//! Distances are straight lines in space. The search follows edges from the corners of the point's face through the
-//! vertices that are at most twice as far as the nearest one so far: what is near in space but far on the skin, as the
-//! other side of a finger, is not reached. *Heuristic*: to follow edges to nearer vertices alone misses the nearest one of a
-//! pixel in a thousand of a cap of 500 taxels.
+//! Distances are straight lines in space. The search follows edges from the corners of the point's face
+//! through the vertices that are at most twice as far as the nearest one so far: vertices that are near in
+//! space but far on the skin, as on the other side of a finger, are not reached. *Heuristic*: following edges
+//! only to nearer vertices misses the nearest one for a pixel in a thousand on a cap of 500 taxels.
 
 use glam::DVec3;
 
@@ -25,7 +25,7 @@ impl NearestVertices {
         Self { positions: mesh.positions.clone(), neighbours }
     }
 
-    /// The vertex nearest to a point of a face, of those that are live; of equally near ones the first. `None` if no
+    /// The live vertex nearest to a point of a face; of equally near ones the first. `None` if no
     /// corner of the face is live. `seen` is a buffer.
     pub(crate) fn find(
         &self,
@@ -34,7 +34,7 @@ impl NearestVertices {
         is_live: impl Fn(VertexId) -> bool,
         seen: &mut Vec<VertexId>,
     ) -> Option<VertexId> {
-        /// Vertices that one search looks at.
+        /// Most vertices that one search visits.
         const MAX_SEEN: usize = 64;
         let p: DVec3 = corners.iter().zip(weights).map(|(&v, w)| self.positions[v] * w).sum();
         let near = |v: VertexId| (p.distance_squared(self.positions[v]), v);

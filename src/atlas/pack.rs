@@ -1,10 +1,10 @@
-//! Where packed charts lie: one after the other, each on free pixels, so that small charts fill the holes and bays of
-//! large ones. *Measured* on a Panda, a G1 and an iCub (36 to 182 charts, 240 x 320 pixels): 65, 69 and 61 % of the image
-//! are filled; 26 to 30 % if charts rest on each other by their outlines (horizons; levy2002).
+//! Packs charts one after the other, each on free pixels, so that small charts fill the holes and bays of
+//! large ones. On a Panda, a G1 and an iCub (36 to 182 charts, 240 x 320 pixels) 65, 69 and 61 % of the image
+//! are filled; packing by outlines (horizons; levy2002) fills 26 to 30 %.
 //!
-//! [`Pack::Tight`] takes larger charts first, tries eight turns of each and the lowest place on the left.
-//! [`Pack::Body`] takes proximal links first, turns the distal end of each link up, and looks for a low place near the
-//! chart next to it on the body, above the middle of the charts of the link that its own hangs from.
+//! [`Pack::Tight`] places larger charts first, each with the best of eight turns, as low and as far left as
+//! possible. [`Pack::Body`] places proximal links first, turns the distal end of each link up, and chooses a
+//! low position near the neighbouring chart on the body, above the centre of the charts of the parent link.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -16,13 +16,14 @@ use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
 use crate::numeric::order_by;
 use crate::skin::{LinkId, PatchId, world_pose};
 
-/// How the charts of all patches of a level lie in one image.
+/// How the charts of all patches of a level are packed into one image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pack {
     /// As large as they fit, turned by eighths of a turn: for a network that reads the image.
     Tight,
-    /// In the order of the body, turned by quarters: the distal end of each link up, distal links above proximal ones
-    /// and neighbours near each other, as far as two fifths of the image are filled: for a person.
+    /// In the order of the body, turned by quarters: the distal end of each link up, distal links above
+    /// proximal ones and neighbours near each other, provided that two fifths of the image are filled: for
+    /// human readers.
     Body,
 }
 
@@ -36,28 +37,29 @@ impl Pack {
     }
 }
 
-/// Cells in which charts are moved along the longer side of an image, at most; a cell has one pixel or several.
+/// Most cells along the longer side of an image; charts are moved by cells of one pixel or several.
 const CELLS: usize = 384;
 
-/// How much lower a chart may lie for being a pixel nearer, in pixels: 0.1 to 0.3 fill about as much, with 0
-/// neighbours are twice as far from each other.
-const NEARNESS: f64 = 0.2;
+/// Cost of a pixel of distance from the neighbouring chart, in pixels of height: values from 0.1 to 0.3 fill
+/// about as much; with 0 neighbours are twice as far from each other.
+const DISTANCE_COST: f64 = 0.2;
 
-/// Distance of centres over distance of boxes, where that says how near patches are: boxes in each other have none.
-const CENTRES: f64 = 0.1;
+/// Weight of the distance of centres, relative to that of boxes, in the distance of patches: overlapping
+/// boxes have distance 0.
+const CENTRE_WEIGHT: f64 = 0.1;
 
-/// What a column costs in rows when charts are packed tightly, of a square.
-const COLUMN: f64 = 0.5;
+/// Cost of a column, in rows, when charts are packed tightly, for a square.
+const COLUMN_COST: f64 = 0.5;
 
-/// Heights above which distal links lie, over the middle of the charts that theirs hangs from: the first is taken
-/// that fills [`FILL`] of the image, or the one that fills most.
+/// Lowest position of the charts of a link, as a share of the centre height of the charts of its parent: the
+/// first value that fills [`ENOUGH_FILL`] of the image is used, or the one that fills most.
 const FLOORS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
-const FILL: f64 = 0.4;
+const ENOUGH_FILL: f64 = 0.4;
 
-/// Widths that are tried over the side of a square that the charts would fill.
+/// Tried widths, over the side of a square that the charts would fill.
 const WIDTHS: [f64; 6] = [1.0, 1.1, 1.2, 1.3, 1.4, 1.6];
 
-/// Steps in which a scale at which the charts fit is looked for, and how often the last one is halved: to 0.4 %.
+/// Factor between tried scales, and how often the last step is halved: to 0.4 %.
 const STEP: f64 = 1.12;
 const HALVINGS: usize = 5;
 
@@ -65,9 +67,9 @@ const HALVINGS: usize = 5;
 struct Item<'a> {
     id: PatchId,
     patch: &'a PatchMap,
-    /// Its turns, in eighths, that are tried.
+    /// The turns to try, in eighths.
     turns: Vec<u8>,
-    /// The nearest link with charts that its own hangs from.
+    /// The nearest ancestor of its link that has charts.
     below: Option<LinkId>,
     /// An earlier chart that it should be near.
     near: Option<usize>,
@@ -107,7 +109,7 @@ impl<'a> Items<'a> {
             let away = |j: usize| {
                 let ([low, high], [other_low, other_high]) = (boxes[k], boxes[j]);
                 let gap = (low - other_high).max(other_low - high).max(DVec3::ZERO).length();
-                gap + CENTRES * (low + high).distance(other_low + other_high)
+                gap + CENTRE_WEIGHT * (low + high).distance(other_low + other_high)
             };
             item.near = (0..k).min_by(|&a, &b| away(a).total_cmp(&away(b)));
         }
@@ -122,7 +124,7 @@ impl<'a> Items<'a> {
         sides.fold(0.0, f64::max)
     }
 
-    /// The charts in the smallest of some images about that of a square; a pixel has the side `pixel`, in m.
+    /// Packs the charts into the smallest of some nearly square images; a pixel has the side `pixel`, in m.
     pub(super) fn smallest(&self, pixel: f64) -> Packing {
         let widest = to_count(self.largest_side() / pixel) + 2;
         let packings = self.first_that_fills(|floor| {
@@ -136,8 +138,9 @@ impl<'a> Items<'a> {
         packings.unwrap_or_default()
     }
 
-    /// The charts in an image of a width and a height in pixels, at the largest scale at which they fit; `coarse`, in m, is
-    /// the side of a pixel as large as the largest chart. `None` if they do not fit even so.
+    /// Packs the charts into an image of a width and a height in pixels, at the largest scale at which they
+    /// fit; `coarse`, in m, is the side of a pixel as large as the largest chart. `None` if they do not fit
+    /// even then.
     pub(super) fn largest_scale(&self, size: [usize; 2], coarse: f64) -> Option<Packing> {
         let full = (self.area / (size[0] as f64 * size[1] as f64)).sqrt();
         self.first_that_fills(|floor| {
@@ -161,13 +164,13 @@ impl<'a> Items<'a> {
         })
     }
 
-    /// Of the packings with distal links above proximal ones by each of [`FLOORS`].
+    /// The first packing that fills enough, of those for each of [`FLOORS`], or the fullest.
     fn first_that_fills(&self, packing: impl Fn(f64) -> Option<Packing>) -> Option<Packing> {
         let fill = |packing: &Packing| self.area / (packing.pixel * packing.pixel * packing.pixels());
         let mut best: Option<Packing> = None;
         let floors = if self.pack == Pack::Body { &FLOORS[..] } else { &[0.0] };
         for found in floors.iter().filter_map(|&floor| packing(floor)) {
-            if fill(&found) >= FILL {
+            if fill(&found) >= ENOUGH_FILL {
                 return Some(found);
             }
             if best.as_ref().is_none_or(|best| fill(&found) > fill(best)) {
@@ -177,7 +180,7 @@ impl<'a> Items<'a> {
         best
     }
 
-    /// The charts within a width and a height in pixels, if they fit.
+    /// Packs the charts into a width and a height in pixels, if they fit.
     fn packing(&self, pixel: f64, [width, height]: [usize; 2], floor: f64) -> Option<Packing> {
         let longer = if height == usize::MAX { width } else { width.max(height) };
         let cell = longer.div_ceil(CELLS).max(1);
@@ -188,8 +191,8 @@ impl<'a> Items<'a> {
             .map(|item| item.turns.iter().map(|&turns| Mask::new(item.patch, turns, pixel, cell)).collect())
             .collect();
         let mut grid = Grid::new(cells[0]);
-        let column = COLUMN * if height == usize::MAX { 1.0 } else { height as f64 / width as f64 };
-        // Of each chart the middle of its columns; of each link the highest middle of the rows of its charts.
+        let column = COLUMN_COST * if height == usize::MAX { 1.0 } else { height as f64 / width as f64 };
+        // For each chart the centre of its columns; for each link the highest centre of the rows of its charts.
         let mut centres: Vec<f64> = Vec::with_capacity(self.all.len());
         let mut middles: IdVec<LinkId, usize> = IdVec::default();
         let mut charts: Vec<PackedChart> = Vec::with_capacity(self.all.len());
@@ -198,7 +201,7 @@ impl<'a> Items<'a> {
             let lowest =
                 item.below.and_then(|link| middles.get(link)).map_or(0, |&row| to_count(floor * row as f64));
             let mut best: Option<(f64, [usize; 2], &Mask)> = None;
-            // Of a chart as small as a pixel some turns cover the middle of none.
+            // A chart as small as a pixel may cover no pixel centre in some turns.
             let any_shows = masks.iter().any(|mask| mask.shows);
             for mask in masks.iter().filter(|mask| mask.shows || !any_shows) {
                 let [w, h] = mask.size;
@@ -214,7 +217,7 @@ impl<'a> Items<'a> {
                             let centre = |near: usize| (x as f64 + 0.5 * w as f64 - centres[near]).abs();
                             item.near.map_or(0.0, centre)
                         };
-                        grid.place(mask, rows, below, |y| y as f64, |x, y| y as f64 + NEARNESS * away(x))
+                        grid.place(mask, rows, below, |y| y as f64, |x, y| y as f64 + DISTANCE_COST * away(x))
                     }
                 };
                 best = found.map(|(cost, at)| (cost, at, mask)).or(best);
@@ -240,7 +243,7 @@ impl<'a> Items<'a> {
     }
 }
 
-/// A chart with its place in the image.
+/// A chart with its position in the image.
 pub(super) struct PackedChart {
     pub(super) patch: PatchId,
     pub(super) turns: u8,
@@ -249,7 +252,7 @@ pub(super) struct PackedChart {
     pub(super) corner: [usize; 2],
 }
 
-/// Charts side by side, without the margin around them all.
+/// Packed charts, without the margin around all of them.
 #[derive(Default)]
 pub(super) struct Packing {
     /// Side of a pixel, in m.
@@ -271,7 +274,7 @@ fn to_count(x: f64) -> usize {
     (x.ceil() as usize).min(u32::MAX as usize)
 }
 
-/// Of each link the nearest one with charts that it hangs from.
+/// For each link its nearest ancestor that has charts.
 fn links_below(map: &SkinMap) -> IdVec<LinkId, Option<LinkId>> {
     let mut carries = map.links.map(|_| false);
     map.patches.iter().for_each(|patch| carries[patch.link] = true);

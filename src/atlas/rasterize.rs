@@ -1,6 +1,6 @@
-//! The rasteriser: triangles of snapped corners to runs of pixels, with exact integer edge
-//! functions, so that no pixel is missed or covered twice along an edge. Bands of rows in parallel;
-//! the same answer with any number of threads.
+//! The rasteriser: triangles of snapped corners to runs of pixels, with exact integer edge functions, so that
+//! no pixel is missed or covered twice along an edge. Bands of rows are filled in parallel; the result does
+//! not depend on the number of threads.
 
 use std::ops::Range;
 
@@ -10,17 +10,17 @@ use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
 use crate::numeric::Csr;
 
-/// Largest width or height of an image, in pixels: what viewers and graphics cards take, and what
-/// the exact arithmetic allows.
+/// Largest width or height of an image, in pixels: the limit of viewers, graphics cards and the exact
+/// arithmetic.
 pub(super) const MAX_SIDE: u32 = 16_384;
 
 /// A pixel that no face covers.
 const UNCOVERED: u32 = u32::MAX;
 
-/// Bits of a pixel that a snapped coordinate resolves: 15 nm at 1 mm per pixel.
+/// Fractional bits of a snapped coordinate: 15 nm at 1 mm per pixel.
 ///
 /// Edge functions of coordinates below `2^14` pixels then stay below `2^62`: they are exact in an
-/// `i64`, so no pixel falls through a shared edge or a vertex, however thin the triangles are.
+/// `i64`, so no pixel is missed at a shared edge or a vertex, however thin the triangles are.
 pub(super) const SUBPIXEL_BITS: u32 = 16;
 
 /// One pixel in snapped units.
@@ -46,7 +46,7 @@ pub(crate) struct Span {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Spans {
     rows: Csr<Span>,
-    /// How often a pixel centre lay in a further face.
+    /// How often a pixel centre was in a further face.
     pub(super) overlaps: usize,
 }
 
@@ -65,8 +65,8 @@ impl Spans {
 
 /// The face that each pixel centre lies in; sides are at most [`MAX_SIDE`].
 ///
-/// A centre on a shared edge belongs to the face that it would lie in if it were a hair further
-/// right and down. Where faces overlap the smallest id wins.
+/// A centre on a shared edge belongs to the face in which it would be if it were moved infinitesimally right
+/// and down. Where faces overlap the smallest id wins.
 pub(super) fn rasterize(
     points: &IdVec<PlaceId, Snapped>,
     triangles: &IdVec<FaceId, [PlaceId; 3]>,
@@ -184,7 +184,7 @@ impl Triangle {
         (area != 0).then_some(Self { edges, ys: [a[1], b[1], c[1]] })
     }
 
-    /// Gives the free pixels inside to `face`; the number of those that were taken.
+    /// Assigns the free pixels inside to `face`; returns the number of pixels that were taken already.
     fn fill(&self, face: FaceId, pixels: &mut [u32], rows: Range<usize>, width: usize) -> usize {
         let mut taken = 0;
         for row in rows_of(self.ys, rows.clone()) {

@@ -1,10 +1,10 @@
-//! How much a map stretches each face: the angle and area channels of images and pictures.
+//! The stretch of each face by a map: the angle and area channels of images and pictures.
 
 use crate::id::FaceId;
 use crate::map::MapLevel;
 use crate::mesh::{FlatTriangle, SingularValues};
 
-/// How one face is stretched on its way from the skin to the map.
+/// The stretch of one face from the skin to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stretch {
     /// `s1/s2`, the ratio of the singular values of the map's Jacobian: 1 at a conformal map,

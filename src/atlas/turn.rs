@@ -1,4 +1,4 @@
-//! How charts are turned in a packed image, by eighths of a turn.
+//! Rotations of charts in a packed image, by eighths of a turn.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -38,7 +38,7 @@ impl Extent {
         positions.into_iter().map(|&p| turned(p, turns)).fold(start, grow)
     }
 
-    /// All levels of a patch.
+    /// The extent of all levels of a patch.
     pub(super) fn of(patch: &PatchMap, turns: u8) -> Self {
         Self::around(patch.levels.iter().flat_map(|level| &level.uv), turns)
     }
@@ -52,10 +52,11 @@ impl Extent {
 /// The quarter turns, in eighths, that bring the distal end of each patch's link up on the map; 0 if the link has no
 /// distal end.
 ///
-/// Distal is the way from the link's origin to the middle of the skin on the links that hang from it, or, if they
-/// have none, to that of the patch. A link without parent and without such skin has no distal end.
+/// Distal is the direction from the link's origin to the centre of the skin on its child links and their
+/// descendants, or, if they have none, to that of the patch. A link without parent and without such skin has
+/// no distal end.
 pub(super) fn distal_turns(map: &SkinMap) -> IdVec<PatchId, u8> {
-    // Of the skin on each link, and on those that hang from it: area, and its product with the middle.
+    // For the skin on each link, and on its descendants: area, and its product with the centre.
     let mut own = map.links.map(|_| (0.0, DVec3::ZERO));
     for patch in &map.patches {
         let level = &patch.levels[LevelId::new(0)].level;

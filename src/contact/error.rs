@@ -10,7 +10,7 @@ use crate::skin::{LinkId, PatchId};
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
 pub enum ContactError {
-    /// It was cancelled.
+    /// The run was cancelled.
     #[error(transparent)]
     Cancelled(#[from] crate::run::Cancelled),
     /// The map breaks a rule.
@@ -19,10 +19,10 @@ pub enum ContactError {
     /// The map has no triangle at all.
     #[error("the map has no triangle; a contact needs skin to be on")]
     NoSkin,
-    /// A contact that is nowhere.
+    /// A contact whose coordinates are not finite or too large.
     #[error("contact {contact} is at {point:?}; finite coordinates within 1e12 m are needed")]
     NotFinite {
-        /// Its place in the batch, from 0; 0 for a single contact.
+        /// Its index in the batch, from 0; 0 for a single contact.
         contact: usize,
         /// Its coordinates, in m.
         point: [f64; 3],
@@ -33,28 +33,28 @@ pub enum ContactError {
         /// Name of the patch.
         patch: String,
     },
-    /// A map position that is nowhere.
+    /// A map position that is not finite or too large.
     #[error("the map position {uv:?} is not finite and within 1e12 m")]
     NotOnPlane {
-        /// What was given, in m.
+        /// The given position, in m.
         uv: [f64; 2],
     },
     /// A contact names a link that the map does not have.
     #[error("contact {contact} is on link {link}, but the map has {count} links")]
     UnknownLink {
-        /// Its place in the batch, from 0; 0 for a single contact.
+        /// Its index in the batch, from 0; 0 for a single contact.
         contact: usize,
         /// The link it names.
         link: LinkId,
         /// Number of links.
         count: usize,
     },
-    /// The only link on which a contact is looked for carries no skin.
+    /// The only link that is searched for a contact carries no skin.
     #[error(
         "contact {contact} is on link {name:?}, which carries no patch; leave its link empty to search all"
     )]
     BareLink {
-        /// Its place in the batch, from 0; 0 for a single contact.
+        /// Its index in the batch, from 0; 0 for a single contact.
         contact: usize,
         /// Name of the link.
         name: String,
@@ -67,7 +67,7 @@ pub enum ContactError {
         /// Name of the link.
         name: String,
     },
-    /// A query that needs what the index was made without.
+    /// A query that needs data which the index was made without.
     #[error("the index was made without {what}; `IndexOptions` adds them")]
     NotIndexed {
         /// `levels` or `fields`.
@@ -76,7 +76,7 @@ pub enum ContactError {
     /// A distance or a radius that is negative or not a number.
     #[error("a distance or radius is a length of at least 0, not {distance}")]
     NoDistance {
-        /// What was given, in m.
+        /// The given distance, in m.
         distance: f64,
     },
     /// A ray without a direction.
@@ -85,9 +85,9 @@ pub enum ContactError {
     /// A patch or a level that the map does not have.
     #[error("the map has no level {level} of patch {patch}")]
     NoMap {
-        /// The patch asked for.
+        /// The requested patch.
         patch: PatchId,
-        /// The level asked for.
+        /// The requested level.
         level: LevelId,
     },
     /// A vertex that follows no link, or links that do not exist.
@@ -105,7 +105,7 @@ pub enum ContactError {
         /// Number of links.
         links: usize,
     },
-    /// A vertex lies too far from the origin to be measured from.
+    /// A vertex is too far from the origin.
     #[error("patch {patch:?}: vertex {vertex} is at {position:?}; coordinates within 1e12 m are needed")]
     TooLarge {
         /// Name of the patch.

@@ -53,7 +53,7 @@ impl ContactIndex {
         let query = query.into();
         self.links.check(0, &query)?;
         let mut hits: Vec<FieldHit> = Vec::new();
-        // Room for what is left of a walk as a rule: growing step by step takes longer than the rest of it.
+        // Usually enough for all results: growing step by step takes longer than the rest of the search.
         let mut found = Vec::with_capacity(64);
         self.each_points(&query, level, f64::INFINITY, |id, points, q| {
             let farthest = |hits: &[FieldHit]| match hits.last() {
@@ -61,7 +61,7 @@ impl ContactIndex {
                 _ => f64::INFINITY,
             };
             found.clear();
-            // Equally far ones count, though rounding may part their squares.
+            // Equally far ones count, although rounding may make their squares differ.
             points.nearest(q, count, farthest(&hits) * SAME_DISTANCE, &mut found);
             let hit = |&(field, squared): &(_, f64)| self.field_hit(&query, id, level, field, squared.sqrt());
             hits.extend(found.iter().map(hit));
@@ -73,7 +73,7 @@ impl ContactIndex {
         Ok(hits)
     }
 
-    /// Calls `visit` with the centres of fields of each patch that may be within what it returned
+    /// Calls `visit` with the centres of fields of each patch that may be within the distance it returned
     /// last.
     fn each_points(
         &self,

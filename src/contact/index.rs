@@ -1,5 +1,5 @@
-//! [`ContactIndex`]: the trees and maps of all patches, the poses of all links; the nearest point to one query
-//! or to many, the first on a ray, and where what was found lies on the map.
+//! [`ContactIndex`]: the trees and maps of all patches, the poses of all links; the nearest point to one
+//! query or to many, the first on a ray, and the cells of results on the map.
 
 use std::sync::Arc;
 
@@ -23,35 +23,35 @@ use crate::pyramid::LevelId;
 use crate::run::Run;
 use crate::skin::{LinkId, Motion, PatchId, Presence};
 
-/// Up to this many [spacings](ContactIndex::spacing) of its taxels a point is on the skin, unless a
-/// distance is given.
+/// Default limit of the distance up to which a point is on the skin, in [spacings](ContactIndex::spacing) of
+/// its taxels.
 pub const ON_SKIN_SPACINGS: f64 = 10.0;
 
-/// Rounding parts the distances of equally far hits by a smaller part of them.
+/// The relative difference between the rounded distances of equally far hits is smaller.
 pub(super) const SAME_DISTANCE: f64 = 1.0 + 1e-12;
 
-/// A map made ready for contacts.
+/// A map prepared for contacts.
 ///
-/// It owns what it needs of the map, and asking changes nothing in it: share it among threads as
-/// you like. A clone shares its trees: to have the links elsewhere for some of the queries, move a clone.
+/// It owns its data, and queries do not change it, so threads can share it. A clone shares its trees: to pose
+/// the links differently for some queries, move a clone.
 #[derive(Debug, Clone)]
 pub struct ContactIndex {
     pub(super) links: Links,
-    /// Those with a blend are copied when a clone moves.
+    /// Patches with a blend are copied when a clone moves.
     pub(super) patches: IdVec<PatchId, Arc<IndexedPatch>>,
-    /// The boxes of all patches as the robot is posed now, in the world.
+    /// The boxes of all patches in the current pose of the robot, in the world.
     pub(super) boxes: BoxTree,
     pub(super) options: IndexOptions,
-    /// `None` if the index is without reactive answers.
+    /// `None` if the index has no reactive answers.
     pub(super) reactive: Option<ReactiveSkins>,
 }
 
-/// Where the last search of a batch ended: the patch, and the packet of its tree.
+/// The patch, and the packet of its tree, where the last search of a batch ended.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cursor(Option<(PatchId, u32)>);
 
 impl ContactIndex {
-    /// An index of all patches and levels of a map, its links posed as the map says.
+    /// An index of all patches and levels of a map, its links posed as in the map.
     ///
     /// # Errors
     /// If the map is not valid or has no triangle, if a row of a prolongation lies in no face, if a
@@ -60,7 +60,7 @@ impl ContactIndex {
         Self::with_options(map, &IndexOptions::default())
     }
 
-    /// As [`Self::new`], made ready for more than the nearest point of the skin.
+    /// As [`Self::new`], prepared for more queries than the nearest point of the skin.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -86,12 +86,12 @@ impl ContactIndex {
         Ok(index)
     }
 
-    /// Moves the links to where a motion has them at a time (s). Links without poses keep the one
+    /// Moves the links to their poses in a motion at a time (s). Links without poses keep the one
     /// that they have in the map relative to their parent. Nothing is rebuilt or allocated; patches with
     /// [joints](crate::skin::Taxels::joints) are fitted to their links, which costs some 60 to 80 ns a vertex.
     ///
     /// # Errors
-    /// If a pose, or a vertex that follows several links, is too far away; then links stay as they were.
+    /// If a pose, or a vertex that follows several links, is too far away; then the links do not move.
     pub fn set_motion(&mut self, motion: &Motion, time: f64) -> Result<(), ContactError> {
         self.links.aim(motion, time)?;
         for IndexedPatch { name, link, blend, .. } in blended(&mut self.patches) {
@@ -109,8 +109,8 @@ impl ContactIndex {
         Ok(())
     }
 
-    /// The mean length of the edges of a patch's faces on level 0, in m: how far apart its taxels
-    /// are. `None` if there is no such patch.
+    /// The mean length of the edges of a patch's faces on level 0, in m: the spacing of its taxels. `None` if
+    /// there is no such patch.
     pub fn spacing(&self, patch: PatchId) -> Option<f64> {
         self.patches.get(patch).map(|patch| patch.spacing)
     }
@@ -151,8 +151,8 @@ impl ContactIndex {
 
     /// Answers many queries, in parallel; the same hits in the same order as one by one.
     ///
-    /// They are visited along a Morton curve, so that each search finds in the cache what the last
-    /// one used.
+    /// They are visited along a Morton curve, so that each search finds the data of the last one in the
+    /// cache.
     ///
     /// # Errors
     /// The first query that cannot be answered.
@@ -165,7 +165,7 @@ impl ContactIndex {
     /// # Errors
     /// As [`Self::locate_all`], and if it is cancelled.
     pub fn locate_all_with(&self, queries: &[Query], run: Run<'_>) -> Result<Hits, ContactError> {
-        /// Queries that share a curve: enough for it to pay, and so few that their buffers are used again.
+        /// Queries that share a curve: enough for it to pay, and few enough for their buffers to be reused.
         const BATCH: usize = 1 << 17;
         let checked = queries.par_iter().enumerate().with_min_len(RUN);
         let refused = checked.find_map_first(|(number, query)| self.links.check(number, query).err());
@@ -221,7 +221,7 @@ impl ContactIndex {
             } else {
                 world.moved(|p| back.transform_point3(p), |v| back.transform_vector3(v))
             };
-            // Equally far hits count, though rounding may part them.
+            // Equally far hits count, although rounding may make them differ.
             let known = first.as_ref().map_or(longest, |(distance, _)| longest.min(distance * SAME_DISTANCE));
             if let Some(found) = patch.tree.first_hit(&Ray { longest: known, ..local }) {
                 let feature = Feature::at(found.barycentric);
@@ -244,9 +244,9 @@ impl ContactIndex {
         Ok(first.map(|(distance, best)| Hit { distance, ..self.hit(&query, &best) }))
     }
 
-    /// Where something found lies on the map of `level`: a hit on any level of its patch, a field on its
-    /// own. `None` if its patch does not reach up to that level, if it is on another
-    /// one, if a field belongs to no face, or if it is not from this index.
+    /// The cell of a result on the map of `level`: of a hit on any level of its patch, of a field on its own
+    /// level. `None` if its patch does not have that level, if a field is on another level or belongs to no
+    /// face, or if the result is not from this index.
     pub fn cell<'a>(&self, found: impl Into<Found<'a>>, level: LevelId) -> Option<Cell> {
         match found.into() {
             Found::Hit(hit) => {
@@ -260,7 +260,7 @@ impl ContactIndex {
         }
     }
 
-    /// The answer to a query that has been checked.
+    /// The answer to a checked query.
     fn answer(&self, query: &Query) -> Result<Hit, ContactError> {
         let mut best = None;
         self.each_patch(query, f64::INFINITY, |id, q| {
@@ -271,7 +271,7 @@ impl ContactIndex {
         best.map(|best| self.hit(query, &best)).ok_or(ContactError::NoSkin)
     }
 
-    /// As [`Self::answer`], but what the cursor points to is searched first.
+    /// As [`Self::answer`], but the packet of the cursor is searched first.
     fn answer_along(&self, cursor: &mut Cursor, query: &Query) -> Option<Hit> {
         let is_searched = |patch: &Arc<IndexedPatch>| query.only_link.is_none_or(|link| link == patch.link);
         let first = cursor.0.filter(|&(id, _)| self.patches.get(id).is_some_and(is_searched));
@@ -299,9 +299,9 @@ impl ContactIndex {
         best.map(|best| self.hit(query, &best))
     }
 
-    /// Calls `visit(patch, point)` with every patch whose box may be nearer to a query than `visit`
-    /// returned last, at first `distance`, in m; the one with the nearest box first. The point is
-    /// that of the query in the frame of the patch's link.
+    /// Calls `visit(patch, point)` with every patch whose box may be nearer to a query than the value `visit`
+    /// returned last, at first `distance`, in m; the one with the nearest box first. The point is that of the
+    /// query in the frame of the patch's link.
     pub(super) fn each_patch(
         &self,
         query: &Query,
@@ -326,7 +326,7 @@ impl ContactIndex {
         }
     }
 
-    /// The point of the skin found, in the frame of the query.
+    /// The hit of a found face, in the frame of the query.
     pub(super) fn hit(&self, query: &Query, best: &Best) -> Hit {
         let IndexedPatch { tree: PatchBvh { mesh, corners, .. }, link, .. } = &*self.patches[best.patch];
         let point = SurfacePoint { face: best.face, barycentric: best.closest.barycentric };
@@ -350,7 +350,7 @@ impl ContactIndex {
         self.patches[patch].presence[taxel] == Presence::Present
     }
 
-    /// Level 0 of a patch of this index as the robot is posed, in m in the frame of its link.
+    /// Level 0 of a patch of this index in the current pose of the robot, in m in the frame of its link.
     pub(crate) fn mesh(&self, patch: PatchId) -> &TriMesh {
         &self.patches[patch].tree.mesh
     }

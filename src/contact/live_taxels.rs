@@ -1,4 +1,4 @@
-//! [`LiveTaxels`]: whether the taxel of an answer works, and the nearest one that does.
+//! [`LiveTaxels`]: whether the taxel of an answer works, and the nearest working one.
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ pub struct LiveTaxels {
     patches: IdVec<PatchId, Option<Taxels>>,
 }
 
-/// The taxels of a patch some of which do not work.
+/// The taxels of a patch of which some do not work.
 #[derive(Debug, Clone)]
 struct Taxels {
     presence: IdVec<VertexId, Presence>,
@@ -25,7 +25,7 @@ struct Taxels {
     positions: IdVec<VertexId, DVec3>,
     /// The vertices of level 0 at the centres of the fields of each level.
     origins: IdVec<LevelId, IdVec<VertexId, VertexId>>,
-    /// The working ones, and what they are in `live`.
+    /// The working ones, by their index in `live`.
     tree: PointTree,
     live: IdVec<VertexId, VertexId>,
 }
@@ -45,7 +45,7 @@ impl Taxels {
         Some(Self { presence, ids: patch.taxels.ids.clone(), positions, origins, tree, live })
     }
 
-    /// The working taxel nearest to the mean of the fields of a cell, by their weights.
+    /// The working taxel nearest to the weighted mean of the fields of a cell.
     fn nearest(&self, cell: &Cell) -> Option<TaxelId> {
         let origins = self.origins.get(cell.level)?;
         let mut at = DVec3::ZERO;
@@ -59,13 +59,13 @@ impl Taxels {
 }
 
 impl LiveTaxels {
-    /// Those of a valid map.
+    /// The working taxels of a valid map.
     pub fn new(map: &SkinMap) -> Self {
         Self { patches: map.patches.map(Taxels::new) }
     }
 
-    /// What the taxel of a cell is, and the working taxel of its patch that is nearest to the cell: its own
-    /// if that works, none if none does.
+    /// The presence of the taxel of a cell, and the working taxel of its patch that is nearest to the cell:
+    /// its own taxel if that works, `None` if none does.
     pub fn nearest(&self, patch: PatchId, cell: &Cell) -> (Presence, Option<TaxelId>) {
         let Some(taxels) = self.patches.get(patch).and_then(Option::as_ref) else {
             return (Presence::Present, Some(cell.taxel));

@@ -1,10 +1,10 @@
-//! What the answers on each level of a map cost and how exact they are, measured on this machine: time, interval
-//! and true error against the exact answer.
+//! Measures the answers on each level of a map on this machine: time, interval and true error against the
+//! exact answer.
 //!
-//! Contacts lie on both sides of the skin, in no order, but for those of a path: 0 to 3 mm off it, or as a [band](BandCosts) says. A time is the mean over all
-//! contacts, of the fastest of [`PASSES`] passes for every [`FEW`] of them; works that are compared take turns
-//! after that many contacts, on different ones. Map positions of all levels count from an answer with its map
-//! position of level 0.
+//! Contacts lie on both sides of the skin, in random order except on a path: 0 to 3 mm off it, or in a
+//! [band](BandCosts). A time is the mean over all contacts, of the fastest of [`PASSES`] passes for every
+//! [`FEW`] of them; compared tasks alternate after that many contacts, on different ones. The time of the
+//! cells of all levels is that on top of an answer with its cell of level 0.
 
 use std::{array, fmt::Write, hint::black_box, time::Instant};
 
@@ -29,13 +29,13 @@ const PASSES: usize = 13;
 /// Contacts that are timed together.
 const FEW: usize = 128;
 
-/// Distances from the skin between which the contacts of a band lie, in mm.
+/// Least and largest distance from the skin of the contacts of a band, in mm.
 const BANDS_MM: [[f64; 2]; 4] = [[0.0, 3.0], [3.0, 10.0], [10.0, 20.0], [20.0, 50.0]];
 
-/// Thresholds on the distance of a contact, in mm, that an answer decides or not.
+/// Thresholds on the distance of a contact, in mm, which an answer may decide.
 const THRESHOLDS_MM: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
 
-/// What answers on a map cost: times in ns a contact. See [`measure`].
+/// Costs of answers on a map: times in ns per contact. See [`measure`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AnswerCosts {
     /// Triangles of level 0, of all patches.
@@ -44,13 +44,13 @@ pub struct AnswerCosts {
     pub contacts: usize,
     /// Time to make the index, in s.
     pub index_seconds: f64,
-    /// The same with reactive answers.
+    /// Time to make the index with reactive answers, in s.
     pub index_with_reactive_seconds: f64,
     /// Memory of the octrees of reactive answers, in bytes.
     pub reactive_bytes: usize,
     /// The nearest point of the skin, alone.
     pub single_ns: f64,
-    /// The same with its cell of level 0.
+    /// The nearest point with its cell of level 0.
     pub with_cell_ns: f64,
     /// What the cells of all levels add to the nearest point.
     pub all_cells_ns: f64,
@@ -58,18 +58,18 @@ pub struct AnswerCosts {
     pub path_ns: f64,
     /// The nearest point in a batch, on all threads.
     pub batch_ns: f64,
-    /// From a place of the map to the skin.
+    /// From a point of the map to the skin.
     pub back_ns: f64,
-    /// The same from pixel to pixel; `None` where none lies on the map.
+    /// From a pixel of the map to the skin, pixel by pixel; `None` if none lies on the map.
     pub back_by_pixels_ns: Option<f64>,
     /// Reactive answers, band by band; bands without a contact are left out.
     pub bands: Vec<BandCosts>,
 }
 
-/// What reactive answers to contacts cost that are some distance off the skin, on both sides, and how exact they are.
+/// Costs and errors of reactive answers to contacts in a band of distances off the skin, on both sides.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BandCosts {
-    /// At least and at most how far the contacts are off the skin, in mm.
+    /// Least and largest distance of the contacts from the skin, in mm.
     pub off_mm: [f64; 2],
     /// Number of contacts.
     pub contacts: usize,
@@ -81,20 +81,20 @@ pub struct BandCosts {
     pub times_faster: f64,
     /// Width of the interval, in mm: median, 99th percentile and largest.
     pub interval_mm: [f64; 3],
-    /// The true error of its middle, in the same way.
+    /// The true error of its middle, in mm: median, 99th percentile and largest.
     pub error_mm: [f64; 3],
-    /// Number of intervals in which the exact distance does not lie: 0.
+    /// Number of intervals that do not contain the exact distance: 0.
     pub violations: usize,
-    /// Share of the contacts that are not in the interval of distance 0 and whose side is not that of the exact answer.
+    /// Share of the contacts certainly off the skin whose side is not that of the exact answer.
     pub wrong_sides: f64,
-    /// Share of the contacts of which the answer tells for sure whether they are within 1, 2, 5, 10 and
-    /// 20 mm of the skin.
+    /// Share of the contacts for which the answer decides whether they are within 1, 2, 5, 10 and 20 mm of
+    /// the skin.
     pub decided: [f64; 5],
     /// The levels, finest first.
     pub levels: Vec<LevelCosts>,
 }
 
-/// What an answer costs with its cell on a level, and what a search of the mesh of the level.
+/// Costs of an answer with its cell on a level, and of a search of the mesh of the level.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LevelCosts {
     /// The level.
@@ -103,21 +103,21 @@ pub struct LevelCosts {
     pub faces: usize,
     /// Time of a reactive answer with its cell on the level, in ns: on its face, and after a walk from there.
     pub with_cell_ns: [f64; 2],
-    /// Share of the answers whose strongest field is that of the exact answer, in the same way.
+    /// Share of the answers whose strongest field is that of the exact answer: on its face, and after a walk.
     pub same_field: [f64; 2],
     /// Time of a search for the nearest point of the mesh of the level, in ns.
     pub search_ns: f64,
-    /// How far its distance is off, in mm: median, 99th percentile and largest.
+    /// Error of its distance, in mm: median, 99th percentile and largest.
     pub search_error_mm: [f64; 3],
 }
 
 /// The contacts of a measurement, in world coordinates.
 #[derive(Debug, Clone)]
 pub struct SampleContacts {
-    /// 0 to 3 mm off the skin, on both sides, in no order.
+    /// 0 to 3 mm off the skin, on both sides, in random order.
     pub scattered: Vec<Query>,
-    /// A walk over the skin in steps of half a millimetre, turning slowly and turning back at borders, 1 to
-    /// 1.1 mm off.
+    /// A path over the skin in steps of half a millimetre, 1 to 1.1 mm off; it turns slowly, and back at
+    /// borders.
     pub path: Vec<Query>,
 }
 
@@ -148,7 +148,7 @@ impl SampleContacts {
     }
 }
 
-/// Measures the answers on all levels of a map, which takes some seconds, a minute at a million triangles.
+/// Measures the answers on all levels of a map. Takes some seconds, a minute for a million triangles.
 ///
 /// # Errors
 /// As [`ContactIndex::new`].
@@ -205,8 +205,9 @@ fn timed<T>(work: impl FnOnce() -> Result<T, ContactError>) -> Result<(T, f64), 
     Ok((made, start.elapsed().as_secs_f64()))
 }
 
-/// Times of an item of several works in turn, in ns: their differences hold on a busy machine too. What one
-/// has just loaded into the cache is of no use to the next, which works elsewhere.
+/// Times per item of several tasks that alternate, in ns, so that their differences are valid on a busy
+/// machine too. Each task works on other items than the one before, so it does not profit from the cache of
+/// that one.
 fn time_in_turn<T, const N: usize>(items: &[T], mut works: [&mut dyn FnMut(&T); N]) -> [f64; N] {
     let parts: Vec<&[T]> = items.chunks(FEW).collect();
     let mut fastest = vec![[f64::INFINITY; N]; parts.len()];
@@ -221,7 +222,7 @@ fn time_in_turn<T, const N: usize>(items: &[T], mut works: [&mut dyn FnMut(&T); 
     array::from_fn(|k| fastest.iter().map(|few| few[k]).sum::<f64>() * 1e9 / items.len() as f64)
 }
 
-/// The way back from the places of hits, and from pixel to pixel.
+/// Measures lookups from the map to the skin: from the cells of hits, and pixel by pixel.
 fn measure_back(
     map: &SkinMap,
     index: &ContactIndex,
@@ -252,7 +253,7 @@ fn pixels(id: PatchId, patch: &PatchMap) -> impl Iterator<Item = (PatchId, DVec2
     (rows / 4..rows).flat_map(move |row| (0..columns).map(move |column| (id, frame.centre([column, row]))))
 }
 
-/// The mesh of each level, made ready for searches.
+/// The mesh of each level, prepared for searches.
 struct LevelMeshes(Vec<IdVec<PatchId, Option<PatchBvh>>>);
 
 impl LevelMeshes {
@@ -281,8 +282,8 @@ impl LevelMeshes {
     }
 }
 
-/// Contacts as far off the skin as a band says, on both sides, in no order, with their exact answers; fewer than `count` where there is
-/// hardly any room.
+/// Contacts in a band of distances off the skin, on both sides, in random order, with their exact answers;
+/// fewer than `count` if few points are that far off.
 fn contacts_off(
     map: &SkinMap,
     index: &ContactIndex,
@@ -306,7 +307,7 @@ fn contacts_off(
         let (s, t) = (random.uniform().sqrt(), random.uniform());
         let normal =
             triangle_cross([a, b, c]).normalize_or_zero() * if random.below(2) == 0 { 1.0 } else { -1.0 };
-        // Tilted, so that contacts lie beyond rims, too.
+        // Tilted, so that contacts also lie beyond rims.
         let up = (normal + 0.3 * random.direction()).normalize_or_zero();
         let height = least + (most - least) * random.uniform();
         let at = a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t) + up * height;
@@ -322,7 +323,7 @@ fn contacts_off(
     Ok(contacts)
 }
 
-/// Reactive answers of a band, compared with the exact ones; `None` if no contact is that far off.
+/// Measures reactive answers in a band against the exact ones; `None` if no contact is that far off.
 fn measure_band(
     map: &SkinMap,
     index: &ContactIndex,

@@ -6,19 +6,19 @@
 //!    of the patch's link: nodes of eight boxes along the mean normal of the skin in them, over
 //!    packets of eight triangles. Moving links ([`ContactIndex::set_motion`]) only updates the boxes
 //!    of the patches in the world.
-//! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch
-//!    it walks down the tree, nearest box first, and skips what is beyond a bound. Boxes and
-//!    triangles are compared in `f32`, eight at a time; whatever is within the bound is measured in
-//!    `f64` on the vertices of the map.
+//! 2. [`ContactIndex::locate`] searches the patches, the one with the nearest box first. In a patch it
+//!    descends the tree, nearest box first, and skips everything beyond a bound. Boxes and triangles are
+//!    compared in `f32`, eight at a time; everything within the bound is measured in `f64` on the vertices of
+//!    the map.
 //! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
 //!    (baerentzen2005).
-//! 4. [`ContactIndex::cell`] reads in constant time where a hit lies on the map of any level: the mean of
-//!    the corners of its face by its barycentric coordinates. Its fields are on level 0 the corners, on a
-//!    coarser one those that the direct prolongation gives the corners.
+//! 4. [`ContactIndex::cell`] computes the position of a hit on the map of any level in constant time: the
+//!    mean of the corners of its face by its barycentric coordinates. Its fields are the corners on level 0,
+//!    and on a coarser level those of the corners in the direct prolongation.
 //!
 //! Besides the nearest point:
 //! - [`ContactIndex::reactive`] gives an interval of the distance, the side and a face in constant time, from an octree
-//!   of each link. [`ContactIndex::hit_of`] gives the point, whose cells on all levels are those of any hit.
+//!   of each link. [`ContactIndex::hit_of`] gives the point, which has cells on all levels like any hit.
 //! - [`ContactIndex::nearest_fields`] and [`ContactIndex::fields_within`] find taxels and receptive
 //!   fields near a point or in a sphere; [`ContactIndex::first_hit`] follows a ray.
 //! - The vertices of a patch with [joints](crate::skin::Taxels::joints) follow several links.
@@ -26,38 +26,36 @@
 //! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
 //!   [one link](Query::only_link).
 //! - [`measure`] measures the time, the bounds and the error of the answers on each level of a map.
-//! - [`LiveTaxels`] names the nearest taxel that works.
-//! - [`MapIndex`] is the way back: from a place on the map of any level to the surface.
-//! - [`Spreader`](crate::signal::Spreader) makes readings of taxels from the forces of contacts.
+//! - [`LiveTaxels`] gives the nearest working taxel.
+//! - [`MapIndex`] is the inverse lookup: from a point of the map of any level to the surface.
+//! - [`Spreader`](crate::signal::Spreader) computes readings of taxels from the forces of contacts.
 //!
-//! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an
-//! `f32` distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest
-//! triangle found so far seems to be `D` away, nothing that seems to be farther than `D + 2 slack`
-//! can be nearer.
-//! From more than 16 radii away `slack` is larger than what the faces of a flat patch differ by in
-//! their distance, so boxes are compared in `f64` there. A face far from all others makes the radius
-//! large, too, and every search slow: a patch should be in one piece, as those of a
-//! [`Skin`](crate::skin::Skin) that is read from a file.
+//! The bound: with `r` the radius of a patch and `d` the distance of the point from its centre, an `f32`
+//! distance differs from the true one by at most `slack = 48 * 2^-24 (r + d)`. If the nearest triangle found
+//! so far seems to be `D` away, nothing that seems to be farther than `D + 2 slack` can be nearer. From more
+//! than 16 radii away `slack` is larger than the differences between the distances of a flat patch's faces,
+//! so boxes are compared in `f64` there. A face far from all others makes the radius large and every search
+//! slow: a patch should be connected, as those of a [`Skin`](crate::skin::Skin) that is read from a file.
 //!
 //! # Guarantees
 //!
 //! - The answer is the nearest point in `f64`, for any set of triangles: slivers, points and
 //!   non-manifold meshes too.
-//! - Of equally near faces the first face of the first patch is the answer, one without area only
-//!   where none has area. It depends neither on the order of the search nor on what was asked before:
-//!   alone and in a batch ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
-//! - Asking changes nothing in the index; share it among threads.
+//! - Of equally near faces the first face of the first patch is the answer, one without area only where none
+//!   has area. It depends neither on the order of the search nor on earlier queries: alone and in a batch
+//!   ([`ContactIndex::locate_all`]) it is the same, with any number of threads.
+//! - Queries do not change the index; threads can share it.
 //!
 //! Not guaranteed: the sign of the distance beyond the boundary of an open patch is the side of its
 //! continuation.
 //!
 //! # Files in reading order
 //!
-//! `query` (what is asked and answered), `posed_links` (where the links are), `patch_bvh` (a mesh in a
-//! tree; the trees are those of `crate::bvh`), `patch` (what an index keeps of a patch), `index` (the nearest
-//! point, rays), `fields`; `coarse` (octrees, and the proof of their intervals) and `reactive` (answers in constant time); `cell` (from a
-//! hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest taxel that works); `measure` (what
-//! answers on each level cost).
+//! `query` (queries and answers), `posed_links` (poses of the links), `patch_bvh` (a mesh in a tree; the
+//! trees are those of `crate::bvh`), `patch` (the data of a patch in an index), `index` (the nearest point,
+//! rays), `fields`; `coarse` (octrees, and the proof of their intervals) and `reactive` (answers in constant
+//! time); `cell` (from a hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest
+//! working taxel); `measure` (costs of answers on each level).
 //!
 //! # Example
 //!

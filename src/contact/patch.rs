@@ -26,11 +26,10 @@ pub(super) struct IndexedPatch {
     pub(super) bounds: Aabb,
     /// Mean length of the sides of its faces, in m.
     pub(super) spacing: f64,
-    /// The vertex of level 0 that each field is the centre of, on each level; none if the index has no
-    /// fields.
+    /// The vertex of level 0 at the centre of each field, on each level; none if the index has no fields.
     pub(super) origins: Vec<IdVec<VertexId, VertexId>>,
-    /// Outward unit normals of the taxels as the robot is posed, in the frame of the link; none if the
-    /// index has no fields.
+    /// Outward unit normals of the taxels in the current pose of the robot, in the frame of the link; none if
+    /// the index has no fields.
     pub(super) normals: IdVec<VertexId, DVec3>,
     /// Which of its taxels work.
     pub(super) presence: IdVec<VertexId, Presence>,
@@ -65,8 +64,8 @@ impl IndexedPatch {
     }
 
     /// Lets the vertices follow their [joints](crate::skin::Taxels::joints) from now on (linear blend
-    /// skinning): a vertex moves to the mean of where its links take it, by their weights, which are scaled to
-    /// sum 1.
+    /// skinning): a vertex moves to the weighted mean of the positions to which its links move it; weights
+    /// are scaled to sum 1.
     ///
     /// # Errors
     /// If a link does not exist.
@@ -93,7 +92,7 @@ impl IndexedPatch {
         Ok(())
     }
 
-    /// Fits the trees of a patch that follows several links to where its vertices are.
+    /// Fits the trees of a patch that follows several links to the positions of its vertices.
     pub(super) fn bend(&mut self) {
         let Some(blend) = &mut self.blend else { return };
         self.tree.refit(&mut blend.positions, &mut blend.refitting);
@@ -106,8 +105,8 @@ impl IndexedPatch {
         self.fill_bounds();
     }
 
-    /// The faces of level 0 need not hold all fields: a taxel may belong to no face, and a coarse level lies
-    /// where its map says.
+    /// Fields may be outside of the faces of level 0: a taxel may belong to no face, and a coarse level has
+    /// vertices of its own.
     fn fill_bounds(&mut self) {
         self.bounds = self.fields.iter().map(PointTree::bounds).fold(self.tree.bounds(), Aabb::union);
     }
@@ -125,23 +124,22 @@ fn vertex_tree(mesh: &TriMesh) -> PointTree {
 /// How the vertices of a patch follow links.
 #[derive(Debug, Clone)]
 pub(super) struct Blend {
-    /// The vertices as they are in the map, in m in the frame of the patch's link.
+    /// The vertices in the pose of the map, in m in the frame of the patch's link.
     rest: IdVec<VertexId, DVec3>,
     /// The links that each vertex follows and their weights, none of them 0, one vertex after the
     /// other: fewer bytes to read than [`Joints`].
     joints: Vec<(LinkId, f64)>,
-    /// How many links each vertex follows.
+    /// Number of links that each vertex follows.
     counts: Vec<u8>,
-    /// From the frame of the patch's link to that of each link, both as they are in the map.
+    /// From the frame of the patch's link to that of each link, in the pose of the map.
     to_joint: IdVec<LinkId, DAffine3>,
-    /// Where each link takes what it carries, in the frame of the patch's link.
+    /// The motion of each link since the pose of the map, in the frame of the patch's link.
     carried: IdVec<LinkId, DAffine3>,
-    /// The vertices where the links take them, in the same frame, until the tree is fitted to them.
+    /// The moved vertices, in the same frame, until the tree is fitted to them.
     positions: IdVec<VertexId, DVec3>,
-    /// The normals of the taxels as they are in the map, in the same frame; none if the index has no
-    /// fields.
+    /// The normals of the taxels in the pose of the map, in the same frame; none if the index has no fields.
     rest_normals: IdVec<VertexId, DVec3>,
-    /// The same where the links turn them.
+    /// The normals as rotated by the links.
     normals: IdVec<VertexId, DVec3>,
     refitting: Refitting,
 }
@@ -170,8 +168,7 @@ impl Blend {
         }
     }
 
-    /// Moves the vertices to where the links move next, by their poses in the world; `own` is the link
-    /// of the patch.
+    /// Moves the vertices with the next poses of the links in the world; `own` is the link of the patch.
     ///
     /// # Errors
     /// The first vertex that is too far away.
@@ -182,7 +179,7 @@ impl Blend {
     ) -> Result<(), (VertexId, DVec3)> {
         let from_world = next(own).inverse();
         for (link, to_joint) in self.to_joint.enumerate() {
-            // Rounding must not move what the patch's own link carries.
+            // Rounding must not move vertices that follow the patch's own link.
             self.carried[link] =
                 if link == own { DAffine3::IDENTITY } else { from_world * next(link) * *to_joint };
         }
@@ -196,7 +193,7 @@ impl Blend {
         for (((vertex, position), rest), row) in moved.zip(rows.clone()) {
             let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_point3(*rest);
             *position = row.iter().map(part).sum();
-            // Not true for NaN either.
+            // Also false for NaN.
             if !position.abs().cmple(DVec3::splat(LARGEST)).all() {
                 return Err((VertexId::new(vertex), *position));
             }

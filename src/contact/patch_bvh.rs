@@ -38,7 +38,7 @@ impl Best {
         }
     }
 
-    /// Only what is nearer than a distance (m) is kept instead of this, which is no face.
+    /// A bound without a face: only a face nearer than this distance (m) replaces it.
     pub(crate) fn bound(distance: f64) -> Self {
         let (squared, face) = (distance.max(0.0).powi(2), FaceId::from(u32::MAX));
         let closest = Closest { squared, barycentric: [0.0; 3], feature: Feature::Inside, is_flat: false };
@@ -82,7 +82,7 @@ impl PatchBvh {
         Ok(Self { mesh: mesh.clone(), corners: around, tree })
     }
 
-    /// What [`Self::refit`] takes.
+    /// Buffers for [`Self::refit`].
     pub(super) fn refitting(&self) -> Refitting {
         self.tree.refitting(self.mesh.positions.len(), corners(&self.mesh))
     }
@@ -101,9 +101,9 @@ impl PatchBvh {
         self.tree.bounds()
     }
 
-    /// Offers the face nearest to `q` (m, in the link's frame), unless `best` is nearer; of equally near
-    /// ones the first. The search begins at `start`; returns the packet of the nearest face, if it is one
-    /// of this patch.
+    /// Offers the face nearest to `q` (m, in the link's frame), unless `best` is nearer; of equally near ones
+    /// the first. The search begins at `start`; returns the packet of the nearest face if that is in this
+    /// patch.
     #[inline(always)]
     pub(crate) fn nearest(
         &self,
@@ -118,7 +118,7 @@ impl PatchBvh {
     }
 
     /// Calls `visit` with every face no farther than `radius` from a point (m, in the link's frame), in
-    /// no order, and perhaps with a few others.
+    /// no order, and possibly with a few others.
     pub(super) fn each_around(&self, q: DVec3, radius: f64, mut visit: impl FnMut(FaceId)) {
         self.tree.each_around(q, radius, |face| visit(FaceId::from(face)));
     }
@@ -131,7 +131,7 @@ impl PatchBvh {
 
     /// Walks from a face to neighbours that are nearer to a point (m, in the link's frame), in at most `steps` steps.
     pub(crate) fn walk(&self, q: DVec3, face: FaceId, steps: usize) -> Best {
-        /// Faces around a vertex that are compared.
+        /// Most faces around a vertex that are compared.
         const MOST_AROUND: usize = 64;
         let id = PatchId::new(0);
         let mut best = Some(Best { patch: id, face, closest: self.measure(q, face) });

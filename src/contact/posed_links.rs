@@ -1,4 +1,4 @@
-//! [`Links`]: where the links are, and points and directions from the frame of one to that of another.
+//! [`Links`]: the poses of the links, and points and directions from the frame of one to that of another.
 
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -13,7 +13,7 @@ use crate::skin::{LinkId, Motion, MotionFrame, PatchId};
 /// distances in the frame are those of the world.
 ///
 /// # Errors
-/// If the pose of the link does anything else.
+/// If the pose of the link is not rigid or too far.
 fn rigid(name: &str, pose: &DAffine3) -> Result<DAffine3, ContactError> {
     if !is_rigid(pose) || pose.translation.abs().max_element() > LARGEST {
         return Err(ContactError::NotRigid { name: name.to_owned() });
@@ -22,7 +22,7 @@ fn rigid(name: &str, pose: &DAffine3) -> Result<DAffine3, ContactError> {
     Ok(DAffine3::from_rotation_translation(rotation, pose.translation))
 }
 
-/// The links of a map as the robot is posed.
+/// The links of a map in the current pose of the robot.
 #[derive(Debug, Clone)]
 pub(super) struct Links(IdVec<LinkId, Posed>);
 
@@ -32,16 +32,16 @@ struct Posed {
     parent: Option<LinkId>,
     /// Its pose in the map, relative to its parent.
     rest: DAffine3,
-    /// Its pose in the world, and the way back.
+    /// Its pose in the world, and the inverse.
     pose: DAffine3,
     inverse: DAffine3,
-    /// Where it moves next.
+    /// Its next pose.
     next: DAffine3,
     patches: Vec<PatchId>,
 }
 
 impl Links {
-    /// The links as they are in a valid map.
+    /// The links of a valid map, in the pose of the map.
     ///
     /// # Errors
     /// If a pose is not rigid or too far.
@@ -65,8 +65,8 @@ impl Links {
         self.0.len()
     }
 
-    /// Finds where a motion has the links at a time (s); those without poses keep the one that they have in
-    /// the map relative to their parent.
+    /// Computes the next poses of the links from a motion at a time (s); links without poses keep the one
+    /// that they have in the map relative to their parent.
     ///
     /// # Errors
     /// If a pose is too far.
@@ -84,12 +84,12 @@ impl Links {
         Ok(())
     }
 
-    /// Moves the links to where [`Self::aim`] found them.
+    /// Moves the links to the poses of [`Self::aim`].
     pub(super) fn commit(&mut self) {
         self.0.iter_mut().for_each(|link| (link.pose, link.inverse) = (link.next, link.next.inverse()));
     }
 
-    /// The pose that a link has next.
+    /// The next pose of a link.
     pub(super) fn next(&self, link: LinkId) -> DAffine3 {
         self.0[link].next
     }
@@ -116,7 +116,7 @@ impl Links {
         &self.0[link].patches
     }
 
-    /// Refuses a query that cannot be answered; errors call it `number`, its place in its batch.
+    /// Refuses a query that cannot be answered; `number` is its index in the batch, for the error.
     ///
     /// # Errors
     /// If the point is not finite or farther than 1e12 m, or a link does not exist, or the only link that is
@@ -140,19 +140,19 @@ impl Links {
         }
     }
 
-    /// Where a query lies in the world, in m.
+    /// The point of a query in the world, in m.
     #[inline]
     pub(super) fn in_world(&self, query: &Query) -> DVec3 {
         query.link.map_or(query.point, |link| self.pose(link).transform_point3(query.point))
     }
 
-    /// Where a query that is at `world` lies in the frame of a link, in m.
+    /// The point of a query, in the world at `world`, in the frame of a link, in m.
     #[inline]
     pub(super) fn in_link(&self, link: LinkId, query: &Query, world: DVec3) -> DVec3 {
         if query.link == Some(link) { query.point } else { self.inverse(link).transform_point3(world) }
     }
 
-    /// A point (m) and a direction in the frame of a link, in the frame of a query.
+    /// Transforms a point (m) and a direction from the frame of a link to the frame of a query.
     #[inline]
     pub(super) fn answered(
         &self,

@@ -1,4 +1,4 @@
-//! What is asked of an index, and its answers: one, many in columns, as an interval, and fields.
+//! Queries of an index, and its answers: one, many in columns, as an interval, and fields.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -8,20 +8,20 @@ use crate::mesh::SurfacePoint;
 use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId, TaxelId};
 
-/// What an index is made ready for, besides the nearest point of the skin.
+/// The queries that an index supports, besides the nearest point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IndexOptions {
-    /// [Reactive](crate::contact::ContactIndex::reactive) answers: every link with skin has an octree of at most 50 bytes a triangle,
-    /// or 512 KB if that is more.
+    /// [Reactive](crate::contact::ContactIndex::reactive) answers: every link with skin has an octree of at
+    /// most 50 bytes per triangle, or 512 KB if that is more.
     pub reactive: bool,
     /// Searches for taxels and receptive fields.
     pub fields: bool,
 }
 
-/// A point whose nearest skin is looked for.
+/// A point for which the nearest point of the skin is searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Query {
-    /// Where, in m, in the frame of `link`.
+    /// The point, in m, in the frame of `link`.
     pub point: DVec3,
     /// The link in whose frame `point` is given, with skin or without; `None`: the world.
     pub link: Option<LinkId>,
@@ -55,22 +55,22 @@ pub struct Hit {
     pub patch: PatchId,
     /// The link of that patch.
     pub link: LinkId,
-    /// Where on level 0 of that patch.
+    /// The point of level 0 of that patch.
     pub point: SurfacePoint,
-    /// How far the query is outside the skin, in m; negative inside.
+    /// Distance of the query from the skin, in m; negative inside.
     ///
     /// The side is that of the angle-weighted pseudo-normal (baerentzen2005), which is
     /// right on edges and corners too. Beyond the boundary of an open patch it is the side of the
     /// skin's continuation.
     pub distance: f64,
-    /// Where the point lies, in m, in the frame that the query was given in.
+    /// Position of the point, in m, in the frame of the query.
     pub position: DVec3,
     /// The outward unit normal of the skin there, in the same frame: that of the face, on edges and
     /// corners the angle-weighted pseudo-normal. Zero where all faces around are without area.
     pub normal: DVec3,
 }
 
-/// Fewest queries of a batch that one task answers: enough for the cache to hold what the next one needs.
+/// Fewest queries of a batch that one task answers: enough for them to profit from the cache.
 pub(super) const RUN: usize = 256;
 
 /// The hits of a batch in columns, one entry for each query in their order: see the fields of [`Hit`].
@@ -93,7 +93,7 @@ pub struct Hits {
 }
 
 impl Hits {
-    /// The hit of the query with a number.
+    /// The hit of the query with this index.
     pub fn get(&self, number: usize) -> Option<Hit> {
         Some(Hit {
             patch: *self.patch.get(number)?,
@@ -125,7 +125,7 @@ impl Hits {
         }
     }
 
-    /// Appends the hits of `sorted`, that at `places[k]` as number `k`.
+    /// Appends the hits of `sorted`, the one at `places[k]` with index `k`.
     pub(super) fn extend(&mut self, sorted: &[Option<Hit>], places: &[usize]) {
         fn column<T: Send + Default>(
             out: &mut Vec<T>,
@@ -146,7 +146,7 @@ impl Hits {
     }
 }
 
-/// How far the skin is from a contact, as an interval.
+/// The distance of the skin from a contact, as an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reactive {
     /// The patch of the face.
@@ -159,21 +159,21 @@ pub struct Reactive {
     /// The middle between `least` and `most`, in m; negative inside. The side is that of the
     /// face, or of the ball of the cell that is nearer; it is not certain, and sometimes wrong within 2 mm of two sheets.
     pub distance: f64,
-    /// At least how far the contact is from the skin, without a sign, in m.
+    /// Lower bound of the distance of the contact from the skin, without a sign, in m.
     pub least: f64,
-    /// At most how far the contact is from the skin, without a sign, in m.
+    /// Upper bound of the distance of the contact from the skin, without a sign, in m.
     pub most: f64,
 }
 
 impl Reactive {
-    /// At most how far the contact's distance from the skin is from `distance`, both without sign, in m.
+    /// Upper bound of the error of `distance`, without sign, in m.
     #[must_use]
     pub fn error(&self) -> f64 {
         let away = self.distance.abs();
         (away - self.least).max(self.most - away).max(0.0)
     }
 
-    /// The same with the skin no farther than one of its points, and the side there: see
+    /// The answer narrowed by a point of the skin, which bounds the distance from above, and with the side there: see
     /// [`hit_of`](crate::contact::ContactIndex::hit_of).
     #[must_use]
     pub fn narrowed(&self, hit: &Hit) -> Self {
@@ -181,21 +181,21 @@ impl Reactive {
         Self { distance: self.least.midpoint(most).copysign(hit.distance), most, ..*self }
     }
 
-    /// Whether the skin is at most a distance (m) from the contact: `None` if the interval does not tell.
+    /// Whether the skin is at most a distance (m) from the contact: `None` if the interval does not decide.
     #[must_use]
     pub fn is_within(&self, distance: f64) -> Option<bool> {
         if self.most <= distance { Some(true) } else { (self.least > distance).then_some(false) }
     }
 }
 
-/// Which point of the skin a [reactive answer](crate::contact::ContactIndex::reactive) stands for.
+/// Which point of the skin represents a [reactive answer](crate::contact::ContactIndex::reactive).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refine {
     /// The nearest point of its face: the cheapest.
     #[default]
     Face,
-    /// The nearest point of the faces that a walk over neighbours reaches, each nearer than the one before: as a rule the
-    /// nearest point of the skin.
+    /// The nearest point of the faces that a walk over neighbours reaches, each nearer than the one before:
+    /// usually the nearest point of the skin.
     Walk,
 }
 
@@ -216,12 +216,12 @@ pub struct FieldHit {
     pub distance: f64,
     /// Its centre, in m, in the frame of the query.
     pub position: DVec3,
-    /// The outward unit normal of the taxel at its centre, in the same frame. On a patch that follows
-    /// several links it is turned as its vertices are moved: by the weighted mean of the rotations.
+    /// The outward unit normal of the taxel at its centre, in the same frame. On a patch that follows several
+    /// links it is rotated like the vertices are moved: by the weighted mean of the rotations.
     pub normal: DVec3,
 }
 
-/// What has a place on the map: see [`ContactIndex::cell`](super::ContactIndex::cell).
+/// A result that has a cell on the map: see [`ContactIndex::cell`](super::ContactIndex::cell).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Found<'a> {
     /// A point of level 0.

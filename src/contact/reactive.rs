@@ -9,23 +9,24 @@ use crate::contact::patch_bvh::Best;
 use crate::contact::{ContactError, ContactIndex, Hit, Query, Reactive, Refine};
 use crate::mesh::SurfacePoint;
 
-/// Steps of a walk from the face of an answer, at most.
+/// Most steps of a walk from the face of an answer.
 const MOST_STEPS: usize = 24;
 
 impl ContactIndex {
-    /// The distance of a query from the skin as an interval that holds for sure, the side and a face near the query, in
-    /// constant time: some ten times faster than [`ContactIndex::locate`], most of all far from the skin. Up to 50 mm from it
-    /// the interval is a fraction of a millimetre wide as a rule; farther away it is wide. Patches that follow
-    /// several links are searched exactly. Needs an index with [reactive answers](crate::contact::IndexOptions::reactive).
+    /// The distance of a query from the skin as a guaranteed interval, the side and a face near the query, in
+    /// constant time: some ten times faster than [`ContactIndex::locate`], especially far from the skin. Up
+    /// to 50 mm from it the interval is usually a fraction of a millimetre wide; farther away it is wide.
+    /// Patches that follow several links are searched exactly. Needs an index with [reactive
+    /// answers](crate::contact::IndexOptions::reactive).
     ///
     /// # Errors
-    /// As [`ContactIndex::locate`], and if the index is without reactive answers.
+    /// As [`ContactIndex::locate`], and if the index has no reactive answers.
     pub fn reactive(&self, query: impl Into<Query>) -> Result<Reactive, ContactError> {
         let query = query.into();
         self.links.check(0, &query)?;
         let reactive = self.reactive.as_ref().ok_or(ContactError::NotIndexed { what: "reactive answers" })?;
         let world = self.links.in_world(&query);
-        // Skins whose box is farther than `most` are no nearer than it.
+        // Skins whose box is farther than `most` cannot be nearer.
         let (mut nearest, mut of) = (Interval::UNKNOWN, None);
         let mut visit = |skin| {
             let found = self.interval(skin, &query, world, nearest.most);
@@ -75,8 +76,9 @@ impl ContactIndex {
         skins.filter_map(|skin| skin.octree.as_ref()).map(Octree::bytes).sum()
     }
 
-    /// The point of the skin of a [reactive answer](ContactIndex::reactive) to a query, of which the [cell](ContactIndex::cell) on any level is known.
-    /// Its distance is at most `most` of the answer, but not always the least of the skin. `None` if the answer is not from this index.
+    /// The point of the skin for a [reactive answer](ContactIndex::reactive) to a query; it has a
+    /// [cell](ContactIndex::cell) on any level. Its distance is at most `most` of the answer, but not always
+    /// the least one. `None` if the answer is not from this index.
     pub fn hit_of(&self, query: impl Into<Query>, answer: &Reactive, refine: Refine) -> Option<Hit> {
         let query = query.into();
         self.links.check(0, &query).ok()?;

@@ -1,12 +1,11 @@
-//! [`FieldWeights`]: the receptive fields that a contact lies in, added up from those of the corners of its
-//! face.
+//! [`FieldWeights`]: the receptive fields of a contact, summed over the corners of its face.
 
 use crate::id::VertexId;
 
-/// Fields that a contact can lie in: each of a face's three corners lies in up to three.
+/// Most fields of a contact: each of a face's three corners lies in up to three.
 pub(super) const MOST_FIELDS: usize = 9;
 
-/// The receptive fields a contact lies in: ids rising, weights positive with sum 1.
+/// The receptive fields in which a contact lies: ids ascending, weights positive with sum 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldWeights {
     pub(super) len: usize,
@@ -59,7 +58,7 @@ impl FieldWeights {
         if (a == b) | (b == c) | (c == a) | (u == 0.0) | (v == 0.0) | (w == 0.0) {
             return Self::of_some(corners, weights);
         }
-        // Without a branch: which corner comes first cannot be foreseen.
+        // Without a branch: the order of the corners is unpredictable.
         let sorted = |a: (VertexId, f64), b: (VertexId, f64)| if a.0 < b.0 { (a, b) } else { (b, a) };
         let (a, b) = sorted((a, u), (b, v));
         let (b, c) = sorted(b, (c, w));
@@ -72,7 +71,7 @@ impl FieldWeights {
         (Self { len: 3, fields, weights }, strongest)
     }
 
-    /// The same where corners are one field or have no weight.
+    /// As [`Self::of_corners`], where corners are one field or have no weight.
     #[inline(never)]
     fn of_some(corners: [VertexId; 3], weights: [f64; 3]) -> (Self, VertexId) {
         let key = |k: usize| u64::from(corners[k].raw()) << 2 | k as u64;

@@ -1,4 +1,4 @@
-//! [`Cell`]: where a hit lies on the map of a level, and what an index keeps of a map for it.
+//! [`Cell`]: the location of a hit on the map of a level, and the data of a map from which it is computed.
 
 mod field_weights;
 mod places;
@@ -15,16 +15,16 @@ use crate::mesh::{SurfacePoint, TriMesh};
 use crate::pyramid::LevelId;
 use crate::skin::TaxelId;
 
-/// Where a contact lies on the map of one level.
+/// The location of a contact on the map of one level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
     /// The level.
     pub level: LevelId,
-    /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a
-    /// coarser level those that the level's direct prolongation gives the hit's nearest corner.
+    /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a coarser
+    /// level those of the hit's nearest corner in the level's direct prolongation.
     pub point: SurfacePoint,
-    /// Map position, in m: the mean of the fields' positions by their weights. Where a map is cut, a
-    /// field of the seam counts with its place on the side of the hit.
+    /// Map position, in m: the weighted mean of the fields' positions. Where a map is cut, a field on the
+    /// seam counts at its place on the side of the hit.
     pub uv: DVec2,
     /// Pixel (column, row from the top) of the level's image.
     pub pixel: [u32; 2],
@@ -36,11 +36,11 @@ pub struct Cell {
     pub weights: FieldWeights,
 }
 
-/// A point of level 0, the same on every level.
+/// A point of level 0, from which its cells on all levels are computed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Anchor {
     at: SurfacePoint,
-    /// The corners of its face, and which of them is the nearest, the smallest of several.
+    /// The corners of its face, and the nearest of them, the smallest id of several.
     corners: [VertexId; 3],
     nearest: usize,
 }
@@ -60,7 +60,7 @@ impl Anchor {
     }
 }
 
-/// What a lookup needs of the levels of one patch.
+/// The data of the levels of one patch that a lookup needs.
 #[derive(Debug, Clone)]
 pub(super) struct PatchCells {
     levels: IdVec<LevelId, LevelCells>,
@@ -68,18 +68,18 @@ pub(super) struct PatchCells {
     rows: Rows,
 }
 
-/// What a lookup needs of one level.
+/// The data of one level that a lookup needs.
 #[derive(Debug, Clone)]
 struct LevelCells {
     taxels: IdVec<VertexId, TaxelId>,
     /// Map positions of its places, in m.
     uv: IdVec<PlaceId, DVec2>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
-    /// The first face of each vertex; any for one without.
+    /// The first face of each vertex; arbitrary for one without.
     first_faces: IdVec<VertexId, FaceId>,
 }
 
-/// A face of a level: its corners in their order, where they lie on its map (m), and the taxels that they are.
+/// A face of a level: its corners in their order, their map positions (m), and their taxels.
 #[derive(Debug, Clone)]
 pub(super) struct OwnFace {
     pub(super) fields: [VertexId; 3],
@@ -132,14 +132,14 @@ impl PatchCells {
         self.levels.len()
     }
 
-    /// The cell of a point of level 0, if there is the level.
+    /// The cell of a point of level 0, if the level exists.
     pub(super) fn cell(&self, level: LevelId, anchor: &Anchor) -> Option<Cell> {
         let is_there = level.index() < self.len();
         is_there.then(|| if level.index() == 0 { self.finest(anchor) } else { self.above(level, anchor) })
     }
 
-    /// The cell of a point of level 0 on level 0: by the positions of that level alone, which are
-    /// nearer together than those of all levels.
+    /// The cell of a point of level 0 on level 0: uses the positions of that level alone, which are closer in
+    /// memory than those of all levels.
     fn finest(&self, anchor: &Anchor) -> Cell {
         let (level, at) = (LevelId::new(0), anchor.at);
         let cells = &self.levels[level];
@@ -151,7 +151,7 @@ impl PatchCells {
         Cell { level, point: at, uv, pixel, field, taxel, weights }
     }
 
-    /// The cell of a point of level 0 on a coarser level that there is.
+    /// The cell of a point of level 0 on an existing coarser level.
     #[inline(always)]
     fn above(&self, level: LevelId, Anchor { at, corners, nearest }: &Anchor) -> Cell {
         let (cells, above) = (&self.levels[level], level.index() - 1);
@@ -173,13 +173,12 @@ impl PatchCells {
         cell
     }
 
-    /// Vendor id of the taxel at the centre of a field that exists.
+    /// Vendor id of the taxel at the centre of an existing field.
     pub(super) fn taxel(&self, level: LevelId, field: VertexId) -> TaxelId {
         self.levels[level].taxels[field]
     }
 
-    /// The cell of the centre of a field that belongs to a face; of the places of a field on a seam the
-    /// first.
+    /// The cell of the centre of a field that belongs to a face; for a field on a seam at its first place.
     pub(super) fn field_cell(&self, level: LevelId, field: VertexId) -> Option<Cell> {
         let cells = self.levels.get(level)?;
         let face = *cells.first_faces.get(field)?;

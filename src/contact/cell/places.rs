@@ -1,8 +1,8 @@
-//! What an index knows of the places of level 0 on the maps of all levels, made ready to be added up over the
-//! corners of a face: where they lie ([`Positions`]) and the fields they are in ([`Rows`]).
+//! The places of level 0 on the maps of all levels, prepared for sums over the corners of a face: their
+//! positions ([`Positions`]) and their fields ([`Rows`]).
 //!
 //! On every level a map position is linear in the barycentric coordinates of the hit in its face of level 0.
-//! What is read of a corner is side by side for all levels.
+//! The data of a corner is contiguous for all levels.
 
 use glam::DVec2;
 
@@ -21,11 +21,11 @@ const LINE: usize = 4;
 #[repr(align(64))]
 struct Line([DVec2; LINE]);
 
-/// Where the places of level 0 lie on the maps of all levels.
+/// Positions of the places of level 0 on the maps of all levels.
 #[derive(Debug, Clone)]
 pub(super) struct Positions {
-    /// For each place its positions on all levels, in m, level 0 first, and then up to a multiple
-    /// of `stride`: in as few lines as they fit into.
+    /// For each place its positions on all levels, in m, level 0 first, padded to `stride`, so that they are
+    /// in as few lines as possible.
     lines: Vec<Line>,
     stride: usize,
     /// The images of the levels.
@@ -36,13 +36,13 @@ pub(super) struct Positions {
 }
 
 impl Positions {
-    /// `levels`: where each place lies on the map of each level, level 0 first, in m.
+    /// `levels`: the position of each place on the map of each level, level 0 first, in m.
     pub(super) fn new(
         levels: &[IdVec<PlaceId, DVec2>],
         images: IdVec<LevelId, PixelGrid>,
         places: Option<IdVec<FaceId, [PlaceId; 3]>>,
     ) -> Self {
-        // Three would lie in two lines every other time.
+        // Three positions would be in two lines every other time.
         let stride = levels.len() + usize::from(levels.len() % LINE == 3);
         let slots = stride * levels.first().map_or(0, |level| level.len());
         let lines = par_collect(slots.div_ceil(LINE), |range, lines| {
@@ -70,7 +70,7 @@ impl Positions {
         self.lines[slot / LINE].0[slot % LINE]
     }
 
-    /// Where a point of a face lies on the map of a level, in m; `corners` are places.
+    /// The position of a point of a face on the map of a level, in m; `corners` are places.
     #[inline(always)]
     pub(super) fn at(&self, level: LevelId, corners: [PlaceId; 3], barycentric: [f64; 3]) -> DVec2 {
         let [u, v, w] = corners.map(|place| self.slot(place, level.index()));
@@ -82,16 +82,16 @@ impl Positions {
 /// A vertex of level 0 on a coarser level.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Row {
-    /// How much of each corner of the face it is.
+    /// The weight of each corner of the face.
     pub(super) weights: [f64; 3],
-    /// The corners of the face; for those without weight again one with some.
+    /// The corners of the face; a corner without weight is replaced by one with weight.
     pub(super) fields: [VertexId; 3],
     /// See [`MapLevel::row_faces`](crate::map::MapLevel::row_faces).
     pub(super) face: FaceId,
 }
 
 impl Row {
-    /// Where it lies on the map of its level, if that is not cut, in m.
+    /// Its position on the map of its level, if that is not cut, in m.
     pub(super) fn position(&self, map: &MapLevel) -> DVec2 {
         let corners = map.level.mesh.triangles[self.face];
         let places = corners.into_iter().map(PlaceId::of_opened);
@@ -99,8 +99,8 @@ impl Row {
     }
 }
 
-/// How the fields of the three rows of a face add up on one level: for each of the nine its place among
-/// all of them, ids rising, in four bits; then how many there are, and flags.
+/// How the fields of the three rows of a face are summed on one level: for each of the nine its rank among
+/// the different fields, ids ascending, in four bits; then their number, and flags.
 #[derive(Debug, Clone, Copy, Default)]
 struct Union(u64);
 
@@ -109,13 +109,13 @@ struct Union(u64);
 pub(super) struct Rows {
     /// For each place of level 0 its rows on the coarser levels.
     rows: Vec<Row>,
-    /// For each face of level 0 how its rows add up on the coarser levels.
+    /// For each face of level 0 how its rows are summed on the coarser levels.
     unions: Vec<Union>,
-    /// How many coarser levels there are.
+    /// Number of coarser levels.
     above: usize,
 }
 
-/// Shares and weights from here on have products that do not round to zero.
+/// Products of shares and weights of at least this do not round to zero.
 const SMALLEST: f64 = 1e-150;
 
 impl Union {
@@ -145,15 +145,15 @@ impl Union {
         Self(code | (len as u64) << Self::LEN | flag(is_one, Self::ONE_FACE) | flag(is_tiny, Self::TINY))
     }
 
-    /// Adds up the weights of three rows, each times its share, field by field in the order of the rows;
-    /// returns the field of the largest sum, the smallest of several.
+    /// Sums the weights of three rows, each times its share, field by field in the order of the rows; returns
+    /// the field of the largest sum, the smallest id of several.
     #[inline(always)]
     fn add(self, rows: [&Row; 3], shares: [f64; 3], sums: &mut FieldWeights) -> VertexId {
         let Self(mut code) = self;
         let FieldWeights { len, fields, weights } = sums;
         *len = (code >> Self::LEN & 15) as usize;
-        // Which field is the strongest cannot be foreseen: without a branch, by the bits of sums
-        // above 0, which sort as they do.
+        // Without a branch, since the strongest field is unpredictable: by the bits of positive sums, whose
+        // order is that of the sums.
         let (mut most, mut strongest) = (0, 0);
         let mut compare = |place: usize, sum: f64| {
             let is_most = sum.to_bits() > most;
@@ -221,7 +221,7 @@ impl Rows {
     }
 
     /// The sums of the weights of the fields of three rows of a face, each times its share; and the field of
-    /// the largest sum, the smallest of several.
+    /// the largest sum, the smallest id of several.
     #[inline(always)]
     pub(super) fn add(
         &self,
@@ -245,8 +245,8 @@ mod tests {
     proptest! {
         #![proptest_config(soup::fixed(1000, 61))]
 
-        /// Whatever the rows have in common, weights and shares of 0 and products below all numbers
-        /// included.
+        /// For rows with any fields in common, also with weights and shares of 0 and with products that
+        /// underflow.
         #[test]
         fn sums_are_those_of_each_field(
             fields in prop::array::uniform3(prop::sample::subsequence((0..6_u32).collect::<Vec<_>>(), 3)),

@@ -1,6 +1,6 @@
-//! Growing an [`Octree`]: cells of one size after the other, the widest intervals divided first while there is memory.
+//! Growing an [`Octree`]: from large to small cells, the widest intervals divided first, up to the memory limit.
 //!
-//! Every constant below is measured: the ones that give the narrowest intervals on two skins, checked on five others.
+//! The constants below gave the narrowest intervals on two skins, and were checked on five others.
 
 use glam::DVec3;
 
@@ -13,11 +13,11 @@ use crate::mesh::SurfacePoint;
 use crate::parallel::par_collect;
 use crate::skin::PatchId;
 
-/// Memory of an octree: this many bytes a triangle, or this many if that is more.
+/// Memory of an octree: `BYTES_PER_FACE` for each triangle, but at least `LEAST_BYTES`.
 const BYTES_PER_FACE: usize = 50;
 const LEAST_BYTES: usize = 512 << 10;
 
-/// The grid reaches this far beyond the skin, in m.
+/// The grid extends this far beyond the skin, in m.
 const REACH: f64 = 0.05;
 
 /// Cells of the top grid are this wide, in m, or wider by a power of two if there would be more than [`MOST_TOP_CELLS`].
@@ -27,38 +27,40 @@ const MOST_TOP_CELLS: f64 = 4096.0;
 /// No cell is narrower than half of this, in m.
 const FINEST_CELL: f64 = 0.002;
 
-/// An interval is narrow enough at this width (m) and this part of the distance.
+/// An interval is narrow enough at this width (m) plus this fraction of the distance.
 const NARROW: f64 = 0.2e-3;
 const NARROW_RATIO: f64 = 0.03;
 
-/// The width of a cell is that at its centre and at points this part of the path to its corners.
-const INNER: f64 = 0.6;
+/// The width of a cell is evaluated at its centre and at points this fraction of the way to its corners.
+const WIDTH_POINTS: f64 = 0.6;
 
-/// Contacts choose among faces that are this many edges and this part of their distance apart.
+/// Spacing of the faces from which contacts choose: this many edges, and this fraction of their distance.
 const FIELD_EDGES: f64 = 1.5;
 const FIELD_RATIO: f64 = 0.25;
 
-/// A ball has its centre up to this many half cells, and this far (m), beyond a contact.
+/// The centre of a ball is at most this many half cells, and this far (m), beyond a contact.
 const MOST_BEYOND: f64 = 24.0;
 const LARGEST_BALL: f64 = 1.0;
 
 /// Attempts at a ball.
 const ATTEMPTS: usize = 3;
 
-/// A ball that meets the skin elsewhere becomes this part of the one that would touch there: off the medial axis, where searches are slow.
+/// A ball that meets the skin elsewhere is replaced by one of this fraction of the radius that would touch
+/// there, which keeps its centre off the medial axis, where searches are slow.
 const SHRINK: f64 = 0.6;
 
 /// A gap between two balls in which crossings are counted is at most this long, in m.
 const LONGEST_GAP: f64 = 2e-3;
 
-/// A crossing with a smaller barycentric coordinate is not sure.
-const SURE: f64 = 1e-6;
+/// A crossing with a smaller barycentric coordinate is uncertain.
+const MIN_SURE: f64 = 1e-6;
 
-/// A point with a smaller barycentric coordinate may be nearest to a side; balls then touch the face this part of the path to its centroid.
-const ON_SIDE: f64 = 0.01;
+/// A point with a smaller barycentric coordinate may be nearest to a side; balls then touch the face this
+/// fraction of the way to its centroid.
+const MIN_INNER: f64 = 0.01;
 const TO_CENTROID: f64 = 0.15;
 
-/// Steps of a walk to the nearest face, at most.
+/// Most steps of a walk to the nearest face.
 const MOST_STEPS: usize = 24;
 
 #[derive(Debug, Clone, Copy)]
@@ -67,12 +69,12 @@ struct Ball {
     radius: f64,
 }
 
-/// Where a ball is wanted.
+/// The wanted position of a ball.
 struct Aim {
-    /// The point of the skin that it touches, and the unit vector to its centre.
+    /// The point of the skin that it touches, and the unit vector from there to its centre.
     touch: DVec3,
     up: DVec3,
-    /// How far the centre of the cell is over that point along `up`.
+    /// Height of the centre of the cell over that point along `up`.
     lift: f64,
     /// Half the side of the cell.
     half: f64,
@@ -87,26 +89,26 @@ struct Near {
     barycentric: [f64; 3],
 }
 
-/// A cell, and what those below it begin with.
+/// A cell, with the data from which its children start.
 #[derive(Clone, Copy)]
 struct Cell {
     node: usize,
     centre: DVec3,
     half: f64,
     start: Start,
-    /// How far the centres of balls may be beyond contacts, on either side, in m: what the cell above found.
+    /// How far the centres of balls may be beyond contacts, on either side, in m: as found in the cell above.
     beyond: [f64; 2],
     /// The leaf of the cell above, whose record this one shares.
     shared: Option<Leaf>,
 }
 
-/// A cell made, before it is known where its record is.
+/// A finished cell, before its record has an index.
 struct Made {
     cell: Cell,
     record: Option<Record>,
     /// The face and its flags; the record if it is shared.
     leaf: Leaf,
-    /// How many times wider than narrow enough the interval is.
+    /// Width of the interval over the width that is narrow enough.
     width: f64,
     distance: f64,
 }
@@ -114,9 +116,9 @@ struct Made {
 struct Grower<'a> {
     skin: &'a PatchBvh,
     open: OpenSides,
-    /// What records are relative to.
+    /// The origin of records.
     centre: DVec3,
-    /// By how much radii are reduced for the rounding of `f64`, and what `f32` resolves, in m.
+    /// By how much radii are reduced for the rounding of `f64`, and the resolution of `f32`, in m.
     rounding: f64,
     resolution: f64,
 }
@@ -282,8 +284,9 @@ impl Grower<'_> {
         (p - self.centre).as_vec3().to_array()
     }
 
-    /// An empty ball that nearly touches the skin at a point: of the centres that are tried the one that loses least half a cell beside
-    /// the contact. `beyond` is how far the centre may be beyond contacts, and then how far it is.
+    /// An empty ball that nearly touches the skin at a point: of the tried centres the one whose bound is
+    /// loosened least half a cell away from the contact. `beyond` is how far the centre may be beyond
+    /// contacts, and is set to how far it is.
     fn ball(&self, aim: &Aim, spare: Ball, beyond: &mut f64) -> Ball {
         let &Aim { touch, up, lift, half } = aim;
         let (over, under) = (lift.max(0.0), (-lift).max(0.0));
@@ -326,14 +329,14 @@ impl Grower<'_> {
         best
     }
 
-    /// What a cell knows, and its face with flags.
+    /// The record of a cell, and its face with flags.
     fn record(&self, cell: &mut Cell, near: &Near) -> (Record, u32) {
         let Cell { centre, half, mut beyond, .. } = *cell;
         let cross = self.skin.mesh.face_cross(near.face);
         let normal = cross.normalize_or_zero();
         let c = self.rounded(centre);
         let own = Ball { centre: c, radius: (near.distance - c.distance(centre)).max(0.0) };
-        let is_inner = near.barycentric.iter().all(|&x| x > ON_SIDE);
+        let is_inner = near.barycentric.iter().all(|&x| x > MIN_INNER);
         let [a, b, e] = self.skin.mesh.corners(near.face);
         let touch = if is_inner { near.point } else { near.point.lerp((a + b + e) / 3.0, TO_CENTROID) };
         let is_outside = (centre - touch).dot(normal) >= 0.0;
@@ -356,7 +359,7 @@ impl Grower<'_> {
             !is_crossing && !self.open.are_off(&Hull::new(touch, touch - up * (0.5 * half), &corners));
         let [front, back] = &mut beyond;
         if is_lonely {
-            // No ball behind the skin bounds the distance from above here.
+            // Here no ball behind the skin bounds the distance from above.
             let ball = self.ball(&away, own, front);
             cell.beyond = beyond;
             return (of([ball, ball]), flags);
@@ -393,7 +396,7 @@ impl Grower<'_> {
         ((ball.radius - known.distance(ball.centre) - self.rounding) as f32).next_down()
     }
 
-    /// Whether the line between the centres of two empty balls surely crosses the skin an odd number of times.
+    /// Whether the line between the centres of two empty balls certainly crosses the skin an odd number of times.
     fn is_crossed(&self, a: Ball, b: Ball) -> bool {
         let length = a.centre.distance(b.centre);
         let gap = (length - a.radius - b.radius).max(0.0);
@@ -405,16 +408,16 @@ impl Grower<'_> {
         self.skin.each_around(a.centre + along * (a.radius + 0.5 * gap), 0.5 * gap + self.rounding, |face| {
             if let Some(met) = meet(a.centre, along, self.skin.mesh.corners(face)) {
                 crossings += usize::from(met.along >= 0.0 && met.along <= length);
-                is_sure &= met.barycentric.iter().all(|&x| x > SURE);
+                is_sure &= met.barycentric.iter().all(|&x| x > MIN_SURE);
             }
         });
         is_sure && crossings % 2 == 1
     }
 
-    /// How many times wider than narrow enough the interval is in a cell.
+    /// Width of the interval in a cell over the width that is narrow enough.
     fn width(&self, cell: &Cell, record: &Record, face: u32) -> f64 {
         let leaf = Leaf { record: 0, face };
-        let points = corners(cell.centre, INNER * cell.half).into_iter().chain([cell.centre]);
+        let points = corners(cell.centre, WIDTH_POINTS * cell.half).into_iter().chain([cell.centre]);
         let widths = points.map(|q| {
             let local = q - self.centre;
             let excess = record.excess(local);

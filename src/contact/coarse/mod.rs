@@ -1,8 +1,8 @@
-//! [`Octree`]: the distance from the skin of one link, with bounds that always hold, in constant time.
+//! [`Octree`]: the distance from the skin of one link, with guaranteed bounds, in constant time.
 //!
-//! An octree divides the space around the rigid patches of a link. A cell knows two *empty balls*, whose inside meets no
-//! skin, and a face of level 0 near it. With `S` the skin, `d(q)` the distance of a contact `q` from it, and a ball `(m, r)`
-//! empty if `d(m) >= r`:
+//! An octree divides the space around the rigid patches of a link. A cell stores two *empty balls*, whose
+//! inside contains no skin, and a face of level 0 near it. With `S` the skin, `d(q)` the distance of a
+//! contact `q` from it, and a ball `(m, r)` empty if `d(m) >= r`:
 //!
 //! 1. Below: `d(q) >= r - |q - m|` for every `q` and every empty ball, since `d` changes no faster than its point moves.
 //! 2. Above: `d(q) <= |q - x|` for every point `x` of `S`.
@@ -15,10 +15,11 @@
 //!    If `q` lies in the ball `a`, then `qa` is not crossed, and `d(q) <= |q - b| - rb`; so `a` may also be the largest empty
 //!    ball around the centre of the cell, which is not stored.
 //!
-//! Balls that touch the skin at the point below the cell make the bounds close: with its centre at the distance `R` from the
-//! contact, a ball loses `t^2 / 2R` at a distance `t` beside that point. The conditions of 3 are verified when the octree is built
-//! (`grow`, `open_sides`), for all contacts of the cell at once. Cells where they fail, most of all at the rims of
-//! open patches, bound the distance from above by the nearest point of their face (2).
+//! The bounds are tight if balls touch the skin at the point below the cell: with its centre at the distance
+//! `R` from the contact, a ball loosens the bound by `t^2 / 2R` at a lateral distance `t` from that point.
+//! The conditions of 3 are verified when the octree is built (`grow`, `open_sides`), for all contacts of the
+//! cell at once. Cells where they fail, mainly at the rims of open patches, bound the distance from above by
+//! the nearest point of their face (2).
 //!
 //! Radii are measured from centres that are rounded to `f32` and are rounded down, so rounding only widens the interval.
 
@@ -31,13 +32,14 @@ use glam::{DVec3, Vec3};
 use crate::bvh::Aabb;
 use crate::mesh::triangle_cross;
 
-/// A node that is a leaf; its other bits are the number of the leaf.
+/// Bit of a node that is a leaf; its other bits are the index of the leaf.
 const LEAF: u32 = 1 << 31;
 
-/// Binary digits of the position in a cell of the top grid: the depth of the octree is less.
+/// Binary digits of the position in a cell of the top grid: more than the depth of the octree.
 const DIGITS: u32 = 20;
 
-/// What a cell knows, in m from the centre of the grid. Small, since answers wait for it to come from memory.
+/// The data of a cell, in m from the centre of the grid. Small, since the time of an answer is that of
+/// loading it from memory.
 #[derive(Debug, Clone, Copy)]
 struct Record {
     /// Two empty balls: centre and radius. The first is on the cell's side of the skin.
@@ -55,7 +57,7 @@ struct Leaf {
 }
 
 impl Leaf {
-    /// The balls bound the distance from above, too (statement 3).
+    /// The balls also bound the distance from above (statement 3).
     const CERTIFIED: u32 = 1 << 31;
     /// The first ball is outside the skin.
     const OUTSIDE: u32 = 1 << 30;
@@ -72,13 +74,13 @@ impl Record {
         self.balls.map(|(centre, radius)| q.distance(wide(centre)) - f64::from(radius))
     }
 
-    /// At least how far the skin is from a point that is this far outside each ball.
+    /// A lower bound of the distance of the skin from a point that is this far outside each ball.
     #[inline(always)]
     fn least([a, b]: [f64; 2]) -> f64 {
         (-a).max(-b).max(0.0)
     }
 
-    /// At most how far the skin is from a point of a certified cell.
+    /// An upper bound of the distance of the skin from a point of a certified cell.
     #[inline(always)]
     fn most(&self, q: DVec3, [a, b]: [f64; 2]) -> f64 {
         a.max(b).min(q.distance(wide(self.touch)))
@@ -96,24 +98,24 @@ pub(in crate::contact) struct Octree {
     /// The box of the skin, and the centre of the grid, in m in the frame of the link. What follows is relative to the centre.
     bounds: Aabb,
     centre: DVec3,
-    /// The least corner of the grid of top cells, how many of them there are, and their number in a metre.
+    /// The least corner of the grid of top cells, their number, and their number per metre.
     lo: DVec3,
     dims: [u32; 3],
     per_metre: f64,
-    /// The top cells, x first, and below a divided one its eight parts: the number of its first part, or a leaf.
+    /// The top cells, x first, and the eight children of each divided one: the index of the first child, or a leaf.
     nodes: Vec<u32>,
     leaves: Vec<Leaf>,
     records: Vec<Record>,
-    /// What rounding of `Record::touch` may take from a distance, in m.
+    /// Largest change of a distance by the rounding of `Record::touch`, in m.
     slack: f64,
 }
 
-/// What an octree knows of a point.
+/// The answer of an octree for a point.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::contact) struct Interval {
-    /// The number of a face near it.
+    /// The index of a face near it.
     pub(in crate::contact) face: u32,
-    /// At least and at most how far the skin is, in m.
+    /// Lower and upper bound of the distance of the skin, in m.
     pub(in crate::contact) least: f64,
     pub(in crate::contact) most: f64,
     /// Whether it is outside.
@@ -125,8 +127,8 @@ impl Interval {
         Self { face: 0, least: f64::INFINITY, most: f64::INFINITY, is_outside: true };
 }
 
-/// The distance of a point from the nearest point of a triangle, up to rounding, but never from one that is not of it: cheaper than
-/// [`closest_point`](crate::mesh::closest_point), which tells features.
+/// The distance of a point from the nearest point of a triangle, up to rounding, but always to a point of it:
+/// cheaper than [`closest_point`](crate::mesh::closest_point), which also determines features.
 #[inline(always)]
 fn near_point(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (ab, ac, aq) = (b - a, c - a, q - a);
@@ -138,7 +140,7 @@ fn near_point(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         let (s, t) = (s / area, t / area);
         return (aq - ab * s - ac * t).length();
     }
-    // The minimum leaves out sides without length, whose parameter is not a number.
+    // The minimum ignores sides without length, whose parameter is NaN.
     let side = |from: DVec3, along: DVec3, dot: f64, squared: f64| {
         (from - along * (dot / squared).clamp(0.0, 1.0)).length_squared()
     };
@@ -149,7 +151,7 @@ fn near_point(q: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 impl Octree {
-    /// Divisions of a cell of the top grid, at most.
+    /// Most divisions of a cell of the top grid.
     pub(in crate::contact) const MOST_DEPTH: u32 = DIGITS - 1;
 
     /// The interval of a point (m, in the frame of the link); `corners` gives those of a face.
@@ -165,7 +167,7 @@ impl Octree {
             let is_outside = (leaf.face & Leaf::OUTSIDE != 0) == (excess[0] <= excess[1]);
             return Interval { face, least, most, is_outside };
         }
-        // Balls know little beyond the grid.
+        // Beyond the grid the bounds of balls are loose.
         let least = if is_inside { least } else { least.max(self.bounds.least_distance(q)) };
         let corners = corners(face);
         let is_outside = triangle_cross(corners).dot(q - corners[0]) >= 0.0;
@@ -205,7 +207,8 @@ mod tests {
     use crate::numeric::Random;
     use crate::skin::PatchId;
 
-    /// How many of `count` contacts, near the skin and up to 30 mm beyond the octree, are not as far as their interval says.
+    /// How many of `count` contacts, near the skin and up to 30 mm beyond the octree, are at a distance
+    /// outside their interval.
     fn violations(mesh: &TriMesh, count: usize) -> usize {
         let skin = PatchBvh::new("odd", mesh).unwrap();
         let octree = Octree::new(&skin);
@@ -231,7 +234,7 @@ mod tests {
         (0..count).filter(|&k| is_wrong(k)).count()
     }
 
-    /// A strip with one side, `around` times `across` squares.
+    /// A one-sided strip of `around` times `across` squares.
     fn moebius_strip(around: u32, across: u32) -> TriMesh {
         let at = |i: u32, j: u32| {
             let (angle, v) =
@@ -305,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_hold_on_odd_meshes() {
+    fn intervals_contain_the_distance_on_odd_meshes() {
         for (name, mesh) in odd_meshes() {
             assert_eq!(violations(&mesh, 20_000), 0, "{name}");
         }
@@ -313,7 +316,7 @@ mod tests {
 
     #[test]
     #[ignore = "takes minutes"]
-    fn a_million_intervals_hold_on_odd_meshes() {
+    fn a_million_intervals_contain_the_distance_on_odd_meshes() {
         for (name, mesh) in odd_meshes() {
             assert_eq!(violations(&mesh, 1_000_000), 0, "{name}");
         }

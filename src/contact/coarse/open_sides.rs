@@ -1,10 +1,11 @@
-//! [`OpenSides`]: the edges of a skin with an odd number of faces, where it ends, and whether they are off a region.
+//! [`OpenSides`]: the edges of a skin with an odd number of faces, where it ends, and whether they are
+//! outside a region.
 
 use glam::DVec3;
 
 use crate::mesh::TriMesh;
 
-/// Regions grow by this part of their radius and this length (m): rounding.
+/// Regions are enlarged by this fraction of their radius and by this length (m), for rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// The open sides of a skin, in groups near each other.
@@ -44,7 +45,7 @@ impl Hull {
 }
 
 impl OpenSides {
-    /// Vertices at the same position count as one, so that triangles without a common vertex are joined, too.
+    /// Vertices at the same position count as one, so that triangles without a common vertex are also joined.
     pub(super) fn new(mesh: &TriMesh) -> Self {
         let key = |p: &DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
         let mut order: Vec<_> = mesh.positions.enumerate().map(|(v, p)| (key(p), v)).collect();
@@ -62,7 +63,7 @@ impl OpenSides {
         let open =
             edges.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1 && same[0][0] != same[0][1]);
         let mut open: Vec<[DVec3; 2]> = open.map(|same| same[0].map(|v| mesh.positions[v])).collect();
-        // Both the groups and what is in one are searched through.
+        // A search tests all groups, and all edges in some of them.
         let most = (open.len() as f64).sqrt().max(16.0) / 2.0;
         let mut groups = Vec::new();
         if !open.is_empty() {
@@ -71,10 +72,11 @@ impl OpenSides {
         Self(groups)
     }
 
-    /// Whether surely none of them meets a hull.
+    /// Whether certainly none of them meets a hull.
     ///
-    /// The hull lies in three convex bodies around its axis: a cylinder, and two cones with the tips `tip` and the end. An
-    /// edge is off the hull if it is off one of them, on the far side of a plane along which the radius of the body is linear.
+    /// The hull lies in each of three convex bodies around its axis: a cylinder, and two cones with the tips
+    /// `tip` and the end. An edge is off the hull if it is off one of them: if a plane, along which the
+    /// radius of the body is linear, separates it.
     pub(super) fn are_off(&self, hull: &Hull) -> bool {
         let &Hull { tip, axis, length, from, to, radius } = hull;
         let (bottom, top) = (from.min(0.0), to.max(length));
@@ -94,7 +96,7 @@ impl OpenSides {
                     if along[0].max(along[1]) < bottom || along[0].min(along[1]) > top {
                         return true;
                     }
-                    // The direction from the axis to the nearest point of the edge, seen along it.
+                    // The direction from the axis to the nearest point of the edge, projected along the axis.
                     let beside = [0, 1].map(|k| offsets[k] - axis * along[k]);
                     let side = beside[1] - beside[0];
                     let t =
@@ -111,7 +113,7 @@ impl OpenSides {
     }
 }
 
-/// Halves edges along the longest side of their box until there are `most` at most.
+/// Halves groups of edges along the longest side of their box until each has at most `most`.
 fn group(edges: &mut [[DVec3; 2]], most: f64, groups: &mut Vec<Group>) {
     let ends = || edges.iter().flatten();
     let lo = ends().fold(DVec3::INFINITY, |a, b| a.min(*b));

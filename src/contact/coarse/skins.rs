@@ -1,4 +1,4 @@
-//! [`ReactiveSkins`]: the octrees of all links, and where they are.
+//! [`ReactiveSkins`]: the octrees of all links, and their boxes.
 
 use std::sync::Arc;
 
@@ -15,21 +15,22 @@ use crate::mesh::TriMesh;
 use crate::parallel::par_map;
 use crate::skin::{LinkId, PatchId};
 
-/// The skins that answer on their own: all rigid patches of a link together, and each patch that follows several links.
+/// The skins that are searched separately: all rigid patches of a link together, and each patch that follows
+/// several links.
 #[derive(Debug, Clone)]
 pub(in crate::contact) struct ReactiveSkins {
     pub(in crate::contact) skins: Arc<[ReactiveSkin]>,
-    /// Their boxes as the robot is posed now, in the world.
+    /// Their boxes in the current pose of the robot, in the world.
     boxes: Vec<Aabb>,
 }
 
-/// A skin that answers on its own.
+/// A skin that is searched separately.
 #[derive(Debug)]
 pub(in crate::contact) struct ReactiveSkin {
     pub(in crate::contact) link: LinkId,
-    /// In m in the frame of the link.
+    /// Its box, in m in the frame of the link.
     bounds: Aabb,
-    /// Its patches, and the number of the first face of each in the octree.
+    /// Its patches, and the index of the first face of each in the octree.
     pub(in crate::contact) patches: Vec<(PatchId, u32)>,
     /// `None`: its vertices follow several links, so it is searched exactly.
     pub(in crate::contact) octree: Option<Octree>,
@@ -67,15 +68,16 @@ impl ReactiveSkins {
         }));
     }
 
-    /// Calls `visit` with every skin whose box may be nearer to a point of the world than `visit` returned last, the one with the nearest
-    /// box first. Robots have so few links that a tree over their boxes takes longer.
+    /// Calls `visit` with every skin whose box may be nearer to a point of the world than the value `visit`
+    /// returned last, the one with the nearest box first. Robots have so few links that a tree over their
+    /// boxes would be slower.
     #[inline(always)]
     pub(in crate::contact) fn each_near<'a>(
         &'a self,
         world: DVec3,
         mut visit: impl FnMut(&'a ReactiveSkin) -> f64,
     ) {
-        /// What rounding may add to the square of a distance.
+        /// Bound of the relative rounding error of the square of a distance.
         const ROUND_UP: f64 = 1.0 + 1e-9;
         let Self { skins, boxes } = self;
         let away = |skin: usize| world.distance_squared(world.clamp(boxes[skin].lo, boxes[skin].hi));
@@ -118,7 +120,7 @@ impl ReactiveSkin {
         Ok(Self { link: first.link, bounds: skin.bounds(), patches: starts, octree: Some(Octree::new(skin)) })
     }
 
-    /// The patch that has a face of the octree, and what the face is there.
+    /// The patch of a face of the octree, and its face there.
     #[inline(always)]
     pub(in crate::contact) fn face(&self, face: u32) -> (PatchId, FaceId) {
         let after = self.patches.partition_point(|(_, first)| *first <= face);

@@ -1,8 +1,8 @@
-//! [`MapIndex`], the way back: from a place on the map of any level to the surface.
+//! [`MapIndex`], the inverse lookup: from a point of the map of any level to the surface.
 //!
-//! Each level has a grid over its map, which finds the triangles at a place, and a tree over their boxes,
-//! for the nearest place where there is none and for crowds. Where a map overlaps itself a
-//! place lies on several sheets, and each is answered.
+//! Each level has a grid over its map, which finds the triangles at a point, and a tree over their boxes, for
+//! the nearest triangle if there is none at the point and for crowded cells. Where a map overlaps itself a
+//! point lies on several sheets, and each is an answer.
 
 mod plane_grid;
 
@@ -24,18 +24,18 @@ use crate::parallel::par_map;
 use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId, TaxelId};
 
-/// A place this near to a triangle is on it, as a part of the size of the map: rounding.
+/// A point this near to a triangle is on it, as a fraction of the size of the map: rounding.
 const ON_CHART: f64 = 1e-12;
 
-/// Points of the surface this near to each other are one, where triangles of the map meet, as a part
-/// of the size of the patch.
+/// Points of the surface this near to each other are one where triangles of the map meet, as a fraction of
+/// the size of the patch.
 const SAME_POINT: f64 = 1e-9;
 
-/// A place is clear of the sides of a triangle if the areas that it forms with them are more than this
-/// part of the squares of its distances from the corners: far more than rounding, as for slivers.
+/// A point is clear of the sides of a triangle if its areas with them are more than this fraction of the
+/// squares of its distances from the corners: far more than rounding, for slivers too.
 const CLEAR: f64 = 1e-8;
 
-/// The maps of all levels made ready for the way back to the surface.
+/// The maps of all levels, prepared for lookups from the map to the surface.
 #[derive(Debug, Clone)]
 pub struct MapIndex {
     patches: IdVec<PatchId, IdVec<LevelId, LevelMap>>,
@@ -48,20 +48,20 @@ struct LevelMap {
     link: LinkId,
     level: LevelId,
     grid: PlaneGrid,
-    /// What the answer reads of each place of the map, side by side.
+    /// The data of each place of the map that an answer reads.
     places: IdVec<VertexId, Place>,
     /// Its triangles, by their places.
     triangles: IdVec<FaceId, [VertexId; 3]>,
     /// The boxes of these triangles.
     tree: BoxTree,
-    /// The level itself, whose faces they are, and who borders whom in it.
+    /// The mesh of the level, with the same faces, and its adjacency.
     mesh: TriMesh,
     corners: VertexCorners,
-    /// The vertex of level 0 at each of its vertices, and how many there are on level 0.
+    /// The vertex of level 0 for each of its vertices, and the number of vertices of level 0.
     origins: IdVec<VertexId, VertexId>,
     vertices: usize,
     image: PixelGrid,
-    /// What counts as on the map, and as the same point, in m.
+    /// Tolerances for being on the map, and for being the same point, in m.
     on_chart: f64,
     same_point: f64,
 }
@@ -69,23 +69,23 @@ struct LevelMap {
 /// A vertex of a map.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
-    /// On the map and in space, in m.
+    /// Position on the map, and in space, in m.
     uv: DVec2,
     position: DVec3,
     field: VertexId,
     taxel: TaxelId,
 }
 
-/// A place on the map of a level, and the point of the surface that it shows.
+/// A point of the map of a level, and the point of the surface that it shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapPlace {
     /// The patch.
     pub patch: PatchId,
     /// Its link.
     pub link: LinkId,
-    /// How far the place that was asked for is off the map, in m; 0 on it.
+    /// Distance of the requested point from the map, in m; 0 on it.
     pub off_chart: f64,
-    /// The face of the level, the place on the map, the fields and their weights.
+    /// The face of the level, the map position, the fields and their weights.
     pub cell: Cell,
     /// The point of the level's mesh, on level 0 of the skin, in m in the frame of the link; in the
     /// pose of the map: [`MapIndex::posed`] moves it.
@@ -112,11 +112,11 @@ impl MapIndex {
         Ok(Self { patches: patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into() })
     }
 
-    /// Appends the points of the surface at a place (m) on the map of a level: one for each sheet
-    /// that lies there, the first face first; off the map the nearest one.
+    /// Appends the points of the surface at a point (m) of the map of a level: one for each sheet there, the
+    /// first face first; off the map the nearest one.
     ///
     /// # Errors
-    /// If the place is not finite or farther than 1e12 m, or there is no such patch or level.
+    /// If the point is not finite or farther than 1e12 m, or there is no such patch or level.
     pub fn places(
         &self,
         patch: PatchId,
@@ -165,9 +165,9 @@ impl MapIndex {
         Ok(())
     }
 
-    /// The same place on the robot as `index` is posed, an index of the same map: on a patch that follows
-    /// several links the point and its normal move in the frame of the patch's link. `None` if the
-    /// place is not one of that map.
+    /// The answer in the current pose of `index`, an index of the same map: on a patch that follows several
+    /// links the point and its normal move in the frame of the patch's link. `None` if the answer is not one
+    /// of that map.
     pub fn posed(&self, index: &ContactIndex, place: &MapPlace) -> Option<MapPlace> {
         let patch = index.patches.get(place.patch)?;
         let map = self.patches.get(place.patch)?.get(place.cell.level)?;
@@ -188,7 +188,7 @@ impl MapIndex {
 }
 
 impl LevelMap {
-    /// A level of a patch of a valid map.
+    /// Prepares a level of a patch of a valid map.
     fn new(id: PatchId, patch: &PatchMap, level: LevelId) -> Result<Self, ContactError> {
         let map = &patch.levels[level];
         let mesh = map.level.mesh.clone();
@@ -230,7 +230,7 @@ impl LevelMap {
         corners.map(|place| &self.places[place])
     }
 
-    /// Where a place lies on a triangle, if it does.
+    /// The point of a triangle at a point of the map, if the triangle contains it.
     #[inline(always)]
     fn at(&self, uv: DVec2, ids: [VertexId; 3]) -> Option<Closest> {
         let corners = self.places_of(ids).map(|corner| corner.uv);
@@ -245,7 +245,7 @@ impl LevelMap {
         }
     }
 
-    /// The point of a triangle nearest to a place.
+    /// The point of a triangle nearest to a point of the map.
     #[inline]
     fn closest(&self, uv: DVec2, ids: [VertexId; 3]) -> Closest {
         let corners = self.places_of(ids).map(|corner| corner.uv.extend(0.0));
@@ -277,8 +277,7 @@ impl LevelMap {
         MapPlace { patch: self.patch, link: self.link, off_chart, cell, position, normal }
     }
 
-    /// Keeps one of the places from `first` on for each sheet: where faces meet, the first one answers for
-    /// all.
+    /// Keeps one of the answers from `first` on for each sheet: where faces meet, the first one.
     #[inline(never)]
     fn keep_sheets(&self, found: &mut Vec<MapPlace>, first: usize) {
         found[first..].sort_unstable_by_key(|place| place.cell.point.face);
@@ -293,14 +292,14 @@ impl LevelMap {
         found.truncate(kept);
     }
 
-    /// A vector on the outer side at a feature of a face, where `at` has the vertices of the level.
+    /// A vector on the outer side at a feature of a face; `at` gives the vertices of the level.
     fn normal(&self, at: impl Fn(VertexId) -> DVec3 + Copy, face: FaceId, feature: Feature) -> DVec3 {
         pseudo_normal(&self.corners, &self.mesh.triangles, at, face, feature)
     }
 }
 
-/// The triangles of a map at height 0, its places numbered along a curve: those near each other on the map
-/// are so in memory.
+/// The triangles of a map at height 0, its places numbered along a curve, so that neighbours on the map are
+/// near in memory.
 fn plane(map: &MapLevel) -> TriMesh {
     let order = along_curve(&map.opened_uv().map(|uv| uv.extend(0.0)));
     let mut ranks = IdVec::<PlaceId, VertexId>::filled(VertexId::new(0), order.len());
@@ -311,18 +310,18 @@ fn plane(map: &MapLevel) -> TriMesh {
     TriMesh { positions, triangles: map.corners().map(|corners| corners.map(|place| ranks[place])) }
 }
 
-/// Where a place lies by a triangle in the same plane.
+/// The relation of a point to a triangle in the same plane.
 enum Planar {
     /// Inside and clear of its sides, with its barycentric coordinates.
     Inside([f64; 3]),
     /// Farther than the margin beyond a side.
     Beyond,
-    /// What rounding and the margin leave open.
+    /// Undecided, because of rounding and the margin.
     Near,
 }
 
 impl Planar {
-    /// What rounding adds is less than `margin` (m).
+    /// The rounding error must be less than `margin` (m).
     #[inline(always)]
     fn of(at: DVec2, corners: [DVec2; 3], margin: f64) -> Self {
         let [a, b, c] = corners.map(|corner| corner - at);

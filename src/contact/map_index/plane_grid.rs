@@ -1,10 +1,10 @@
-//! Which triangles of a map lie at a place: a grid over the plane with about one cell for twelve triangles,
-//! or more cells where the skin is much denser in some places.
+//! The triangles of a map at a point: a grid over the plane with about one cell for twelve triangles, or more
+//! cells if the density of the skin varies strongly.
 //!
-//! A cell lists the triangles that reach into it, each with its corners and with those of the 8 x 8 parts
-//! of the cell that it reaches into: between the cell and the corners nothing else has to be loaded. The
-//! parts are found with what rounding may add, so that no triangle at a place is left out; what remains is
-//! measured in `f64`. Where too many triangles meet, the cell lists none, and a tree has to be searched.
+//! A cell lists the triangles that overlap it, each with its corners and with a bit for each of the 8 x 8
+//! subcells that it overlaps: between the cell and the corners nothing else has to be loaded. Subcells are
+//! computed with a margin for rounding, so that no triangle at a point is left out; the rest is measured in
+//! `f64`. A cell with too many triangles lists none, and a tree must be searched.
 
 use std::ops::Range;
 
@@ -13,40 +13,39 @@ use glam::{DVec2, DVec3};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::TriMesh;
 
-/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in about two cells.
-/// In smaller cells fewer triangles are left around a place, but their lists take more memory, whose
-/// loading takes longer on a large map).
+/// The area of a cell, in mean areas of a triangle (*heuristic*: a triangle then lies in about two cells. In
+/// smaller cells fewer triangles remain around a point, but the lists are longer, and loading them takes
+/// longer on a large map).
 const CELL_AREA: f64 = 12.0;
 
-/// Cells of a grid, at most: this many for each triangle, where the map fills little of its
-/// rectangle.
+/// Most cells of a grid, for each triangle; reached if the map fills little of its rectangle.
 const MOST_CELLS: f64 = 4.0;
 
-/// Cells that the rectangles around all triangles may overlap, for each triangle: few large triangles
+/// Most overlaps of the rectangles around all triangles with cells, for each triangle: few large triangles
 /// among many small ones must not fill the memory.
 const MOST_OVERLAPS: f64 = 12.0;
 
-/// Cells are made smaller while more than this part of the overlaps is in cells with too many of them, as
-/// on skin that is much denser in some places (*heuristic*).
+/// Cells are made smaller while more than this share of the overlaps is in crowded cells, as on skin of
+/// strongly varying density (*heuristic*).
 const MOST_CROWDED: f64 = 0.02;
 
-/// How often they are, at most: by 2.25 in area each time, until there are [`MOST_CELLS`].
+/// Most refinements of cells: by 2.25 in area each time, until there are [`MOST_CELLS`].
 const REFINEMENTS: usize = 6;
 
-/// A cell with more triangles lists none: those that may hold a place are the bits of a word.
-const CROWD: usize = 64;
+/// A cell with more triangles lists none: the candidates at a point are bits of one word.
+const MAX_LISTED: usize = 64;
 
-/// What marks the beginning of such a cell.
+/// Mark of the start of such a cell.
 const CROWDED: u32 = 1 << 31;
 
-/// Parts of a cell along each side.
-const PARTS: usize = 8;
+/// Subcells along each side of a cell.
+const SUBCELLS: usize = 8;
 
-/// What rounding may add to a barycentric coordinate, as a part of its gradient and of its value at
+/// Bound of the rounding error of a barycentric coordinate, as a fraction of its gradient and of its value at
 /// the corner of the cell.
 const ROUNDING: f64 = 1.0 / 1_048_576.0;
 
-/// The triangles of a map by place.
+/// The triangles of a map by position.
 #[derive(Debug, Clone)]
 pub(super) struct PlaneGrid {
     /// The corner of the first cell, in m.
@@ -55,14 +54,14 @@ pub(super) struct PlaneGrid {
     scale: f64,
     /// Columns and rows.
     size: [usize; 2],
-    /// Where they end, in parts.
+    /// Their extent, in subcells.
     end: DVec2,
-    /// Where the entries of each cell begin, marked as [`CROWDED`] or not; at last where all end.
+    /// The index of the first entry of each cell, with the mark [`CROWDED`] or not; then the number of all entries.
     cells: Vec<u32>,
     entries: Vec<Entry>,
 }
 
-/// A triangle in a cell, with one bit for each part of the cell that it reaches into.
+/// A triangle in a cell, with one bit for each subcell that it overlaps.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     parts: u64,
@@ -72,7 +71,7 @@ struct Entry {
 
 /// The barycentric coordinates of a triangle over the plane, in cells.
 struct Affine {
-    /// Of the first two: growth along both sides of a cell, and value in the corner of the first.
+    /// Of the first two: growth along both sides of a cell, and value in the corner of the first cell.
     rows: [DVec3; 2],
 }
 
@@ -86,28 +85,29 @@ impl Affine {
         Self { rows: [row(b, c), row(c, a)] }
     }
 
-    /// The parts of a cell into which the triangle, enlarged by `margin` cells, reaches; row by row.
+    /// The subcells that the triangle, enlarged by `margin` cells, overlaps; row by row.
     fn parts(&self, cell: [usize; 2], margin: f64) -> u64 {
         let corner = DVec2::from(cell.map(|k| k as f64));
         let rows = self.rows.map(|row| row.truncate().extend(row.z + row.truncate().dot(corner)));
         let size = |row: &DVec3| row.x.abs() + row.y.abs();
         let slack: f64 =
             rows.iter().map(|row| (margin + ROUNDING) * size(row) + ROUNDING * (row.z.abs() + 1.0)).sum();
-        // Slivers and triangles without area may hold every place.
+        // Slivers and triangles without area may contain every point.
         if slack.is_nan() || slack >= f64::from(f32::MAX) {
             return u64::MAX;
         }
         let rows = [rows[0], rows[1], DVec3::Z - rows[0] - rows[1]];
-        // The most in a part: along its rows and columns.
-        let most =
-            |growth: f64, k: usize| (growth * k as f64).max(growth * (k + 1) as f64) * (1.0 / PARTS as f64);
-        let along: [_; PARTS] = std::array::from_fn(|k| rows.map(|row| most(row.x, k) + row.z + slack));
+        // The largest value in a subcell: along its rows and columns.
+        let most = |growth: f64, k: usize| {
+            (growth * k as f64).max(growth * (k + 1) as f64) * (1.0 / SUBCELLS as f64)
+        };
+        let along: [_; SUBCELLS] = std::array::from_fn(|k| rows.map(|row| most(row.x, k) + row.z + slack));
         let mut parts = 0;
-        for k in 0..PARTS {
+        for k in 0..SUBCELLS {
             let down = rows.map(|row| most(row.y, k));
             for (column, along) in along.iter().enumerate() {
                 let least = (along[0] + down[0]).min(along[1] + down[1]).min(along[2] + down[2]);
-                parts |= u64::from(least >= 0.0) << (k * PARTS + column);
+                parts |= u64::from(least >= 0.0) << (k * SUBCELLS + column);
             }
         }
         parts
@@ -118,7 +118,7 @@ impl Affine {
 type Placed = (Affine, [Range<usize>; 2]);
 
 impl PlaneGrid {
-    /// A grid over at least one triangle of finite coordinates, in m, in the plane of the first two; places
+    /// A grid over at least one triangle of finite coordinates, in m, in the plane of the first two; points
     /// no farther than `margin` (m) from a triangle are on it.
     pub(super) fn new(plane: &TriMesh, margin: f64) -> Self {
         let triangles = &plane.triangles;
@@ -172,7 +172,7 @@ impl PlaneGrid {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and few")]
     fn resize(&mut self, extent: DVec2) {
         self.size = (extent * self.scale).to_array().map(|n| n as usize + 1);
-        self.end = DVec2::from(self.size.map(|n| (n * PARTS) as f64));
+        self.end = DVec2::from(self.size.map(|n| (n * SUBCELLS) as f64));
     }
 
     /// Columns and rows of the cells that a rectangle overlaps.
@@ -182,14 +182,14 @@ impl PlaneGrid {
         [0, 1].map(|k| at(lo, k).min(self.size[k] - 1)..at(hi, k).min(self.size[k] - 1) + 1)
     }
 
-    /// Which part of the overlaps of rectangles with cells is in cells with too many.
+    /// The share of the overlaps of rectangles with cells that is in crowded cells.
     fn crowded(&self, rectangles: impl Iterator<Item = (DVec2, DVec2)>) -> f64 {
         let mut counts = vec![0_usize; self.size[0] * self.size[1]];
         for rectangle in rectangles {
             let [columns, rows] = self.range(rectangle);
             rows.for_each(|row| columns.clone().for_each(|column| counts[row * self.size[0] + column] += 1));
         }
-        let crowded: usize = counts.iter().filter(|count| **count > CROWD).sum();
+        let crowded: usize = counts.iter().filter(|count| **count > MAX_LISTED).sum();
         crowded as f64 / counts.iter().sum::<usize>().max(1) as f64
     }
 
@@ -211,7 +211,7 @@ impl PlaneGrid {
         }
         let mut end = 0;
         for count in counts {
-            let is_crowded = count > CROWD;
+            let is_crowded = count > MAX_LISTED;
             self.cells.push(end as u32 | if is_crowded { CROWDED } else { 0 });
             end += if is_crowded { 0 } else { count };
         }
@@ -227,25 +227,26 @@ impl PlaneGrid {
         }
     }
 
-    /// Calls `visit` with every triangle that a place (m) may be on, and some near it, and with their
-    /// corners, in the order of the faces; false, without a call, where too many meet.
+    /// Calls `visit` with every triangle that may contain a point (m), and some near it, and with their
+    /// corners, in the order of the faces; `false`, without a call, if the cell is crowded.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside of the grid")]
     pub(super) fn each_at(&self, at: DVec2, mut visit: impl FnMut(FaceId, [VertexId; 3])) -> bool {
-        let p = (at - self.lo) * (self.scale * PARTS as f64);
+        let p = (at - self.lo) * (self.scale * SUBCELLS as f64);
         if !(p.min_element() >= 0.0 && p.x < self.end.x && p.y < self.end.y) {
             return true;
         }
         let [x, y] = [p.x as usize, p.y as usize];
-        let cell = y / PARTS * self.size[0] + x / PARTS;
+        let cell = y / SUBCELLS * self.size[0] + x / SUBCELLS;
         let [first, end] = [self.cells[cell], self.cells[cell + 1] & !CROWDED];
         if first & CROWDED != 0 {
             return false;
         }
-        let part = y % PARTS * PARTS + x % PARTS;
+        let part = y % SUBCELLS * SUBCELLS + x % SUBCELLS;
         let entries = &self.entries[first as usize..end as usize];
-        // Without a branch for each: which of them hold the place cannot be foreseen.
+        // Without a branch for each: which of them contain the point is unpredictable.
         let bit = |(k, entry): (usize, &Entry)| (entry.parts >> part & 1) << k;
-        let mut holding = entries.iter().take(CROWD).enumerate().map(bit).fold(0, std::ops::BitOr::bitor);
+        let mut holding =
+            entries.iter().take(MAX_LISTED).enumerate().map(bit).fold(0, std::ops::BitOr::bitor);
         while holding != 0 {
             let Entry { face, corners, .. } = entries[holding.trailing_zeros() as usize];
             visit(face, corners);
@@ -269,7 +270,7 @@ mod tests {
         TriMesh::from_arrays(triangles.iter().flatten().copied().collect(), &faces)
     }
 
-    /// Triangles that hold a place.
+    /// The triangles that contain a point.
     fn brute(mesh: &TriMesh, at: DVec2, margin: f64) -> Vec<FaceId> {
         let plane = mesh.positions.map(|p| p.truncate().extend(0.0));
         let squared = |face: FaceId| {
@@ -279,8 +280,8 @@ mod tests {
         mesh.triangles.ids().filter(|&face| squared(face) <= margin * margin).collect()
     }
 
-    /// How many triangles are visited at a thousand places on an ellipse, which is as wide and as high as
-    /// its centre is far from the axes; none of them in a crowd.
+    /// The number of triangles visited at a thousand points of an ellipse around `centre` that touches both
+    /// axes; no cell there is crowded.
     fn visited(grid: &PlaneGrid, centre: DVec2) -> usize {
         let mut visited = 0;
         for k in 0..1000_u32 {
@@ -293,9 +294,9 @@ mod tests {
     proptest! {
         #![proptest_config(soup::fixed(300, 51))]
 
-        /// No triangle at a place is left out, be it a sliver, a point or far larger than the others.
+        /// No triangle at a point is left out, even if it is a sliver, a point or far larger than the others.
         #[test]
-        fn every_triangle_at_a_place_is_visited(
+        fn every_triangle_at_a_point_is_visited(
             triangles in prop::collection::vec(soup::triangle(), 1..60),
             scale in prop_oneof![Just(1e-6), Just(1.0), Just(1e6)],
             large in prop::bool::ANY,
@@ -316,7 +317,7 @@ mod tests {
                     assert_eq!(corners, mesh.triangles[face]);
                     found.push(face);
                 });
-                prop_assert!(is_listed || triangles.len() > CROWD);
+                prop_assert!(is_listed || triangles.len() > MAX_LISTED);
                 for face in brute(&mesh, at, margin) {
                     prop_assert!(!is_listed || found.contains(&face), "{face:?} at {at} in {found:?}");
                 }
@@ -324,9 +325,9 @@ mod tests {
         }
     }
 
-    /// On a map few triangles are left to be measured, and the grid is not much larger than the map.
+    /// On a map few triangles remain to be measured, and the grid is not much larger than the map.
     #[test]
-    fn a_place_of_a_map_leaves_few_triangles() {
+    fn few_triangles_are_visited_at_a_point() {
         let mesh = shapes::lattice(60, 40, 0.004);
         let grid = PlaneGrid::new(&mesh, 1e-12);
         let visited = visited(&grid, DVec2::new(0.1, 0.05));
@@ -335,9 +336,9 @@ mod tests {
         assert!(grid.each_at(DVec2::splat(-1.0), |face, _| panic!("{face:?} is not off the map")));
     }
 
-    /// Skin with taxels 1 mm apart beside skin with 8 mm: the cells are small enough for the dense part.
+    /// Skin with taxels 1 mm apart next to skin with 8 mm: the cells are small enough for the dense region.
     #[test]
-    fn dense_parts_of_a_map_are_no_crowds() {
+    fn dense_regions_of_a_map_are_not_crowded() {
         let at = |k: u32| 0.001 * f64::from(k) + 0.007 * f64::from(k.saturating_sub(40));
         let mesh = shapes::sheet(60, 60, |i, j| DVec3::new(at(i), at(j), 0.0));
         let grid = PlaneGrid::new(&mesh, 1e-12);
@@ -346,7 +347,7 @@ mod tests {
         assert!(grid.entries.len() < 5 * mesh.triangles.len(), "{} entries", grid.entries.len());
     }
 
-    /// Triangles that coincide, and many small ones under a large one, are built in no time.
+    /// Grids of coincident triangles, and of many small ones under a large one, are built quickly.
     #[test]
     fn crowds_are_left_to_the_tree() {
         let mut stacked = shapes::triangle();
