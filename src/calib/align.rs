@@ -1,5 +1,5 @@
-//! The rotation, and the rigid motion, that align two sets of points or directions best
-//! (horn1987, wahba1965); and [`compare`], which measures what such a motion leaves.
+//! The rotation, and the rigid motion, that align two sets of points or directions best (horn1987,
+//! wahba1965); and [`compare`], which measures the error after such a motion.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -48,7 +48,7 @@ pub(crate) fn nearest_rotation(m: &DMat3) -> DQuat {
 /// How far a calibration is from the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
-    /// Root mean square distance as it is, in m.
+    /// Root mean square distance without alignment, in m.
     pub absolute: f64,
     /// Root mean square distance after the best rigid motion, in m.
     pub rigid: f64,

@@ -1,4 +1,4 @@
-//! What [`calibrate`](crate::calib::calibrate()) finds: plain data.
+//! The result of [`calibrate`](crate::calib::calibrate()): plain data.
 
 use std::fmt;
 
@@ -9,10 +9,10 @@ use crate::calib::{
 use crate::id::{Id, IdVec, VertexId};
 use crate::skin::TaxelId;
 
-/// Where the taxels are, and how well the observations agree.
+/// The poses of the taxels, and how well the observations agree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// What was unknown of every taxel.
+    /// The unknowns of every taxel.
     pub model: Model,
     /// The ids of the taxels.
     pub ids: IdVec<VertexId, TaxelId>,
@@ -28,7 +28,7 @@ pub struct Calibration {
     pub cost: f64,
     /// Goodness of fit.
     pub fit: GoodnessOfFit,
-    /// How well every observation fits, and how much it counts.
+    /// The residual and weight of every observation.
     pub diagnostics: PerObservation<ObservationDiagnostics>,
     /// Components whose absolute pose the contacts do not determine.
     pub free: Vec<FreeComponent>,
@@ -41,7 +41,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The edges and the contacts that were rejected: outliers that count less than the others.
+    /// The edges and the contacts that were rejected: outliers with a reduced weight.
     pub fn rejected(&self) -> (Vec<DisplacementId>, Vec<ContactObservationId>) {
         fn of<I: Id>(diagnostics: &IdVec<I, ObservationDiagnostics>) -> Vec<I> {
             let is_rejected = |d: &ObservationDiagnostics| d.verdict == Verdict::Outlier && d.weight < 1.0;
@@ -51,7 +51,7 @@ impl Calibration {
     }
 }
 
-/// How well one observation fits, and how much it counts.
+/// The residual and weight of one observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObservationDiagnostics {
     /// Squared whitened residual.
@@ -78,13 +78,13 @@ pub struct GoodnessOfFit {
 }
 
 /// One calibration in a thousand is misjudged, on either side.
-const DOUBTFUL: f64 = 5e-4;
+const MISJUDGED: f64 = 5e-4;
 
 /// A chi-square over degrees of freedom this close to 1 means that the noise is stated to within 1
-/// %: among a million observations chance excludes even that, but no user minds.
+/// %: with a million observations chance alone does not explain this, but it is negligible in practice.
 const NEGLIGIBLE: f64 = 0.02;
 
-/// What it means for the stated noise, as a sentence.
+/// The judgement of the stated noise, as a sentence.
 impl fmt::Display for GoodnessOfFit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ratio = self.chi2 / self.degrees_of_freedom as f64;
@@ -93,8 +93,8 @@ impl fmt::Display for GoodnessOfFit {
             _ if self.degrees_of_freedom == 0 => "there are no more measurements than unknowns, so the noise cannot be judged",
             _ if (ratio - 1.0).abs() < NEGLIGIBLE => "the stated noise is believable",
             _ if self.is_too_large() => "the observations disagree by more than the stated noise: it is understated, or some are wrong",
-            Some(p) if p > 1.0 - DOUBTFUL => "the observations agree better than the stated noise predicts: it is overstated, or they are not independent",
-            Some(p) if p >= DOUBTFUL => "the stated noise is believable",
+            Some(p) if p > 1.0 - MISJUDGED => "the observations agree better than the stated noise predicts: it is overstated, or they are not independent",
+            Some(p) if p >= MISJUDGED => "the stated noise is believable",
             Some(_) => "the squared residuals are not finite numbers, so the noise cannot be judged",
         })
     }
@@ -108,6 +108,6 @@ impl GoodnessOfFit {
 
     /// Whether the observations disagree by more than the stated noise.
     pub(super) fn is_too_large(&self) -> bool {
-        self.p.is_some_and(|p| p < DOUBTFUL)
+        self.p.is_some_and(|p| p < MISJUDGED)
     }
 }

@@ -1,11 +1,11 @@
-//! Why observations cannot be used, or give no skin.
+//! Why observations cannot be used or do not give a skin.
 
 use crate::calib::{ContactObservationId, DisplacementId, Model, ObservationId};
 use crate::id::VertexId;
 use crate::skin::{SkinError, TaxelId};
 use crate::sparse::SparseError;
 
-/// Why observations cannot be used, or give no skin.
+/// Why observations cannot be used or do not give a skin.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -43,13 +43,13 @@ pub enum CalibError {
     /// not symmetric.
     #[error("contact {contact} of taxel {id} is not valid: {reason}")]
     InvalidContact { contact: ContactObservationId, id: TaxelId, reason: &'static str },
-    /// An edge or contact does not fit the model: rotations without poses, or the other way round.
+    /// An edge or contact does not fit the model: rotations without poses, or poses without rotations.
     #[error("{observation} of taxel {id} does not fit the {model} model: {needed}")]
     WrongModel { observation: ObservationId, id: TaxelId, model: Model, needed: &'static str },
     #[error("{} taxels are in no observation, first taxel {id}", others + 1)]
     Unobserved { id: TaxelId, others: usize },
     #[error(
-        "the observations do not determine how taxel {id} lies, or their information differs by more than 13 digits"
+        "the observations do not determine the pose of taxel {id}, or their information differs by more than 13 digits"
     )]
     Undetermined { id: TaxelId },
     #[error("{found} poses are compared with {needed} true ones; needed: the same number, and at least one")]
@@ -78,7 +78,7 @@ pub enum CalibError {
     Sparse(SparseError),
 }
 
-/// What keeps triangles between taxels from being a sheet.
+/// Why triangles between taxels are not a sheet.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what is wrong")]
@@ -93,14 +93,14 @@ pub enum SheetDefect {
     OneSided { edge: [TaxelId; 2] },
     #[error("the triangles around taxel {id} do not form one fan")]
     SeveralFans { id: TaxelId },
-    /// Edges that form a closed surface: which of the triangles is the boundary, they do not show.
+    /// Edges that form a closed surface: they do not determine which of the triangles is the boundary.
     #[error("the triangles around taxel {id} close up")]
     Closed { id: TaxelId },
     #[error(transparent)]
     Skin(Box<SkinError>),
 }
 
-/// A number with few digits: whole numbers as they are, very small and large ones with an exponent.
+/// A number with few digits: integers without a point, very small and large numbers with an exponent.
 fn plain(x: f64) -> String {
     if x.fract() == 0.0 && x.abs() < 1e15 { format!("{x}") } else { format!("{x:?}") }
 }

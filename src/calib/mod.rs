@@ -9,9 +9,9 @@
 //! H(t) = 1/2 sum e_ji' Omega_ji e_ji,     e_ji = h_ji(t) - delta_ji
 //! ```
 //!
-//! with `h_ji = t_j - t_i` for positions ([`Model::Positions`]: linear, one solve) or `T_i^-1 T_j`
-//! for poses in SE(3) ([`Model::Poses`]: Gauss-Newton). Contacts with objects at known places add
-//! absolute terms of one taxel.
+//! with `h_ji = t_j - t_i` for positions ([`Model::Positions`]: linear, one solve) or `T_i^-1 T_j` for poses
+//! in SE(3) ([`Model::Poses`]: Gauss-Newton). Contacts with objects at known positions add absolute terms of
+//! one taxel.
 //!
 //! ```text
 //! Observations -- initial poses --> Gauss-Newton on J' W Omega J x = -J' W Omega e --> Calibration --> Skin
@@ -22,16 +22,16 @@
 //! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
 //! 2. Initial poses: chordal relaxation, spanning tree, or given.
 //! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
-//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed
-//!    to a wrong taxel), but only if least squares does not suffice; its documentation shows what
-//!    each stage contributes.
+//! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to a wrong
+//!    taxel), but only if least squares does not suffice; `robust` has a table of what each stage
+//!    contributes.
 //! 5. Covariances of all taxels by selected inversion. The absolute pose of a component without
 //!    contacts is arbitrary; its covariances are those in the centroid gauge ([`Marginals`]).
 //! 6. [`calibrated_skin`] meshes the taxels.
 //!
-//! Guaranteed: the same result on any number of threads, covariances right to first order for the
-//! stated noise, observations that do not determine a taxel are an error that names it. Not
-//! guaranteed: the global minimum, for poses or with outliers.
+//! Guaranteed: the same result on any number of threads, covariances correct to first order for the stated
+//! noise, and an error with the taxel if observations do not determine it. Not guaranteed: the global
+//! minimum, for poses or with outliers.
 //!
 //! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
 //! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
@@ -98,8 +98,8 @@ use solve::{initial::initial_poses, marginals::marginals};
 /// ```
 ///
 /// # Errors
-/// Observations that break a promise ([`Observations::validate`]) or do not determine the pose of a
-/// taxel. A solve that does not converge is not an error: see [`Calibration::termination`].
+/// If observations break a rule ([`Observations::validate`]) or do not determine the pose of a taxel. A solve
+/// that does not converge is not an error: see [`Calibration::termination`].
 pub fn calibrate(observations: &Observations, options: &CalibOptions) -> Result<Calibration, CalibError> {
     calibrate_with(observations, options, Run::default())
 }
@@ -155,7 +155,7 @@ fn estimate(solver: &mut Solver<'_>, start: Poses) -> Result<Solution, CalibErro
 
 fn diagnostics(problem: &Problem<'_>, solution: &Solution) -> PerObservation<ObservationDiagnostics> {
     let Solution { iterate, weights, verdicts, losses, .. } = solution;
-    // Least squares rejects nothing; what it would have to reject is reported all the same.
+    // Least squares rejects nothing, but observations beyond the outlier bound are reported.
     let beyond = (losses.loss == Loss::Squared)
         .then(|| LossFunctions::new(&problem.dimensions, Loss::Truncated).verdicts(&iterate.chi2));
     let weighed = iterate.chi2.zip(weights, |chi2, weight| (chi2, weight));

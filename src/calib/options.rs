@@ -7,17 +7,17 @@ use crate::calib::{CalibError, Loss};
 /// Options of [`calibrate`](crate::calib::calibrate()).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CalibOptions {
-    /// How the error of a relative pose becomes six numbers; unused in the positions model.
+    /// How the error of a relative pose is expressed as six numbers; unused in the positions model.
     pub residual: ResidualConvention,
-    /// The loss function that is minimised, which decides what outliers count: observations that
-    /// their stated noise does not explain.
+    /// The loss function that is minimised. It determines the weight of outliers: observations that their
+    /// stated noise does not explain.
     ///
     /// `None`: least squares first. If its chi-square is too large, or one residual is an outlier,
     /// refit with [`Loss::Truncated`]. The refit is kept only if some rejected observation is an
     /// outlier relative to the median residual of its kind, and at most half of the edges and of the
     /// contacts are rejected.
     pub robust: Option<Loss>,
-    /// Where the optimisation starts.
+    /// The start of the optimisation.
     pub initialization: Initialization,
     /// Most iterations of one minimisation; robust estimation minimises several times.
     pub max_iterations: usize,
@@ -50,17 +50,17 @@ impl CalibOptions {
     }
 }
 
-/// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose becomes six numbers.
+/// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose is expressed as six numbers.
 ///
-/// The same file has a different minimum under each, so every printed cost names its convention.
+/// Each convention has its own minimum, so every printed cost names its convention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ResidualConvention {
-    /// `[dt; Log dR]`: translation and rotation apart.
+    /// `[dt; Log dR]`: translation and rotation separately.
     #[default]
     Split,
-    /// The full logarithm of SE(3), as GTSAM does.
+    /// The full logarithm of SE(3), as in GTSAM.
     Log,
-    /// `[dt; vec(quaternion of dR)]`, half the angle: as g2o does.
+    /// `[dt; vec(quaternion of dR)]`, half the angle: as in g2o.
     Quaternion,
 }
 
@@ -70,13 +70,12 @@ impl fmt::Display for ResidualConvention {
     }
 }
 
-/// Where the optimisation starts. Positions are linear, so that all but
-/// [`Initialization::InitialValues`] are the same there.
+/// The start of the optimisation. The positions model is linear, so there all but
+/// [`Initialization::InitialValues`] are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
-    /// Rotations as if they were free matrices, projected to rotations, then translations: two
-    /// linear systems (martinec2007, carlone2015). Along a spanning tree where
-    /// that has no solution.
+    /// Rotations as if they were free matrices, projected to rotations, then translations: two linear systems
+    /// (martinec2007, carlone2015). Falls back to a spanning tree if that has no solution.
     #[default]
     Chordal,
     /// Observations chained along a breadth-first spanning tree.

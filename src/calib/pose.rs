@@ -3,17 +3,16 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Angles below this use the series of a function of rotations: its closed form loses half of its
-/// digits there.
+/// Below this angle functions of rotations use their series: closed forms lose half of their digits there.
 const SMALL_ANGLE: f64 = 1e-2;
 
 /// How far the squared length of a quaternion may be from 1: files write few digits.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
-/// A rigid frame: where something is and how it is turned.
+/// A rigid frame: position and orientation.
 ///
-/// A pose takes coordinates of its own frame to the frame it is given in: `x -> rotation x +
-/// position`. The default is the identity.
+/// A pose maps coordinates of its own frame to the frame in which it is given: `x -> rotation x + position`.
+/// The default is the identity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
     /// Origin of the frame, in m.
@@ -23,12 +22,12 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A frame at `position`, not turned.
+    /// A frame at `position`, without rotation.
     pub(crate) const fn at(position: DVec3) -> Self {
         Self { position, rotation: DQuat::IDENTITY }
     }
 
-    /// The frame whose coordinates this one takes back: `inverse() * self` is the identity.
+    /// The inverse: `inverse() * self` is the identity.
     pub(crate) fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { position: -(rotation * self.position), rotation }

@@ -1,5 +1,5 @@
-//! The simulated sensor: taxels on the bottom of a sphere, as the end effector of the source
-//! paper's experiment carries them; and which of them are mistaken for others nearby.
+//! The simulated sensor: taxels on the bottom of a sphere, as on the end effector of the source paper's
+//! experiment; and which of them are mistaken for others nearby.
 
 use std::{collections::HashMap, ops::RangeInclusive};
 
@@ -10,14 +10,14 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::numeric::Random;
 
-/// The centre of the disc of lattice points, in spacings: off every symmetry, so that no two points
-/// are equally far.
+/// The centre of the disc of lattice points, in spacings: on no symmetry axis, so that no two points are
+/// equally far.
 const CENTRE: DVec2 = DVec2::new(0.13, 0.07);
 
-/// The part of a sphere that taxels may cover: nearer to the north pole the lattice is torn apart.
+/// How far from the south pole taxels may be, in radii: nearer to the north pole the lattice is torn apart.
 const LARGEST_REACH: f64 = 1.9;
 
-/// Lengths, in m, that a skin can have: what is smaller or larger is a mistake.
+/// Accepted lengths of a skin, in m.
 const LENGTHS: RangeInclusive<f64> = 1e-6..=1e3;
 
 /// Taxels on the bottom of a sphere.
@@ -114,7 +114,7 @@ fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
     Ok(())
 }
 
-/// The lattice cells, row by row, and their places in spacings from the centre of the disc.
+/// The lattice cells, row by row, and their positions in spacings from the centre of the disc.
 fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     // A disc of n points has the radius 0.53 sqrt(n); the axes of the lattice are oblique.
     #[expect(clippy::cast_possible_truncation, reason = "at most 10 million taxels")]
@@ -128,7 +128,7 @@ fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     let mut distances: Vec<f64> = cells.iter().map(|&cell| place(cell).length_squared()).collect();
     distances.sort_unstable_by(f64::total_cmp);
     let farthest = distances[count - 1];
-    // Of those that are equally far the first ones.
+    // Of equally far cells the first ones.
     let mut left = count - distances.partition_point(|&d| d < farthest);
     cells.retain(|&cell| {
         let distance = place(cell).length_squared();
@@ -140,8 +140,8 @@ fn lattice(count: usize) -> (Vec<(i32, i32)>, Vec<DVec2>) {
     (cells, plane)
 }
 
-/// Lambert's projection backwards. With `s = |p| / 2R` the sine of half the polar angle, everything
-/// is algebraic: no system's sines are needed.
+/// The inverse of Lambert's projection. With `s = |p| / 2R` the sine of half the polar angle it is algebraic,
+/// so it does not use the system's sines.
 fn lift(p: DVec2, radius: f64) -> DVec3 {
     let s2 = p.length_squared() / (4.0 * radius * radius);
     let stretch = (1.0 - s2).sqrt();
@@ -158,7 +158,7 @@ fn frame(position: DVec3, radius: f64) -> Pose {
 /// A wrongly attributed displacement leads to a taxel within this distance, in m.
 const MISATTRIBUTION_DISTANCE: f64 = 0.03;
 
-/// Taxels by the cube of space that they are in, as wide as [`MISATTRIBUTION_DISTANCE`].
+/// Taxels by the cube of space in which they are, of side [`MISATTRIBUTION_DISTANCE`].
 #[derive(Debug, Default)]
 pub(super) struct Neighbourhoods(HashMap<IVec3, Vec<VertexId>>);
 
@@ -175,7 +175,7 @@ impl Neighbourhoods {
         (position / MISATTRIBUTION_DISTANCE).floor().as_ivec3()
     }
 
-    /// One of the taxels that the end of an edge may be mistaken for, each with the same chance.
+    /// One of the taxels that may be mistaken for the end of an edge, with equal probability.
     pub(super) fn misattributed(
         &self,
         layout: &SensorLayout,
@@ -183,8 +183,7 @@ impl Neighbourhoods {
         to: VertexId,
         chance: &mut Random,
     ) -> Option<VertexId> {
-        /// A third of the taxels around are near enough, so more than a few draws are hardly ever
-        /// needed.
+        /// A third of the taxels around are near enough, so few draws suffice.
         const DRAWS: usize = 30;
         let here = layout.frames[from].position;
         let is_near = |v: VertexId| {

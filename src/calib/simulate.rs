@@ -1,5 +1,5 @@
-//! The experiment of the source paper's section IV (cannata): a skin whose truth is known, its
-//! displacements and its contacts with a sphere.
+//! The experiment of the source paper's section IV (cannata): a skin of known truth, its displacements and
+//! its contacts with a sphere.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -15,10 +15,10 @@ use crate::mesh::TriMesh;
 use crate::numeric::Random;
 use crate::skin::TaxelId;
 
-/// The experiment of the source paper's section IV, with what can be varied.
+/// Parameters of the experiment of the source paper's section IV.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SimulateOptions {
-    /// What is unknown of every taxel.
+    /// The unknowns of every taxel.
     pub model: Model,
     /// Number of taxels.
     pub taxels: usize,
@@ -45,7 +45,7 @@ pub struct SimulateOptions {
     pub arm_rotation_noise: f64,
     /// Chance that a displacement is attributed to a wrong taxel nearby.
     pub outliers: f64,
-    /// Seed of everything that is drawn at random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -74,7 +74,7 @@ impl Default for SimulateOptions {
 const PROBE: DVec3 = DVec3::new(0.4, 0.1, 0.3);
 const PROBE_RADIUS: f64 = 0.01;
 
-/// The largest noise that is accepted, in m and rad.
+/// The largest accepted noise, in m and rad.
 const MOST_NOISE: f64 = 1e3;
 
 impl SimulateOptions {
@@ -105,24 +105,24 @@ impl SimulateOptions {
     }
 }
 
-/// Observations whose truth is known.
+/// Observations with their truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulation {
-    /// What was observed; ids count from 0. Initial values are the displacements chained from the
-    /// first taxel, which is where it truly is.
+    /// The observations; ids count from 0. Initial values are the displacements chained from the first
+    /// taxel, which has its true pose.
     pub observations: Observations,
-    /// Where the taxels truly are.
+    /// The true poses of the taxels.
     pub truth: IdVec<VertexId, Pose>,
-    /// The skin as it truly is.
+    /// The true skin.
     pub mesh: TriMesh,
     /// The displacements that were attributed to a wrong taxel.
     pub outliers: Vec<DisplacementId>,
 }
 
-/// Noise that observations without noise state, in m and rad: they have to state some.
+/// Noise that is stated for observations without noise, in m and rad.
 const NO_NOISE: f64 = 1e-3;
 
-/// Less noise than this is not stated, in m and rad: files of observations do not take it.
+/// Least stated noise, in m and rad: files of observations do not accept less.
 const LEAST_STATED: f64 = 1e-9;
 
 /// Streams of random numbers: one for each source.
@@ -182,7 +182,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
     Ok(Simulation { observations, mesh: layout.mesh(), truth: layout.frames, outliers })
 }
 
-/// The information that observations with this noise state.
+/// The stated information of observations with this noise.
 fn information_of_noise(noise: f64) -> f64 {
     if noise > 0.0 { noise.max(LEAST_STATED).powi(-2) } else { NO_NOISE.powi(-2) }
 }
@@ -259,10 +259,10 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
 /// Touches the probe with the taxel of normal `n` from a random direction: the contact forward
 /// model of section IV.
 ///
-/// A contact along `u` (from the probe to the end effector) means an end-effector rotation
-/// with `Q n = -u` and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is
-/// observed at `Q' (c_b + r_b u - o)`. Returns its position and normal in the frame of the end
-/// effector, as the arm believes them.
+/// A contact along `u` (from the probe to the end effector) means an end-effector rotation with `Q n = -u`
+/// and centre `o = c_b + (R + r_b - depth) u`; the contact `c_b + r_b u` is observed at `Q' (c_b + r_b u -
+/// o)`. Returns its position and normal in the frame of the end effector, as measured with the noise of the
+/// arm.
 fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> [DVec3; 2] {
     let depth = options.indentation;
     let u = arm.direction();

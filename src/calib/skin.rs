@@ -15,28 +15,28 @@ use crate::{
     },
 };
 
-/// A skin made of calibrated taxels, and what became of the others.
+/// A skin of calibrated taxels, and the taxels that are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedSkin {
     /// The skin: one patch for each connected sheet, on one link at the origin.
     pub skin: Skin,
     /// Taxels that no triangle uses: they are left out of the skin.
     pub left_out: Vec<VertexId>,
-    /// What else [`assemble`] changed; vertices are those of the observations.
+    /// Other changes by [`assemble`]; vertices are those of the observations.
     pub remarks: Vec<Remark>,
-    /// Patches of which nothing determined the outside: away from the origin is assumed.
+    /// Patches whose outside is not determined: it is assumed away from the origin.
     pub assumed: usize,
     /// Patches whose given triangles were inside out and were reversed.
     pub turned: usize,
 }
 
-/// Meshes calibrated taxels with the triangles given, or with those that their edges form.
+/// Meshes calibrated taxels with given triangles, or with those that their edges form.
 ///
-/// Normals are those of the triangles in the positions model, which gives no tangents; in the poses
-/// model they are the z axes of the taxel frames, and tangents the x axes. The outside of each sheet
-/// is where its taxel frames or contact normals point; without either, as given triangles are wound;
-/// without these, away from the origin. Edges without information form no triangle. Rejected edges
-/// do, unless the triangles are then not a surface.
+/// Normals are those of the triangles in the positions model, which gives no tangents; in the poses model
+/// they are the z axes of the taxel frames, and tangents the x axes. The outside of each sheet is where its
+/// taxel frames or contact normals point; without either, the outside of given triangles; without these, away
+/// from the origin. Edges without information form no triangle. Rejected edges do, unless the triangles are
+/// not a surface then.
 ///
 /// ```
 /// use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, calibrated_skin, simulate};
@@ -51,9 +51,9 @@ pub struct CalibratedSkin {
 /// ```
 ///
 /// # Errors
-/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of
-/// the edges, are not an orientable manifold or there are none; triangles of the edges must not
-/// close up either.
+/// [`CalibError::BadTriangles`] and [`CalibError::NoTriangulation`] if given triangles, or those of the
+/// edges, are not an orientable manifold or there are none; triangles of the edges must not form a closed
+/// surface either.
 pub fn calibrated_skin(
     calibration: &Calibration,
     observations: &Observations,
@@ -118,8 +118,7 @@ fn turn_to(patch: &mut Patch, outside: &IdVec<VertexId, DVec3>) -> bool {
     is_inside_out
 }
 
-/// The skin of all taxels with these triangles, or what keeps them from being one, in the ids of
-/// the taxels.
+/// The skin of all taxels with these triangles, or why they are not one, in the ids of the taxels.
 fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assembled, SheetDefect> {
     let (ids, taxels) = (&calibration.ids, calibration.ids.len());
     if let Some(&vertex) = faces.iter().flatten().find(|v| v.index() >= taxels) {
@@ -161,7 +160,7 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
 fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<Assembled, SheetDefect> {
     let of = |counts: &dyn Fn(DisplacementId) -> bool| -> Result<Assembled, SheetDefect> {
         let made = assembled(calibration, &edge_triangles(&calibration.ids, observations, counts)?)?;
-        // Which of the triangles is the boundary, edges do not show.
+        // Edges do not determine which of the triangles is the boundary.
         let is_closed = |patch: &&Patch| {
             Edges::new(&patch.mesh.triangles, patch.mesh.positions.len()).iter().all(|e| e.len() == 2)
         };
@@ -175,14 +174,14 @@ fn of_edges(calibration: &Calibration, observations: &Observations) -> Result<As
     if all.is_ok() || rejected.is_empty() { all } else { of(&|e| !rejected.contains(&e)) }
 }
 
-/// All triples of taxels that edges with information that `counts` picks join pairwise, each once,
-/// corners ascending.
+/// All triples of taxels that are joined pairwise by edges with information for which `counts` is true, each
+/// once, corners ascending.
 fn edge_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,
 ) -> Result<Vec<[VertexId; 3]>, SheetDefect> {
-    // Later neighbours of every taxel, ascending.
+    // Neighbours of every taxel with larger ids, ascending.
     let mut later: IdVec<VertexId, Vec<VertexId>> = observations.taxels.map(|_| Vec::new());
     for (_, edge) in observations.edges.enumerate().filter(|(id, e)| counts(*id) && e.is_observed()) {
         later[edge.from.min(edge.to)].push(edge.from.max(edge.to));
@@ -208,7 +207,7 @@ fn edge_triangles(
     Ok(triangles)
 }
 
-/// The outward direction of every taxel; zero where none is known.
+/// The outward direction of every taxel; zero if unknown.
 fn known_normals(calibration: &Calibration, observations: &Observations) -> IdVec<VertexId, DVec3> {
     if calibration.model == Model::Poses {
         return calibration.poses.map(|p| p.rotation * DVec3::Z);

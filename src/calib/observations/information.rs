@@ -4,16 +4,16 @@ use glam::DMat3;
 
 use crate::numeric::{Matrix6, symmetric_eigen};
 
-/// How far below zero an eigenvalue of a matrix with ones on its diagonal may lie: files round what
-/// was exactly semi-definite.
+/// How far below zero an eigenvalue of a matrix with ones on its diagonal may be: files round exactly
+/// semi-definite matrices.
 const ROUNDING: f64 = 1e-8;
 
-/// How far below zero an entry on the diagonal may lie, over the largest entry: an inverse of a
-/// covariance leaves no more.
+/// How far below zero an entry on the diagonal may be, over the largest entry: the rounding of an inverted
+/// covariance.
 const DIAGONAL_ROUNDING: f64 = 1e-13;
 
-/// Sum of a row with its diagonal over the diagonal, below which no correlation hides a direction.
-const WEAK: f64 = 1.5;
+/// If the absolute sums of all rows are at most this multiple of the diagonal, correlations do not remove a direction.
+const WEAK_CORRELATION: f64 = 1.5;
 
 /// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its
 /// diagonal.
@@ -53,7 +53,7 @@ impl<const N: usize> Information<N> {
         (0..N).flat_map(move |i| (i..N).map(move |j| self.0[i][j]))
     }
 
-    /// The value it has in every direction, if it is the same in all and nothing is correlated.
+    /// Its value in every direction, if that is the same and nothing is correlated.
     pub(crate) fn as_isotropic(&self) -> Option<f64> {
         let value = self.0[0][0];
         (*self == Self::diagonal([value; N])).then_some(value)
@@ -73,9 +73,9 @@ impl<const N: usize> Information<N> {
         values
     }
 
-    /// The matrix with its diagonal scaled to one, which takes the units out: metres and radians
-    /// may differ by any factor. Rows that observe nothing become zero. `None` where the diagonal
-    /// alone shows an eigenvalue below zero, or an entry is not finite.
+    /// The matrix with its diagonal scaled to one, which removes the units: metres and radians may differ by
+    /// any factor. Rows that observe nothing become zero. `None` if a diagonal entry is negative, or an entry
+    /// is not finite.
     fn correlations(&self) -> Option<[[f64; N]; N]> {
         let m = &self.0;
         let largest = m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -95,7 +95,7 @@ impl<const N: usize> Information<N> {
         Some(std::array::from_fn(|i| std::array::from_fn(|j| m[i][j] * scale[i] * scale[j])))
     }
 
-    /// Whether it is symmetric but for a file's rounding.
+    /// Whether it is symmetric up to a file's rounding.
     pub(super) fn is_symmetric(&self) -> bool {
         let m = &self.0;
         (0..N).all(|i| {
@@ -110,7 +110,7 @@ impl<const N: usize> Information<N> {
 
     /// Whether all entries are finite and no eigenvalue is negative by more than a file's rounding.
     pub(crate) fn is_positive_semidefinite(&self) -> bool {
-        // A diagonally dominant matrix needs no eigenvalues; most files contain nothing else.
+        // A diagonally dominant matrix needs no eigenvalues; most matrices of files are.
         let is_dominant = |i: usize| {
             let sum = self.0[i].iter().map(|x| x.abs()).sum::<f64>();
             sum.is_finite() && 2.0 * self.0[i][i] >= sum
@@ -133,15 +133,14 @@ impl<const N: usize> Information<N> {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))))
     }
 
-    /// Number of directions that are observed at all.
+    /// Number of directions that are observed.
     pub(crate) fn rank(&self) -> usize {
         if let Some(value) = self.as_isotropic() {
             return if value > 0.0 { N } else { 0 };
         }
         let Some(c) = self.correlations() else { return 0 };
-        // Weak correlations leave every direction that is observed (Gershgorin); most files contain
-        // nothing else.
-        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK * c[i][i];
+        // Weak correlations do not reduce the rank (Gershgorin); most matrices of files have no others.
+        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK_CORRELATION * c[i][i];
         if (0..N).all(is_weak) {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
         }

@@ -1,5 +1,5 @@
-//! What was observed of the taxels: plain data, the promises that a solve relies on, and the components of the
-//! graph of taxels and displacements.
+//! Observations of the taxels: plain data, the rules that a solve relies on, and the components of the graph
+//! of taxels and displacements.
 
 pub(super) mod information;
 mod validate;
@@ -71,7 +71,7 @@ impl<T: Copy> PerObservation<T> {
     }
 }
 
-/// What is unknown of a taxel.
+/// The unknowns of a taxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Model {
     /// Its position: a linear problem.
@@ -96,7 +96,7 @@ impl Model {
     }
 }
 
-/// What was observed between two taxels `i` and `j`.
+/// The measurement between two taxels `i` and `j`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DisplacementMeasurement {
     /// `t_j - t_i`, in m, in the common frame: the positions model.
@@ -110,7 +110,7 @@ pub enum DisplacementMeasurement {
     Relative(Box<PoseMeasurement>),
 }
 
-/// A pose as it was observed: of taxel `j` in the frame of taxel `i`, or of a fixed frame.
+/// An observed pose: of taxel `j` in the frame of taxel `i`, or of a fixed frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseMeasurement {
     /// The pose.
@@ -127,12 +127,12 @@ pub struct Displacement {
     pub from: VertexId,
     /// Taxel `j`.
     pub to: VertexId,
-    /// What was observed.
+    /// The measurement.
     pub measurement: DisplacementMeasurement,
 }
 
 impl Displacement {
-    /// Whether it has any information; an edge without any joins nothing.
+    /// Whether it has any information; an edge without information joins nothing.
     pub(crate) fn is_observed(&self) -> bool {
         match &self.measurement {
             DisplacementMeasurement::Offset { information, .. } => {
@@ -150,16 +150,16 @@ impl Displacement {
     }
 }
 
-/// An absolute observation of one taxel: it touched something whose place is known.
+/// An absolute observation of one taxel: it touched an object of known position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactObservation {
     /// The taxel.
     pub taxel: VertexId,
-    /// What was observed.
+    /// The measurement.
     pub measurement: ContactMeasurement,
 }
 
-/// What a contact measures of a taxel.
+/// The measurement of a contact.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ContactMeasurement {
     /// Its position.
@@ -185,7 +185,7 @@ pub enum ContactMeasurement {
     Pose {
         /// The fixed frame in that of the taxel.
         offset: Pose,
-        /// Where the fixed frame was observed.
+        /// The observed pose of the fixed frame.
         seen: Box<PoseMeasurement>,
     },
 }
@@ -206,11 +206,11 @@ impl ContactMeasurement {
 /// One unknown taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaxelVariable {
-    /// The vendor's number; unique here.
+    /// The vendor's id; unique here.
     pub id: TaxelId,
-    /// Its initial pose, if there is one. Orientation is the identity in the positions model.
+    /// Its initial pose, if there is one. The orientation is the identity in the positions model.
     pub initial: Option<Pose>,
-    /// Whether `initial` is known exactly: an anchor that does not move.
+    /// Whether `initial` is exact: an anchor that does not move.
     pub fixed: bool,
 }
 
@@ -218,7 +218,7 @@ pub struct TaxelVariable {
 /// (cannata).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observations {
-    /// What is unknown of every taxel.
+    /// The unknowns of every taxel.
     pub model: Model,
     /// The taxels.
     pub taxels: IdVec<VertexId, TaxelVariable>,
@@ -285,8 +285,8 @@ pub(crate) struct Component {
     pub(crate) gauge: VertexId,
 }
 
-/// The connected components of the graph of edges that have information and that `counts` picks, in
-/// the order of their first taxels; and the index of the component of every taxel.
+/// The connected components of the graph of edges with information for which `counts` is true, in the order
+/// of their first taxels; and the index of the component of every taxel.
 pub(crate) fn components(
     observations: &Observations,
     counts: impl Fn(DisplacementId) -> bool,

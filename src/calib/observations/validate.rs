@@ -1,5 +1,5 @@
-//! Checks of everything that a solve relies on, and what public pose graphs lack of it, repaired on
-//! request: information that is not positive semi-definite.
+//! Checks of everything that a solve relies on, and a repair of information that is not positive
+//! semi-definite, which public pose graphs contain.
 
 use std::collections::HashSet;
 
@@ -14,7 +14,7 @@ impl Observations {
     /// Checks everything that [`crate::calib::calibrate`] relies on.
     ///
     /// # Errors
-    /// The first broken promise: which element, what was found, what is needed.
+    /// The first broken rule, with the element.
     pub fn validate(&self) -> Result<(), CalibError> {
         let observations = self.edges.len() + self.contacts.len();
         if self.taxels.is_empty() || observations == 0 {
@@ -177,7 +177,7 @@ fn judged<const N: usize>(information: &Information<N>) -> (bool, bool) {
     (information.is_symmetric(), information.is_positive_semidefinite())
 }
 
-/// Whether information was indefinite; then it is clipped.
+/// Clips indefinite information; returns whether it was indefinite.
 fn clip<const N: usize>(information: &mut Information<N>) -> bool {
     let is_indefinite = information.is_indefinite();
     if is_indefinite {

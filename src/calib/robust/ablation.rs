@@ -1,4 +1,4 @@
-//! The table of what each stage contributes, printed for the documentation of this module.
+//! Prints the table of what each stage contributes, for the documentation of this module.
 #![allow(clippy::print_stdout, reason = "it prints a table")]
 
 use super::{Solution, automatic, robust_fit};

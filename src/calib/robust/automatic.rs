@@ -1,13 +1,12 @@
-//! The stages in their order ([`robust_fit`]), and stage 3: whether robust estimation is needed at
-//! all, and at which noise scale: how much larger the residuals of most observations are than their
-//! stated noise predicts, by the median (rousseeuw1987).
+//! The stages in their order ([`robust_fit`]), and stage 3: whether robust estimation is needed, and at which
+//! noise scale: the ratio of the residuals of most observations to those that their stated noise predicts, by
+//! the median (rousseeuw1987).
 //!
-//! Least squares first. If its chi-square is too large or one residual is an outlier, refit with
-//! truncated least squares. If the scale of the residuals is then larger than stated, the noise is
-//! understated: estimate the scale again with bounds that are wider by it, and refit with those.
-//! *Heuristic*: further rounds of that estimate change the RMSE by less than 0.2 % up to 20 % wrong
-//! edges. The refit is kept only if it found an outlier that is one at any scale, and left most
-//! observations.
+//! Least squares first. If its chi-square is too large or one residual is an outlier, refit with truncated
+//! least squares. If the scale of the residuals is then larger than stated, the noise is understated:
+//! estimate the scale again with bounds that are wider by it, and refit with those. *Heuristic*: further
+//! rounds of that estimate change the RMSE by less than 0.2 % up to 20 % wrong edges. The refit is kept only
+//! if it found an observation that is an outlier at any scale, and rejected at most half.
 
 use crate::{
     calib::{
@@ -18,7 +17,7 @@ use crate::{
     numeric::{nth_smallest, quantile},
 };
 
-/// Share of the edges, or of the contacts, that can be wrong for the others to decide.
+/// Largest share of the edges, or of the contacts, that may be rejected.
 const MOST_REJECTED: f64 = 0.5;
 
 /// Least squares, or truncated least squares where it finds outliers.
@@ -29,25 +28,25 @@ pub(crate) fn automatic(solver: &mut Solver<'_>, start: Poses) -> Result<Solutio
     }
     match refit(solver, &plain) {
         Ok(Some(refit)) => Ok(refit),
-        // Or a taxel depends on what was rejected: then nothing decides.
+        // If a taxel depends on rejected observations, least squares is kept.
         Ok(None) | Err(CalibError::Undetermined { .. }) => Ok(plain),
         Err(other) => Err(other),
     }
 }
 
-/// Whether least squares leaves more than the stated noise explains, or one observation is an
+/// Whether the residuals of least squares are larger than the stated noise explains, or one observation is an
 /// outlier.
 fn is_doubtful(solver: &Solver<'_>, plain: &Solution) -> bool {
     if !plain.termination.is_converged() {
         return true;
     }
     let (dimensions, chi2) = (&solver.problem.dimensions, &plain.iterate.chi2);
-    // Where every square is within its bound there is nothing to reject.
+    // If every square is within its bound there is nothing to reject.
     if LossFunctions::new(dimensions, Loss::Truncated).worst(chi2) <= 1.0 {
         return false;
     }
     let fit = goodness_of_fit(solver, plain);
-    // Fitting makes the squares of all smaller.
+    // Fitting reduces all squares.
     let leverage = fit.redundancy();
     fit.is_too_large()
         || fit.degrees_of_freedom > 0 && has_outlier(dimensions, leverage, chi2, &plain.verdicts, |_| true)
@@ -59,7 +58,7 @@ fn refit(solver: &mut Solver<'_>, plain: &Solution) -> Result<Option<Solution>, 
     let stated = LossFunctions::new(&solver.problem.dimensions, Loss::Truncated);
     let mut found = robust_fit(solver, start(), &stated)?;
     if found.termination == Termination::OutOfIterations {
-        // There is doubt, and no means to resolve it.
+        // The doubt cannot be resolved.
         return Ok(Some(found));
     }
     let scale = Scale::of(solver, &found);
@@ -69,7 +68,7 @@ fn refit(solver: &mut Solver<'_>, plain: &Solution) -> Result<Option<Solution>, 
         let wide = robust_fit(solver, start(), &scale.of_losses(&stated))?;
         let mut both = wide.verdicts.edges.iter().zip(&found.verdicts.edges);
         let is_torn = both.any(|(&wide, &stated)| wide != Verdict::Inlier && stated == Verdict::Inlier);
-        // Contacts that contradict each other make outliers of edges that agree without them.
+        // Contradicting contacts turn edges that agree without them into outliers.
         if scale.is_as_stated_of_edges() && is_torn {
             return Ok(None);
         }
@@ -78,12 +77,11 @@ fn refit(solver: &mut Solver<'_>, plain: &Solution) -> Result<Option<Solution>, 
     Ok(is_better(solver, &found, plain).then_some(found))
 }
 
-/// Whether the refit rejected an outlier, and left enough to decide. Where nothing is wrong but the
-/// stated noise, what is rejected is not an outlier relative to the others.
+/// Whether the refit rejected an outlier, and kept enough observations. If only the stated noise is wrong,
+/// rejected observations are not outliers relative to the others.
 fn is_better(solver: &Solver<'_>, found: &Solution, plain: &Solution) -> bool {
     let fit = goodness_of_fit(solver, found);
-    // Fitting makes the squares of the others smaller, and those of what was rejected as much
-    // larger.
+    // Fitting reduces the squares of inliers, and enlarges those of rejected observations by the same factor.
     let leverage = fit.redundancy() * fit.redundancy();
     let is_rejected = |v: Verdict| v != Verdict::Inlier;
     let (dimensions, chi2) = (&solver.problem.dimensions, &found.iterate.chi2);
@@ -94,8 +92,8 @@ fn is_better(solver: &Solver<'_>, found: &Solution, plain: &Solution) -> bool {
             || has_outlier(dimensions, leverage, chi2, &found.verdicts, is_rejected))
 }
 
-/// The best fit under `losses`: stage 1, and again with what the length prior learned from it; then
-/// taxels that lost all their edges are connected again.
+/// The best fit under `losses`: stage 1, and again with the length prior learned from it; then taxels that
+/// lost all their edges are reconnected.
 pub(crate) fn robust_fit(
     solver: &mut Solver<'_>,
     start: Poses,
@@ -110,15 +108,15 @@ pub(crate) fn robust_fit(
     if fit.termination.is_converged() { connected(solver, fit, losses) } else { Ok(fit) }
 }
 
-/// Weight of rejected edges where nothing else joins two components: too small to bend the
-/// surroundings, large enough for a covariance about as wide as the contradiction.
+/// Weight of rejected edges that alone join two components: too small to distort the surroundings, large
+/// enough for a covariance about as large as the contradiction.
 const JOINING_WEIGHT: f64 = 1e-3;
 
-/// Joins components that lost all edges to the rest: edges between them within the bounds of
-/// `losses`, whatever their lengths, become inliers, and the other ones get a small weight.
+/// Joins components that lost all edges to the rest: edges between them within the bounds of `losses` become
+/// inliers, whatever their lengths, and the others get a small weight.
 ///
-/// This changes no RMSE, but covariances: a single taxel without any edge would have a sigma of
-/// 10 m, and in the centroid gauge all others would share in it.
+/// This does not change the RMSE, but covariances: a single taxel without any edge would have a sigma of 10
+/// m, and in the centroid gauge this would affect all others.
 fn connected(
     solver: &mut Solver<'_>,
     mut fit: Solution,
@@ -151,14 +149,13 @@ fn connected(
     Ok(fit)
 }
 
-/// A scale up to this does not show understated noise: the median doubles where 40 % of the edges
-/// are wrong.
+/// A scale up to this is no evidence of understated noise: the median doubles if 40 % of the edges are wrong.
 const AS_STATED: f64 = 2.5;
 
 /// Probability that noise alone makes one of all observations an outlier at any scale.
-const BY_CHANCE: f64 = 1e-3;
+const FALSE_ALARM: f64 = 1e-3;
 
-/// How much larger squared residuals are than the stated noise predicts: 1 where it is right.
+/// Ratio of squared residuals to those that the stated noise predicts: 1 if it is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Scale {
     edges: f64,
@@ -170,12 +167,12 @@ impl Scale {
     fn of(solver: &Solver<'_>, solution: &Solution) -> Self {
         let redundancy = goodness_of_fit(solver, solution).redundancy();
         let median = median_scale(&solver.problem.dimensions, &solution.iterate.chi2);
-        // Fitting makes squared residuals smaller.
+        // Fitting reduces squared residuals.
         let scale = |median: f64| (median * redundancy).max(1.0);
         Self { edges: scale(median.edges), contacts: scale(median.contacts) }
     }
 
-    /// Whether the stated noise is right as far as a median can show.
+    /// Whether the median is consistent with the stated noise.
     fn is_as_stated(self) -> bool {
         self.is_as_stated_of_edges() && self.contacts <= AS_STATED
     }
@@ -207,10 +204,10 @@ fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Sc
     Scale { edges: median(&relative.edges), contacts: median(&relative.contacts) }
 }
 
-/// Whether the squared residual of an observation that `suspects` picks exceeds
-/// `leverage * median scale * chi-square quantile`. Does not depend on the stated noise.
+/// Whether the squared residual of an observation for which `suspects` is true exceeds `leverage * median
+/// scale * chi-square quantile`. Does not depend on the stated noise.
 ///
-/// The `leverage` is that by which fitting separates suspects from the others.
+/// `leverage` is the factor by which fitting separates suspects from the others.
 fn has_outlier(
     dimensions: &PerObservation<usize>,
     leverage: f64,
@@ -219,10 +216,10 @@ fn has_outlier(
     suspects: impl Fn(Verdict) -> bool,
 ) -> bool {
     let count = dimensions.iter().filter(|&n| n > 0).count() as f64;
-    let largest = quantiles(dimensions, 1.0 - BY_CHANCE / count);
+    let largest = quantiles(dimensions, 1.0 - FALSE_ALARM / count);
     let scale = median_scale(dimensions, chi2);
     let bounds = dimensions.map(|n| if n > 0 { leverage * largest[n] } else { f64::INFINITY });
-    // The squares of suspects over their bounds at scale 1; others exceed none.
+    // The squares of suspects over their bounds at scale 1; 0 for the others.
     let suspected = chi2.zip(verdicts, |chi2, verdict| if suspects(verdict) { chi2 } else { 0.0 });
     let shares = suspected.zip(&bounds, |chi2, bound| chi2 / bound);
     shares.edges.iter().any(|&x| x > scale.edges) || shares.contacts.iter().any(|&x| x > scale.contacts)

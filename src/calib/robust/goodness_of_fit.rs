@@ -1,8 +1,8 @@
 //! Goodness of fit: the chi-square test of the inliers.
 //!
-//! Inliers are inliers because their squares are below a bound, so they have smaller squares than
-//! all: their sum is compared with its mean under that bound, that of the truncated chi-square
-//! density, `k F_{k+2}(b) / F_k(b)` for `k` numbers and the bound `b`.
+//! The squares of inliers are below a bound, so they are smaller than those of all observations: their sum is
+//! compared with its mean under that bound, that of the truncated chi-square density, `k F_{k+2}(b) / F_k(b)`
+//! for `k` numbers and the bound `b`.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ pub(crate) fn goodness_of_fit(solver: &Solver<'_>, solution: &Solution) -> Goodn
     let observations = problem.observations;
     let (chi2, bounds) = (&solution.iterate.chi2, &solution.losses.of);
     let mut sums = Sums::default();
-    // A taxel all of whose observations were rejected is neither observed nor unknown.
+    // A taxel whose observations were all rejected is neither observed nor unknown.
     let mut seen = observations.taxels.map(|_| false);
     let is_inlier = |v: Verdict| v == Verdict::Inlier;
     for (id, edge) in observations.edges.enumerate().filter(|(id, _)| is_inlier(verdicts.edges[*id])) {

@@ -1,11 +1,11 @@
 //! Stage 2, *heuristic* (empirical Bayes): learns from the first verdicts which lengths outliers
 //! have, and scales the bounds of the edges accordingly.
 //!
-//! Taxels that touch one after the other are neighbours, so correct displacements are alike; a
-//! contact that is attributed to another taxel makes a displacement of any length. On a taxel with
-//! three edges of which two are wrong, nothing else decides. The log odds of an edge are those
-//! among the edges next to it in length, minus those among all: no shape of either distribution is
-//! assumed, and where outliers are as long as inliers, the odds are near zero.
+//! Taxels that are touched in sequence are neighbours, so correct displacements have similar lengths; a
+//! contact that is attributed to another taxel makes a displacement of any length. On a taxel with three
+//! edges of which two are wrong, only the lengths decide. The log odds of an edge are those among the edges
+//! of similar length, minus those among all: no shape of either distribution is assumed, and if outliers are
+//! as long as inliers, the odds are near zero.
 
 use crate::calib::{
     DisplacementId, DisplacementMeasurement, INLIER_SHARE, LossFunctions, Observations, PerObservation,
@@ -14,21 +14,20 @@ use crate::calib::{
 use crate::id::IdVec;
 use crate::numeric::argsort;
 
-/// How much likelier than others each edge is to be an inlier, as the logarithm of the ratio of
-/// odds.
+/// For each edge the logarithm of its odds of being an inlier over the odds of all edges.
 pub(crate) type LogOdds = IdVec<DisplacementId, f64>;
 
-/// Edges of about the same length that are counted on either side. From 10 to 25 the accuracy at 20
-/// % wrong edges is the same to half a percent.
+/// Edges of similar length that are counted on either side. From 10 to 25 the accuracy at 20 % wrong edges is
+/// the same within half a percent.
 const NEIGHBOURS: usize = 20;
 
-/// The squared bound of an edge is scaled within these limits: lengths may speak for
-/// an edge or against it, but its residual counts, too.
+/// The squared bound of an edge is scaled within these limits, so that its residual counts as well as its
+/// length.
 const MIN_FACTOR: f64 = 0.07;
 const MAX_FACTOR: f64 = 2.0;
 
-/// The log odds of every edge after a first solution; `None` if no more were rejected than noise
-/// alone makes.
+/// The log odds of every edge after a first solution; `None` if no more were rejected than noise alone
+/// explains.
 pub(crate) fn length_prior(
     observations: &Observations,
     verdicts: &PerObservation<Verdict>,
@@ -50,7 +49,7 @@ pub(crate) fn length_prior(
     let share = inliers as f64 / edges as f64;
     let mut odds = observations.edges.map(|_| 0.0);
     for (k, &e) in by_length.iter().enumerate() {
-        // At either end as many, those that are nearest in rank.
+        // Near the ends the same number, those nearest in rank.
         let first = k.saturating_sub(NEIGHBOURS).min(edges.saturating_sub(2 * NEIGHBOURS + 1));
         let end = (first + 2 * NEIGHBOURS + 1).min(edges);
         // An edge is not evidence for itself; one more with the odds of all keeps the odds finite.
@@ -62,15 +61,15 @@ pub(crate) fn length_prior(
     Some(odds)
 }
 
-/// The losses with the bounds of edges scaled by what `odds` make of them.
+/// The losses with the bounds of edges scaled by `odds`.
 pub(crate) fn with_odds(losses: &LossFunctions, odds: &LogOdds) -> LossFunctions {
     losses.scaled(|e| bound_factor(odds[e], losses.of.edges[e].outlier2), 1.0)
 }
 
 /// The factor of a squared `bound` that follows from log odds.
 ///
-/// An edge of squared residual `s` is an inlier with odds proportional to `exp(odds - s / 2)`: log
-/// odds weigh as much as twice that of squared residual.
+/// An edge of squared residual `s` is an inlier with odds proportional to `exp(odds - s / 2)`: log odds are
+/// equivalent to twice that in squared residual.
 fn bound_factor(odds: f64, bound: f64) -> f64 {
     (1.0 + 2.0 * odds / bound).clamp(MIN_FACTOR, MAX_FACTOR)
 }

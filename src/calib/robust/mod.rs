@@ -2,12 +2,12 @@
 //!
 //! In the order of the stages:
 //!
-//! 1. `solution`: truncated least squares by graduated non-convexity (yang2020), a schedule of the
-//!    optimiser in `solve`; or another loss, from the minimum of Huber's.
-//! 2. `length_prior`: learns from the first verdicts which lengths outliers have; stage 1 runs again
-//!    with bounds that follow (*heuristic*, empirical Bayes).
-//! 3. `automatic`: least squares if it suffices, else stages 1 and 2, with the noise that it
-//!    estimates where the stated noise is too small; `goodness_of_fit` judges both.
+//! 1. `solution`: truncated least squares by graduated non-convexity (yang2020), a schedule of the optimiser
+//!    in `solve`; or another loss, from the minimum of Huber's loss.
+//! 2. `length_prior`: learns from the first verdicts which lengths outliers have; stage 1 runs again with the
+//!    resulting bounds (*heuristic*, empirical Bayes).
+//! 3. `automatic`: least squares if it suffices, else stages 1 and 2, with an estimated noise if the stated
+//!    one is too small; `goodness_of_fit` judges both.
 //!
 //! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the
 //! simulated skin of 500 taxels with 1 mm noise, by the share of wrong edges. From
@@ -22,11 +22,11 @@
 //! automatic, with noise scale 1.14   1.18   1.53   3.52    1.14   1.19   1.78   6.33
 //! ```
 //!
-//! Least squares is best while nothing is wrong; the length prior contributes most; and only the
-//! estimated scale copes with understated noise. Where 40 % are wrong *and* the noise is understated,
-//! the median cannot separate them. Two more stages were tried and left out: coordinate descent over
-//! the poses that rejected edges predict, and a small weight for all edges of a taxel that
-//! contradict each other. Together they gave 1.47 instead of 1.53 at 20 %.
+//! Least squares is best while nothing is wrong; the length prior contributes most; and only the estimated
+//! scale handles understated noise. Where 40 % are wrong *and* the noise is understated, the median cannot
+//! separate them. Two more stages are left out, since together they gave only 1.47 instead of 1.53 at 20 %:
+//! coordinate descent over the poses that rejected edges predict, and a small weight for all edges of a taxel
+//! that contradict each other.
 
 #[cfg(test)]
 mod ablation;

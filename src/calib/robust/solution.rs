@@ -1,12 +1,12 @@
-//! What a stage of robust estimation hands to the next: poses, and a verdict on every observation;
-//! and stage 1, the minimum of a loss that is not convex.
+//! The result of a stage of robust estimation: poses, and a verdict on every observation; and stage 1, the
+//! minimum of a loss that is not convex.
 
 use crate::calib::{
     CalibError, Iterate, Loss, LossFunctions, PerObservation, Poses, Solver, Termination, Verdict, Weighting,
     robust::length_prior::{LogOdds, with_odds},
 };
 
-/// Poses with the verdicts and weights that they were found with.
+/// Poses with their verdicts and weights.
 #[derive(Debug, Clone)]
 pub(crate) struct Solution {
     pub(crate) iterate: Iterate,
@@ -17,8 +17,7 @@ pub(crate) struct Solution {
     pub(crate) termination: Termination,
 }
 
-/// Control at which a residual of a million bounds still counts: larger ones may be rejected at
-/// once.
+/// Control with which a residual of a million bounds still has weight; larger ones may be rejected at once.
 const FIRST_CONTROL: f64 = 1e-12;
 
 impl Solution {
@@ -50,9 +49,9 @@ impl Solution {
 
     /// Stage 1: a minimum of the sum of `losses`, their bounds scaled by `odds` if there are any.
     ///
-    /// Truncated least squares by graduated non-convexity (algorithm 1 of yang2020), started from
-    /// least squares. Tukey's loss from the minimum of Huber's loss, which is the only one that loss
-    /// has. Neither guarantees the global minimum.
+    /// Truncated least squares by graduated non-convexity (algorithm 1 of yang2020), started from least
+    /// squares. Tukey's loss is started from the minimum of Huber's loss, which is unique. Neither guarantees
+    /// the global minimum.
     pub(crate) fn graduated(
         solver: &mut Solver<'_>,
         start: Poses,
@@ -77,7 +76,7 @@ impl Solution {
     fn truncated(solver: &mut Solver<'_>, start: Poses, losses: &LossFunctions) -> Result<Self, CalibError> {
         let plain = Self::least_squares(solver, start)?;
         let worst = losses.worst(&plain.iterate.chi2);
-        // Nothing moves, or everything fits: nothing to reject. Or not even the worst has a number.
+        // Nothing to reject, since nothing moves or everything fits; or a residual is not finite.
         if solver.problem.moving() == 0 || worst <= 1.0 || !worst.is_finite() {
             return Ok(Self { losses: losses.clone(), ..plain });
         }
@@ -91,7 +90,7 @@ impl Solution {
         Self::of_losses(solver, iterate.poses, losses)
     }
 
-    /// Whether no more than this `share` of the edges was rejected, and of the contacts.
+    /// Whether at most this `share` of the edges, and of the contacts, was rejected.
     pub(crate) fn rejects_at_most(&self, share: f64) -> bool {
         let few = |verdicts: &[Verdict]| {
             let rejected = verdicts.iter().filter(|&&v| v != Verdict::Inlier).count();

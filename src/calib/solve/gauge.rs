@@ -1,8 +1,8 @@
-//! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the
-//! solve holds them (section 9 of triggs2000).
+//! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the solve
+//! fixes them (section 9 of triggs2000).
 //!
-//! The gauge taxel of each such component gets stiffness along the free motions, which the cost
-//! does not feel. Covariances are taken to the centroid gauge afterwards (`marginals`).
+//! The gauge taxel of each such component gets stiffness along the free motions, which do not change the
+//! cost. Covariances are transformed to the centroid gauge afterwards (`marginals`).
 
 use glam::{DMat3, DVec3};
 
@@ -15,13 +15,13 @@ use crate::numeric::{Matrix6, Twist, argsort, symmetric_eigen};
 use crate::skin::TaxelId;
 use crate::sparse::{BlockMatrix, BlockSlot};
 
-/// Rigid motions that contacts correlate more than this are one motion to them: their difference is
+/// Rigid motions that contacts correlate by more than 1 minus this count as one motion: their difference is
 /// not determined.
 const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Information about a motion below this share of the largest is rounding of positions far from the
-/// origin, squared.
-const NOTHING: f64 = 1e-20;
+/// Information about a motion below this share of the largest is the squared rounding error of positions far
+/// from the origin.
+const NO_INFORMATION: f64 = 1e-20;
 
 /// A column that orthogonalisation shortens by more than this is spanned by the others.
 const DEPENDENT: f64 = 1e-9;
@@ -38,7 +38,7 @@ pub struct FreeComponent {
     pub gauge: TaxelId,
     /// Number of its taxels.
     pub taxels: usize,
-    /// Independent rigid motions of the whole that no contact determines.
+    /// Number of independent rigid motions of the component that no contact determines.
     pub free_motions: usize,
     /// Contacts of its taxels that were rejected and determine nothing.
     pub rejected_contacts: usize,
@@ -53,7 +53,7 @@ pub(crate) struct FreeBody {
     /// Typical distance from the centroid, in m: makes translations and rotations comparable.
     pub(crate) length: f64,
     contacts: Vec<ContactObservationId>,
-    /// How many of its contacts do not count.
+    /// Number of its contacts that do not count.
     pub(crate) rejected_contacts: usize,
 }
 
@@ -70,7 +70,7 @@ fn placement(taxels: &[VertexId], poses: &Poses) -> (DVec3, f64) {
     (centroid, if spread > 0.0 { spread.sqrt() } else { 1.0 })
 }
 
-/// How a taxel frame moves when its component moves as a whole: a column of `G`.
+/// The motion of a taxel frame when its component moves as a whole: a column of `G`.
 pub(crate) fn induced_motion(
     model: Model,
     pivot: DVec3,
@@ -89,8 +89,9 @@ pub(crate) fn induced_motion(
     }
 }
 
-/// The components that the contacts that `counts` picks do not determine. It depends on `poses`: contacts at one
-/// point leave rotations free, and the same contacts may not once their taxels have moved apart.
+/// The components that are not determined by the contacts for which `counts` is true. It depends on `poses`:
+/// contacts at one point leave rotations free, and the same contacts may not once their taxels have moved
+/// apart.
 pub(crate) fn free_components(
     problem: &Problem<'_>,
     poses: &Poses,
@@ -116,8 +117,7 @@ pub(crate) fn free_components(
         let mut candidate = FreeBody { component, free_motions: 0, length, contacts, rejected_contacts };
         let (_, values, _) = candidate.anchoring(problem, poses);
         let motions = observations.model.unknowns();
-        // In the positions model the three rotations change nothing; their eigenvalues are
-        // zero.
+        // In the positions model the three rotations have no effect; their eigenvalues are zero.
         let determined = values.iter().filter(|&&x| x > RANK_TOLERANCE).count();
         candidate.free_motions = motions.saturating_sub(determined);
         if candidate.free_motions > 0 {
@@ -137,12 +137,12 @@ impl FreeBody {
         }
     }
 
-    /// How firmly the contacts hold each motion of the whole: the pivot of the motions,
+    /// The information of the contacts about each motion of the component: the pivot of the motions,
     /// eigenvalues, ascending, and motions.
     ///
-    /// About the middle of what was touched, translations and rotations hardly mix, and every
-    /// motion is measured in its own unit: a position known to a micrometre does not make a
-    /// rotation known to a degree look unknown.
+    /// About the centre of the touched points translations and rotations are nearly uncorrelated, and every
+    /// motion is scaled by its own unit: so a position known to a micrometre does not make a rotation known
+    /// to a degree look unknown.
     fn anchoring(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, [f64; 6], [RigidMotion; 6]) {
         let model = problem.observations.model;
         let terms: Vec<_> = self
@@ -176,7 +176,7 @@ impl FreeBody {
         (pivot, values, motions)
     }
 
-    /// The free motions at `poses`, with the pivot that they turn about.
+    /// The free motions at `poses`, with their pivot.
     pub(crate) fn motions(&self, problem: &Problem<'_>, poses: &Poses) -> (DVec3, Vec<RigidMotion>) {
         if self.free_motions == problem.observations.model.unknowns() {
             let centroid = placement(&self.component.taxels, poses).0;
@@ -194,13 +194,13 @@ impl FreeBody {
     ///
     /// The cost does not change along a free motion, so its gradient is orthogonal to all of them,
     /// and the step of the stiffened system is the one step of least squares that does not move the
-    /// gauge taxel along them: the stiffness holds without being felt.
+    /// gauge taxel along them: the stiffness does not change the result.
     pub(crate) fn fix_gauge(&self, problem: &Problem<'_>, poses: &Poses, matrix: &mut BlockMatrix<'_>) {
         let gauge = self.component.gauge;
         let Some(row) = problem.rows[gauge] else { return };
         let size = problem.layout.size();
         let mut diagonal = matrix.diagonal_of(row);
-        // A direction that nothing at the taxel determines is held as firmly as the others.
+        // A direction that nothing at the taxel determines gets the same stiffness as the others.
         let largest = diagonal.iter().fold(0.0_f64, |m, &d| m.max(d));
         let firm = if largest > 0.0 { largest } else { 1.0 };
         diagonal.iter_mut().filter(|d| **d <= 0.0).for_each(|d| *d = firm);
@@ -228,7 +228,7 @@ impl FreeBody {
 /// unscaled motions.
 fn scaled_eigen(sum: &[[f64; 6]; 6]) -> ([f64; 6], [RigidMotion; 6]) {
     let largest = (0..6).fold(0.0_f64, |m, k| m.max(sum[k][k]));
-    let holds = |k: usize| sum[k][k] > NOTHING * largest;
+    let holds = |k: usize| sum[k][k] > NO_INFORMATION * largest;
     let scale: [f64; 6] = std::array::from_fn(|k| if holds(k) { sum[k][k].sqrt().recip() } else { 0.0 });
     let scaled = std::array::from_fn(|i| std::array::from_fn(|j| sum[i][j] * scale[i] * scale[j]));
     let (values, vectors) = symmetric_eigen::<6>(&scaled);

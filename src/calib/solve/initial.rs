@@ -1,5 +1,5 @@
-//! Where the optimisation starts: chordal relaxation (martinec2007), (carlone2015), a spanning
-//! tree, or initial values; then every component is aligned to its contacts (wahba1965).
+//! The start of the optimisation: chordal relaxation (martinec2007, carlone2015), a spanning tree, or initial
+//! values; then every component is aligned to its contacts (wahba1965).
 
 use std::collections::VecDeque;
 
@@ -15,8 +15,8 @@ use crate::calib::{
 use crate::id::{IdVec, VertexId};
 use crate::sparse::{BlockSlot, BlockSystem, Pattern, SparseError};
 
-/// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of
-/// every component without.
+/// Taxels that keep their pose while the start is computed: fixed ones, and the gauge taxel of every
+/// component without fixed taxels.
 fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     let mut anchors = observations.taxels.map(|t| t.fixed);
     for component in components(observations, |_| true).0 {
@@ -27,7 +27,7 @@ fn anchors(observations: &Observations) -> IdVec<VertexId, bool> {
     anchors
 }
 
-/// Initial poses of the wanted kind. Positions are linear: they need none.
+/// Initial poses of the given kind. The positions model is linear and needs none.
 pub(crate) fn initial_poses(observations: &Observations, kind: Initialization) -> Result<Poses, CalibError> {
     let mut poses = match kind {
         Initialization::InitialValues => {
@@ -41,7 +41,7 @@ pub(crate) fn initial_poses(observations: &Observations, kind: Initialization) -
         }
         Initialization::Chordal => match chordal(observations) {
             Ok(poses) => poses,
-            // Rotations that nothing determines in the relaxed problem: chain them instead.
+            // The relaxed problem does not determine all rotations: chain them instead.
             Err(SparseError::NotPositiveDefinite { .. } | SparseError::NotFinite { .. }) => {
                 spanning_tree(observations)
             }
@@ -119,7 +119,7 @@ fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     let pattern = Pattern::new(count, row_pairs(observations, &rows));
     let mean = |m: &PoseMeasurement, k: usize| (k..k + 3).map(|k| m.information.0[k][k]).sum::<f64>() / 3.0;
 
-    // `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, each alike.
+    // `sum w |R_j - R_i Z|^2`: the three rows of every `R` are unknown, with one matrix.
     let solved = relaxed(&BlockSystem::new(pattern.clone(), 3)?, observations, &rows, |edge, m| {
         let z = DMat3::from_quat(m.pose.rotation);
         let known = |v: VertexId, z: DMat3| match rows[v] {
@@ -152,7 +152,7 @@ fn chordal(observations: &Observations) -> Result<Poses, SparseError> {
     Ok(poses)
 }
 
-/// What one edge adds to a relaxed problem.
+/// The contribution of one edge to a relaxed problem.
 struct Term {
     weight: f64,
     /// Its block of (from, to) is minus this.
@@ -195,9 +195,8 @@ fn relaxed(
     Ok(rhs)
 }
 
-/// Moves every component without a fixed taxel as a whole to where its contacts say it is
-/// (wahba1965): the directions between touched points, touched normals and observed orientations vote for
-/// the rotation.
+/// Aligns every component without a fixed taxel with its contacts (wahba1965): the rotation follows from the
+/// directions between touched points, touched normals and observed orientations.
 fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     let (components, of_taxel) = components(observations, |_| true);
     let mut touches_of = vec![Vec::new(); components.len()];
@@ -211,7 +210,7 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
         let pairs: Vec<(DVec3, DVec3)> =
             touches.iter().map(|c| (poses[c.taxel].position, observed_position(&c.measurement))).collect();
         let Correlation { from, to, matrix: mut votes } = Correlation::new(&pairs);
-        // Points vote with their squared distance; directions as if they were as far apart as the
+        // Points are weighted by their squared distance, directions as if they were as far apart as the
         // points.
         let spread = pairs.iter().map(|p| p.0.distance_squared(from)).sum::<f64>() / pairs.len() as f64;
         let scale = if spread > 0.0 { spread } else { 1.0 };
@@ -240,7 +239,7 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     }
 }
 
-/// Where a contact puts its taxel.
+/// The observed position of the taxel of a contact.
 fn observed_position(touch: &ContactMeasurement) -> DVec3 {
     match touch {
         ContactMeasurement::Position { position, .. }

@@ -1,8 +1,8 @@
-//! The one optimiser: Gauss-Newton steps, damped as by Levenberg and Marquardt when one fails to
-//! lower the cost (nielsen1999), on weights that are fixed, follow from a loss function, or from
-//! the schedule of graduated non-convexity ([`Weighting`]).
+//! The optimiser: Gauss-Newton steps, with Levenberg-Marquardt damping when one fails to lower the cost
+//! (nielsen1999), on weights that are fixed or follow from a loss function or from the schedule of graduated
+//! non-convexity ([`Weighting`]).
 //!
-//! It knows no outliers. It finds a local minimum; which one depends on the start.
+//! It does not detect outliers. It finds a local minimum, which depends on the start.
 
 use std::fmt;
 
@@ -38,7 +38,7 @@ pub enum Termination {
     OutOfIterations,
     /// No step lowers the cost although the gradient does not vanish.
     Stuck,
-    /// The cost is not a finite number: observations disagree by more than squares can hold.
+    /// The cost is not a finite number: squares of disagreements overflow.
     Overflow,
 }
 
@@ -61,8 +61,8 @@ impl fmt::Display for Termination {
     }
 }
 
-/// First damping after an undamped step that failed, over the diagonal: long chains of taxels bend
-/// under so little that more would stop them from moving at all.
+/// First damping after a failed undamped step, over the diagonal: long chains of taxels are so flexible that
+/// more would stop them from moving.
 const FIRST_DAMPING: f64 = 1e-9;
 
 /// Growth of the damping at the first failure; it doubles at every further one.
@@ -71,7 +71,7 @@ const FIRST_GROWTH: f64 = 4.0;
 /// Damping beyond which a step is too short to matter.
 const LARGEST_DAMPING: f64 = 1e12;
 
-/// Rounding of a sum of squares, over the sum: a step that raises the cost by less has not failed.
+/// Relative rounding error of a sum of squares: a step that raises the cost by less has not failed.
 const COST_ROUNDING: f64 = 1e-13;
 
 /// Growth of the control of graduated non-convexity from step to step. The 1.4 of (yang2020) takes
@@ -81,15 +81,15 @@ const GRADUATION: f64 = 2.0;
 /// Control at which the graduated loss and the truncated one differ for one observation in thirty.
 const LAST_CONTROL: f64 = 30.0;
 
-/// A cost this far below what rounding of the sums can resolve counts as zero, over the number of
-/// observations.
+/// A cost below this, over the number of observations, counts as zero: it is far below the rounding of the
+/// sums.
 const EXACT_FIT: f64 = 1e-20;
 
 /// Ratio of two decreases below which the next one is predicted instead of computed, which would
 /// cost a factorization: a quarter of the time of most graphs.
-const STEADY: f64 = 0.1;
+const PREDICTED_RATIO: f64 = 0.1;
 
-/// No ratio is taken to be smaller: near a minimum with residuals, Gauss-Newton converges linearly.
+/// Smallest assumed ratio: near a minimum with residuals, Gauss-Newton converges linearly.
 const SMALLEST_RATIO: f64 = 1e-3;
 
 /// Poses with their squared residuals and cost.
@@ -181,7 +181,7 @@ impl Solver<'_> {
             let free = free_under(problem, &iterate.poses, &weights);
             let system = LinearSystem::new(problem, &free, &iterate.poses, &weights);
             let Some((next, iteration)) = control.advance(problem, &weighting, &system, &iterate)? else {
-                // At a minimum rounding alone can keep every step from lowering the cost.
+                // At a minimum rounding alone can prevent every step from lowering the cost.
                 let step = system.newton_step(0.0).map_err(|e| problem.explain(e))?;
                 let is_minimum = convergence.is_small(system.predicted_decrease(&step, 0.0), iterate.cost);
                 let end = if is_minimum { Termination::Converged } else { Termination::Stuck };
@@ -211,7 +211,7 @@ impl Solver<'_> {
     }
 }
 
-/// What is remembered from step to step.
+/// The state between steps.
 struct StepControl {
     damping: f64,
     growth: f64,
@@ -237,7 +237,7 @@ impl StepControl {
             (next, iteration)
         };
         if graduation.is_some() {
-            // The loss changes with every step, so its decrease is not compared.
+            // The loss changes with every step, so decreases are not compared.
             let step = system.newton_step(0.0).map_err(|e| problem.explain(e))?;
             return Ok(Some(attempt(&step, 0.0)));
         }
@@ -255,7 +255,7 @@ impl StepControl {
                         }));
                     }
                 }
-                // Damping would hide a taxel that nothing determines.
+                // Damping would hide a taxel that is not determined.
                 Err(e) if self.damping == 0.0 => return Err(problem.explain(e)),
                 Err(_) => {}
             }
@@ -267,7 +267,7 @@ impl StepControl {
         }
     }
 
-    /// Less damping after a good step, the less the better the quadratic predicted it.
+    /// Reduces the damping after a good step, the more the better the quadratic predicted it.
     fn relax(&mut self, quality: f64) {
         self.growth = FIRST_GROWTH;
         let factor = (1.0 - (2.0 * quality - 1.0).powi(3)).clamp(0.1, 2.0);
@@ -283,9 +283,9 @@ const RELATIVE_DECREASE: f64 = 1e-9;
 
 /// Decides from the decreases of the cost whether it has converged.
 struct Convergence {
-    /// A decrease that is too small for any cost.
+    /// A decrease that is negligible for any cost.
     negligible: f64,
-    /// Whether the squared residuals are quadratic: their minimum is where one undamped step leads.
+    /// Whether the squared residuals are quadratic: then one undamped step leads to their minimum.
     is_quadratic: bool,
     /// The decrease by the last step, if that was an undamped step on fixed weights.
     last: Option<f64>,
@@ -300,22 +300,22 @@ impl Convergence {
         }
     }
 
-    /// Whether a `decrease` to `cost` is too small to go on.
+    /// Whether a `decrease` to `cost` is too small to continue.
     fn is_small(&self, decrease: f64, cost: f64) -> bool {
         decrease <= RELATIVE_DECREASE * cost
     }
 
-    /// After a step that was damped, or on weights that change.
+    /// Whether it has converged after a step that was damped, or on changing weights.
     fn is_reached(&mut self, decrease: f64, cost: f64) -> bool {
         self.last = None;
         decrease <= RELATIVE_DECREASE * cost + self.negligible
     }
 
-    /// After an undamped step on fixed weights: such steps gain ever less, by the same ratio again
-    /// if that is not the chance of a first step.
+    /// Whether it has converged after an undamped step on fixed weights: the decreases of such steps fall by
+    /// about the same ratio, except by chance after the first.
     fn is_reached_by_newton(&mut self, decrease: f64, cost: f64) -> bool {
         let ratio = self.last.map_or(1.0, |last| (decrease / last).max(SMALLEST_RATIO));
-        let next = if ratio < STEADY { decrease * ratio } else { decrease };
+        let next = if ratio < PREDICTED_RATIO { decrease * ratio } else { decrease };
         let reached = self.is_quadratic || self.is_reached(next, cost);
         self.last = Some(decrease);
         reached
@@ -324,8 +324,8 @@ impl Convergence {
 
 /// Doubles `step` as long as that lowers the cost (*heuristic*).
 ///
-/// Reweighting replaces a loss by a parabola above it, whose minimum falls short of the loss's own:
-/// where the weights are small, so short that hundreds of steps would be needed.
+/// Reweighting replaces a loss by a parabola above it, whose minimum is nearer than that of the loss: where
+/// weights are small, so near that hundreds of steps would be needed.
 fn extrapolate(
     mut best: (Iterate, Iteration),
     mut step: Vec<f64>,
@@ -334,7 +334,7 @@ fn extrapolate(
     loop {
         step.iter_mut().for_each(|x| *x *= 2.0);
         let next = attempt(&step, best.1.damping);
-        // Written so that a cost that is not a number ends it, too.
+        // Also ends if the cost is NaN.
         if next.0.cost < best.0.cost {
             best = next;
         } else {

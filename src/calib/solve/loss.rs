@@ -1,9 +1,9 @@
-//! Loss functions: what a squared residual costs, and the weight that follows from it.
+//! Loss functions: the cost of a squared residual, and the weight that follows from it.
 //!
-//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted
-//! least squares with the weight `rho'(s)`. Bounds follow from how many numbers an observation
-//! measures, so that the same share of inliers is affected in every model. Huber's loss: (huber1964);
-//! Tukey's biweight: (beaton1974); the graduated truncated loss: (yang2020).
+//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted least squares
+//! with the weight `rho'(s)`. Bounds depend on the number of measured numbers, so that the same share of
+//! inliers is affected in every model. Sources: (huber1964), Tukey's biweight (beaton1974), the graduated
+//! truncated loss (yang2020).
 
 use std::borrow::Cow;
 
@@ -21,24 +21,24 @@ pub enum Loss {
     /// all influence.
     Tukey,
     /// The square up to its bound, constant beyond it: truncated least squares, by graduated
-    /// non-convexity. Needs no good start, and copes with the most outliers.
+    /// non-convexity. Needs no good start, and tolerates the most outliers.
     Truncated,
 }
 
 /// Whether the noise explains an observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Its squared residual is below its bound.
+    /// Its squared residual is below the bound.
     Inlier,
-    /// It is not.
+    /// Its squared residual is above the bound.
     Outlier,
 }
 
-/// Share of inliers below the bound of Huber's loss, which leaves them as they are.
-const UNTOUCHED: f64 = 0.95;
+/// Share of inliers below the bound of Huber's loss, which does not change their weight.
+const HUBER_SHARE: f64 = 0.95;
 
-/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With
-/// 0.99 the inliers that are lost cost 2 % of the accuracy at 5 % outliers.
+/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With 0.99 the
+/// lost inliers cost 2 % of the accuracy at 5 % outliers.
 pub(crate) const INLIER_SHARE: f64 = 0.997;
 
 /// Tukey's bound over Huber's: with 3 degrees of freedom, weights vanish at 6 standard deviations.
@@ -52,21 +52,21 @@ pub(crate) const SMALLEST_WEIGHT: f64 = 1e-8;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LossFunction {
     loss: Loss,
-    /// Where the loss leaves the square, or becomes constant.
+    /// The square at which the loss departs from the square, or becomes constant.
     bound2: f64,
     /// Squared residuals above this are outliers.
     pub(crate) outlier2: f64,
 }
 
 impl LossFunction {
-    /// The loss of an observation of `dimension` numbers; without any there is no residual, and any
-    /// bound does.
+    /// The loss of an observation of `dimension` numbers; without numbers there is no residual, and any bound
+    /// is valid.
     pub(crate) fn new(loss: Loss, dimension: usize) -> Self {
         let degrees = dimension.max(1) as f64;
         let bound2 = match loss {
             Loss::Squared => f64::INFINITY,
-            Loss::Huber => quantile(UNTOUCHED, degrees),
-            Loss::Tukey => quantile(UNTOUCHED, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
+            Loss::Huber => quantile(HUBER_SHARE, degrees),
+            Loss::Tukey => quantile(HUBER_SHARE, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
             Loss::Truncated => quantile(INLIER_SHARE, degrees),
         };
         let outlier2 = if bound2.is_finite() { quantile(INLIER_SHARE, degrees) } else { f64::INFINITY };
@@ -129,15 +129,15 @@ pub(crate) struct LossFunctions {
 }
 
 impl LossFunctions {
-    /// Bounds follow from how many numbers each observation measures.
+    /// Losses with bounds that follow from the number of measured numbers of each observation.
     pub(crate) fn new(dimensions: &PerObservation<usize>, loss: Loss) -> Self {
-        // Quantiles take long, and there are few dimensions.
+        // Quantiles are slow, and there are few dimensions.
         let most = dimensions.iter().max().unwrap_or(0);
         let of_dimension: Vec<LossFunction> = (0..=most).map(|n| LossFunction::new(loss, n)).collect();
         Self { loss, of: dimensions.map(|n| of_dimension[n]) }
     }
 
-    /// The same with squared bounds larger by a factor of each edge, and by one of all contacts.
+    /// The losses with squared bounds scaled by a factor for each edge, and by one for all contacts.
     pub(crate) fn scaled(&self, edge: impl Fn(DisplacementId) -> f64, contact: f64) -> Self {
         let edges = self.of.edges.enumerate().map(|(e, f)| f.scaled(edge(e))).collect();
         let contacts = self.of.contacts.map(|f| f.scaled(contact));
@@ -167,10 +167,10 @@ impl LossFunctions {
     }
 }
 
-/// The weights of squared residuals while the optimisation runs.
+/// The weights of squared residuals during the optimisation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Weighting<'w> {
-    /// From loss functions, at every step anew.
+    /// From loss functions, recomputed at every step.
     Loss(&'w LossFunctions),
     Fixed(&'w PerObservation),
     /// Those of the graduated loss at control `mu`, which grows after every step until it reaches

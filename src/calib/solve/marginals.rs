@@ -1,9 +1,8 @@
-//! Marginal covariances of all taxels: blocks of the inverse by selected inversion
-//! (takahashi1973), taken to the centroid gauge where a component is free (kanatani2001),
-//! (triggs2000).
+//! Marginal covariances of all taxels: blocks of the inverse by selected inversion (takahashi1973),
+//! transformed to the centroid gauge where a component is free (kanatani2001, triggs2000).
 //!
-//! First order: the covariance of the linearised problem at the solution, for the weights it was
-//! found with. That noise was rejected as an outlier, or not, is not part of it.
+//! First order: the covariance of the linearised problem at the solution, with the weights of the solution.
+//! The uncertainty of the rejection of outliers is not included.
 
 use glam::{DMat3, DVec3};
 
@@ -16,11 +15,11 @@ use crate::id::{IdVec, VertexId};
 use crate::numeric::{Covariance, Twist, dot, symmetric_eigen};
 use crate::sparse::BlockFactor;
 
-/// How uncertain every taxel is: marginal covariances, all at once.
+/// Marginal covariances of all taxels.
 ///
-/// Where a component is free to move as a whole, the covariance is that in the centroid gauge: of
-/// what is left after the best rigid alignment (of positions) to the truth. In the positions model
-/// that alignment is a translation only.
+/// If a component is free to move as a whole, the covariance is that in the centroid gauge: of the error
+/// after the best rigid alignment (of positions) to the truth. In the positions model that alignment is a
+/// translation only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marginals {
     /// Covariance of positions, in m^2, in the common frame; zero for fixed taxels.
@@ -78,11 +77,10 @@ pub(crate) fn marginals(
     })
 }
 
-/// The centroid gauge of one free component: no motion of its taxels that an alignment would undo.
+/// The centroid gauge of one free component: excludes motions of its taxels that an alignment would undo.
 ///
-/// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` picking what the
-/// alignment looks at, the projection is `P = 1 - G (A G)^-1 A`, and the covariance becomes `P C
-/// P'`.
+/// With the free motions `G` and the conditions `A x = 0`, `A = (W G)'` with `W` selecting the coordinates
+/// that are aligned, the projection is `P = 1 - G (A G)^-1 A`, and the covariance becomes `P C P'`.
 struct CentroidGauge<'f> {
     body: &'f FreeBody,
     model: Model,
@@ -100,19 +98,19 @@ impl<'f> CentroidGauge<'f> {
         let model = problem.observations.model;
         let inverse = [[0.0; 6]; 6];
         let at = |weight: f64| Self { body, model, pivot, motions: motions.clone(), weight, inverse };
-        // Positions alone align a component, unless they leave a motion open, as on a line: that
-        // one follows rotations.
+        // Positions alone align a component, unless they leave a motion undetermined, as on a line: that one
+        // is determined by rotations.
         let by_positions = at(0.0);
         let eigen = by_positions.overlap(poses);
         if aligned(&eigen.0).count() == motions.len() {
             return by_positions.with_inverse(&eigen);
         }
-        let by_both = at(SLIGHT * body.length * body.length);
+        let by_both = at(ROTATION_WEIGHT * body.length * body.length);
         let eigen = by_both.overlap(poses);
         by_both.with_inverse(&eigen)
     }
 
-    /// A column of `G` for every free motion: how it moves a taxel.
+    /// A column of `G` for every free motion: the resulting motion of a taxel.
     fn motions_of(&self, at: &Pose) -> Columns {
         let mut columns = [[DVec3::ZERO; 2]; 6];
         for (column, motion) in columns.iter_mut().zip(&self.motions) {
@@ -152,7 +150,7 @@ impl<'f> CentroidGauge<'f> {
         self
     }
 
-    /// Takes the covariances `C` of the component's taxels into this gauge, given the columns `X =
+    /// Transforms the covariances `C` of the component's taxels into this gauge, given the columns `X =
     /// C A'`: for every taxel `C - B X' - X B' + B (A X) B'` with `B = G (A G)^-1`.
     fn project(
         &self,
@@ -186,16 +184,16 @@ impl<'f> CentroidGauge<'f> {
     }
 }
 
-/// Motions that an alignment undoes are those with an eigenvalue above this share of the largest.
-const OPEN: f64 = 1e-9;
+/// An alignment undoes motions whose eigenvalue is above this share of the largest.
+const MIN_ALIGNED: f64 = 1e-9;
 
-/// What rotations count where positions leave a motion open: so little that the other motions are
-/// not affected, and enough to stand out from [`OPEN`].
-const SLIGHT: f64 = 1e-5;
+/// Weight of rotations where positions leave a motion undetermined: too small to affect the other motions,
+/// but large enough to exceed [`MIN_ALIGNED`].
+const ROTATION_WEIGHT: f64 = 1e-5;
 
 /// The eigenvalues of motions that the alignment undoes.
 fn aligned(values: &[f64; 6]) -> impl Iterator<Item = usize> {
-    let least = OPEN * values.iter().fold(0.0_f64, |m, &x| m.max(x));
+    let least = MIN_ALIGNED * values.iter().fold(0.0_f64, |m, &x| m.max(x));
     values.iter().enumerate().filter(move |(_, x)| **x > least).map(|(k, _)| k)
 }
 
@@ -211,11 +209,10 @@ fn combined(count: usize, m: &Columns, factor: impl Fn(usize, usize) -> f64) -> 
     product
 }
 
-/// Takes the covariances of all free components from the gauges of their gauge taxels to those of
-/// their centroids.
+/// Transforms the covariances of all free components from the gauge of their gauge taxels to the centroid
+/// gauge.
 ///
-/// Components do not touch each other, so one solve for each of at most six conditions serves all
-/// of them.
+/// Components are not connected, so one solve for each of at most six conditions serves all of them.
 fn to_centroid_gauge(
     problem: &Problem<'_>,
     free: &[FreeBody],

@@ -1,4 +1,4 @@
-//! The optimiser: from observations and weights to poses and covariances. It knows no outliers.
+//! The optimiser: from observations and weights to poses and covariances. It does not detect outliers.
 
 pub(super) mod gauge;
 pub(super) mod initial;

@@ -18,10 +18,10 @@ use crate::numeric::{Matrix6, Twist, dot};
 use crate::parallel::par_map;
 use crate::sparse::{BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError};
 
-/// Edges linearised at a time: bounds the memory, and the order of sums does not depend on threads.
+/// Number of edges that are linearised together: bounds the memory, and fixes the order of sums.
 const EDGES_PER_CHUNK: usize = 4096;
 
-/// How the unknowns of a taxel share the blocks of the system.
+/// How the unknowns of a taxel are arranged in blocks of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BlockLayout {
     /// Positions whose information is the same in every direction: one matrix serves x, y and z.
@@ -31,7 +31,7 @@ pub(crate) enum BlockLayout {
 }
 
 impl BlockLayout {
-    /// The smallest blocks that hold the information of all observations.
+    /// The smallest blocks that can represent the information of all observations.
     pub(crate) fn of(observations: &Observations) -> Self {
         let round_edge = |e: &Displacement| match &e.measurement {
             DisplacementMeasurement::Offset { information, .. } => information.as_isotropic().is_some(),
@@ -70,7 +70,7 @@ impl BlockLayout {
         if matches!(self, Self::Scalar) { 3 } else { 1 }
     }
 
-    /// Where unknown `k` of block `row` is in a vector of all unknowns, of `blocks` blocks.
+    /// The index of unknown `k` of block `row` in a vector of all unknowns, of `blocks` blocks.
     #[inline]
     pub(crate) const fn index(self, blocks: usize, row: u32, k: usize) -> usize {
         match self {
@@ -81,7 +81,7 @@ impl BlockLayout {
     }
 }
 
-/// Block rows of the taxels that `moves` picks, in their order, and their number.
+/// Block rows of the taxels for which `moves` is true, in their order, and their number.
 pub(crate) fn number_rows(
     observations: &Observations,
     moves: impl Fn(VertexId) -> bool,
@@ -110,18 +110,18 @@ pub(crate) fn row_pairs<'a>(
     observations.edges.iter().filter_map(|e| pair_of(e, rows))
 }
 
-/// The observations with the places of their contributions in the linear system.
+/// The observations with the slots of their contributions to the linear system.
 #[derive(Debug)]
 pub(crate) struct Problem<'o> {
     pub(crate) observations: &'o Observations,
     pub(crate) convention: ResidualConvention,
     pub(crate) layout: BlockLayout,
-    /// How many numbers every observation measures.
+    /// Number of measured numbers of every observation.
     pub(crate) dimensions: PerObservation<usize>,
     /// The block row of every taxel that moves.
     pub(crate) rows: IdVec<VertexId, Option<u32>>,
     pub(crate) system: BlockSystem,
-    /// The block of every edge between two taxels that move; `true` where it is that of (to, from).
+    /// The block of every edge between two moving taxels; `true` if it is that of (to, from).
     slots: IdVec<DisplacementId, Option<(BlockSlot, bool)>>,
 }
 
@@ -295,7 +295,7 @@ impl<'o> Problem<'o> {
                     ContactMeasurement::PositionNormal { normal, normal_information, .. },
                 ) = (self.layout, measurement)
                 {
-                    // e = R z - n with the derivative -R hat(z): turning about z changes nothing.
+                    // e = R z - n with the derivative -R hat(z): a rotation about z has no effect.
                     block.0[1][1] = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)) * *normal_information;
                     gradient[1] = -*normal_information * DVec3::Z.cross(r.transpose() * *normal);
                 }
@@ -356,7 +356,7 @@ impl Accumulator<'_> {
         }
     }
 
-    /// Adds as many numbers as a taxel has unknowns.
+    /// Adds a gradient, for the unknowns of a taxel.
     fn add_gradient(&mut self, row: u32, gradient: Twist, weight: f64) {
         for k in 0..self.layout.unknowns() {
             self.gradient[self.layout.index(self.rows, row, k)] += weight * gradient[k / 3][k % 3];

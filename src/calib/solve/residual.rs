@@ -52,7 +52,7 @@ pub(crate) fn linearised(
     if convention != ResidualConvention::Log {
         return ([dt, turn], Matrix6(by_from), Matrix6(by_to));
     }
-    // The translation bends with the rotation: chain rule.
+    // The translation depends on the rotation: chain rule.
     let (by_turn, by_dt) = left_jacobian_inverse_times_derivatives(turn, dt);
     let chain = Matrix6([[by_dt, by_turn], [DMat3::ZERO, DMat3::IDENTITY]]);
     ([left_jacobian_inverse_times(turn, dt), turn], chain * Matrix6(by_from), chain * Matrix6(by_to))
@@ -111,8 +111,8 @@ mod tests {
     }
 
     proptest! {
-        /// Analytic derivatives against central differences, in every convention, where closed forms
-        /// are used and where series are.
+        /// Analytic derivatives against central differences, in every convention, for closed forms and for
+        /// series.
         #[test]
         fn jacobians_are_the_slopes_of_the_error(
             from in pose(), to in pose(), noise in (vector(0.3), prop_oneof![vector(1.7), vector(0.05), vector(1e-4)]), which in 0..3_usize,
