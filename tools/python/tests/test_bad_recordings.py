@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -214,7 +215,14 @@ def loop(h5py, file, group):
     group["pressure"] = ROWS
 
 
+def bomb(h5py, file, group):
+    made = group.create_dataset("pressure", (40, 5), "f4", chunks=(10, 5), compression="gzip")
+    made[:] = ROWS
+    made.id.write_direct_chunk((10, 0), zlib.compress(bytes(1 << 28), 1))
+
+
 BROKEN = {
+    bomb: "found [0-9]+ bytes in the chunk at \\(10, 0\\)",
     outside: "found a link to '/etc/passwd'",
     stored_outside: "kept in 'other.bin'",
     virtual: "kept in other files",

@@ -273,3 +273,27 @@ def test_a_copy_of_a_dataset_has_fields(tmp_path):
             assert np.array_equal(values, fields[:, start : start + values.shape[1]])
             start += values.shape[1]
     assert start == fields.shape[1]
+
+
+def test_areas_of_a_hand(dome_map):
+    from dermatome.recordings import AREAS
+
+    assert len(AREAS) == 24 and (AREAS[0], AREAS[5], AREAS[6], AREAS[11], AREAS[20]) == (
+        "tip of thumb", "palm", "base of thumb", "base of index", "torque of little",
+    )  # fmt: skip
+    values = np.random.default_rng(0).random((3, 2, 256)).astype(np.float32)
+    values[1, :, :128] = np.nan
+    values[2, 0, 5] = np.nan
+    numbers = np.where(np.arange(256) < 128, 0, 5)
+    numbers[200:] = -1
+    readings = dermatome.Readings(values, None, np.arange(3.0), ("force", "pressure"), ("N", "Pa"))
+    made, weights = readings.by_area(dome_map, numbers), dome_map.patches["dome"].levels[0].areas
+    assert made.shape == (3, 2, 24) and np.isnan(made[1, :, 0]).all() and np.isnan(made[:, :, [1, 6, 23]]).all()
+    assert np.allclose(made[:, 0, 5], values[:, 0, 128:200].sum(axis=1))
+    assert np.allclose(made[:, 1, 5], values[:, 1, 128:200] @ weights[128:200] / weights[128:200].sum())
+    assert np.isclose(made[2, 0, 0], np.nansum(values[2, 0, :128]))
+    whole = readings.by_area(dome_map, {"dome": 5})[:, :, 5]
+    assert np.allclose(whole[0, 0], readings.pooled(dome_map, dome_map.n_levels - 1)[0, 0].sum(), rtol=1e-5)
+    for wrong in ({"palm": 5}, {"dome": 24}, np.zeros(3, int), np.zeros(256)):
+        with pytest.raises(dermatome.DataError, match="areas: found"):
+            readings.by_area(dome_map, wrong)

@@ -341,6 +341,34 @@ class Readings:
         parts = [map.pool(values[:, k : k + 1], level, extensive=kind, threads=threads) for k, kind in kinds]
         return np.concatenate(parts, axis=1)
 
+    def by_area(self, map: Map, areas: Mapping[str, int] | ArrayLike) -> NDArray[np.float32]:
+        """The value of each functional area of Open-X-Tactile, (T, C, 24): sums of channels that are amounts, averages of others.
+
+        Parameters
+        ----------
+        map : Map
+            The map in whose order they are.
+        areas : mapping of str to int, or (N,) array_like of int
+            The area of each patch, or of each taxel of the map, -1 for none; `dermatome.recordings.AREAS` are their names.
+
+        Returns
+        -------
+        (T, C, 24) float32 array
+            Averages are weighted by the areas of taxels; NaN where no taxel of an area has a reading.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1)
+        >>> of_palm = readings.by_area(palm, {"skin": 5})[:, 0, 5]
+        >>> bool(abs(of_palm - readings.values[:, 0].sum(axis=1)).max() < 1e-5)
+        True
+        """
+        from dermatome.recordings.areas import by_area
+
+        return by_area(self.on(map), map, areas)
+
     def to_xarray(self) -> Any:
         """The values as an `xarray.DataArray` of the axes time, channel and taxel.
 

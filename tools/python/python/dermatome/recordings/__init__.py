@@ -7,8 +7,9 @@ from pathlib import Path
 
 from dermatome._errors import MissingFileError
 from dermatome.recordings._track import Block, Container, Track
+from dermatome.recordings.areas import AREAS
 
-__all__ = ["Block", "Container", "Track", "is_container", "open_container"]
+__all__ = ["AREAS", "Block", "Container", "Track", "is_container", "open_container"]
 
 
 def kind_of(path: str | os.PathLike[str]) -> str | None:

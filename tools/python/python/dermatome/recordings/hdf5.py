@@ -114,11 +114,13 @@ class Hdf5(Container):
         if 0 in shape:
             return dataset
         if dataset.chunks:
-            small_enough(self.path, name, dataset.chunks, item)
+            most = small_enough(self.path, name, dataset.chunks, item)
             needed = math.prod(math.ceil(size / chunk) for size, chunk in zip(shape, dataset.chunks))
             found = dataset.id.get_num_chunks()
             if found != needed:
                 raise DataError(f"{where}: found {found} of {needed} chunks; needed: all; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
+            # No filter makes a chunk much larger; one that is may become anything.
+            dataset.id.chunk_iter(lambda chunk: _small_chunk(where, chunk, 2 * most + (1 << 16)))
         elif dataset.id.get_storage_size() < item * math.prod(shape):
             found = dataset.id.get_storage_size()
             raise DataError(f"{where}: found {found} bytes for the shape {shape}; needed: {item * math.prod(shape)}; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
@@ -137,6 +139,12 @@ class Hdf5(Container):
         near = stream.rpartition("/")[0]
         known = [each for each in self.datasets if each.rpartition("/")[0] == near][:20]
         raise DataError(f"{self.path}: found no {name!r} beside {stream}, which the layout names; needed: one of {known}, or `rate` in the layout")
+
+
+def _small_chunk(where: str, chunk: Any, most: int) -> None:
+    if chunk.size > most:
+        needed = f"at most {most}; needed: the file as it was written"
+        raise DataError(f"{where}: found {chunk.size} bytes in the chunk at {chunk.chunk_offset}, of {needed}")
 
 
 def _cells(shape: tuple[int, ...], frame_axis: int) -> tuple[int, ...]:

@@ -9,10 +9,9 @@ from typing import Any
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
 from dermatome.recordings._track import Block, Container, Track, chosen
+from dermatome.recordings.areas import AREAS
 from dermatome.recordings.zarr import Array, Store
 
-# Functional areas of two hands are numbered 0 to 23; the loader of FTP-1 adds 24 for the left hand by itself.
-AREAS = 24
 # What `type` of a group may be: `image` is a picture of a camera.
 STATES = ("state", "matrix", "binary")
 # Frames of the small arrays that are checked at a time.
@@ -116,9 +115,9 @@ def _check_group(made: Track, array: Array) -> None:
         count = made.cells[0] if made.cells else 1
         if not isinstance(areas, list) or len(areas) != count:
             raise DataError(f"{array.where}: found the areas {areas}; needed: {count}, one for each part of a frame {made.cells}")
-        wrong = [area for area in areas if not isinstance(area, int) or not 0 <= area < AREAS]
+        wrong = [area for area in areas if not isinstance(area, int) or not 0 <= area < len(AREAS)]
         if wrong:
-            raise DataError(f"{array.where}: found area {wrong[0]}; needed: 0 to {AREAS - 1}")
+            raise DataError(f"{array.where}: found area {wrong[0]}; needed: 0 to {len(AREAS) - 1}")
     if kind is not None and kind not in STATES:
         raise DataError(f"{array.where}: found the type {kind!r}; needed: one of {', '.join(STATES)}: no picture of a camera")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,8 +44,10 @@ class LeRobot(Container):
         for name, feature in features.items():
             if feature.get("dtype") not in ("image", "video", "string") and name not in COUNTERS:
                 self.streams[name] = (self.frames, *sizes(self.path, f"feature {name}", feature.get("shape"), 8))
-        self.files: list[tuple[Path, Any]] = []
         self.lengths: dict[int, int] = {}
+        # Each data file with the first of its episodes, None where that is not known.
+        self.files: dict[Path, int | None] = {}
+        self.columns: set[str] = set()
         self._find(version)
 
     def wrong(self, what: str, found: Any, needed: str) -> DataError:
@@ -68,41 +71,59 @@ class LeRobot(Container):
 
     def _find(self, version: str) -> None:
         """The data files, and the length of each episode as the metadata say."""
-        pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
-        folders = "data/chunk-*/file-*.parquet" if version == "v3.0" else "data/chunk-*/episode_*.parquet"
-        paths, total = sorted(self.root.glob(folders), key=lambda path: [len(path.name), str(path)]), 0
-        paths.sort(key=lambda path: path.parent.name)
-        for path in paths:
-            try:
-                file = pq.ParquetFile(path, memory_map=True, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
-            except (OSError, arrow.ArrowException) as error:
-                raise FileError(f"{path}: found no Parquet file that can be read: {error}; needed: the file as it was written", "parquet") from error
-            self.files.append((path, file))
-            total += file.metadata.num_rows
-        self._episodes(version)
-        if version != "v3.0":
-            there = {path.name for path in paths}
-            gone = [number for number in self.lengths if f"episode_{number:06d}.parquet" not in there]
-            if gone:
-                raise DataError(f"{self.path}: found no data/*/episode_{gone[0]:06d}.parquet; needed: a file for each of {len(self.lengths)} episodes; copy it again")
-        if total != self.frames:
-            raise DataError(f"{self.path}: found {total} frames in {len(paths)} files; needed: {self.frames}, total_frames of meta/info.json")
-
-    def _episodes(self, version: str) -> None:
         if version == "v3.0":
-            pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
-            for path in sorted(self.root.glob("meta/episodes/chunk-*/file-*.parquet")):
-                try:
-                    table = pq.read_table(path, columns=["episode_index", "length"], use_threads=False).to_pydict()
-                except (OSError, arrow.ArrowException, KeyError) as error:
-                    raise FileError(f"{path}: cannot be read: {error}; needed: episode_index and length of each episode", "parquet") from error
-                self.lengths |= dict(zip(table["episode_index"], table["length"]))
+            files = sorted(self.root.glob("data/chunk-*/file-*.parquet"), key=_numbers)
+            self.files = dict.fromkeys(files, None)
+            self._read_episodes()
+            total = sum(self.open(path).metadata.num_rows for path in files)
         else:
-            path = self.root / "meta/episodes.jsonl"
-            for number, line in enumerate(bytes_of(path, 4 * MOST_JSON).splitlines()):
-                if line.strip():
-                    each = read_json(str(path), line, f"line {number + 1}")
-                    self.lengths[each.get("episode_index", -1)] = each.get("length", -1)
+            self._read_lines()
+            there = {path.name: path for path in sorted(self.root.glob("data/chunk-*/episode_*.parquet"))}
+            for number in sorted(self.lengths):
+                name = f"episode_{number:06d}.parquet"
+                if name not in there:
+                    needed = f"a file for each of {len(self.lengths)} episodes; copy it again"
+                    raise DataError(f"{self.path}: found no data/*/{name}; needed: {needed}")
+                self.files[there[name]] = number
+            total = sum(self.lengths.values())
+        if total != self.frames:
+            raise DataError(f"{self.path}: found {total} frames in {len(self.files)} files; needed: {self.frames}, total_frames of meta/info.json")
+
+    def open(self, path: Path) -> Any:
+        """A Parquet file."""
+        pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
+        try:
+            return pq.ParquetFile(path, memory_map=True, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
+        except (OSError, arrow.ArrowException) as error:
+            raise FileError(f"{path}: found no Parquet file that can be read: {error}; needed: the file as it was written", "parquet") from error
+
+    def _read_episodes(self) -> None:
+        arrow = need("pyarrow", "parquet")
+        for path in sorted(self.root.glob("meta/episodes/chunk-*/file-*.parquet"), key=_numbers):
+            file = self.open(path)
+            where = ["data/chunk_index", "data/file_index"]
+            where = where if set(where) <= set(file.schema_arrow.names) else []
+            try:
+                table = file.read(columns=["episode_index", "length", *where], use_threads=False).to_pydict()
+                numbers, lengths = table["episode_index"], table["length"]
+            except (OSError, arrow.ArrowException, KeyError) as error:
+                raise FileError(f"{path}: cannot be read: {error}; needed: episode_index and length of each episode", "parquet") from error
+            self.lengths |= dict(zip(numbers, lengths))
+            for number, chunk, part in zip(numbers, *(table[name] for name in where)) if where else ():
+                each = self.root / f"data/chunk-{chunk:03d}/file-{part:03d}.parquet"
+                if each in self.files:
+                    self.files[each] = number if self.files[each] is None else min(number, self.files[each] or 0)
+        self._check_episodes()
+
+    def _read_lines(self) -> None:
+        path = self.root / "meta/episodes.jsonl"
+        for number, line in enumerate(bytes_of(path, 4 * MOST_JSON).splitlines()):
+            if line.strip():
+                each = read_json(str(path), line, f"line {number + 1}")
+                self.lengths[each.get("episode_index", -1)] = each.get("length", -1)
+        self._check_episodes()
+
+    def _check_episodes(self) -> None:
         wrong = [key for key, value in self.lengths.items() if not isinstance(value, int) or not isinstance(key, int) or min(key, value) < 0]
         if wrong or sorted(self.lengths) != list(range(self.count("total_episodes"))):
             known = str(list(self.lengths)[:20])
@@ -115,9 +136,9 @@ class LeRobot(Container):
             raise DataError(f"{self.path}: found no stream {stream!r}; needed: one of {', '.join(list(self.streams)[:40]) or 'none'}")
         feature, cells = self.features[stream], self.streams[stream][1:]
         small_enough(self.path, stream, cells, 8)
-        for path, file in self.files:
-            if stream not in file.schema_arrow.names:
-                raise DataError(f"{path}: found no column {stream!r}; needed: one, as features of meta/info.json say")
+        self.columns = set(self.open(next(iter(self.files))).schema_arrow.names) if self.files else set()
+        if self.files and stream not in self.columns:
+            raise DataError(f"{next(iter(self.files))}: found no column {stream!r}; needed: one, as features of meta/info.json say")
         lengths = tuple(self.lengths[number] for number in sorted(self.lengths))
         says: dict[str, Any] = {"rate": self.fps}
         names = feature.get("names")
@@ -143,8 +164,11 @@ class LeRobotTrack(Track):
         columns += [name for name in (zero, status and status[0]) if name]
         if time is not None and time not in TIMES:
             columns.append(time)
-        last, at, origin = -1, 0, 0.0
-        for path, batch in self._batches(columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1)))):
+        if not wanted:
+            return
+        files, last = self._files(wanted)
+        at, origin = self.episodes[last] if last >= 0 else 0, 0.0
+        for path, batch in self._batches(files, columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1)))):
             episodes, counter = (self._column(path, batch, name) for name in ("episode_index", "frame_index"))
             stamps = self._column(path, batch, "timestamp")
             values = self._column(path, batch, self.stream)
@@ -168,10 +192,20 @@ class LeRobotTrack(Track):
                 if number in wanted:
                     kept = self._valid(status, batch, path, rows, values[rows], number, at - (stop - first))
                     yield Block(number, kept, None if times is None else times[rows].reshape(-1), None if zeros is None else zeros[rows])
-            if wanted and last > wanted[-1]:
-                return
-        if last + 1 != len(self.episodes) or (last >= 0 and at != self.episodes[last]):
+                if last > wanted[-1]:
+                    return
+        if last < wanted[-1] or at != self.episodes[last]:
             raise self._order(self.path, last, at, last + 1)
+
+    def _files(self, wanted: list[int]) -> tuple[list[Path], int]:
+        """The files that have some episodes, and the number of the episode before the first of them."""
+        firsts, files = self.dataset.files, list(self.dataset.files)
+        if len(wanted) > 1 or None in firsts.values():
+            return files, -1
+        kept = [path for path in files if firsts[path] <= wanted[0]]
+        # An episode may begin in the file before the one that the metadata name.
+        start = max((firsts[path] for path in kept), default=0)
+        return [path for path in files if firsts[path] >= start], start - 1
 
     def _order(self, path: Any, last: int, at: int, number: int) -> DataError:
         said = self.episodes[last] if 0 <= last < len(self.episodes) else 0
@@ -191,9 +225,10 @@ class LeRobotTrack(Track):
             found = f"timestamp {seconds[row]:.6g} s after the first in frame {at + row}"
             raise DataError(f"{path}: episode {number}: found {found}; needed: {expected[row]:.6g}, as fps {fps:g} of meta/info.json says")
 
-    def _batches(self, columns: list[str], rows: int) -> Iterator[tuple[Path, Any]]:
+    def _batches(self, files: list[Path], columns: list[str], rows: int) -> Iterator[tuple[Path, Any]]:
         arrow = need("pyarrow", "parquet")
-        for path, file in self.dataset.files:
+        for path in files:
+            file = self.dataset.open(path)
             missing = [name for name in columns if name not in file.schema_arrow.names]
             if missing:
                 raise DataError(f"{path}: found no column {missing[0]!r}; needed: one of {', '.join(file.schema_arrow.names[:40])}")
@@ -253,7 +288,7 @@ class LeRobotTrack(Track):
         for suffix in (".valid", ".status"):
             name = self.stream + suffix
             feature = self.dataset.features.get(name)
-            if feature is None or not all(name in file.schema_arrow.names for _, file in self.dataset.files):
+            if feature is None or name not in self.dataset.columns:
                 continue
             if suffix == ".valid":
                 return name, None
@@ -294,3 +329,8 @@ def _has_length(np: Any, arrow: Any, lists: Any, size: int) -> bool:
 
 def _lengths(np: Any, lists: Any) -> str:
     return ", ".join(map(str, np.unique(lists.value_lengths().to_numpy(zero_copy_only=False))[:4].tolist()))
+
+
+def _numbers(path: Path) -> list[int]:
+    """The numbers in the names of a file and of its folder."""
+    return [int(each) for name in (path.parent.name, path.name) for each in re.findall(r"\d+", name)]

@@ -13,7 +13,7 @@ from typing import Any
 
 from dermatome._adapter import level_of, need
 from dermatome._errors import DataError, FileError
-from dermatome.recordings.oxt import AREAS
+from dermatome.recordings.areas import AREAS
 
 # The name of the group.
 GROUP = "map"
@@ -29,11 +29,11 @@ def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[st
     if side not in ("right", "left"):
         raise DataError(f"side: found {side!r}; needed: 'right' or 'left'")
     if not areas:
-        raise DataError(f"areas: found none; needed: the area, 0 to {AREAS - 1}, of a patch of {list(map.patches)[:10]}")
+        raise DataError(f"areas: found none; needed: the area, 0 to {len(AREAS) - 1}, of a patch of {list(map.patches)[:10]}")
     for patch, area in areas.items():
         level_of(map, patch, level)
-        if not isinstance(area, int) or not 0 <= area < AREAS:
-            raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {AREAS - 1}")
+        if not isinstance(area, int) or not 0 <= area < len(AREAS):
+            raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {len(AREAS) - 1}")
     with _Target(path) as target:
         images, times, stops = (_Rows(target, name) for name in (f"data/{side}_tactile_data_{GROUP}", "data/timestamps", "meta/episode_ends"))
         renderers: list[Any] = []
