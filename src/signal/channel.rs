@@ -1,8 +1,8 @@
-//! What one number per taxel means.
+//! The meaning of one number per taxel.
 
 use crate::signal::SignalError;
 
-/// How a channel is carried between levels and to pixels.
+/// How a channel is transferred between levels and to pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quantity {
     /// An average over the receptive area: pressure, temperature, a raw count. A receptive field has
@@ -21,13 +21,13 @@ pub enum Quantity {
 pub struct Channel {
     /// Its name, as `pressure` or `force.N`.
     pub name: String,
-    /// Its unit, as `Pa`, `N` or `count`; empty where it is not known.
+    /// Its unit, as `Pa`, `N` or `count`; empty if unknown.
     pub unit: String,
-    /// How it is carried between levels.
+    /// How it is transferred between levels.
     pub quantity: Quantity,
 }
 
-/// Units of force, pressure and charge that take prefixes: what one is in N or in Pa, NaN for charges.
+/// Units of force, pressure and charge that take prefixes, with their value in N or in Pa, NaN for charges.
 const MEASURES: [(&str, f64, Quantity); 16] = [
     ("N", 1.0, Quantity::Extensive),
     ("gf", 9.806_65e-3, Quantity::Extensive),
@@ -66,7 +66,7 @@ const PREFIXES: [(&str, f64); 12] = [
 const AVERAGES: &str = "count counts raw LSB digit digits adc bit 1 % K degC \u{b0}C degF V A F Ohm ohm Hz m rad deg s m/s m/s^2 T \
                         lx N/m Pa*s \u{3a9}";
 
-/// What a unit measures: newtons or pascals in one of it, and how it is carried.
+/// The value of a unit in newtons or pascals, and how its quantity is transferred.
 fn measure(unit: &str) -> Option<(f64, Quantity)> {
     let bases = || PREFIXES.iter().filter_map(|(prefix, x)| Some((unit.strip_prefix(prefix)?, x)));
     let known = |(base, x): (&str, &f64)| {
@@ -77,8 +77,8 @@ fn measure(unit: &str) -> Option<(f64, Quantity)> {
     bases().find_map(known).or_else(|| bases().any(average).then_some((f64::NAN, Quantity::Intensive)))
 }
 
-/// How many of the unit `to` one of the unit `from` is; `None` if they do not measure the same. Programs of vendors write
-/// `KPa` and `PSI`, and give counts several names.
+/// The factor from the unit `from` to the unit `to`; `None` if they do not measure the same quantity. Vendors
+/// write `KPa` and `PSI`, and have several names for counts.
 pub(crate) fn unit_ratio(from: &str, to: &str) -> Option<f64> {
     let spelled = |unit: &str| match unit {
         "KPa" | "kpa" => "kPa".to_owned(),
@@ -95,9 +95,9 @@ pub(crate) fn unit_ratio(from: &str, to: &str) -> Option<f64> {
 }
 
 impl Channel {
-    /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`, `lbf`, `C`,
-    /// with a prefix such as `m` or not), or if it has none and is called `force`, `force.N` or `charge`.
-    /// Without a name it is called `force` if it is extensive, else `pressure`.
+    /// A channel of this name and unit, extensive if the unit is one of force or charge (`N`, `gf`, `lbf`,
+    /// `C`, with or without a prefix such as `m`), or if there is no unit and the name is `force`, `force.N`
+    /// or `charge`. The default name is `force` if it is extensive, else `pressure`.
     ///
     /// # Errors
     /// [`SignalError::Unit`] if the unit is not known, or is `C` in a channel that is not called `charge`: it may be
@@ -120,8 +120,8 @@ impl Channel {
         Ok(Self { name: name.into(), unit: unit.into(), quantity })
     }
 
-    /// What an amount of it, or its value times an area in m^2, is in N; `None` if its unit is neither one
-    /// of force nor one of pressure.
+    /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither
+    /// one of force nor one of pressure.
     pub(crate) fn newtons(&self) -> Option<f64> {
         measure(&self.unit)
             .filter(|(newtons, of)| !newtons.is_nan() && *of == self.quantity)
@@ -140,7 +140,7 @@ impl Channel {
 }
 
 impl Default for Channel {
-    /// A pressure in no known unit.
+    /// A pressure of unknown unit.
     fn default() -> Self {
         Self { name: "pressure".into(), unit: String::new(), quantity: Quantity::Intensive }
     }
@@ -150,9 +150,9 @@ impl Default for Channel {
 mod tests {
     use super::*;
 
-    /// Amounts are summed, averages are not, and what is neither is refused, not guessed.
+    /// Amounts are summed, averages are not; other units are refused, not guessed.
     #[test]
-    fn the_unit_says_whether_values_add_up() {
+    fn the_unit_determines_whether_values_add_up() {
         let (sum, mean) = (Some(Quantity::Extensive), Some(Quantity::Intensive));
         for (name, unit, expected, newtons) in [
             ("force.N", "N", sum, Some(1.0)),

@@ -1,10 +1,10 @@
-//! Makes raw readings comparable: offset, gain and spikes, and slow and fast parts.
+//! Makes raw readings comparable: removes offset, gain and spikes, and splits slow and fast components.
 //!
-//! In this order, for each taxel and channel: the baseline is subtracted, which is the mean of the
-//! first frames; the rest is multiplied by the taxel's gain and clipped; on request a first-order low
-//! pass splits it into a slow and a fast part, as slow- and fast-adapting receptors do. The filter is
-//! the exact answer to a reading that jumps at each frame and stays: `slow += (1 - exp(-2 pi f dt))
-//! (x - slow)` with `dt` the time since that taxel's last reading.
+//! In this order, for each taxel and channel: the baseline is subtracted, which is the mean of the first
+//! frames; the rest is multiplied by the taxel's gain and clipped; on request a first-order low pass splits
+//! it into a slow and a fast component, as slow- and fast-adapting receptors do. The filter is exact for
+//! readings that are constant between frames: `slow += (1 - exp(-2 pi f dt)) (x - slow)` with `dt` the time
+//! since that taxel's last reading.
 
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::TAU;
@@ -14,42 +14,42 @@ use crate::map::SkinMap;
 use crate::signal::{Channel, Frame, SignalError, Stage};
 use crate::skin::{PatchId, TaxelId};
 
-/// Memory that the frames of a baseline may take, in bytes.
+/// Largest memory of the frames of a baseline, in bytes.
 const MAX_BASELINE_BYTES: usize = 1 << 30;
 
-/// What is done to readings.
+/// Options of conditioning.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ConditionOptions {
-    /// The mean of this many first frames is subtracted; 0: nothing is.
+    /// The mean of this many first frames is subtracted; 0: none.
     pub baseline: usize,
-    /// What readings are multiplied by after that; 1 for other ids.
+    /// Then readings are multiplied by these factors; 1 for other ids.
     pub gains: Vec<(TaxelId, f64)>,
-    /// Readings are clipped to these bounds after that, in the unit of the channel.
+    /// Then readings are clipped to these bounds, in the unit of the channel.
     pub clip: Option<[f64; 2]>,
-    /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz. The two
-    /// add up to the reading but for the rounding of their sum.
+    /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz. The two add up to
+    /// the reading, up to rounding.
     pub split_hz: Option<f64>,
 }
 
-/// What was done to readings.
+/// The effects of conditioning.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ConditionReport {
     /// Readings that were clipped.
     pub clipped: u64,
-    /// Readings beyond the range of 32-bit floats, which images and arrays hold; they are masked.
+    /// Readings beyond the range of 32-bit floats, the type of images and arrays; they are masked.
     pub too_large: u64,
-    /// Frames whose time is before that of the frame before, or is not a number: filters stand still.
+    /// Frames whose time is before that of the previous frame, or not a number; filters do not advance.
     pub backwards: u64,
-    /// Readings of all channels without a baseline, since none of those frames has one; they are
-    /// masked from then on.
+    /// Readings without a baseline, summed over channels, since they are missing in all frames of the
+    /// baseline; they are masked from then on.
     pub without_baseline: usize,
     /// Gains whose id no taxel has.
     pub unknown_gains: usize,
 }
 
-/// Conditions frames one by one; a [`Recording`](crate::recording::Recording) does it with those of a file.
+/// Conditions frames one by one; a [`Recording`](crate::recording::Recording) does this with those of a file.
 ///
-/// It learns from the first frames if there is a baseline, and allocates nothing.
+/// It learns from the first frames if there is a baseline, and allocates nothing after that.
 ///
 /// ```
 /// use dermatome::{
@@ -73,7 +73,7 @@ pub struct ConditionReport {
 pub struct Conditioner {
     channels: Vec<Channel>,
     report: ConditionReport,
-    /// Number of channels that come in.
+    /// Number of input channels.
     inputs: usize,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
@@ -93,12 +93,12 @@ struct Baseline {
     counts: Vec<u32>,
 }
 
-/// The slow parts, one per patch, channel and taxel, in this order.
+/// The slow components, one per patch, channel and taxel, in this order.
 #[derive(Debug, Clone)]
 struct LowPass {
     hz: f64,
     slow: Vec<f64>,
-    /// When each had its last reading.
+    /// The time of the last reading of each.
     times: Vec<f64>,
 }
 
@@ -163,12 +163,12 @@ impl Conditioner {
         })
     }
 
-    /// The channels of conditioned frames: those that come in, or the slow and fast part of each.
+    /// The channels of conditioned frames: the input channels, or the slow and fast component of each.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
 
-    /// What was done so far.
+    /// The effects so far.
     pub fn report(&self) -> &ConditionReport {
         &self.report
     }
@@ -188,10 +188,10 @@ impl Stage for Conditioner {
         self.report.without_baseline = self.baseline.divide();
     }
 
-    /// The frame, conditioned.
+    /// The conditioned frame.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.gains.len(), "one entry per patch");
-        // False for a time that is not a number, too.
+        // Also false for a time that is NaN.
         let goes_on = frame.time >= self.time;
         self.report.backwards += u64::from(!goes_on);
         if goes_on || frame.time.is_finite() {
@@ -237,7 +237,7 @@ impl Stage for Conditioner {
     }
 }
 
-/// Whether a number is beyond what files and images hold.
+/// Whether a number is beyond the range of files and images.
 fn is_too_large(x: f64) -> bool {
     x.abs() > f64::from(f32::MAX)
 }
@@ -257,7 +257,7 @@ impl Baseline {
         }
     }
 
-    /// Makes means of the sums, and returns how many there are of nothing: these are NaN.
+    /// Converts sums to means, and returns how many had no reading: these are NaN.
     fn divide(&mut self) -> usize {
         for (sum, &count) in self.values.iter_mut().zip(&self.counts) {
             *sum /= f64::from(count);
@@ -267,10 +267,10 @@ impl Baseline {
 }
 
 impl LowPass {
-    /// Splits the readings that `slow` holds.
+    /// Splits the readings in `slow`.
     fn split(&mut self, range: std::ops::Range<usize>, time: f64, slow: &mut [f64], fast: &mut [f64]) {
         let states = self.slow[range.clone()].iter_mut().zip(&mut self.times[range]);
-        // Almost all taxels had their last reading in the same frame.
+        // The last reading of almost all taxels was in the same frame.
         let (mut last, mut share) = (f64::NAN, 0.0);
         for ((slow, fast), (state, since)) in slow.iter_mut().zip(fast).zip(states) {
             let x = *slow;
@@ -283,7 +283,7 @@ impl LowPass {
             } else {
                 if *since != last {
                     last = *since;
-                    // `max` takes a step that is not a number for none.
+                    // `max` turns a NaN step into 0.
                     share = -(-TAU * self.hz * (time - last).max(0.0)).exp_m1();
                 }
                 *state += share * (x - *state);

@@ -1,10 +1,9 @@
-//! What each level shows that the next coarser one does not: a Laplacian pyramid on the receptive
-//! fields, `d_k = f_k - P f_(k+1)`, which sums back to the frame.
+//! The detail of each level beyond the next coarser one: a Laplacian pyramid on the receptive fields, `d_k =
+//! f_k - P f_(k+1)`, from which the frame can be reconstructed.
 //!
-//! An extensive channel is compared as an amount per area: the coarser level predicts of a field
-//! `a_k P (f_(k+1) / a_(k+1))`, with `a` the areas that have a reading. So a constant pressure has no
-//! contrast, in either kind of channel and whatever taxels are dead. The coarsest level keeps its
-//! values.
+//! An extensive channel is compared as an amount per area: the coarser level predicts `a_k P (f_(k+1) /
+//! a_(k+1))` for a field, with `a` the areas that have a reading. So a constant pressure has no contrast, in
+//! either kind of channel and whichever taxels are dead. The coarsest level keeps its values.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
@@ -12,9 +11,9 @@ use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
-/// The contrast of frames: what each level has beyond the next coarser one.
+/// The contrast of frames: the detail of each level beyond the next coarser one.
 ///
-/// It owns its buffers and allocates nothing after it was made.
+/// It owns its buffers; after construction it allocates nothing.
 ///
 /// ```
 /// use dermatome::{
@@ -34,7 +33,7 @@ use crate::skin::PatchId;
 #[derive(Debug, Clone)]
 pub struct Contrast {
     quantities: Vec<Quantity>,
-    /// Of each patch from level 1 to level 0, from level 2 to level 1 and so on.
+    /// For each patch from level 1 to level 0, from level 2 to level 1 and so on.
     steps: IdVec<PatchId, Vec<Prolongation>>,
     out: LevelFrame,
 }
@@ -46,8 +45,8 @@ impl Contrast {
         Self { quantities, steps: map.patches.map(steps), out: LevelFrame::new(map, channels.len()) }
     }
 
-    /// The contrast of a frame on every level, in the unit of the channel; the coarsest level as it
-    /// is. NaN where the frame has no value.
+    /// The contrast of a frame on every level, in the unit of the channel; the coarsest level unchanged. NaN
+    /// where the frame has no value.
     ///
     /// # Panics
     /// If the frame has not the patches, channels and levels that this was made for.
@@ -74,7 +73,7 @@ impl Contrast {
     }
 }
 
-/// The frame that has this contrast: [`Contrast::of`] undone, but for rounding.
+/// The frame with this contrast: the inverse of [`Contrast::of`], up to rounding.
 ///
 /// # Panics
 /// If the contrast has not the patches, channels and levels of `map` and `channels`.
@@ -99,9 +98,9 @@ fn steps(patch: &PatchMap) -> Vec<Prolongation> {
     patch.levels.iter().filter_map(|level| level.level.from_coarser.clone()).collect()
 }
 
-/// Adds `sign` times what level `k + 1` predicts to the values of level `k`.
+/// Adds `sign` times the prediction of level `k + 1` to the values of level `k`.
 ///
-/// A field without a value predicts nothing: the weights of the others are scaled to the sum 1.
+/// Fields without a value are ignored: the weights of the others are scaled to the sum 1.
 fn combine(
     step: &Prolongation,
     quantity: Quantity,

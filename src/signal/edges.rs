@@ -1,12 +1,12 @@
-//! Edges: how steeply values change on the map of each level, and in which direction.
+//! Edges: the gradient of values on the map of each level.
 //!
-//! The gradient at a vertex is the mean of the gradients of the faces around it all of whose corners
-//! have a value, weighted by their areas on the map. An extensive channel is taken as an amount per
-//! area that has readings, as in `contrast`.
+//! The gradient at a vertex is the mean of the gradients of those faces around it whose corners all have a
+//! value, weighted by their areas on the map. An extensive channel is used as an amount per area that has
+//! readings, as in `contrast`.
 //!
-//! The value of a receptive field is that of the mean place of its taxels with readings, which is not
-//! its centre at the rim of a map or beside dead taxels; so faces are drawn between these places.
-//! Gradients of linear fields are then exact. A field that a seam cuts keeps its centre.
+//! The value of a receptive field belongs to the mean position of its taxels with readings, which is not its
+//! centre at the rim of a map or next to dead taxels; so faces are spanned between these positions. Then
+//! gradients of linear functions are exact. A field that a seam cuts keeps its centre.
 
 use glam::DVec2;
 
@@ -20,7 +20,7 @@ use crate::skin::PatchId;
 
 /// The edges of frames: the gradient of their values on the map of every level.
 ///
-/// It owns its buffers and allocates nothing after it was made.
+/// It owns its buffers; after construction it allocates nothing.
 ///
 /// ```
 /// use dermatome::{
@@ -46,10 +46,10 @@ use crate::skin::PatchId;
 pub struct Edges {
     quantities: Vec<Quantity>,
     levels: IdVec<PatchId, IdVec<LevelId, FlatLevel>>,
-    /// Of each channel where its fields lie, as an offset from their centres, and the areas of the
-    /// taxels for which that is so.
+    /// For each channel the positions of its fields, as offsets from their centres, and the areas of the
+    /// taxels with readings for which they are valid.
     places: IdVec<PatchId, Vec<Places>>,
-    /// Of each vertex of a level: sums of area times gradient, and of areas, both doubled.
+    /// For each vertex of a level: sums of area times gradient, and of areas, both doubled.
     sums: Vec<(DVec2, f64)>,
     out: LevelFrame,
 }
@@ -58,7 +58,7 @@ pub struct Edges {
 struct FlatLevel {
     faces: Vec<FlatFace>,
     to_finest: Option<Prolongation>,
-    /// Where the vertices lie, and which of them are fields that no seam cuts.
+    /// Positions of the vertices, and which of them are fields that no seam cuts.
     uv: Vec<DVec2>,
     is_whole: Vec<bool>,
 }
@@ -67,7 +67,7 @@ struct FlatLevel {
 struct FlatFace {
     corners: [VertexId; 3],
     uv: [DVec2; 3],
-    /// Across a seam the map is turned: vertices there count the faces at their first place.
+    /// The map is turned across a seam: a vertex there uses only the faces at its first place.
     counts: [bool; 3],
 }
 
@@ -161,8 +161,8 @@ impl FlatLevel {
         }
     }
 
-    /// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces all of
-    /// whose corners have a value.
+    /// Sums of area times gradient on the map plane, and of areas, at each vertex: of the faces whose corners
+    /// all have a value.
     fn gradients(&self, value: impl Fn(VertexId) -> f64, offsets: &[DVec2], sums: &mut [(DVec2, f64)]) {
         sums[..self.is_whole.len()].fill((DVec2::ZERO, 0.0));
         for FlatFace { corners, uv, counts } in &self.faces {
@@ -186,7 +186,8 @@ impl FlatLevel {
 }
 
 impl Places {
-    /// Where fields lie whose taxels have these areas with readings; nothing to do if that is as before.
+    /// Computes the positions of fields whose taxels have these areas with readings; does nothing if the
+    /// areas are unchanged.
     fn update(&mut self, levels: &IdVec<LevelId, FlatLevel>, areas: &IdVec<LevelId, IdVec<VertexId, f64>>) {
         let served = &areas[LevelId::new(0)];
         if self.served == *served {

@@ -1,9 +1,9 @@
-//! Why readings cannot be used with a map, or not be simulated.
+//! Why readings cannot be used with a map or be simulated.
 
 use crate::contact::ContactError;
 use crate::skin::{SkinError, TaxelId};
 
-/// Why readings cannot be used with a map, or not be simulated.
+/// Why readings cannot be used with a map or be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]

@@ -1,6 +1,6 @@
-//! Fills missing readings from those around them on the skin.
+//! Fills missing readings from neighbouring ones on the skin.
 //!
-//! The taxels without a reading that are joined by edges are one gap. Each of them is the mean of its neighbours,
+//! Taxels without a reading that are connected by edges are one gap. Each of them gets the mean of its neighbours,
 //! weighted by one over the length of the edge: a discrete harmonic function, found by symmetric Gauss-Seidel sweeps
 //! from the mean of the readings around the gap. Every step is an average, so no filled value leaves the range of
 //! those readings, and none depends on an earlier frame. A gap without a reading around it stays missing.
@@ -16,7 +16,7 @@ use crate::skin::PatchId;
 /// Sweeps stop when no value moves by more than this share of the range of the readings around the gap.
 const TOLERANCE: f64 = 1e-9;
 
-/// Sweeps stop after this many: a gap of a few hundred taxels has settled by then.
+/// Most sweeps: enough for a gap of a few hundred taxels to converge.
 const MAX_SWEEPS: usize = 500;
 
 /// Fills missing readings; owns its buffers, and allocates nothing in the steady state.
@@ -44,7 +44,7 @@ pub struct Filler {
 impl Filler {
     /// A filler for frames with this many channels.
     pub fn new(map: &SkinMap, channels: usize) -> Self {
-        /// Taxels at one position have the weight of taxels this far apart, in m.
+        /// Least distance of taxels for their weights, in m.
         const CLOSEST: f64 = 1e-9;
         let neighbours = map.patches.map(|patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
@@ -63,7 +63,7 @@ impl Filler {
 }
 
 impl Stage for Filler {
-    /// The frame with its gaps filled, and which taxels were.
+    /// The frame with its gaps filled, and the list of filled taxels.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.neighbours.len(), "one entry per patch");
         let Self { neighbours, out, is_seen, gap } = self;
@@ -103,7 +103,7 @@ impl Stage for Filler {
     }
 }
 
-/// Fills one gap; false if no reading is next to it.
+/// Fills one gap; `false` if no reading is next to it.
 fn fill_gap(neighbours: &Csr<(VertexId, f64)>, gap: &[VertexId], values: &mut IdVec<VertexId, f64>) -> bool {
     let (mut low, mut high, mut sum, mut weight) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
     for &(other, w) in gap.iter().flat_map(|taxel| &neighbours[taxel.index()]) {
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
     use crate::mesh::shapes;
 
-    /// Filled values are averages of those around them and stay in their range; the order of frames does not matter.
+    /// Filled values are averages of their neighbours and in their range, independent of the order of frames.
     #[test]
     fn gaps_are_filled_within_the_range_of_their_neighbours() {
         let map = SkinMap::flat(shapes::lattice(20, 16, 0.006), 1e-3);

@@ -1,4 +1,4 @@
-//! One moment of readings: on the taxels, and on every level.
+//! Readings at one time: on the taxels, and on every level.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
@@ -8,7 +8,7 @@ use crate::skin::PatchId;
 /// One frame of readings: `values[patch][channel][taxel]`, NaN where there is no reading.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
-    /// When it was taken, in s.
+    /// Its time, in s.
     pub time: f64,
     /// The readings, in the unit of their channel.
     pub values: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
@@ -28,23 +28,24 @@ impl Frame {
     }
 }
 
-/// What sees the frames of a recording one after the other, each with its time, and passes them on as they are or changed.
+/// A stage of processing: gets the frames of a recording one after the other, each with its time, and passes
+/// them on, changed or unchanged.
 ///
-/// It may keep state, and allocates nothing but while it learns. A reading that is missing stays missing, but where the
-/// stage marks it as [filled](Frame::filled).
+/// It may keep state, and allocates only while it learns. A missing reading stays missing, unless the stage
+/// marks it as [filled](Frame::filled).
 pub trait Stage {
-    /// How many first frames it has to see before it can pass on any.
+    /// Number of first frames that it must learn from before it can pass on any.
     fn frames_to_learn(&self) -> usize {
         0
     }
 
-    /// Sees one of these.
+    /// Learns from one of these.
     fn learn(&mut self, _frame: &Frame) {}
 
-    /// There are no more of them, or the recording has no more.
+    /// Ends learning: there are no more of these frames, or the recording has no more.
     fn settle(&mut self) {}
 
-    /// The next frame, as the stages after this one see it.
+    /// The next frame for the stages after this one.
     ///
     /// # Panics
     /// If it has not the patches, channels and taxels that the stage was made for.
@@ -58,14 +59,14 @@ type ChannelLevels = IdVec<LevelId, IdVec<VertexId, f64>>;
 /// no value. Level 0 is the frame itself.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LevelFrame {
-    /// When it was taken, in s.
+    /// Its time, in s.
     pub time: f64,
     /// The values, in the unit of their channel.
     pub values: IdVec<PatchId, Vec<ChannelLevels>>,
     /// The area of each field that has readings, in m^2: [`Restrictor`](crate::signal::Restrictor)
     /// leaves out taxels without a reading.
     pub areas: IdVec<PatchId, Vec<ChannelLevels>>,
-    /// The vertices of each level with a value of which nothing was measured: all readings that they have are
+    /// The vertices of each level whose value is not measured: all of their readings are
     /// [filled](Frame::filled).
     pub unmeasured: IdVec<PatchId, Vec<IdVec<LevelId, Vec<VertexId>>>>,
 }
@@ -82,7 +83,7 @@ impl LevelFrame {
         Self { time: 0.0, values, areas, unmeasured }
     }
 
-    /// Panics if it does not have this many patches, or a patch not this many channels.
+    /// Panics if the number of patches differs, or that of the channels of a patch.
     pub(super) fn check(&self, patches: usize, channels: usize) {
         assert_eq!(self.values.len(), patches, "one entry per patch");
         assert!(self.values.iter().all(|values| values.len() == channels), "one array per channel");

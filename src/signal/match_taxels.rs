@@ -1,4 +1,4 @@
-//! Joins the columns of readings to the taxels of a map, by id or by order.
+//! Assigns the columns of readings to the taxels of a map, by id or by order.
 
 use std::collections::HashMap;
 
@@ -17,12 +17,12 @@ pub enum Duplicates {
     First,
 }
 
-/// How columns and taxels fit each other.
+/// How columns and taxels match.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct JoinReport {
     /// Taxels that get readings.
     pub matched: usize,
-    /// Taxels that get none: they have no column, are absent or thermal pads.
+    /// Taxels that get no readings: they have no column, are absent or thermal pads.
     pub masked: usize,
     /// Columns whose id no taxel has.
     pub unknown: usize,
@@ -34,7 +34,7 @@ pub struct JoinReport {
     pub duplicates: usize,
 }
 
-/// Which columns of readings belong to which taxels of a map.
+/// The assignment of columns of readings to the taxels of a map.
 ///
 /// ```
 /// use dermatome::{
@@ -60,12 +60,12 @@ pub struct Join {
 }
 
 impl Join {
-    /// Joins readings of `width` columns to the taxels with the same ids; without `ids` to all taxels
-    /// in the order of the map, patch after patch.
+    /// Assigns `width` columns to the taxels with the same ids; without `ids` to all taxels in the order of
+    /// the map, patch after patch.
     ///
     /// # Errors
-    /// If there is not one id per column, no id is in the map, two columns have the same one and
-    /// `duplicates` refuses that, or without ids there is not one column per taxel.
+    /// If there is not one id per column, no id is in the map, two columns have the same id and `duplicates`
+    /// refuses that, or without ids there is not one column per taxel.
     pub fn new(
         map: &SkinMap,
         ids: Option<&[TaxelId]>,
@@ -109,14 +109,14 @@ impl Join {
         Ok(Self { sources, width, report })
     }
 
-    /// How columns and taxels fit each other.
+    /// How columns and taxels match.
     pub fn report(&self) -> &JoinReport {
         &self.report
     }
 
-    /// Puts the readings `values[channel * width + column]` into a frame; taxels without a finite one
-    /// become NaN. Returns how many readings of matched taxels are missing, NaN or infinite. The
-    /// frame's time stays.
+    /// Copies the readings `values[channel * width + column]` into a frame; taxels without a finite one
+    /// become NaN. Returns how many readings of matched taxels are missing, NaN or infinite. Does not change
+    /// the frame's time.
     ///
     /// # Panics
     /// If `values` has not `width` numbers for each channel of the frame, or the frame is not one of

@@ -1,14 +1,15 @@
-//! Values on taxels and receptive fields: frames of readings, and what follows from them on every
-//! level. Nothing here knows of pixels or files.
+//! Values on taxels and receptive fields: frames of readings, and quantities derived from them on every
+//! level, without pixels or files.
 //!
-//! In reading order: `channel` says what is measured, `frame` holds one moment of it on the taxels
-//! ([`Frame`]) or on every level ([`LevelFrame`]), and what sees frames one after the other ([`Stage`]); `match_taxels` puts the columns of a recording to their
-//! taxels ([`Join`]), `condition` corrects and filters them ([`Conditioner`]), `fill` closes gaps ([`Filler`]); `restrict` carries
-//! them to all levels ([`Restrictor`]); `contrast` and `edges` say where they change ([`Contrast`], [`Edges`]);
-//! `contacts` finds what touches the skin ([`ContactTracker`]).
+//! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
+//! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
+//! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
+//! ([`Conditioner`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
+//! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
+//! finds contact regions ([`ContactTracker`]).
 //!
-//! A reading that is not there is NaN, in every type of this module: a taxel that is absent, dead or
-//! masked, and a receptive field all of whose taxels are. Zero is a reading.
+//! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
+//! a receptive field whose taxels all are. Zero is a reading.
 
 mod channel;
 mod condition;

@@ -1,12 +1,12 @@
-//! Carries frames from the taxels to the receptive fields of every level.
+//! Transfers frames from the taxels to the receptive fields of every level.
 //!
-//! Intensive channels go as `Q'(a m p) / Q'(a m)`, extensive ones as `Q'(m f)`, with `Q` the map from a
-//! level to level 0 ([`Level::to_finest`](crate::pyramid::Level::to_finest)), `a` the areas of the
-//! taxels and `m` 1 where there is a reading, else 0 (cannata, the virtual taxels of its equation 9, here
-//! with overlapping fields). The rows of `Q` have the sum 1, so that the total force of a level is that
-//! of the taxels but for rounding. A lookup of a contact names the same fields with the same weights.
+//! Intensive channels become `Q'(a m p) / Q'(a m)`, extensive ones `Q'(m f)`, with `Q` the map from a level
+//! to level 0 ([`Level::to_finest`](crate::pyramid::Level::to_finest)), `a` the areas of the taxels and `m` 1
+//! where there is a reading, else 0 (cannata, the virtual taxels of its equation 9, here with overlapping
+//! fields). The rows of `Q` have the sum 1, so the total force of a level is that of the taxels up to
+//! rounding. A lookup of a contact gives the same fields with the same weights.
 //!
-//! All fields are summed in every frame, in the same order. *Measured*: a tenth of the time of drawing them,
+//! All fields are summed in every frame, in the same order: this takes a tenth of the time of drawing them,
 //! and of 716 taxels of real skin two thirds change from frame to frame.
 
 use crate::id::{IdVec, VertexId};
@@ -16,7 +16,7 @@ use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, Frame, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
-/// Carries frames to all levels.
+/// Transfers frames to all levels.
 ///
 /// It owns its buffers: after the first frame it allocates nothing.
 ///
@@ -46,7 +46,7 @@ use crate::skin::PatchId;
 pub struct Restrictor {
     quantities: Vec<Quantity>,
     patches: IdVec<PatchId, PatchFields>,
-    /// Of each channel `a m p` or `m f` of the taxels.
+    /// For each channel `a m p` or `m f` of the taxels.
     amounts: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
     levels: LevelFrame,
 }
@@ -55,7 +55,7 @@ pub struct Restrictor {
 struct PatchFields {
     /// The areas of the taxels, in m^2.
     areas: IdVec<VertexId, f64>,
-    /// Those of the levels above level 0 that are wanted.
+    /// The fields of the wanted levels above level 0.
     coarse: Vec<(LevelId, Fields)>,
 }
 
@@ -72,10 +72,10 @@ impl Fields {
         Self { members: Csr::from_pairs(to_finest.coarse_len, rows) }
     }
 
-    /// What one field collects of an amount `x` of the taxels.
+    /// The sum of an amount `x` of the taxels in one field.
     #[inline]
     fn sum(&self, field: usize, x: &[f64]) -> f64 {
-        // Two chains of additions: each is as long as it takes to add, and they run side by side.
+        // Two chains of additions, which run in parallel and hide the latency of each.
         let pairs = self.members[field].chunks_exact(2);
         let (mut even, mut odd) = (0.0, 0.0);
         if let [(v, w)] = pairs.remainder() {
@@ -89,7 +89,7 @@ impl Fields {
         even + odd
     }
 
-    /// [`Self::sum`] of `N` frames side by side.
+    /// [`Self::sum`] of `N` frames at once.
     fn sum_at_once<const N: usize>(&self, field: usize, x: &[[f64; N]]) -> [f64; N] {
         let pairs = self.members[field].chunks_exact(2);
         let (mut even, mut odd) = ([0.0; N], [0.0; N]);
@@ -111,7 +111,7 @@ impl Fields {
 }
 
 impl PatchFields {
-    /// Lists the vertices of each level all of whose readings are filled.
+    /// Lists the vertices of each level whose readings are all filled.
     fn find_unmeasured(
         &self,
         filled: &[VertexId],
@@ -140,8 +140,8 @@ impl Restrictor {
         Self::of(map, channels, None)
     }
 
-    /// A restrictor to one level, or the coarsest of a patch without it: as [`Self::new`], but of the other levels above
-    /// level 0 it gives no values.
+    /// A restrictor to one level, or the coarsest of a patch without it: as [`Self::new`], but without values
+    /// of the other levels above level 0.
     pub fn to_level(map: &SkinMap, channels: &[Channel], level: LevelId) -> Self {
         Self::of(map, channels, Some(level))
     }
@@ -157,7 +157,7 @@ impl Restrictor {
         });
         let amounts = patches.map(|patch| vec![IdVec::filled(0.0, patch.areas.len()); channels.len()]);
         let mut levels = LevelFrame::new(map, channels.len());
-        // Nothing has a reading yet.
+        // There are no readings yet.
         let areas = levels.areas.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
         areas.for_each(|areas| areas.fill(0.0));
         Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels }
@@ -202,8 +202,8 @@ impl Restrictor {
         readings.iter().zip(served).all(fits)
     }
 
-    /// The values of a level above level 0 that [`Self::restrict`] gives for readings that [fit](Self::fits), which are
-    /// written over.
+    /// The values of a level above level 0, as [`Self::restrict`] computes them, for readings that
+    /// [fit](Self::fits); the readings are overwritten.
     pub(crate) fn restrict_at_once<const N: usize>(
         &self,
         patch: PatchId,
@@ -229,7 +229,7 @@ impl Restrictor {
     }
 }
 
-/// What a field has of the amount and the area that it collects.
+/// The value of a field from its sums of amount and area.
 fn field_value(quantity: Quantity, sum: f64, area: f64) -> f64 {
     let value = match quantity {
         // 0 / 0 is NaN.
@@ -237,20 +237,20 @@ fn field_value(quantity: Quantity, sum: f64, area: f64) -> f64 {
         Quantity::Extensive if area > 0.0 => sum,
         Quantity::Extensive => f64::NAN,
     };
-    // Images and arrays cannot hold more.
+    // The range of images and arrays.
     if value.abs() <= f64::from(f32::MAX) { value } else { f64::NAN }
 }
 
 struct ChannelOut<'a> {
     quantity: Quantity,
     values: &'a mut IdVec<LevelId, IdVec<VertexId, f64>>,
-    /// `a m` of the taxels, and what the fields collect of it.
+    /// `a m` of the taxels, and its sums in the fields.
     areas: &'a mut IdVec<LevelId, IdVec<VertexId, f64>>,
     amounts: &'a mut IdVec<VertexId, f64>,
 }
 
 impl ChannelOut<'_> {
-    /// Takes the readings in, and says whether any taxel got or lost one.
+    /// Stores the readings; returns whether the set of taxels with readings has changed.
     fn take(&mut self, read: &[f64], areas: &IdVec<VertexId, f64>) -> bool {
         let finest = LevelId::new(0);
         let (values, served) = (&mut *self.values[finest], &mut *self.areas[finest]);

@@ -1,4 +1,4 @@
-//! The taxels of the regions of one frame: flood fill with two thresholds, then parts.
+//! The taxels of the regions of one frame: flood fill with two thresholds, then splitting.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
@@ -6,22 +6,22 @@ use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::split::{PatchReadings, Splitter};
 use crate::skin::PatchId;
 
-/// No region has this taxel.
+/// Mark of a taxel in no region.
 const FREE: u32 = u32::MAX;
-/// A region that is not numbered yet has this taxel, or one that was too small.
+/// Mark of a taxel in a region that is not numbered yet or was too small.
 const TAKEN: u32 = u32::MAX - 1;
 
 /// Finds regions; owns marks for all taxels.
 #[derive(Debug, Clone)]
 pub(super) struct Finder {
     marks: IdVec<PatchId, IdVec<VertexId, u32>>,
-    /// What is not `FREE`.
+    /// The taxels that are not `FREE`.
     marked: Vec<(PatchId, VertexId)>,
     open: Vec<VertexId>,
     splitter: Splitter,
-    /// Lists of former regions, used again.
+    /// Lists of earlier regions, for reuse.
     spare: Vec<Vec<VertexId>>,
-    /// Taxels of the largest region so far, and taxels that all lists have room for.
+    /// Taxels of the largest region so far, and the capacity of all lists.
     largest: usize,
     room: usize,
 }
@@ -39,8 +39,8 @@ impl Finder {
         }
     }
 
-    /// Gives all lists, those of these regions too, room for the largest region so far: the next one of
-    /// that size may come to any of them.
+    /// Gives all lists, including those of these regions, capacity for the largest region so far, since any
+    /// of them may get the next one of that size.
     pub(super) fn make_room(&mut self, found: &mut [ContactRegion], last: &mut [ContactRegion]) {
         if self.room < self.largest {
             self.room = self.largest;
@@ -49,13 +49,13 @@ impl Finder {
         }
     }
 
-    /// Keeps the memory of a region for another one.
+    /// Keeps the memory of a region for reuse.
     pub(super) fn recycle(&mut self, mut region: ContactRegion) {
         region.taxels.clear();
         self.spare.push(region.taxels);
     }
 
-    /// Adds the regions of a patch to `found`, with their taxels and nothing else.
+    /// Adds the regions of a patch to `found`, with their taxels only.
     pub(super) fn find(
         &mut self,
         patch: PatchId,
@@ -93,7 +93,7 @@ impl Finder {
         if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
     }
 
-    /// Adds the parts of a region that are contacts of their own, or the region if there is one.
+    /// Adds the subregions of a region that are separate contacts, or the region if there is only one.
     fn add_parts(
         &mut self,
         readings: &PatchReadings<'_>,
@@ -121,7 +121,7 @@ impl Finder {
         if has_parts { self.recycle(region) } else { self.add(region, least, found) }
     }
 
-    /// Lists the taxels above the lower threshold that are joined with `seed`.
+    /// Lists the taxels above the lower threshold that are connected to `seed`.
     fn flood(
         &mut self,
         patch: PatchId,
@@ -140,7 +140,7 @@ impl Finder {
                 taxels.push(taxel);
             }
             for &next in around.faces(taxel).flat_map(|face| &mesh.triangles[face]) {
-                // A taxel without a reading joins those around it, but not through others like it.
+                // A taxel without a reading connects those around it, but not through other such taxels.
                 let is_joined = if values[next].is_finite() { values[next] > low } else { is_live };
                 if is_joined && marks[next] == FREE {
                     marks[next] = TAKEN;
@@ -151,7 +151,7 @@ impl Finder {
         }
     }
 
-    /// Numbers the taxels of the regions by their place in `found`.
+    /// Marks the taxels of the regions with the index in `found`.
     pub(super) fn number(&mut self, found: &[ContactRegion]) {
         for (region, number) in found.iter().zip(0..) {
             let marks = &mut self.marks[region.patch];
@@ -159,13 +159,13 @@ impl Finder {
         }
     }
 
-    /// The place in `found` of the region that has a taxel.
+    /// The index in `found` of the region of a taxel.
     pub(super) fn region_of(&self, patch: PatchId, taxel: VertexId) -> Option<usize> {
         let mark = self.marks[patch][taxel];
         (mark < TAKEN).then_some(mark as usize)
     }
 
-    /// Makes all taxels free again.
+    /// Frees all taxels.
     pub(super) fn clear(&mut self) {
         for (patch, taxel) in self.marked.drain(..) {
             self.marks[patch][taxel] = FREE;

@@ -1,35 +1,34 @@
 //! The threshold of contacts: given, or estimated from the readings of the first frames.
 //!
-//! The standard deviation of every taxel over the first frames is estimated, and that is taken below
-//! which 95 % of the taxels are, over what the same share of Gaussian noise of standard deviation 1
-//! is below (a quantile of the chi-square distribution). So noise that is the same everywhere gives
-//! its own standard deviation, uneven noise that of the noisiest taxels, and a twentieth of the
-//! taxels may be touched or broken. *Heuristic*: on a cover of 642 capacitive taxels, a median over
-//! all taxels (the median absolute deviation, rousseeuw1987) finds 90 counts where a tenth of the
-//! taxels has more than 260; untouched, that cover had regions of up to four taxels in most frames.
+//! The standard deviation of every taxel over the first frames is estimated. The noise is the 95 % quantile
+//! over the taxels, divided by the same quantile for Gaussian noise of standard deviation 1 (from the
+//! chi-square distribution). So uniform noise gives its own standard deviation, uneven noise that of the
+//! noisiest taxels, and a twentieth of the taxels may be touched or broken. *Heuristic*: on a cover of 642
+//! capacitive taxels, a median over all taxels (the median absolute deviation, rousseeuw1987) finds 90 counts
+//! although a tenth of the taxels has more than 260; with it the untouched cover had regions of up to four
+//! taxels in most frames.
 //!
-//! Taxels that never change say nothing of the noise and are left out: many sensors clip their
-//! readings at zero. A noise of each taxel's own changes nothing on recordings of that cover: what
-//! reported contacts where nothing touched it were taxels that do not rest at zero, so each taxel's mean
-//! over these frames counts as its zero.
+//! Taxels that never change are left out: many sensors clip their readings at zero. Separate noise for each
+//! taxel does not change the result on recordings of that cover: false contacts came from taxels whose
+//! readings at rest are not zero, so each taxel's mean over these frames counts as its zero.
 
 use crate::id::{IdVec, VertexId};
 use crate::numeric::quantile;
 use crate::signal::{Frame, TrackerOptions};
 use crate::skin::PatchId;
 
-/// Share of the taxels that have less noise than the noise that is found.
+/// Share of the taxels with less noise than the estimate.
 const NOISIEST: f64 = 0.95;
 
-/// Frames in which noise lifts one taxel of the skin above the threshold once: more than an hour at
-/// 250 Hz. It takes two taxels to make a region.
+/// Number of frames in which noise raises one taxel of the skin above the threshold once: more than an hour
+/// at 250 Hz. A region needs two taxels.
 const FRAMES_PER_FALSE_ALARM: f64 = 1e6;
 
-/// Threshold over the largest reading at rest, for readings without noise: above the rounding of a baseline that was
-/// subtracted. *Heuristic*.
+/// Threshold over the largest reading at rest, for readings without noise: above the rounding of a subtracted
+/// baseline. *Heuristic*.
 const SHARE_OF_REST: f64 = 1e-6;
 
-/// The threshold of contacts, as it is known by now.
+/// The threshold of contacts, as far as it is known.
 #[derive(Debug, Clone)]
 pub(super) enum Threshold {
     Known(f64),
@@ -37,7 +36,7 @@ pub(super) enum Threshold {
     Learning {
         kept: Vec<f64>,
     },
-    /// The frames were too few.
+    /// There were too few frames.
     Unknown,
 }
 
@@ -46,7 +45,7 @@ impl Threshold {
         options.threshold.map_or(Self::Learning { kept: Vec::new() }, Self::Known)
     }
 
-    /// The threshold, in the unit of the channel, if it is known by now.
+    /// The threshold, in the unit of the channel, if it is known.
     pub(super) fn known(&self) -> Option<f64> {
         match self {
             Self::Known(threshold) => Some(*threshold),
@@ -62,7 +61,7 @@ impl Threshold {
         kept.len() / (kept.len() - before).max(1)
     }
 
-    /// Estimates the threshold from the frames kept, and where taxels rest.
+    /// Estimates the threshold from the stored frames, and the readings of taxels at rest.
     pub(super) fn settle(&mut self, rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>) {
         let Self::Learning { kept } = self else { return };
         let taxels: usize = rest.iter().map(|patch| patch.len()).sum();
@@ -110,16 +109,15 @@ fn noise(kept: &[f64], frames: usize, taxels: usize) -> f64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
     let place = (NOISIEST * (deviations.len() - 1) as f64) as usize;
     let noisiest = *deviations.select_nth_unstable_by(place, f64::total_cmp).1;
-    // What this place is for noise that is the same everywhere.
+    // The same quantile for uniform noise.
     let freedom = frames as f64 - 1.0;
     noisiest / (quantile(NOISIEST, freedom) / freedom).sqrt()
 }
 
-/// Threshold over noise. A baseline that is the mean of `frames` frames has a share of the noise
-/// itself.
+/// Threshold over noise. A baseline that is the mean of `frames` frames is itself noisy.
 fn quantiles(frames: usize, taxels: usize) -> f64 {
     let chance = (taxels as f64 * FRAMES_PER_FALSE_ALARM).recip();
-    // The square of a Gaussian number: it is above this with twice the chance, on either side.
+    // The square of a Gaussian number exceeds it with twice the probability, since there are two sides.
     quantile(1.0 - 2.0 * chance.min(0.25), 1.0).sqrt() * (1.0 + (frames as f64).recip()).sqrt()
 }
 
@@ -139,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_is_found_beside_spikes_and_clipped_taxels() {
+    fn the_noise_is_found_despite_spikes_and_clipped_taxels() {
         let (frames, taxels) = (5, 600);
         let mut random = Random::new(3, 0);
         let mut readings: Vec<f64> = (0..frames * taxels).map(|_| 100.0 + 2.5 * random.normal()).collect();

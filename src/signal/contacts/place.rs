@@ -1,7 +1,7 @@
 //! Force, centre of pressure and principal axes of a region.
 //!
-//! The mean of positions on a curved skin lies below it, so the centre of pressure is the nearest
-//! point of the triangles around the region: no other is as near to where the force acts.
+//! The mean of positions on a curved skin is below it, so the centre of pressure is the nearest point of the
+//! triangles around the region.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,7 +15,7 @@ use crate::pyramid::LevelId;
 use crate::signal::Quantity;
 use crate::signal::contacts::ContactRegion;
 
-/// The readings on the taxels of one patch.
+/// The readings of the taxels of one patch.
 pub(super) struct Pressed<'a> {
     pub(super) patch: &'a PatchMap,
     pub(super) around: &'a VertexCorners,
@@ -24,7 +24,7 @@ pub(super) struct Pressed<'a> {
 }
 
 impl Pressed<'_> {
-    /// Fills in all that follows from the taxels of a region.
+    /// Computes all properties of a region from its taxels.
     pub(super) fn measure(&self, region: &mut ContactRegion) {
         let level = &self.patch.levels[LevelId::new(0)];
         let positions = &level.level.mesh.positions;
@@ -73,7 +73,7 @@ impl Pressed<'_> {
         for &taxel in taxels {
             for face in self.around.faces(taxel) {
                 let corners = mesh.triangles[face];
-                // Every face once: with the first of its corners in the region.
+                // Visits every face once, with the first of its corners in the region.
                 if corners.iter().any(|&v| v < taxel && taxels.binary_search(&v).is_ok()) {
                     continue;
                 }
@@ -108,8 +108,8 @@ impl Pressed<'_> {
     }
 }
 
-/// Direction on the map of a direction on a face, as that of a line: above -pi/2 and at most pi/2.
-/// 0 if the face has no area.
+/// Angle on the map of a line along a direction on a face: above -pi/2 and at most pi/2. 0 if the face has no
+/// area.
 fn angle_on_map(level: &MapLevel, face: FaceId, along: DVec3) -> f64 {
     let [a, b, c] = level.level.mesh.corners(face);
     let [p, q, r] = level.uv_of(face);

@@ -1,17 +1,16 @@
 //! Splits a region with several peaks: clustering by persistence (chazal2013).
 //!
-//! Taxels are visited from the largest reading to the smallest. Each joins the part of its largest
-//! neighbour. Where parts meet in a taxel, the saddle between them, the part of the highest peak takes
-//! in every other one that is not a contact of its own. A contact of its own has a peak above the upper
-//! threshold that rises above the saddle by a share of its height
-//! ([`TrackerOptions::prominence`]), and some taxels of its own by then
-//! ([`TrackerOptions::part`]). A higher peak that has fewer taxels than a region by then is a spike at
-//! the flank of the part, and not apart from it.
+//! Taxels are visited from the largest reading to the smallest. Each joins the subregion of its largest
+//! neighbour. Where subregions meet in a taxel, the saddle between them, the subregion of the highest peak
+//! absorbs every other one that is not a separate contact. A separate contact has a peak above the upper
+//! threshold that rises above the saddle by a share of its height ([`TrackerOptions::prominence`]), and
+//! enough taxels above the saddle ([`TrackerOptions::part`]). A higher peak with fewer taxels above the
+//! saddle than a region needs is a spike at the flank of the subregion, and is not separated.
 //!
-//! *Heuristic*: half of the height, and four taxels. On recordings of 1 to 5 fingers on a cover of 642
-//! taxels 7 mm apart, 28 of 54 frames have as many contacts as fingers, 17 without splitting; shares
-//! from 0.3 to 0.65 give the same but for a frame. One finger has a second peak of up to three taxels
-//! that rises by 0.8 of its height, so the share alone does not separate fingers.
+//! *Heuristic*: half of the height, and four taxels. On recordings of 1 to 5 fingers on a cover of 642 taxels
+//! 7 mm apart, 28 of 54 frames have as many contacts as fingers, 17 without splitting; shares from 0.3 to
+//! 0.65 give the same, except in one frame. One finger has a second peak of up to three taxels that rises by
+//! 0.8 of its height, so the share alone does not separate fingers.
 
 use crate::id::{IdVec, VertexId, define_id};
 use crate::mesh::{TriMesh, VertexCorners};
@@ -19,11 +18,11 @@ use crate::numeric::DisjointSets;
 use crate::signal::TrackerOptions;
 
 define_id!(
-    /// A part of a region, counted from the highest peak.
+    /// A subregion of a region, counted from the highest peak.
     pub(super) PartId, "p"
 );
 
-/// The readings of one patch, and what counts as a contact.
+/// The readings of one patch, and the criteria for a contact.
 #[derive(Clone, Copy)]
 pub(super) struct PatchReadings<'a> {
     pub(super) mesh: &'a TriMesh,
@@ -39,9 +38,9 @@ pub(super) struct PatchReadings<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Splitter {
     order: Vec<VertexId>,
-    /// The one with the highest peak first.
+    /// The subregion with the highest peak first.
     parts: IdVec<PartId, Part>,
-    /// Parts that have become one; the one of the highest peak is the root.
+    /// Merged subregions; the one with the highest peak is the root.
     sets: DisjointSets<PartId>,
     meeting: Vec<PartId>,
 }
@@ -53,8 +52,8 @@ struct Part {
 }
 
 impl Splitter {
-    /// Splits the taxels of a region; each is marked with its part, and no other taxel of the patch is
-    /// marked below the number of taxels. Lists the parts, in order.
+    /// Splits the taxels of a region and marks each with its subregion; marks of other taxels of the patch
+    /// must be at least the number of taxels. Lists the subregions, in order.
     pub(super) fn split(
         &mut self,
         readings: &PatchReadings<'_>,
@@ -87,7 +86,7 @@ impl Splitter {
         &self.meeting
     }
 
-    /// Lists the parts around a taxel, the highest first; returns its largest neighbour.
+    /// Lists the subregions around a taxel, the highest first; returns its largest neighbour.
     fn meet(
         &mut self,
         readings: &PatchReadings<'_>,
@@ -109,7 +108,7 @@ impl Splitter {
         let corners = |v: VertexId| around.faces(v).flat_map(|face| mesh.triangles[face]);
         for next in corners(taxel) {
             visit(next);
-            // A taxel without a reading joins those around it.
+            // A taxel without a reading connects those around it.
             if !values[next].is_finite() {
                 corners(next).for_each(&mut visit);
             }
@@ -122,7 +121,7 @@ impl Splitter {
         largest
     }
 
-    /// The parts that meet at a saddle: those that are not contacts of their own go into the highest.
+    /// Merges the subregions at a saddle: those that are not separate contacts are merged into the highest.
     fn merge(&mut self, saddle: f64, readings: &PatchReadings<'_>) {
         let PatchReadings { options, high, .. } = *readings;
         let Some((&highest, others)) = self.meeting.split_first() else { return };

@@ -1,4 +1,4 @@
-//! [`ContactTracker`]: regions of each frame, found, measured and followed.
+//! [`ContactTracker`]: finds, measures and tracks the regions of each frame.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
@@ -13,10 +13,10 @@ use crate::signal::contacts::tracks::Tracks;
 use crate::signal::{Channel, ContactEvent, Frame, Quantity, SignalError, Stage, TrackerOptions};
 use crate::skin::PatchId;
 
-/// Finds contacts in frames of readings and follows them from frame to frame.
+/// Finds contacts in frames of readings and tracks them from frame to frame.
 ///
-/// It owns its buffers: it allocates nothing unless a frame has more contacts, or a larger one, than
-/// all frames before.
+/// It owns its buffers: it allocates only when a frame has more contacts, or a larger one, than all earlier
+/// frames.
 ///
 /// ```
 /// use dermatome::{
@@ -47,19 +47,19 @@ pub struct ContactTracker {
     /// The faces around each taxel.
     around: IdVec<PatchId, VertexCorners>,
     quantity: Quantity,
-    /// Newtons for a unit of force of the channel.
+    /// Newtons in a unit of force of the channel.
     newtons: f64,
     options: TrackerOptions,
     noise: Threshold,
-    /// The readings of untouched taxels, and those of this frame beyond that.
+    /// The readings of untouched taxels, and the readings of this frame above them.
     rest: IdVec<PatchId, IdVec<VertexId, f64>>,
     values: IdVec<PatchId, IdVec<VertexId, f64>>,
     finder: Finder,
     tracks: Tracks,
     /// The regions of the last frame.
     last: Vec<ContactRegion>,
-    /// Those of this frame: first `shown` that are reported, released ones behind the others, then
-    /// those that have not lasted long enough.
+    /// The regions of this frame: first `shown` reported ones, with the released ones last, then those that
+    /// have not lasted long enough.
     found: Vec<ContactRegion>,
     shown: usize,
     /// Number of the next contact.
@@ -67,7 +67,7 @@ pub struct ContactTracker {
 }
 
 impl ContactTracker {
-    /// A tracker of frames of this map, which looks at this channel of theirs.
+    /// A tracker for frames of this map, which uses this channel.
     ///
     /// # Errors
     /// [`SignalError::Option`].
@@ -101,9 +101,9 @@ impl ContactTracker {
         self.noise.known()
     }
 
-    /// The contacts of the next frame, by patch and first taxel, then those that have ended with it. If the
-    /// threshold is estimated and the tracker has not [learned](Stage::learn), there are none in the first frames:
-    /// it learns from these.
+    /// The contacts of the next frame, by patch and first taxel, then those that have ended. If the threshold
+    /// is estimated and the tracker has not [learned](Stage::learn) yet, it learns from the first frames,
+    /// which have no contacts.
     ///
     /// # Panics
     /// If the frame has not the patches, the channel and the taxels that the tracker was made for.
@@ -147,12 +147,12 @@ impl ContactTracker {
         &self.found[..self.shown]
     }
 
-    /// The contacts of the last frame, as [`Self::track`] gave them.
+    /// The contacts of the last frame, as returned by [`Self::track`].
     pub fn contacts(&self) -> &[ContactRegion] {
         &self.found[..self.shown]
     }
 
-    /// Makes the regions found in the frame before those of the last frame.
+    /// Stores the found regions as those of the last frame.
     fn keep_last(&mut self) {
         for region in self.found.drain(..) {
             if region.event == ContactEvent::Release {
@@ -199,14 +199,14 @@ impl Stage for ContactTracker {
         self.noise.settle(&mut self.rest);
     }
 
-    /// The frame as it is; see [`ContactTracker::contacts`].
+    /// The unchanged frame; see [`ContactTracker::contacts`].
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         self.track(frame);
         frame
     }
 }
 
-/// A patch without its coarse levels, on which no contact is looked for.
+/// A patch without its coarse levels, which are not used.
 fn with_level_0(patch: &PatchMap) -> PatchMap {
     PatchMap {
         name: patch.name.clone(),

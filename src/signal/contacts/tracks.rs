@@ -1,23 +1,22 @@
-//! Which region is which contact: regions of a frame joined to those of the last one.
+//! Matches the regions of a frame with the contacts of the last one.
 //!
-//! Pairs that share taxels are joined first, those that share most before others, so that of two
-//! contacts that merge the one with the larger part in the merged one goes on, and of a contact that
-//! splits the part with more of its taxels. Then pairs that share none, the nearest first. The older
-//! contact comes first where pairs are equal.
+//! Pairs that share taxels are matched first, in the order of the number of shared taxels: of two contacts
+//! that merge, the one with more taxels in the merged region continues, and a contact that splits continues
+//! in the region with more of its taxels. Then pairs without shared taxels are matched, the nearest first. Of
+//! equal pairs the older contact comes first.
 
 use std::cmp::Reverse;
 
 use crate::signal::contacts::{ContactRegion, find::Finder};
 
-/// Joins regions; owns its lists.
+/// Matches regions; owns its lists.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tracks {
-    /// Taxels that a region shares with each of the regions found.
+    /// Number of taxels that a region shares with each of the found regions.
     shared: Vec<usize>,
-    /// Pairs of a region of the last frame and one of those found: how many taxels they share, and how
-    /// far apart they are.
+    /// Pairs of a region of the last frame and a found one: the number of shared taxels, and the distance.
     pairs: Vec<Pair>,
-    /// The regions of both frames that have their pair.
+    /// The matched regions of both frames.
     is_joined_last: Vec<bool>,
     is_joined_found: Vec<bool>,
 }
@@ -32,8 +31,8 @@ struct Pair {
 }
 
 impl Tracks {
-    /// Passes track and age of the regions of the last frame on to those of the same contact, whose
-    /// taxels are numbered in `finder`. Says for each region of the last frame whether it has gone on.
+    /// Passes track and age of the regions of the last frame to the found regions of the same contact, whose
+    /// taxels are numbered in `finder`. Returns for each region of the last frame whether it continues.
     pub(super) fn join(
         &mut self,
         last: &[ContactRegion],

@@ -1,11 +1,11 @@
-//! Simulated touch: a sphere of known place and force presses and rolls on a skin, and taxels feel
-//! it on discs of their own (cannata: spheres on skins with taxels of 2 mm radius that read exact
-//! forces). The recording feeds tests, examples and comparisons whose truth is known.
+//! Simulated touch: a sphere of known position and force presses and rolls on a skin, and taxels sense it on
+//! discs around them (cannata: spheres on skins with taxels of 2 mm radius that read exact forces). The
+//! recording, whose truth is known, is for tests, examples and comparisons.
 //!
 //! In reading order: [`TouchOptions`], `sphere` (the contact model), `path` (where the sphere rolls),
 //! `simulation` (frames and their truth); `spreader` turns contacts with a force into readings.
 //!
-//! Not modelled: friction, and that a skin is pressed in next to its contact.
+//! Not modelled: friction, and the deformation of the skin next to its contact.
 
 mod path;
 mod simulation;
@@ -17,30 +17,30 @@ use crate::signal::{Quantity, SignalError};
 pub use simulation::{Touch, TouchSimulation};
 pub use spreader::{Press, Spreader};
 
-/// Spheres that press and roll on a skin, and the taxels that feel them.
+/// Spheres that press and roll on a skin, and the taxels that sense them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TouchOptions {
     /// Radius of the sphere, in m.
     pub radius: f64,
-    /// How deep it is pressed in, in m; less than its radius.
+    /// Its depth, in m; less than its radius.
     pub depth: f64,
     /// Stiffness of the skin: pressure over depth, in Pa/m.
     pub stiffness: f64,
-    /// Number of presses, one after the other, each at a place of its own.
+    /// Number of presses, one after the other, each at another position.
     pub presses: usize,
-    /// Number of spheres that press at once, 1 to 100: each at a place of its own, on one link always
-    /// at least a diameter apart. Those for which there is no room stay away.
+    /// Number of spheres that press at once, 1 to 100: at different positions, on one link at least a
+    /// diameter apart. Spheres without room are left out.
     pub touches: usize,
     /// How far the sphere rolls on the skin during a press, in m.
     pub roll: f64,
-    /// How long a press takes, in s. A fifth of it the sphere goes down, three fifths it rolls, a
-    /// fifth it goes up.
+    /// Duration of a press, in s. The sphere goes down for a fifth of it, rolls for three fifths, and goes up
+    /// for a fifth.
     pub duration: f64,
-    /// How long nothing is touched, before each press and after the last, in s.
+    /// Time without touch before each press and after the last, in s.
     pub pause: f64,
     /// Frames per second, in Hz.
     pub rate: f64,
-    /// Radius of the disc on which a taxel feels, in m.
+    /// Radius of the disc on which a taxel senses, in m.
     pub taxel_radius: f64,
     /// What a taxel reads: the force on its disc in N (extensive) or the mean pressure on it in Pa
     /// (intensive).
@@ -52,7 +52,7 @@ pub struct TouchOptions {
     pub drift: f64,
     /// Share of the taxels that are dead: they read NaN.
     pub dead: f64,
-    /// Seed of everything that is drawn at random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -80,7 +80,7 @@ impl Default for TouchOptions {
     }
 }
 
-/// The most frames of a recording: hours at any rate.
+/// Most frames of a recording.
 const MOST_FRAMES: f64 = 1e7;
 
 impl TouchOptions {
@@ -136,7 +136,7 @@ impl TouchOptions {
         self.presses as f64 * (self.duration + self.pause) + self.pause
     }
 
-    /// Area of the disc on which a taxel feels, in m^2.
+    /// Area of the disc on which a taxel senses, in m^2.
     pub(super) fn taxel_area(&self) -> f64 {
         std::f64::consts::PI * self.taxel_radius * self.taxel_radius
     }

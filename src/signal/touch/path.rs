@@ -1,6 +1,6 @@
-//! The path of a rolling sphere: straight ahead over the triangles of a skin, each unfolded into
-//! the plane of the one before (a straightest geodesic, polthier1998, but for paths through a
-//! vertex); a boundary throws it back.
+//! The path of a rolling sphere: straight ahead over the triangles of a skin, each unfolded into the plane of
+//! the one before (a straightest geodesic, polthier1998, except for paths through a vertex); a boundary
+//! reflects it.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use crate::id::FaceId;
 use crate::mesh::{Adjacency, Halfedge, TriMesh};
 use crate::numeric::Random;
 
-/// A place on a mesh and the direction in which it moves.
+/// A point on a mesh and its direction of motion.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Walker {
     pub(super) face: FaceId,
@@ -17,11 +17,11 @@ pub(super) struct Walker {
     direction: DVec3,
 }
 
-/// Edges crossed in one step, at most: a path that runs round a vertex ends.
+/// Most edges crossed in one step, so that a path around a vertex ends.
 const MOST_CROSSINGS: usize = 10_000;
 
 impl Walker {
-    /// A random place on the mesh, uniform by area, and a random direction. `None` if the mesh has
+    /// A random point on the mesh, uniform by area, and a random direction. `None` if the mesh has
     /// no area.
     pub(super) fn random(mesh: &TriMesh, random: &mut Random) -> Option<Self> {
         let mut left = random.uniform() * mesh.area();
@@ -43,7 +43,7 @@ impl Walker {
         Some(Self { face, point: a + u * (b - a) + v * (c - a), direction })
     }
 
-    /// Goes `distance` metres ahead.
+    /// Moves `distance` metres ahead.
     pub(super) fn advance(&mut self, mesh: &TriMesh, adjacency: &Adjacency, distance: f64) {
         let mut left = distance;
         for _ in 0..MOST_CROSSINGS {
@@ -68,7 +68,7 @@ impl Walker {
         }
     }
 
-    /// The side of the face that lies ahead, its normal into the face, and how far it is.
+    /// The side of the face ahead, its normal into the face, and its distance.
     fn next_edge(&self, mesh: &TriMesh) -> Option<(usize, DVec3, f64)> {
         let corners = mesh.corners(self.face);
         let mut nearest: Option<(usize, DVec3, f64)> = None;
@@ -115,7 +115,7 @@ mod tests {
         assert!(there.distance(walker.point) < 1e-9, "{walker:?} is not in its face");
     }
 
-    /// On a plane the path is a straight line, thrown back by the boundary.
+    /// On a plane the path is a straight line, reflected by the boundary.
     #[test]
     fn a_path_on_a_plane_is_straight() {
         let mesh = shapes::lattice(20, 20, 0.005);

@@ -11,15 +11,14 @@ use crate::signal::touch::sphere::Sphere;
 use crate::signal::{Channel, Frame, Quantity, SignalError};
 use crate::skin::{Patch, PatchId, Presence, Skin, SkinError};
 
-/// What truly happens in a frame in which something is touched; in m, in the frame of the patch's
-/// link.
+/// The truth of one press in a frame; in m, in the frame of the patch's link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// Number of the frame, from 0 on.
     pub frame: usize,
-    /// When, in s.
+    /// Its time, in s.
     pub time: f64,
-    /// Number of the press, from 0 on; of several at once each has its own.
+    /// Number of the press, from 0 on; simultaneous presses have different numbers.
     pub press: usize,
     /// The patch that is touched.
     pub patch: PatchId,
@@ -27,8 +26,7 @@ pub struct Touch {
     pub sphere: DVec3,
     /// Centre of pressure: the mean of the skin's points, weighted by their pressure.
     pub centre: DVec3,
-    /// Force of the whole contact, between the taxels too, in N: the pressure integrated over the
-    /// skin.
+    /// Force of the whole contact, also between taxels, in N: the pressure integrated over the skin.
     pub force: f64,
     /// Number of working taxels whose disc is touched.
     pub taxels: usize,
@@ -64,12 +62,12 @@ pub struct TouchSimulation<'a> {
     options: TouchOptions,
     places: Random,
     noise: Random,
-    /// The taxels that work, and how fast their pressure drifts, in Pa/s.
+    /// The working taxels, and the drift of their pressure, in Pa/s.
     live: IdVec<PatchId, Vec<(VertexId, f64)>>,
     adjacency: IdVec<PatchId, Adjacency>,
     frame: Frame,
     next: usize,
-    /// The turn that has begun last, and its presses.
+    /// The current turn, and its presses.
     turn: Option<usize>,
     presses: Vec<Press>,
     /// The area of each patch, in m^2.
@@ -87,7 +85,7 @@ struct Press {
     rolled: f64,
 }
 
-/// Streams of random numbers: one for each source, so that noise leaves the places as they were.
+/// Streams of random numbers: one for each source, so that noise does not change the positions.
 mod stream {
     pub(crate) const PLACES: u64 = 0;
     pub(crate) const DEAD: u64 = 1;
@@ -98,24 +96,24 @@ mod stream {
 /// Share of a press in which the sphere goes down, and in which it goes up.
 const RAMP: f64 = 0.2;
 
-/// Places that are tried for each of several presses at once.
+/// Most positions that are tried for each of several simultaneous presses.
 const MOST_TRIES: usize = 200;
 
-/// Steps of a rolling sphere at which its distance from the others is looked at.
+/// Steps of a rolling sphere at which its distance from the others is checked.
 const ROOM_STEPS: u32 = 16;
 
 /// Triangles are divided until their edges are shorter than this share of the contact's radius; the
 /// force of a press on a plane is then exact to 0.2 %.
 const FINENESS: f64 = 1.0 / 16.0;
 
-/// Parts of an edge at most: a triangle much larger than the contact.
+/// Most divisions of an edge, for triangles much larger than the contact.
 const MOST_PARTS: f64 = 256.0;
 
 impl<'a> TouchSimulation<'a> {
     /// Prepares a recording on the taxels of a skin that are present.
     ///
     /// # Errors
-    /// If a number makes no recording, the skin is not valid or has no working taxel.
+    /// If an option is out of range, or the skin is not valid or has no working taxel.
     pub fn new(skin: &'a Skin, options: &TouchOptions) -> Result<Self, SignalError> {
         options.validate()?;
         skin.validate()?;
@@ -161,7 +159,7 @@ impl<'a> TouchSimulation<'a> {
         })
     }
 
-    /// What the readings are: `force` in N, or `pressure` in Pa.
+    /// The channel of the readings: `force` in N, or `pressure` in Pa.
     pub fn channel(&self) -> &Channel {
         &self.channel
     }
@@ -171,8 +169,8 @@ impl<'a> TouchSimulation<'a> {
         self.frames
     }
 
-    /// The next frame, NaN for taxels that are absent or dead, and what truly happens in it, press by
-    /// press; `None` after the last.
+    /// The next frame, NaN for taxels that are absent or dead, and its truth, press by press; `None` after
+    /// the last.
     pub fn next_frame(&mut self) -> Option<(&Frame, &[Touch])> {
         if self.next >= self.frames {
             return None;
@@ -202,7 +200,7 @@ impl<'a> TouchSimulation<'a> {
         Some((&self.frame, &self.touches))
     }
 
-    /// Finds what the spheres touch at this time; their taxels are not counted yet.
+    /// Finds the contacts of the spheres at this time; does not count their taxels yet.
     fn touch(&mut self, frame: usize, time: f64) {
         let TouchOptions { duration, pause, presses, depth, radius, roll, .. } = self.options;
         self.contacts.clear();
@@ -237,7 +235,7 @@ impl<'a> TouchSimulation<'a> {
         }
     }
 
-    /// Chooses the patches and places of the presses of a turn.
+    /// Chooses the patches and positions of the presses of a turn.
     fn begin(&mut self, turn: usize) {
         self.presses.clear();
         for k in 0..self.options.touches {
@@ -263,7 +261,7 @@ impl<'a> TouchSimulation<'a> {
         Some(Press { number, patch, walker, rolled: 0.0 })
     }
 
-    /// Whether a press stays away from the others of its turn while they roll.
+    /// Whether a press keeps its distance from the others of its turn while they roll.
     fn has_room(&self, press: &Press) -> bool {
         let TouchOptions { radius, roll, .. } = self.options;
         let link = |press: &Press| self.skin.patches[press.patch].link;
@@ -277,7 +275,7 @@ impl<'a> TouchSimulation<'a> {
                     let adjacency = &self.adjacency[press.patch];
                     press.walker.advance(&patch.mesh, adjacency, roll / f64::from(ROOM_STEPS));
                 }
-                // Neither the spheres nor the places under them may come closer.
+                // Neither the spheres nor the points under them may come closer.
                 let foot = press.walker.point;
                 [foot, above(&press.walker, patch, radius).unwrap_or(foot)]
             });
@@ -333,7 +331,7 @@ fn contact(sphere: &Sphere, patch: &Patch, options: &TouchOptions) -> Option<(f6
     (volume > 0.0).then(|| (options.stiffness * volume, moment / volume))
 }
 
-/// Barycentric coordinates of the centres of `parts` squared equal triangles that make up one.
+/// Barycentric coordinates of the centres of the `parts` squared equal triangles into which one is divided.
 fn parts_of_a_triangle(parts: f64) -> impl Iterator<Item = [f64; 3]> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 256")]
     let n = parts as u32;
@@ -342,7 +340,7 @@ fn parts_of_a_triangle(parts: f64) -> impl Iterator<Item = [f64; 3]> {
             let (u, v) = ((f64::from(i) + shift) / parts, (f64::from(j) + shift) / parts);
             [1.0 - u - v, u, v]
         };
-        // The part that points as the whole does, and its neighbour that points the other way.
+        // The small triangle with the orientation of the whole, and its neighbour with the opposite one.
         let other = (i + j + 1 < n).then(|| weights(2.0 / 3.0));
         std::iter::once(weights(1.0 / 3.0)).chain(other)
     })

@@ -1,12 +1,11 @@
-//! A rigid sphere pressed into an elastic foundation (johnson1985, section 4.3): under each point
-//! of the skin is a spring of its own along the normal, and the pressure is the stiffness times the
-//! depth to which the sphere presses it in.
+//! A rigid sphere pressed into an elastic foundation (johnson1985, section 4.3): under each point of the skin
+//! is an independent spring along the normal, and the pressure is the stiffness times the depth to which the
+//! sphere presses it in.
 //!
-//! On a plane at distance `h` from the centre of a sphere of radius `R` the depth at distance `s`
-//! from the foot of the centre is `sqrt(R^2 - s^2) - h`; the whole force is the stiffness times the
-//! volume of the cap below the plane, `pi d^2 (R - d/3)` with `d = R - h`. Springs do not pull on
-//! their neighbours: unlike an elastic half space (Hertz), the skin is not pressed in beside the
-//! contact.
+//! On a plane at distance `h` from the centre of a sphere of radius `R` the depth at distance `s` from the
+//! foot of the centre is `sqrt(R^2 - s^2) - h`; the whole force is the stiffness times the volume of the cap
+//! below the plane, `pi d^2 (R - d/3)` with `d = R - h`. Springs do not affect their neighbours: unlike an
+//! elastic half space (Hertz), the skin is not deformed next to the contact.
 
 use std::f64::consts::PI;
 
@@ -21,17 +20,17 @@ pub(crate) struct Sphere {
     pub(crate) radius: f64,
 }
 
-/// Points of the midpoint rule over the circles that the rim of a disc cuts: the mean depth is then
-/// exact to a millionth of the deepest.
+/// Points of the midpoint rule over the circles that the rim of a disc cuts: the mean depth is then exact to
+/// a millionth of the largest depth.
 const STEPS: u32 = 64;
 
 impl Sphere {
-    /// How deep it presses in the skin at `point` with this unit normal, in m; 0 where it does not
+    /// The depth to which it presses the skin at `point` with this unit normal, in m; 0 where it does not
     /// touch.
     pub(super) fn depth(&self, point: DVec3, normal: DVec3) -> f64 {
         let q = point - self.centre;
         let below = -q.dot(normal);
-        // A skin that faces away is touched from inside: the other side of something thin.
+        // A skin that faces away would be touched from inside: it is the other side of a thin body.
         if below <= 0.0 {
             return 0.0;
         }
@@ -40,7 +39,7 @@ impl Sphere {
     }
 
     /// Integral of the depth over a disc of radius `disc` around `point`, in the plane of this unit
-    /// normal: the volume that the sphere takes of the skin under it, in m^3.
+    /// normal: the volume of the skin that the sphere displaces there, in m^3.
     pub(crate) fn volume_under_disc(&self, point: DVec3, normal: DVec3, disc: f64) -> f64 {
         let q = point - self.centre;
         let plane = -q.dot(normal);
@@ -53,17 +52,17 @@ impl Sphere {
         if offset - disc >= contact {
             return 0.0;
         }
-        // Circles around the foot of the centre that lie in the disc as a whole.
+        // Circles around the foot of the centre that are completely in the disc.
         let whole = (disc - offset).max(0.0).min(contact);
         let cube = squared.powf(1.5) - (squared - whole * whole).powf(1.5);
         let inner = 2.0 * PI * (cube / 3.0 - 0.5 * plane * whole * whole);
-        // And those that its rim cuts.
+        // Circles that its rim cuts.
         let (from, to) = ((disc - offset).abs(), (disc + offset).min(contact));
         if to <= from {
             return inner;
         }
         let cut = |k: u32| {
-            // Slow at both ends, where the angle is a root.
+            // Denser at both ends, where the angle behaves like a square root.
             let t = (f64::from(k) + 0.5) / f64::from(STEPS);
             let s = from + (to - from) * t.powi(3) * (10.0 - 15.0 * t + 6.0 * t * t);
             let step = (to - from) * 30.0 * (t * (1.0 - t)).powi(2) / f64::from(STEPS);
@@ -81,9 +80,9 @@ mod tests {
 
     const SPHERE: Sphere = Sphere { centre: DVec3::new(0.0, 0.0, 0.013), radius: 0.015 };
 
-    /// The cap below the plane is all that a large disc feels.
+    /// A large disc senses exactly the cap below the plane.
     #[test]
-    fn a_large_disc_feels_the_whole_cap() {
+    fn a_large_disc_senses_the_whole_cap() {
         let depth: f64 = 0.002;
         let cap = PI * depth * depth * (SPHERE.radius - depth / 3.0);
         for x in [0.0, 0.001, 0.02] {
@@ -94,7 +93,7 @@ mod tests {
 
     /// Against a sum over a fine grid.
     #[test]
-    fn a_disc_feels_the_mean_depth_on_it() {
+    fn a_disc_senses_its_mean_depth() {
         let normal = DVec3::new(0.1, -0.2, 1.0).normalize();
         let (across, along) =
             (normal.any_orthonormal_vector(), normal.cross(normal.any_orthonormal_vector()));
@@ -113,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_faces_away_or_is_far_feels_nothing() {
+    fn discs_that_face_away_or_are_far_sense_nothing() {
         assert_eq!(SPHERE.depth(DVec3::ZERO, -DVec3::Z), 0.0);
         assert_eq!(SPHERE.volume_under_disc(DVec3::ZERO, -DVec3::Z, 0.002), 0.0);
         assert_eq!(SPHERE.depth(DVec3::X, DVec3::Z), 0.0);

@@ -1,9 +1,9 @@
-//! Contacts to readings: the force of a contact, spread over the taxels that it touches.
+//! From contacts to readings: the force of a contact is spread over the taxels that it touches.
 //!
-//! A taxel feels on a disc around it (cannata). A sphere gives each disc a share of its force by the
-//! volume that it takes of the skin under the disc, as in the simulation of
-//! [`TouchSimulation`](crate::signal::TouchSimulation); a point by the weights of the face that it touches.
-//! Taxels that do not work feel nothing: their share goes to the others.
+//! A taxel senses on a disc around it (cannata). A sphere gives each disc a share of its force by the volume
+//! of skin that it displaces under the disc, as in [`TouchSimulation`](crate::signal::TouchSimulation); a
+//! point by the weights of the face that it touches. Taxels that do not work get nothing: their share goes to
+//! the others.
 
 use crate::contact::{ContactError, ContactIndex, FieldHit, ON_SKIN_SPACINGS, Query};
 use crate::id::VertexId;
@@ -12,7 +12,7 @@ use crate::signal::touch::sphere::Sphere;
 use crate::signal::{Frame, SignalError};
 use crate::skin::{PatchId, Presence};
 
-/// Something that presses on the skin with a force.
+/// A point or sphere that presses on the skin with a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Press {
     /// The point that presses, or the centre of the sphere.
@@ -46,14 +46,14 @@ pub struct Press {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spreader {
-    /// Radius of the discs on which taxels feel, in m.
+    /// Radius of the discs on which taxels sense, in m.
     pub disc: f64,
     /// Distance from the skin up to which a point presses, in m; `None`: [`ON_SKIN_SPACINGS`] spacings of its
     /// patch.
     pub max_distance: Option<f64>,
 }
 
-/// The part of a force that a taxel feels.
+/// The share of a force that a taxel gets.
 struct Share {
     patch: PatchId,
     taxel: VertexId,
@@ -72,9 +72,9 @@ impl Spreader {
         }
     }
 
-    /// Adds a force to the readings of the taxels that it touches, in N; the sum of what is added is
-    /// the force, exactly. False if nothing is touched, then nothing is added. The index has
-    /// [fields](crate::contact::IndexOptions::fields) and is posed as the robot is.
+    /// Adds a force to the readings of the taxels that it touches, in N; the sum of the added readings is
+    /// exactly the force. Returns `false`, and adds nothing, if nothing is touched. The index must have
+    /// [fields](crate::contact::IndexOptions::fields) and the pose of the robot.
     ///
     /// # Errors
     /// As [`ContactIndex::locate`] and [`ContactIndex::fields_within`], if the force or a radius is not finite,
@@ -108,12 +108,12 @@ impl Spreader {
             left -= part;
             frame.values[share.patch][0][share.taxel] += part;
         }
-        // What rounding leaves is the largest share's.
+        // The rounding error goes to the largest share.
         frame.values[shares[largest].patch][0][shares[largest].taxel] += left;
         Ok(true)
     }
 
-    /// The working taxels whose disc a sphere touches, by the volume that it takes of the skin under each.
+    /// The working taxels whose disc a sphere touches, by the volume of skin that it displaces under each.
     fn under(&self, index: &ContactIndex, centre: Query, radius: f64) -> Result<Vec<Share>, ContactError> {
         let sphere = Sphere { centre: centre.point, radius };
         let found = index.fields_within(centre, radius + self.disc, LevelId::new(0))?;
@@ -152,7 +152,7 @@ fn at_point(index: &ContactIndex, query: Query, reach: Option<f64>) -> Result<Ve
     Ok(shares)
 }
 
-/// Refuses a frame that has not a channel with a value for each taxel.
+/// Refuses a frame without a channel with a value for each taxel.
 fn check(index: &ContactIndex, frame: &Frame) -> Result<(), SignalError> {
     let needed = index.presence().map(|patch| patch.len());
     let found = frame.values.iter().map(|channels| channels.first().map_or(0, |values| values.len()));
