@@ -1,8 +1,8 @@
 //! Tactile images as pictures: one pixel or a block of them for each pixel of a tactile image,
 //! in a scale of colours that every kind of colour vision can read.
 //!
-//! Where the skin is not shown the picture is transparent. Where the skin is shown but nothing is
-//! known it is hatched in greys, which no scale has.
+//! The picture is transparent where the image does not show skin, and hatched in greys, which no scale has,
+//! where values are unknown.
 
 use crate::atlas::Label;
 use crate::image::TactileImage;
@@ -10,14 +10,14 @@ use crate::plot::PlotError;
 use crate::plot::colour::{Scale, hatch};
 use crate::plot::picture::{MAX_SIDE, encode_with_alpha, write_labels};
 
-/// How values become colours.
+/// Options of colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageOptions {
     /// The values at the two ends of the scale; those beyond have the colour of the end.
     pub range: [f64; 2],
     /// Pixels of the picture for each pixel of the image, in each direction.
     pub magnification: u32,
-    /// Names that are written over the image; of two that would cover each other the second is left out.
+    /// Names that are written over the image; a name that would cover an earlier one is left out.
     pub labels: Vec<Label>,
 }
 

@@ -1,9 +1,9 @@
 //! Pictures of maps and of skins, as SVG or PNG.
 //!
-//! A picture shows levels side by side at one scale, with their receptive fields or their
-//! distortion, and the skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does
-//! [`plot_frame`] with the readings of one moment; [`Picture::to_svg`] and [`Picture::to_png`] write
-//! it. [`image_png`] gives the pixels of a tactile image their colours.
+//! A picture shows levels side by side at one scale, with their receptive fields or their distortion, and the
+//! skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does [`plot_frame`] with the
+//! readings of one frame; [`Picture::to_svg`] and [`Picture::to_png`] write it. [`image_png`] colours the
+//! pixels of a tactile image.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -16,10 +16,9 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel
-//! of each (a level on its map, or the skin in space), `colour` chooses
-//! the colours, `layout` positions panels, captions and legends, and `picture` is the list of shapes
-//! that comes out.
+//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel of each
+//! (a level on its map, or the skin in space), `colour` chooses the colours, `layout` positions panels,
+//! captions and legends, and `picture` is the resulting list of shapes.
 
 mod colour;
 mod draw;
@@ -39,23 +38,23 @@ pub use picture::Picture;
 pub use plot_frame::{FramePlotter, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
 
-/// What the colours of a plot say.
+/// The quantity that the colours of a plot show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Paint {
-    /// The receptive field that each taxel belongs to most; neighbouring fields differ.
+    /// The receptive field to which each taxel belongs most; neighbouring fields have different colours.
     #[default]
     Fields,
     /// `s1/s2` of each triangle.
     Angle,
     /// `s1 s2` of each triangle: its area on the map over that on the skin.
     Area,
-    /// How uncertain each taxel's position is: the square root of the trace of its covariance.
+    /// The uncertainty of each taxel's position: the square root of the trace of its covariance.
     Sigma,
 }
 
 impl Paint {
-    /// Whether the centres of taxels or fields are shown: where the colours say something about
-    /// them one by one.
+    /// Whether the centres of taxels or fields are shown: if the colours are those of single taxels or
+    /// fields.
     pub(crate) fn has_dots(self) -> bool {
         matches!(self, Self::Fields | Self::Sigma)
     }
@@ -69,16 +68,16 @@ pub struct PlotOptions {
     /// The levels, side by side; none: the finest three. A patch that lacks a level leaves its slot
     /// empty.
     pub levels: Vec<LevelId>,
-    /// What the colours say; readings have their own.
+    /// The quantity that the colours show; not used for readings.
     pub paint: Paint,
-    /// From where the skin is drawn in space, next to its maps; `None`: the maps alone.
+    /// The viewpoint of the skin in space, next to its maps; `None`: the maps alone.
     pub space: Option<Viewpoint>,
     /// Times at which the skin is drawn as it unfolds, side by side: 0 is the skin in space, 1 its map. None:
     /// levels are drawn instead.
     pub unfold: Vec<f64>,
     /// Values at the ends of the scale of colours: of [`Paint::Angle`], [`Paint::Area`] or
     /// [`Paint::Sigma`] (m), or of readings in the unit of their channel, of an extensive one per m^2.
-    /// `None`: those of all but a hundredth of what is drawn, of readings all, rounded.
+    /// `None`: the rounded range of all but a hundredth of the drawn values, of readings that of all.
     pub range: Option<[f64; 2]>,
     /// Width of the picture, in pixels.
     pub width_px: u32,
@@ -98,7 +97,7 @@ impl Default for PlotOptions {
     }
 }
 
-/// From where a skin is looked at, in the frame of the world.
+/// The viewpoint of a skin, in the frame of the world.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Viewpoint {
     /// From outside: along the mean normal of each patch, tilted so that its shape shows.

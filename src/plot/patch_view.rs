@@ -1,4 +1,4 @@
-//! A patch as pictures see it, with its map or without.
+//! A patch for pictures, with or without its map.
 
 use glam::{DAffine3, DVec3};
 
@@ -67,12 +67,12 @@ impl<'a> PatchView<'a> {
     }
 }
 
-/// Patches side by side in the world.
+/// Patches together in the world.
 #[derive(Debug, Default)]
 pub(crate) struct Robot {
     name: String,
     mesh: TriMesh,
-    /// Presence, and covariances as the patches have them, each in the frame of its link, if all have some.
+    /// Presence, and covariances if all patches have them, each in the frame of its link.
     taxels: Taxels,
 }
 

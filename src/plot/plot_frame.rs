@@ -1,7 +1,7 @@
 //! Pictures of readings: one channel of one frame on every level, on the map and on the skin.
 //!
-//! Values are linear between the vertices of each level, as in tactile images; where nothing is known
-//! the skin is hatched in greys, which no scale has.
+//! Values are linear between the vertices of each level, as in tactile images; where values are unknown the
+//! skin is hatched in greys, which no scale has.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
@@ -62,7 +62,8 @@ pub fn plot_frame(
     FramePlotter::new(map, channels, shown, options)?.draw(frame)
 }
 
-/// Draws many frames of one map as [`plot_frame`] does; what does not depend on the frame is checked and prepared once.
+/// Draws many frames of one map as [`plot_frame`] does; everything that does not depend on the frame is
+/// checked and prepared once.
 pub struct FramePlotter<'a> {
     map: &'a SkinMap,
     channel: &'a Channel,
@@ -76,7 +77,7 @@ impl<'a> FramePlotter<'a> {
     /// A plotter of frames with these channels, which draws the one at `shown`.
     ///
     /// # Errors
-    /// As [`plot_frame`], but for those of frames and of the size of the picture.
+    /// As [`plot_frame`], except those of frames and of the size of the picture.
     pub fn new(
         map: &'a SkinMap,
         channels: &'a [Channel],
@@ -149,7 +150,7 @@ impl<'a> FramePlotter<'a> {
         })
     }
 
-    /// What is drawn of a level of a patch; `None` for a level that the patch does not have.
+    /// The drawn values of a level of a patch; `None` for a level that the patch does not have.
     fn densities<'f>(
         &self,
         frame: &'f LevelFrame,
@@ -172,12 +173,12 @@ impl<'a> FramePlotter<'a> {
     }
 }
 
-/// What a channel is called on a picture.
+/// The label of a channel on a picture.
 struct About {
-    /// Name and unit of what is drawn, as `pressure, kPa`.
+    /// Name and unit of the drawn values, as `pressure, kPa`.
     label: String,
     unit: String,
-    /// Unit of what is drawn over that of the channel, per m^2 if it is extensive.
+    /// Unit of the drawn values over that of the channel, per m^2 if it is extensive.
     factor: f64,
 }
 
@@ -199,7 +200,7 @@ fn about(channel: &Channel) -> About {
 struct Drawn<'a> {
     level: LevelId,
     values: &'a IdVec<VertexId, f64>,
-    /// What is drawn: the values, or amounts per area of skin.
+    /// The drawn values: those of the channel, or amounts per area of skin.
     densities: IdVec<VertexId, f64>,
 }
 
@@ -219,7 +220,7 @@ impl Colours {
         Self { range, extremes, scale: Scale::of_range(range) }
     }
 
-    /// The values at both ends and in the middle; beyond an end there are others only if it says so.
+    /// The values at both ends and in the middle, with a sign at an end beyond which there are values.
     fn labels(&self, factor: f64) -> [String; 3] {
         let [low, middle, high] = ticks(self.range, factor);
         let below = if self.extremes[0] < self.range[0] { "≤ " } else { "" };
@@ -228,10 +229,10 @@ impl Colours {
     }
 }
 
-/// Share of the largest value below which values of the other sign are not worth half of a scale.
+/// Values of the other sign below this share of the largest value do not get half of a scale.
 const SLIGHTLY_NEGATIVE: f64 = 0.2;
 
-/// Share of the largest value below which the smallest is as good as zero.
+/// The scale starts at zero if the smallest value is below this share of the largest.
 const NEARLY_ZERO: f64 = 0.5;
 
 /// A range around values whose ends have two digits: from zero if that is near, symmetric if values
@@ -255,7 +256,7 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
     }
 }
 
-/// What a panel shows: which level and when, how many values are masked, and the largest.
+/// The caption of a panel: level, time, number of masked values, and the largest value.
 fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, about: &About) -> Caption {
     let Drawn { level, values, densities } = drawn;
     let time = if time.is_nan() { String::new() } else { format!(", {time:.3} s") };

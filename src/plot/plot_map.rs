@@ -1,4 +1,4 @@
-//! Pictures of maps and of skins: the panels that are asked for, laid out and drawn.
+//! Pictures of maps and of skins: lays out and draws the requested panels.
 
 use crate::id::IdVec;
 use crate::map::{PatchMap, SkinMap};
@@ -15,23 +15,22 @@ use crate::unfold::Unfolding;
 /// The panels of a patch; a level that it lacks leaves its slot empty.
 type Row<'a> = Vec<Option<Panel<'a>>>;
 
-/// Levels drawn when none is asked for: as many as are legible side by side in a README.
+/// Number of levels drawn by default: as many as are legible side by side in a README.
 const LEVELS_SIDE_BY_SIDE: usize = 3;
 
-/// The level whose fields colour the unfolding skin: few enough to be followed by eye.
+/// The level whose fields colour the unfolding skin: few enough fields to be followed by eye.
 const UNFOLDED_LEVEL: u32 = 2;
 
 /// Draws levels of patches side by side, all at one scale.
 ///
 /// Each panel shows the triangles and the boundary of one level on its own map. With
-/// [`crate::plot::Paint::Fields`] level 0 is carried to each coarser level's map: the cell of each
-/// taxel has the colour of the field that it belongs to most, and dots are the fields' centres; on
-/// level 0 itself dots are the taxels. Dots of absent taxels and thermal pads are hollow. With
-/// [`PlotOptions::space`] the first panel of a row is the skin in space, as [`plot_skin`] draws it,
-/// with the colours of the first level drawn.
+/// [`crate::plot::Paint::Fields`] level 0 is drawn on each coarser level's map: the cell of each taxel has
+/// the colour of the field to which it belongs most, and dots are the fields' centres; on level 0 itself dots
+/// are the taxels. Dots of absent taxels and thermal pads are hollow. With [`PlotOptions::space`] the first
+/// panel of a row is the skin in space, as [`plot_skin`] draws it, with the colours of the first level drawn.
 ///
-/// With [`PlotOptions::unfold`] the skin is drawn as it unfolds instead: it turns towards the viewer while it
-/// becomes flat, so that the last panel is its map.
+/// With [`PlotOptions::unfold`] the skin is drawn as it unfolds: it turns towards the viewer while it becomes
+/// flat, so that the last panel is its map.
 ///
 /// Triangles shorter than 6 pixels are left out, dots closer than 7; colours of triangles shorter
 /// than 3 pixels are drawn pixel by pixel, so that the picture of a large mesh stays small.
@@ -69,8 +68,8 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
 
 /// A patch at each time of its unfolding.
 ///
-/// The colours are those of the first level that is asked for, or of the coarsest up to level
-/// [`UNFOLDED_LEVEL`]; stretches are those of level 0, whose triangles are drawn.
+/// The colours are those of the first requested level, or of the coarsest up to level [`UNFOLDED_LEVEL`];
+/// stretches are those of level 0, whose triangles are drawn.
 fn unfolding_row<'a>(
     patch: &PatchMap,
     view: &'a PatchView<'a>,
@@ -90,9 +89,9 @@ fn unfolding_row<'a>(
     Ok(options.unfold.iter().map(panel).collect())
 }
 
-/// Draws a skin in space, all of its patches where their links are.
+/// Draws a skin in space, with all patches at the poses of their links.
 ///
-/// The projection is orthographic, so the scale bar holds for all lengths in the picture plane; z
+/// The projection is orthographic, so the scale bar is valid for all lengths in the picture plane; z
 /// is up. Light falls from the upper left; the inside of the skin is darker. Triangles and dots,
 /// which are the taxels, are left out where they would be smaller than in [`plot_map`].
 ///
@@ -124,7 +123,7 @@ pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<Picture, PlotErro
     draw(title, &views, rows, options)
 }
 
-/// What a picture shows, and of which patches.
+/// The title: what a picture shows, and of which patches.
 pub(super) fn title<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> String {
     format!("{what} {}", names.map(printable).collect::<Vec<_>>().join(", "))
 }

@@ -11,25 +11,25 @@ use crate::plot::colour::{Colour, DIVERGING, INK, SEQUENTIAL, SKIN, Scale, Scale
 use crate::plot::patch_view::PatchView;
 use crate::plot::{Paint, PlotError};
 
-/// A grey that can be seen on both ends of every scale.
+/// A grey that is visible on both ends of every scale.
 const DOT_ON_VALUES: Colour = Colour(0xc8, 0xc8, 0xc8);
 
-/// The other squares of a checker of the colour of skin.
+/// The second colour of the checker on skin.
 const SKIN_SHADE: Colour = Colour(0xc3, 0xcf, 0xdf);
 
-/// Squares along the longer side of a map, and from how many vertices on they are drawn.
+/// Squares along the longer side of a map, and the least number of vertices for which they are drawn.
 const SQUARES: f64 = 16.0;
-const CHECKERED: usize = 1500;
+const MIN_CHECKERED: usize = 1500;
 
-/// Steps of a continuous scale: finer ones cannot be distinguished, and each is one path.
+/// Steps of a continuous scale: more could not be distinguished, and each is one path.
 const STEPS: u32 = 64;
 
-/// Colours of a surface, wherever it will be laid out.
+/// Colours of a surface, independent of its layout.
 pub(crate) struct ColouredMesh<'a> {
     pub(crate) mesh: &'a TriMesh,
     pub(crate) owner: MeshOwner,
     pub(crate) fill: Fill,
-    /// Whether the colours are read off a scale, so that shade must hardly change them.
+    /// Whether the colours belong to a scale, so that shading must change them little.
     pub(crate) is_scale: bool,
     /// Whether the centres of taxels or fields are shown.
     pub(crate) has_dots: bool,
@@ -52,14 +52,14 @@ pub(crate) enum Fill {
     Values {
         values: IdVec<VertexId, f64>,
         scale: Scale,
-        /// Whether the triangles are those of the level that the values are of.
+        /// Whether the triangles are those of the level of the values.
         has_lines: bool,
     },
 }
 
 impl Fill {
-    /// The colour at a place in a face, by its barycentric coordinates times any positive number, on
-    /// this diagonal of the pixels.
+    /// The colour at a point of a face, by its barycentric coordinates times any positive number, on this
+    /// diagonal of the pixels.
     pub(crate) fn colour(
         &self,
         face: FaceId,
@@ -78,20 +78,19 @@ impl Fill {
         }
     }
 
-    /// Colour and opacity of the lines between triangles, and from which length of their edges on
-    /// they are drawn, in pixels: shorter ones would only grey the picture. Those of a fine mesh are
-    /// faint.
+    /// Colour and opacity of the lines between triangles, and the least length of edges that are drawn, in
+    /// pixels: shorter ones would only grey the picture. Lines of a fine mesh are faint.
     pub(crate) fn lines(&self, is_fine: bool) -> Option<(Colour, f64, f64)> {
         match self {
             Self::Values { has_lines: false, .. } => None,
-            // Over values, which change within triangles, the dots have to do earlier.
+            // Over values, which change within triangles, lines need longer edges.
             Self::Values { .. } => Some((Colour::WHITE, 0.3, 12.0)),
             _ if is_fine => Some((Colour(0, 0, 0), 0.1, 6.0)),
             _ => Some((Colour(0, 0, 0), 0.28, 6.0)),
         }
     }
 
-    /// Colour of dots, and their size: over values they are small, so as not to hide them.
+    /// Colour and size of dots: over values they are small, so that they do not hide them.
     pub(crate) fn dots(&self) -> (Colour, f64) {
         match self {
             Self::Values { .. } => (DOT_ON_VALUES, 0.55),
@@ -101,9 +100,9 @@ impl Fill {
 }
 
 impl<'a> ColouredMesh<'a> {
-    /// What the colours say about a level of a patch, or about a patch without a map.
+    /// The colours of a level of a patch, or of a patch without a map.
     ///
-    /// The stretch belongs to the level's own triangles, everything else to the taxels.
+    /// Stretch is shown on the triangles of the level, everything else on the taxels.
     pub(crate) fn new(
         patch: &PatchView<'a>,
         level: Option<&'a MapLevel>,
@@ -143,12 +142,12 @@ impl<'a> ColouredMesh<'a> {
     }
 }
 
-/// Level 0 in the colour of skin; a mesh so fine that nothing else is drawn within it has a checker of
-/// squares of the map, which also says how the map lies on the skin.
+/// Level 0 in the colour of skin; a mesh too fine for lines and dots has a checker of squares of the map,
+/// which also shows how the map lies on the skin.
 fn checker(level: &MapLevel, mesh: &TriMesh) -> IdVec<FaceId, Colour> {
     let (corner, end) = rectangle_around(level.uv.iter().copied());
     let side = (end - corner).max_element() / SQUARES;
-    let is_fine = mesh.positions.len() > CHECKERED && side > 0.0;
+    let is_fine = mesh.positions.len() > MIN_CHECKERED && side > 0.0;
     let colour = |face| {
         let at = level.uv_of(face).into_iter().sum::<DVec2>() / 3.0 - corner;
         let square = (at / side).floor();
@@ -163,7 +162,7 @@ fn by_stretch<'a>(level: &'a MapLevel, scale: Scale, value: &dyn Fn(Stretch) -> 
     ColouredMesh { mesh: &level.level.mesh, owner: MeshOwner::Level, fill, is_scale: true, has_dots: false }
 }
 
-/// The mean of values, each with its weight, that are not NaN; NaN without any.
+/// The weighted mean of the values that are not NaN; NaN without any.
 pub(crate) fn mean_of_known(weighted: impl Iterator<Item = (f64, f64)>) -> f64 {
     let known = weighted.filter(|(value, _)| !value.is_nan());
     let (sum, weight) = known.fold((0.0, 0.0), |(sum, weight), (x, w)| (sum + w * x, weight + w));

@@ -1,4 +1,4 @@
-//! Colours of receptive fields: neighbours differ.
+//! Colours of receptive fields; neighbours have different ones.
 
 use std::collections::BTreeSet;
 
@@ -11,8 +11,7 @@ use crate::plot::colour::Colour;
 /// letters and distinguishable with every kind of colour vision, without its grey.
 const FIELDS: [u32; 8] = [0x77aadd, 0xee8866, 0xeedd88, 0x44bb99, 0xffaabb, 0x99ddff, 0xbbcc33, 0xaaaa00];
 
-/// The field that each taxel belongs to most, the first of several; on level 0 every taxel is its
-/// own.
+/// The field to which each taxel belongs most, the first of several; on level 0 every taxel is its own field.
 pub(crate) fn dominant_fields(level: &MapLevel) -> IdVec<VertexId, u32> {
     let Some(to_finest) = &level.level.to_finest else {
         return level.level.mesh.positions.ids().map(VertexId::raw).collect();
@@ -36,10 +35,10 @@ pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
 
 /// One of [`FIELDS`] for each of `count` fields so that neighbours differ.
 ///
-/// Fields are coloured in the reverse of the order in which the one with the fewest neighbours left
-/// is taken away (matula1983): six colours then suffice for a planar map. Among the colours that no
-/// neighbour has, the one is taken that is rarest two steps away, then rarest so far. Should every
-/// colour be taken, neighbours may agree.
+/// The field with the fewest remaining neighbours is removed repeatedly, and fields are coloured in reverse
+/// order (matula1983): six colours then suffice for a planar map. Of the colours that no neighbour has, the
+/// one that is rarest two steps away is used, then the rarest so far. If all colours are used, neighbours may
+/// have the same.
 fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {
     let mut ring = vec![Vec::new(); count];
     for &(a, b) in neighbours {
@@ -53,7 +52,7 @@ fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usi
         let mut beyond = [0_usize; FIELDS.len()];
         for &a in &ring[field] {
             colours[a].into_iter().for_each(|c| near[c] += 1);
-            // A hub's thousands of neighbours would be walked once for each of them.
+            // Bounded, since each of the thousands of neighbours of a hub would visit all others.
             ring[a].iter().take(64).filter_map(|&b| colours[b]).for_each(|c| beyond[c] += 1);
         }
         let best = (0..FIELDS.len()).min_by_key(|&c| (near[c], beyond[c], used[c], c)).unwrap_or(0);
@@ -63,8 +62,8 @@ fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usi
     colours.into_iter().map(|c| c.unwrap_or(0)).collect()
 }
 
-/// The fields in the order of removal: each time the one with the fewest neighbours left, the first
-/// of several.
+/// The fields in the order of removal: always the one with the fewest remaining neighbours, the first of
+/// several.
 fn smallest_last(ring: &[Vec<usize>]) -> Vec<usize> {
     let mut left: Vec<usize> = ring.iter().map(Vec::len).collect();
     let mut queue: BTreeSet<(usize, usize)> = left.iter().copied().enumerate().map(|(i, n)| (n, i)).collect();
@@ -118,8 +117,7 @@ mod tests {
         assert!(used.len() > 4, "a varied picture: {used:?}");
     }
 
-    /// A wheel with a thousand spokes: greedy colouring in the wrong order may run out of colours,
-    /// this one not.
+    /// A wheel with a thousand spokes: greedy colouring in another order may run out of colours.
     #[test]
     fn a_hub_with_many_neighbours_differs_from_all() {
         let rim = 1000;

@@ -1,4 +1,4 @@
-//! Which colour each triangle or taxel has.
+//! The colours of triangles and taxels.
 
 mod coloured_mesh;
 mod field_colours;
@@ -10,10 +10,10 @@ pub(crate) use scale_limits::ScaleLimits;
 /// Colour of texts, lines and dots.
 pub(crate) const INK: Colour = Colour(0x22, 0x22, 0x22);
 
-/// The skin itself, whose taxels are not fields yet.
+/// The skin itself, whose taxels are not coloured as fields.
 pub(crate) const SKIN: Colour = Colour(0xe3, 0xea, 0xf2);
 
-/// Around a map that cannot be trusted.
+/// Frame around a faulty map.
 pub(crate) const WARNING: Colour = Colour(0xd0, 0x10, 0x10);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,14 +40,13 @@ impl Colour {
     }
 }
 
-/// Greys of the hatch: lighter than the dark end of a scale, without its colour.
+/// Greys of the hatch: lighter than the dark end of every scale.
 const HATCH: [Colour; 2] = [Colour(0xb8, 0xb8, 0xb8), Colour(0x8c, 0x8c, 0x8c)];
 
 /// Width of a line of the hatch and its gap, in pixels.
 const HATCH_PX: usize = 3;
 
-/// The colour where nothing is known, on this diagonal of the pixels: lines of two greys, which no
-/// scale has.
+/// The colour of unknown values, on this diagonal of the pixels: lines of two greys, which no scale has.
 pub(crate) fn hatch(diagonal: usize) -> Colour {
     HATCH[diagonal / HATCH_PX % 2]
 }

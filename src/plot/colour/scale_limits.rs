@@ -1,4 +1,4 @@
-//! Ends of the colour scale of a picture, which all of its panels share.
+//! The ends of the colour scale of a picture, shared by all of its panels.
 
 use crate::atlas::face_stretch;
 use crate::map::MapLevel;
@@ -6,7 +6,7 @@ use crate::numeric::second_digit;
 use crate::plot::patch_view::PatchView;
 use crate::plot::{Paint, PlotError};
 
-/// Values that a scale shows, and the values that there are.
+/// The range of a scale, and the range of the values.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ScaleLimits {
     /// At the ends of the scale: `s1/s2`; the area on the map over that on the skin, the low end the
@@ -17,10 +17,10 @@ pub(crate) struct ScaleLimits {
 }
 
 impl ScaleLimits {
-    /// A range that is asked for, or what all but a hundredth of the values lie in: of the triangles
+    /// The requested range, or the range of all but a hundredth of the values: of the triangles
     /// of the levels, or of the taxels' standard deviations (two hundredths above). Ends are rounded
     /// outwards to two digits.
-    /// Fails if the paint needs what the patches lack, or the range does not rise.
+    /// Fails if the patches lack the data of the paint, or the range does not rise.
     pub(crate) fn new(
         levels: &[&MapLevel],
         patches: &[PatchView<'_>],
@@ -67,7 +67,7 @@ impl ScaleLimits {
         Ok(Self { range: asked.unwrap_or(range), extremes: ends })
     }
 
-    /// Where a value lies on the scale, 0 to 1; a ratio on both sides of 1 by its logarithm.
+    /// The position of a value on the scale, 0 to 1; of a ratio on both sides of 1 by its logarithm.
     pub(crate) fn place(&self, paint: Paint, value: f64) -> f64 {
         let [low, high] = self.range;
         match paint {
@@ -77,10 +77,10 @@ impl ScaleLimits {
         }
     }
 
-    /// Signs before the values at the ends, where there are values beyond them.
+    /// Signs before the labels of the ends, if there are values beyond them.
     pub(crate) fn marks(&self) -> [&'static str; 2] {
         let [low, high] = self.range;
-        // What rounding alone puts beyond an end is not.
+        // Values beyond an end by rounding alone do not count.
         let slack = 1e-9 * (high - low);
         [
             if self.extremes[0] < low - slack { "≤ " } else { "" },
@@ -95,12 +95,12 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The value that this percentage of ascending values stays below; `None` without values.
+/// The percentile of ascending values; `None` without values.
 fn share(values: &[f64], percent: usize) -> Option<f64> {
     values.get(values.len() * percent / 100).copied()
 }
 
-/// The least number of two digits that is not below a positive `x`, but for rounding.
+/// The least number of two digits that is not below a positive `x`, up to rounding.
 fn round_up(x: f64) -> f64 {
     let digit = second_digit(x);
     (x / digit - 1e-9).ceil() * digit

@@ -1,4 +1,4 @@
-//! Hidden surfaces: which face is in front, pixel by pixel: a depth buffer (catmull1974).
+//! Hidden surfaces: a depth buffer (catmull1974), which finds the front face of each pixel.
 
 use glam::{DVec2, DVec3};
 
@@ -11,10 +11,10 @@ const UNCOVERED: u32 = u32::MAX;
 /// The face under the centre of each pixel that is nearest to the viewer; of several the one with
 /// the smallest id.
 ///
-/// Depths are not kept but computed from the planes of the faces, so that a picture takes four
-/// bytes a pixel. Faces that pass through each other are shown as they are.
+/// Depths are not stored but computed from the planes of the faces, so that a picture takes four bytes a
+/// pixel. Faces that intersect each other are shown correctly.
 pub(crate) struct DepthBuffer {
-    /// Upper left corner on the picture, and pixels of the buffer for one of the picture, in each
+    /// Upper left corner on the picture, and pixels of the buffer per pixel of the picture, in each
     /// direction.
     corner: DVec2,
     fineness: f64,
@@ -46,7 +46,7 @@ impl DepthBuffer {
         buffer
     }
 
-    /// Row by row the pixels whose centres lie between the face's edges.
+    /// Fills, row by row, the pixels whose centres lie between the face's edges.
     fn draw(&mut self, face: FaceId, plane: Plane, corners: [DVec2; 3]) {
         let ([width, height], [a, b, c]) = (self.size, corners);
         let (top, bottom) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
@@ -73,7 +73,7 @@ impl DepthBuffer {
         })
     }
 
-    /// Whether nothing is more than `slack` pixels of the picture in front of a place.
+    /// Whether no face is more than `slack` pixels of the picture in front of a point.
     pub(crate) fn shows(&self, place: DVec3, slack: f64) -> bool {
         let place = self.fineness * (place - self.corner.extend(0.0));
         #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
@@ -85,7 +85,7 @@ impl DepthBuffer {
     }
 }
 
-/// How near the plane of a face is to the viewer, as a function of the place.
+/// Depth of the plane of a face towards the viewer, as a function of the position.
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     through: DVec3,
@@ -93,7 +93,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// `None` if the face is seen edge-on.
+    /// `None` if the face is edge-on.
     fn new(corners: [DVec3; 3]) -> Option<Self> {
         let normal = triangle_cross(corners);
         let slope = -normal.truncate() / normal.z;
@@ -112,7 +112,7 @@ fn first_centre(x: f64, count: usize) -> usize {
     first.min(count)
 }
 
-/// Where the edges of a triangle cross a row; faces that share an edge agree on where it does.
+/// The crossings of the edges of a triangle with a row; they are the same for faces that share an edge.
 fn span([a, b, c]: [DVec2; 3], y: f64) -> (f64, f64) {
     let mut span = (f64::INFINITY, f64::NEG_INFINITY);
     for (p, q) in [(a, b), (b, c), (c, a)] {
@@ -139,8 +139,8 @@ mod tests {
         Some(buffer.pixels().nth(row * buffer.size[0] + column)?.0?.index())
     }
 
-    /// Two triangles that overlap, the second nearer on the left and farther on the right: they
-    /// pass through each other.
+    /// Two triangles that overlap, the second nearer on the left and farther on the right: they intersect
+    /// each other.
     #[test]
     fn the_nearer_face_is_shown_pixel_by_pixel() {
         let mesh = TriMesh::from_arrays(vec![DVec3::ZERO; 6], &[[0, 1, 2], [3, 4, 5]]);
@@ -155,9 +155,9 @@ mod tests {
         assert!(!buffer.shows(DVec3::new(5.5, 2.5, 0.0), 1e-9), "behind the tilted face");
     }
 
-    /// A buffer twice as fine shows the same at the same places.
+    /// A buffer twice as fine shows the same at the same positions.
     #[test]
-    fn places_are_those_of_the_picture() {
+    fn positions_are_those_of_the_picture() {
         let mesh = shapes::triangle();
         let corner = DVec2::new(100.0, 50.0);
         let at = |x: f64, y: f64| DVec3::new(100.0 + x, 50.0 + y, 3.0);
@@ -170,7 +170,7 @@ mod tests {
         assert!(!buffer.shows(at(2.0, 2.0) - DVec3::Z, 0.9) && buffer.shows(at(2.0, 2.0) - DVec3::Z, 1.1));
     }
 
-    /// Neighbouring faces leave no pixel out and none to both.
+    /// Every pixel belongs to exactly one of neighbouring faces.
     #[test]
     fn a_sheet_covers_what_its_outline_encloses() {
         let mesh = shapes::lattice(7, 9, 1.0);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_without_an_extent_are_no_trouble() {
+    fn faces_without_extent_are_ignored() {
         for corners in [
             [DVec3::ZERO; 3],
             [DVec3::X, DVec3::Y, DVec3::NAN],

@@ -1,5 +1,4 @@
-//! A mesh laid out on the picture: what is drawn of it pixel by pixel, and from which size on
-//! lines and dots are.
+//! A mesh laid out on the picture: its pixels, and the limits for drawing lines and dots.
 
 use std::collections::HashMap;
 
@@ -12,12 +11,12 @@ use crate::plot::draw::depth_buffer::DepthBuffer;
 use crate::plot::layout::View;
 use crate::plot::picture::{Path, Pixels, Shape, Stroke};
 
-/// Pixels of an image for each pixel of the picture, in each direction: a PNG shows their mean,
-/// which smooths the edges between colours, and an SVG stays sharp when it is enlarged twice.
+/// Pixels of an image per pixel of the picture, in each direction: a PNG shows their mean, which smooths
+/// edges between colours, and an SVG stays sharp when it is enlarged twice.
 const FINENESS: usize = 2;
 
-/// Sides of panels from which on images are only as fine as the picture, in pixels; four images of
-/// this size fill a gigabyte.
+/// Panels with a longer side, in pixels, have images only as fine as the picture; four images of this size
+/// fill a gigabyte.
 const LARGE_PX: usize = 4096;
 
 /// Above this many vertices lines are faint, and there are no dots.
@@ -47,7 +46,7 @@ impl<'a> DrawnMesh<'a> {
         self.places[v].truncate()
     }
 
-    /// Which face each pixel of a panel shows.
+    /// The face that each pixel of a panel shows.
     pub(crate) fn depth_buffer(&self, view: &View) -> DepthBuffer {
         #[expect(clippy::cast_possible_truncation, reason = "whole pixels of a picture")]
         let size = view.size.to_array().map(|x| x as usize);
@@ -75,7 +74,7 @@ impl<'a> DrawnMesh<'a> {
         Shape::Image { corner: view.corner, size: view.size, pixels }
     }
 
-    /// The barycentric coordinates of a place in a face, times twice its area.
+    /// The barycentric coordinates of a point in a face, times twice its area.
     fn weights(&self, face: FaceId, at: DVec2) -> [f64; 3] {
         let [a, b, c] = self.mesh.triangles[face].map(|v| self.at(v) - at);
         let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
@@ -96,14 +95,14 @@ pub(crate) fn boundary_line(path: Path) -> Shape {
     Shape::Path { path, fill: None, stroke: Some(stroke) }
 }
 
-/// Dots of taxels, at places and whether they read pressure: those that do not are hollow.
+/// Dots of taxels, from their positions and whether they read pressure: those that do not are hollow.
 pub(crate) fn taxel_dots(
     taxels: impl Iterator<Item = (DVec2, bool)>,
     radius: f64,
     fill: &Fill,
 ) -> Vec<Shape> {
     let (colour, size) = fill.dots();
-    // Where taxels lie closer than elsewhere, dots that would cover each other and the mesh are left out.
+    // Where taxels are dense, dots that would cover each other and the mesh are left out.
     let mut drawn = HashMap::<[i64; 2], Vec<DVec2>>::new();
     let apart = 2.0 * radius;
     let is_apart = |&(at, _): &(DVec2, bool)| {
@@ -128,7 +127,7 @@ pub(crate) fn taxel_dots(
     std::iter::once(dots(live, colour, false)).chain(hollow).collect()
 }
 
-/// Radius of dots between edges this long, in pixels; `None` where they would touch.
+/// Radius of dots between edges of this length, in pixels; `None` if they would touch.
 pub(crate) fn dot_radius(edge_px: f64) -> Option<f64> {
     (edge_px >= LEAST_DOT_PX).then_some((0.13 * edge_px).min(4.0))
 }

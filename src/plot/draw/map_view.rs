@@ -16,12 +16,11 @@ use crate::plot::patch_view::PatchView;
 use crate::plot::picture::{Path, Shape, Stroke};
 use crate::pyramid::LevelId;
 
-/// Triangles with edges shorter than this on the picture are not drawn one by one, but pixel by
-/// pixel. That bounds the size of a picture whatever the size of the mesh.
+/// Triangles with edges shorter than this on the picture are drawn as pixels, not one by one. This bounds the
+/// size of a picture for every size of mesh.
 const LEAST_EDGE_PX: f64 = 3.0;
 
-/// Lines around areas: fields are separated by white ones; the seams of other areas are painted
-/// over.
+/// Lines around areas: fields are separated by white ones; gaps between other areas are painted over.
 const SEPARATION_PX: f64 = 1.5;
 const SEAM_PX: f64 = 0.6;
 
@@ -72,7 +71,7 @@ fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> D
     DrawnMesh::new(mesh, uv.map(|&at| view.to_pixels(at).extend(0.0)))
 }
 
-/// The taxels on the map of a level: each at the mean of its fields, by its weights.
+/// The taxels on the map of a level: each at the weighted mean of its fields.
 fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     let Some(to_finest) = &level.level.to_finest else { return level.opened_uv() };
     let at = |(v, t): (VertexId, &[VertexId; 3])| {
@@ -82,7 +81,7 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     to_finest.indices.enumerate().map(at).collect()
 }
 
-/// Colours of vertices as those of their places.
+/// Transfers the colours of vertices to their places.
 pub(super) fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, VertexId>>) -> Cow<'a, Fill> {
     match (fill, unsplit) {
         (Fill::Cells { groups, colours }, Some(unsplit)) => Cow::Owned(Fill::Cells {

@@ -1,4 +1,4 @@
-//! Panels: a level on its map, or the skin in space as a camera sees it.
+//! Panels: a level on its map, or the skin in space from a camera.
 
 mod camera;
 mod drawn_mesh;

@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, boundary_edges};
 
-/// A point of the cells' borders: a vertex, the middle of an edge or the centroid of a face.
+/// A point of the cells' borders: a vertex, the midpoint of an edge or the centroid of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Node {
     Vertex(VertexId),
@@ -35,11 +35,10 @@ pub(crate) struct Outline {
     pub(crate) corners: Vec<DVec2>,
 }
 
-/// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of
-/// each face around it, bounded by middles of edges and centroids.
+/// The borders of groups of cells, merged. The cell of a vertex is its barycentric dual: a third of each face
+/// around it, bounded by midpoints of edges and centroids.
 ///
-/// The mesh is an oriented manifold; elsewhere a loop may stay open, which does no harm in a
-/// picture.
+/// The mesh is an oriented manifold; else a loop may stay open, which is harmless in a picture.
 pub(crate) fn outlines(
     mesh: &TriMesh,
     uv: &IdVec<VertexId, DVec2>,
@@ -58,7 +57,7 @@ pub(crate) fn outlines(
             used[at] = true;
             let (_, from, to) = steps[at];
             corners.push(from.at(uv));
-            // The group's border goes on from where this step ends.
+            // The group's border continues at the end of this step.
             let next = steps.partition_point(|&(g, from, _)| (g, from) < (group, to));
             match steps.get(next) {
                 Some(&(g, from, _)) if (g, from) == (group, to) => at = next,
@@ -79,8 +78,7 @@ fn border_steps(mesh: &TriMesh, groups: &IdVec<VertexId, u32>) -> Vec<(u32, Node
             let (a, b) = (t[k], t[(k + 1) % 3]);
             if groups[a] != groups[b] {
                 let middle = Node::middle(a, b);
-                // Counter-clockwise around `a` the border leaves the edge, around `b` it comes back
-                // to it.
+                // Counter-clockwise around `a` the border leaves the edge, around `b` it returns to it.
                 steps.push((groups[a], middle, centroid));
                 steps.push((groups[b], centroid, middle));
             }
@@ -107,7 +105,7 @@ mod tests {
 
     /// Areas of cells are known without their outlines: a third of each face for each corner.
     #[test]
-    fn outlines_hold_the_area_of_their_cells() {
+    fn outlines_enclose_the_area_of_their_cells() {
         let mesh = shapes::lattice(9, 8, 1.0);
         let uv = mesh.positions.map(|p| p.truncate());
         for parts in [1, 2, 5, 100] {

@@ -32,7 +32,7 @@ enum Look<'a> {
     Between(Camera, Box<Between<'a>>),
 }
 
-/// A skin between its shape in space and its map.
+/// A skin during its unfolding from space to its map.
 struct Between<'a> {
     /// The places of level 0.
     mesh: TriMesh,
@@ -52,7 +52,7 @@ impl<'a> Panel<'a> {
         Some(Self { patch, look: Look::OnMap(level), slot })
     }
 
-    /// The skin in space, with the colours of a level; of the coarsest if the patch has fewer.
+    /// The skin in space, with the colours of a level, or of the coarsest if the patch has fewer.
     pub(crate) fn in_space(patch: &'a PatchView<'a>, number: LevelId, viewpoint: Viewpoint) -> Self {
         let camera = Camera::new(viewpoint, patch.mesh, patch.pose, &patch.seam());
         let slot = Slot {
@@ -73,7 +73,7 @@ impl<'a> Panel<'a> {
     ) -> Option<Self> {
         let finest = patch.level(LevelId::default())?;
         let camera = Camera::new(viewpoint, patch.mesh, patch.pose, &patch.seam());
-        // It turns to the viewer slowly at both ends.
+        // The turn to the viewer is slow at both ends.
         let ease = time * time * (3.0 - 2.0 * time);
         let facing = DQuat::from_mat3(&(camera.picture_plane() * unfolding.sheet.matrix3.transpose()));
         let turn = DQuat::IDENTITY.slerp(facing, ease);
@@ -153,8 +153,7 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots where they
-    /// are.
+    /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots at the vertices.
     pub(crate) fn draw_values(&self, view: &View, values: &IdVec<VertexId, f64>, scale: Scale) -> Vec<Shape> {
         let has_dots = values.len() <= FINE;
         let coloured = |mesh, owner, values, has_lines| {
@@ -181,13 +180,13 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// Values of a level on the taxels: the mean of those of their fields that are known.
+/// Values of a level on the taxels: the mean of the known values of their fields.
 fn carry_known(prolongation: &Prolongation, values: &IdVec<VertexId, f64>) -> IdVec<VertexId, f64> {
     let mean = |taxel| mean_of_known(prolongation.row(taxel).map(|(field, w)| (values[field], w)));
     prolongation.indices.ids().map(mean).collect()
 }
 
-/// What is wrong with a map, in a word or two.
+/// The fault of a map, in a word or two.
 fn fault(level: &MapLevel) -> Option<&'static str> {
     let d = &level.distortion;
     if d.flips > 0 {
@@ -197,7 +196,7 @@ fn fault(level: &MapLevel) -> Option<&'static str> {
     } else if d.is_far_from_isometric() {
         Some("far from isometric")
     } else {
-        // Without a face that has an area there is nothing to be poor.
+        // A map whose faces have no area is not poor.
         (d.is_poor() && !d.symmetric_dirichlet.is_nan()).then_some("poor")
     }
 }

@@ -1,5 +1,5 @@
-//! The skin in space as a camera sees it. Hidden surfaces are found with a depth buffer; lines and
-//! dots are drawn over it where nothing hides them.
+//! The skin in space from a camera. Hidden surfaces are found with a depth buffer; visible lines and dots are
+//! drawn over it.
 
 use glam::DVec3;
 
@@ -13,21 +13,19 @@ use crate::plot::layout::View;
 use crate::plot::patch_view::PatchView;
 use crate::plot::picture::{Path, Shape};
 
-/// Brightness of a surface that no light falls on; light from the viewer's upper left adds the
-/// rest.
+/// Brightness of an unlit surface; light from the viewer's upper left adds the rest.
 const AMBIENT: f64 = 0.62;
 
-/// The same of colours that are read off a scale.
+/// Brightness of an unlit surface whose colours belong to a scale.
 const AMBIENT_OF_SCALE: f64 = 0.9;
 
 /// Brightness of the inside over that of the outside.
 const INSIDE: f64 = 0.62;
 
-/// Steps of brightness: finer ones cannot be distinguished, and fewer colours make smaller files.
+/// Steps of brightness: more could not be distinguished, and fewer colours make smaller files.
 const STEPS: f64 = 64.0;
 
-/// Lines and dots at most this far behind the surface are still shown, in pixels: they lie on it,
-/// up to rounding.
+/// Lines and dots at most this far behind the surface are shown, in pixels: up to rounding they lie on it.
 const SLACK_PX: f64 = 1.5;
 
 /// Longest piece of a line that is shown or hidden as one, in pixels.
@@ -36,7 +34,7 @@ const PIECE_PX: f64 = 2.0;
 /// Most pieces of a line: no picture is wider.
 const MOST_PIECES: f64 = 4096.0;
 
-/// Draws a coloured skin as a camera sees it, with lines along its boundary and the `seam` of the coloured mesh, and
+/// Draws a coloured skin from a camera, with lines along its boundary and the `seam` of the coloured mesh, and
 /// dots at some of its taxels.
 pub(crate) fn draw_in_space(
     patch: &PatchView<'_>,
@@ -68,7 +66,7 @@ pub(crate) fn draw_in_space(
     shapes
 }
 
-/// The pieces of edges whose middle nothing hides.
+/// The pieces of edges whose midpoint is visible.
 fn unhidden(drawn: &DrawnMesh<'_>, edges: &[[VertexId; 2]], buffer: &DepthBuffer) -> Path {
     let mut path = Path::default();
     for &[a, b] in edges {
@@ -95,7 +93,7 @@ fn unhidden(drawn: &DrawnMesh<'_>, edges: &[[VertexId; 2]], buffer: &DepthBuffer
     path
 }
 
-/// How bright a surface with this normal, of any length, is.
+/// The brightness of a surface with this normal, of any length.
 fn brightness(camera: &Camera, normal: DVec3, ambient: f64) -> f64 {
     let normal = normal.normalize_or_zero();
     let (seen, side) = if camera.sees(normal) { (normal, 1.0) } else { (-normal, INSIDE) };

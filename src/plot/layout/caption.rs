@@ -2,12 +2,12 @@
 //!
 //! Widths of letters are estimates: an SVG is drawn with the fonts of its viewer.
 
-/// The text above a panel: which it is, then its measures.
+/// The text above a panel: its name, then its measures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Caption {
     /// Name of the patch, which may be as long as a file allows.
     pub(crate) name: String,
-    /// Which of the patch's panels; it follows the name and is never cut for it.
+    /// Which of the patch's panels; it follows the name and is never cut.
     pub(crate) which: String,
     pub(crate) about: [String; 2],
 }
@@ -64,7 +64,7 @@ pub(super) fn width(text: &str) -> f64 {
     text.chars().map(letter_width).sum()
 }
 
-/// Width of a letter over the height of its text, or a little more: the larger of Ubuntu Light,
+/// Width of a letter over the height of its text, or slightly more: the larger of Ubuntu Light,
 /// which PNGs are drawn with, and `DejaVu` Sans, which a browser uses if it has no Ubuntu. Letters
 /// of other scripts are as wide as high.
 fn letter_width(c: char) -> f64 {

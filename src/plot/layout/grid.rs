@@ -12,7 +12,7 @@ const MIN_WIDTH: u32 = 200;
 /// Least width of a panel, in pixels: at six pixels high, a word of its caption still fits.
 const MIN_COLUMN: f64 = 40.0;
 
-/// Largest share of the width that is left between panels, and its part between two of few.
+/// Largest share of the width for all margins between panels, and the share of one margin if there are few panels.
 const MARGINS: f64 = 0.15;
 const MARGIN: f64 = 0.015;
 
@@ -25,7 +25,7 @@ const MIN_LETTERS: f64 = 6.0;
 /// Distance of lines over the height of their letters, which are 1.13 high from top to tail.
 const LINE_PITCH: f64 = 1.15;
 
-/// Height of the letters over the width of the picture where few panels leave room for more.
+/// Largest height of the letters over the width of the picture.
 const LARGEST_LETTERS: f64 = 0.016;
 
 /// A panel is at most this much higher than the picture is wide: a finger is longer than a screen.
@@ -64,11 +64,11 @@ type Row<'a> = Vec<Option<&'a Slot>>;
 /// Panels row by row; `None` where a patch lacks a level.
 type Rows<P> = Vec<Vec<Option<P>>>;
 
-/// Height over width of a picture above which rows are put side by side: two screens.
+/// Height over width of a picture above which rows are placed side by side: two screens.
 const TWO_SCREENS: f64 = 2.0 * 9.0 / 16.0;
 
-/// Lays rows of panels out; where many of them make the picture higher than two screens, several
-/// stand side by side.
+/// Lays out rows of panels; if they make the picture higher than two screens, several are placed side by
+/// side.
 pub(crate) fn lay_out<P>(
     mut rows: Rows<P>,
     slot: impl Fn(&P) -> &Slot,
@@ -173,7 +173,7 @@ impl Layout {
         Ok(Self { width, height, em, margin, column, scale, rows: spans })
     }
 
-    /// The panels that there are, row by row, each in the middle of its slot.
+    /// The existing panels, row by row, each at the centre of its slot.
     pub(crate) fn views(&self, rows: &[Row<'_>]) -> Vec<View> {
         let mut views = Vec::new();
         for (row, &RowSpan { top, height, .. }) in rows.iter().zip(&self.rows) {
@@ -203,7 +203,7 @@ impl Layout {
         texts.map(line).collect()
     }
 
-    /// Middle of the last line of the picture, where the scale bar and the legend stand.
+    /// Vertical centre of the last line of the picture, with the scale bar and the legend.
     pub(crate) fn foot(&self) -> f64 {
         (f64::from(self.height) - self.margin - 1.3 * self.em).round()
     }
@@ -214,17 +214,16 @@ fn pitch(em: f64) -> f64 {
     (LINE_PITCH * em).ceil()
 }
 
-/// How wide a caption may be, over the height of its letters: half the space between panels is
-/// left.
+/// Largest width of a caption over the height of its letters: half the space between panels stays free.
 fn caption_room(column: f64, margin: f64, em: f64) -> f64 {
     (column + 0.5 * margin) / em
 }
 
-/// Width and height that hold each panel of a row, in m.
+/// Width and height that fit each panel of a row, in m.
 fn row_extent(row: &Row<'_>) -> DVec2 {
     let extent = |slot: &&Slot| slot.bounds.1 - slot.bounds.0;
     let extent = row.iter().flatten().map(extent).fold(DVec2::ZERO, DVec2::max);
-    // A point and a line have an extent on the picture, too.
+    // Points and lines also need an extent on the picture.
     let least = if extent == DVec2::ZERO { 1e-6 } else { 1e-6 * extent.max_element() };
     extent.max(DVec2::splat(least))
 }

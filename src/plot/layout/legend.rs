@@ -35,7 +35,7 @@ impl Layout {
         vec![bar(0.0, -2.0, length, 4.0), bar(0.0, -7.0, 2.0, 14.0), end, label]
     }
 
-    /// What hollow dots mean, at the lower right, to the left of the legend of the colours.
+    /// The legend of hollow dots, at the lower right, to the left of the legend of the colours.
     pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
         let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
         let at = DVec2::new(f64::from(self.width) - self.margin - colours - 0.4 * self.em, self.foot());
@@ -45,7 +45,7 @@ impl Layout {
         vec![dot, Shape::text("absent taxel or thermal pad", beside, Anchor::End)]
     }
 
-    /// What the colours mean, at the lower right; nothing for colours that only distinguish fields.
+    /// The legend of the colours, at the lower right; nothing for colours that only distinguish fields.
     pub(crate) fn legend(&self, paint: Paint, limits: &ScaleLimits) -> Vec<Shape> {
         let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
             Paint::Fields => return Vec::new(),
@@ -56,7 +56,7 @@ impl Layout {
         self.colour_bar(scale, name, &labels)
     }
 
-    /// A scale of colours at the lower right, what it is of, and the values at its ends and middle.
+    /// A scale of colours at the lower right, with its name and the values at its ends and middle.
     pub(crate) fn colour_bar(&self, scale: Scale, name: &str, labels: &[String; 3]) -> Vec<Shape> {
         let (corner, size) = self.bar();
         let text =
@@ -77,7 +77,7 @@ impl Layout {
         (DVec2::new(right - size.x, self.foot() - 0.9 * self.em), size)
     }
 
-    /// What the hatch means, to the left of a colour bar of this name.
+    /// The legend of the hatch, to the left of a colour bar of this name.
     pub(crate) fn hatch_key(&self, name: &str) -> Vec<Shape> {
         const MEANING: &str = "no reading";
         let (corner, size) = self.bar();

@@ -1,4 +1,4 @@
-//! Where panels, captions, scale bar and legend stand on a picture, and names and numbers as it shows them.
+//! The layout of panels, captions, scale bar and legend on a picture, and the text of names and numbers.
 
 mod caption;
 mod grid;
@@ -7,11 +7,10 @@ mod legend;
 pub(crate) use caption::Caption;
 pub(crate) use grid::{Layout, Slot, View, lay_out, slots};
 
-/// A name without the characters that XML does not have, not even escaped, cut to the length that a
-/// panel has room for.
+/// A name without characters that XML does not allow even escaped, cut to the length that fits a panel.
 pub(crate) fn printable(name: &str) -> String {
     let is_drawn = |c: char| {
-        // These would also change the direction of writing of the rest of the caption.
+        // These would change the direction of writing of the rest of the caption.
         let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
         !(c.is_control() || turns || matches!(c, '\u{fffe}' | '\u{ffff}'))
     };
@@ -23,7 +22,7 @@ pub(crate) fn printable(name: &str) -> String {
     short
 }
 
-/// Letters of the longest name: no panel has room for more.
+/// Letters of the longest name that fits a panel.
 const LONGEST_NAME: usize = 60;
 
 /// A number with this many decimals, or as a power of ten if that would be long.

@@ -1,5 +1,5 @@
-//! Outlines of letters, from a font that comes with the crate: none of the machine is used, so that
-//! a PNG is the same everywhere.
+//! Outlines of letters, from a font in the crate: no font of the machine is used, so that a PNG is the same
+//! everywhere.
 
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
@@ -13,7 +13,7 @@ impl Font {
     }
 
     /// The outline of a line of text that begins at the origin, y down, and its width, in pixels.
-    /// Letters are not kerned; a letter that the font lacks becomes its sign for such letters.
+    /// Letters are not kerned; a letter that the font lacks is drawn as its replacement glyph.
     pub(crate) fn outline(&self, text: &str, em: f64) -> (Option<Path>, f32) {
         let Self(face) = self;
         #[expect(clippy::cast_possible_truncation, reason = "pixels")]

@@ -1,8 +1,8 @@
 //! A picture as a list of shapes, which is written as SVG text or drawn as a PNG.
 //!
-//! Both forms show the same shapes at the same places, in pixels to the right and down. Texts stay
-//! texts in an SVG and are drawn with the font of the crate in a PNG, so that a PNG has the same
-//! bytes on every machine. Shapes lie over those before them.
+//! Both forms show the same shapes at the same positions, in pixels to the right and down. Texts remain texts
+//! in an SVG and are drawn with the font of the crate in a PNG, so that a PNG has the same bytes on every
+//! machine. Later shapes cover earlier ones.
 
 mod font;
 mod path;
@@ -31,7 +31,7 @@ pub struct Picture {
     pub(crate) groups: Vec<Vec<Shape>>,
 }
 
-/// A part of a picture; lengths are pixels.
+/// An element of a picture; lengths are pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Shape {
     /// Straight lines and the areas inside of them.
@@ -53,7 +53,7 @@ impl Shape {
     }
 }
 
-/// How the lines of a path look. Joins and ends are round.
+/// The style of the lines of a path. Joins and ends are round.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stroke {
     pub(crate) colour: Colour,
@@ -62,19 +62,19 @@ pub(crate) struct Stroke {
 }
 
 impl Stroke {
-    /// Around the scale of a legend.
+    /// The frame of the scale of a legend.
     const FRAME: Self = Self { colour: INK, width: 0.8, opacity: 1.0 };
 
-    /// Around dots that have one.
+    /// The rim of dots.
     const RIM: Self = Self { colour: INK, width: 1.0, opacity: 1.0 };
 
-    /// What makes letters of this height bolder.
+    /// The stroke that makes letters of this height bold.
     fn bold(em: f64) -> Self {
         Self { colour: INK, width: 0.03 * em, opacity: 1.0 }
     }
 }
 
-/// Which part of a text is at its position.
+/// The point of a text that is at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,

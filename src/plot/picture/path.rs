@@ -1,5 +1,4 @@
-//! Straight lines, rounded to tenths of a pixel: what is written as SVG and what is drawn are the
-//! same.
+//! Straight lines, rounded to tenths of a pixel, both in SVG and in PNG.
 
 use std::fmt::Write;
 
@@ -53,7 +52,7 @@ impl Path {
         self.pieces.iter().map(move |piece| (piece.points.iter().map(pixels), piece.is_closed))
     }
 
-    /// The attribute `d` of an SVG path: each point relative to the last, which is short.
+    /// The attribute `d` of an SVG path: each point relative to the last, which gives short text.
     pub(crate) fn to_svg(&self) -> String {
         let mut text = String::new();
         for Piece { points, is_closed } in &self.pieces {

@@ -16,7 +16,7 @@ impl Picture {
     /// The picture as the bytes of a PNG file, the same on every machine.
     ///
     /// # Errors
-    /// If the picture has no pixels or more than memory can hold.
+    /// If the picture has no pixels or more than fit into memory.
     pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
         let [width, height] = self.size_px;
         let pixels =
@@ -32,7 +32,7 @@ impl Picture {
 
 /// Pixels as a PNG file; there is at least one.
 pub(crate) fn encode(size: [usize; 2], colours: &[Colour]) -> Vec<u8> {
-    // In a drawing pixels repeat those before; differences would hide it.
+    // In a drawing pixels repeat, which compresses better than differences.
     let size = size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
     let data: Vec<u8> = colours.iter().flat_map(|c| [c.0, c.1, c.2]).collect();
     write(size, png::ColorType::Rgb, png::Filter::NoFilter, &data)
@@ -46,8 +46,8 @@ pub(crate) fn encode_with_alpha(size: [u32; 2], pixels: &[[u8; 4]]) -> Vec<u8> {
 /// Height of the letters of labels, in pixels.
 const LABEL_EM: f64 = 13.0;
 
-/// Writes names over pixels of red, green, blue and opacity, ink in a rim of white; places are in pixels of the image
-/// before it was magnified. Labels that would cover an earlier one are left out.
+/// Writes names over pixels of red, green, blue and opacity, ink with a white rim; positions are in pixels of
+/// the image before magnification. Labels that would cover an earlier one are left out.
 pub(crate) fn write_labels(
     pixels: &mut [[u8; 4]],
     [width, height]: [u32; 2],
