@@ -184,7 +184,7 @@ fn a_cloud_is_refused_in_three_lines() {
         .map(|k| format!("{},{},{}\n", scatter(k, 0.618), scatter(k, 0.7549), scatter(k, 0.5698)))
         .collect();
     let (folder, _) = folder_with("cloud.csv", format!("x,y,z\n{cloud}"));
-    refuses(&folder, "convert cloud.csv x.glb", &["lie on no surface", "help: give the taxels"]);
+    refuses(&folder, "convert cloud.csv x.glb", &["do not lie on a surface", "help: give the taxels"]);
     assert!(!folder.path().join("x.glb").exists());
 }
 

@@ -178,7 +178,7 @@ fn options_that_do_not_fit_the_readings_are_refused() {
         (RecordingOptions { names: names(&["a"]), ..none() }, true, "1 names for 2 channels (a, b)"),
         (RecordingOptions { units: names(&["N", "K", "s"]), ..none() }, true, "3 units for 2 channels"),
         (RecordingOptions { names: names(&["a", "a"]), ..none() }, true, "two channels are called \"a\""),
-        (RecordingOptions { units: names(&["N", "stone"]), ..none() }, true, "no unit that is known"),
+        (RecordingOptions { units: names(&["N", "stone"]), ..none() }, true, "not a known unit"),
         (RecordingOptions { rate_hz: Some(0.0), ..none() }, true, "the rate of frames"),
         (RecordingOptions { condition: split.clone(), ..none() }, false, "need times"),
     ] {

@@ -14,7 +14,7 @@ pub enum AtlasError {
     Map(#[from] MapError),
     #[error(
         "the image of {image} would have {} x {} pixels for a map of {:.3} x {:.3} m; at most {max_side} a side and \
-         {max_pixels} in all are drawn, which {fits_mm} mm a pixel would keep to",
+         {max_pixels} in all are drawn; pixels of {fits_mm} mm fit",
         size_px[0], size_px[1], size.x, size.y
     )]
     TooLarge {
@@ -28,7 +28,7 @@ pub enum AtlasError {
     },
     #[error(
         "the {images} {} of the skin would have {pixels} pixels together, {bytes} bytes of samples; at most \
-         {max_pixels} pixels are drawn for its number of taxels, which {fits_mm} mm a pixel would keep to",
+         {max_pixels} pixels are drawn for its number of taxels; pixels of {fits_mm} mm fit",
         if *images == 1 { "image" } else { "images" }
     )]
     TooManyPixels {

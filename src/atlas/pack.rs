@@ -1,6 +1,6 @@
 //! Packs charts one after the other, each on free pixels, so that small charts fill the holes and bays of
 //! large ones. On a Panda, a G1 and an iCub (36 to 182 charts, 240 x 320 pixels) 65, 69 and 61 % of the image
-//! are filled; packing by outlines (horizons; levy2002) fills 26 to 30 %.
+//! are filled; packing by outlines (horizons; `(levy2002)`) fills 26 to 30 %.
 //!
 //! [`Pack::Tight`] places larger charts first, each with the best of eight turns, as low and as far left as
 //! possible. [`Pack::Body`] places proximal links first, turns the distal end of each link up, and chooses a

@@ -1,5 +1,5 @@
-//! The rotation, and the rigid motion, that align two sets of points or directions best (horn1987,
-//! wahba1965); and [`compare`], which measures the error after such a motion.
+//! The rotation, and the rigid motion, that align two sets of points or directions best (`(horn1987)`,
+//! `(wahba1965)`); and [`compare`], which measures the error after such a motion.
 
 use glam::{DMat3, DQuat, DVec3};
 

@@ -1,7 +1,7 @@
 //! Calibration: from noisy contacts to taxel poses with covariances.
 //!
 //! The method of Cannata, Denei and Mastrogiovanni, "On Internal Models for Representing Tactile
-//! Information" (cannata), section III-A. A robot that touches its skin observes, for pairs
+//! Information" `(cannata)`, section III-A. A robot that touches its skin observes, for pairs
 //! of taxels `i` and `j`, the displacement `delta_ji` with information (inverse covariance)
 //! `Omega_ji`. The unknown poses `t_i` are those that minimise equation 1 of that paper,
 //!

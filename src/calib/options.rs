@@ -75,7 +75,7 @@ impl fmt::Display for ResidualConvention {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
     /// Rotations as if they were free matrices, projected to rotations, then translations: two linear systems
-    /// (martinec2007, carlone2015). Falls back to a spanning tree if that has no solution.
+    /// (`(martinec2007)`, `(carlone2015)`). Falls back to a spanning tree if that has no solution.
     #[default]
     Chordal,
     /// Observations chained along a breadth-first spanning tree.

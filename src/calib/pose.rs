@@ -1,5 +1,5 @@
 //! Rigid frames, and the exponential and logarithm of rotations with their Jacobians (section 7.1 of
-//! barfoot2017).
+//! `(barfoot2017)`).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -105,7 +105,7 @@ pub(crate) fn hat(v: DVec3) -> DMat3 {
 
 /// `c` of `J_r^-1 = I + hat/2 + c hat^2`, and `dc/dangle / angle`.
 ///
-/// `c = 1/a^2 - cot(a/2)/(2a)` (section 7.1 of barfoot2017): smooth up to, not including, a full turn.
+/// `c = 1/a^2 - cot(a/2)/(2a)` (section 7.1 of `(barfoot2017)`): smooth up to, not including, a full turn.
 fn inverse_jacobian_coefficient(angle: f64) -> (f64, f64) {
     let a2 = angle * angle;
     if angle < 0.1 {

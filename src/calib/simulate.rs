@@ -1,4 +1,4 @@
-//! The experiment of the source paper's section IV (cannata): a skin of known truth, its displacements and
+//! The experiment of the source paper's section IV `(cannata)`: a skin of known truth, its displacements and
 //! its contacts with a sphere.
 
 use glam::{DMat3, DQuat, DVec3};

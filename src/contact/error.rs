@@ -17,7 +17,7 @@ pub enum ContactError {
     #[error(transparent)]
     Map(#[from] MapError),
     /// The map has no triangle at all.
-    #[error("the map has no triangle; a contact needs skin to be on")]
+    #[error("the map has no triangle; contacts need a triangle")]
     NoSkin,
     /// A contact whose coordinates are not finite or too large.
     #[error("contact {contact} is at {point:?}; finite coordinates within 1e12 m are needed")]
@@ -28,7 +28,7 @@ pub enum ContactError {
         point: [f64; 3],
     },
     /// A patch without triangles.
-    #[error("patch {patch:?} has no triangle; a contact needs skin to be on")]
+    #[error("patch {patch:?} has no triangle; contacts need a triangle")]
     NoFaces {
         /// Name of the patch.
         patch: String,

@@ -414,7 +414,7 @@ impl AnswerCosts {
         let mut text = format!(
             "{} triangles; index in {:.3} s, with reactive answers in {:.3} s and {:.0} KB more\n\n\
              {} contacts 0 to 3 mm off the skin:\n\n\
-             | single ns | with cell | cells of all levels add | on a path | batch | way back | from pixel to pixel |\n\
+             | single ns | with cell | cells of all levels add | on a path | batch | map to skin | from pixel to pixel |\n\
              |---|---|---|---|---|---|---|\n\
              | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} |\n\n\
              Contacts on both sides of the skin, some mm off it:\n\n\

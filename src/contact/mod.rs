@@ -11,7 +11,7 @@
 //!    compared in `f32`, eight at a time; everything within the bound is measured in `f64` on the vertices of
 //!    the map.
 //! 3. The nearest point gives the [`Hit`]. Its sign is the side of the angle-weighted pseudo-normal
-//!    (baerentzen2005).
+//!    `(baerentzen2005)`.
 //! 4. [`ContactIndex::cell`] computes the position of a hit on the map of any level in constant time: the
 //!    mean of the corners of its face by its barycentric coordinates. Its fields are the corners on level 0,
 //!    and on a coarser level those of the corners in the direct prolongation.

@@ -59,7 +59,7 @@ pub struct Hit {
     pub point: SurfacePoint,
     /// Distance of the query from the skin, in m; negative inside.
     ///
-    /// The side is that of the angle-weighted pseudo-normal (baerentzen2005), which is
+    /// The side is that of the angle-weighted pseudo-normal `(baerentzen2005)`, which is
     /// right on edges and corners too. Beyond the boundary of an open patch it is the side of the
     /// skin's continuation.
     pub distance: f64,

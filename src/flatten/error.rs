@@ -88,7 +88,7 @@ pub enum FlattenError {
     /// A given boundary with positions for other vertices than those of the outer loop.
     #[error(
         "vertex {vertex} has a position on the given boundary, or lacks one: exactly the vertices of the outer boundary \
-         loop need a finite place"
+         loop need a finite position"
     )]
     BoundaryPlace {
         /// The first vertex of the loop without a position, or vertex off the loop with one.

@@ -25,7 +25,7 @@ pub enum MapError {
     #[error("{patch}: its count of faces that fill holes is {found}, but level 0 has {faces} faces")]
     Filled { patch: String, found: usize, faces: usize },
     #[error(
-        "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces say; vertices \
+        "{patch}/{level:?}: place {place} of the cut map is not the vertex of the level that its faces name; vertices \
          are their own first places, and the faces of both are the same"
     )]
     Cut { patch: String, level: LevelId, place: PlaceId },
@@ -36,7 +36,7 @@ pub enum MapError {
     )]
     TooFar { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
     #[error(
-        "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; each needs a place of its own"
+        "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; they must differ"
     )]
     OnePoint { patch: String, level: LevelId, at: DVec2 },
     #[error(
@@ -46,7 +46,7 @@ pub enum MapError {
     Mirrored { patch: String, level: LevelId },
     #[error(
         "{patch}/{level:?}: vertex {vertex} has other weights in `up` (`from_coarser`) than the row of its taxel in \
-         `direct` (`to_finest`) of the next coarser level; both say where it lies there"
+         `direct` (`to_finest`) of the next coarser level; both give its position there"
     )]
     Contradiction { patch: String, level: LevelId, vertex: VertexId },
     #[error(
@@ -60,6 +60,6 @@ pub enum MapError {
     )]
     Distortion { patch: String, level: LevelId, distortion: Distortion },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
-    #[error("a map file cannot hold it: found {found}; needed: {needed}")]
+    #[error("a map file cannot represent it: found {found}; needed: {needed}")]
     Rounded { found: String, needed: String },
 }

@@ -126,7 +126,7 @@ fn at_corner(corner: usize, squared: f64) -> Closest {
 /// positions of the corners of the faces.
 ///
 /// Only with the angle-weighted pseudo-normal is the sign of the distance right everywhere
-/// (baerentzen2005).
+/// `(baerentzen2005)`.
 pub(crate) fn pseudo_normal(
     around: &VertexCorners,
     triangles: &IdVec<FaceId, [VertexId; 3]>,

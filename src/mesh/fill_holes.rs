@@ -74,7 +74,7 @@ pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshEr
     Ok(())
 }
 
-/// The holes that `which` selects, with their triangulations of least area (barequet1995) without edges of
+/// The holes that `which` selects, with their triangulations of least area `(barequet1995)` without edges of
 /// the mesh; a hole without such a triangulation stays open.
 ///
 /// The longest loop is the outer boundary, not a hole, unless the surface is closed but for it. Time

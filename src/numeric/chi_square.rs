@@ -3,7 +3,7 @@
 /// Chance that a chi-square variable of `degrees` degrees of freedom is above `x`: the upper
 /// regularised incomplete gamma function `Q(degrees / 2, x / 2)`.
 ///
-/// Series below the mean, continued fraction above it (abramowitz1964, 6.5.29 and 6.5.31).
+/// Series below the mean, continued fraction above it (`(abramowitz1964)`, 6.5.29 and 6.5.31).
 pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     let (a, x) = (0.5 * degrees, 0.5 * x);
     if x <= 0.0 || a <= 0.0 {

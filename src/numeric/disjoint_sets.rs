@@ -1,4 +1,4 @@
-//! Disjoint sets: union-find (tarjan1975) with path halving, and optionally with parity.
+//! Disjoint sets: union-find `(tarjan1975)` with path halving, and optionally with parity.
 
 use crate::id::{Id, IdVec};
 

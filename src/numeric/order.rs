@@ -1,4 +1,4 @@
-//! Numbers in their order, and points along the Morton curve (morton1966).
+//! Numbers in their order, and points along the Morton curve `(morton1966)`.
 
 use std::cmp::Ordering;
 

@@ -31,7 +31,7 @@ impl Random {
         ((self.uniform() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    /// Standard normal, by the polar method (marsaglia1964).
+    /// Standard normal, by the polar method `(marsaglia1964)`.
     pub(crate) fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;

@@ -27,20 +27,20 @@ pub enum PlotError {
     #[error("patch {patch:?} cannot be unfolded: {source}")]
     Unfold { patch: String, source: SparseError },
     #[error(
-        "a picture {width} pixels wide cannot be drawn: {panels} {} at least {least}, and {most} is the most",
+        "a picture {width} pixels wide cannot be drawn: {panels} {} at least {least}; at most {most} are possible",
         if *panels == 1 { "panel needs" } else { "panels side by side need" }
     )]
     Width { width: u32, panels: usize, least: u32, most: u32 },
-    #[error("a picture of {width} x {height} pixels cannot be drawn; {least} to {most} a side can")]
+    #[error("a picture of {width} x {height} pixels cannot be drawn; its sides must be {least} to {most}")]
     Size { width: u32, height: u32, least: u32, most: u32 },
     #[error(
-        "channel {channel} of {channels} cannot be drawn from {} to {}; the channels count from 0, and a range rises",
+        "channel {channel} of {channels} cannot be drawn from {} to {}; channels count from 0, and the first number of a range must be smaller",
         range[0], range[1]
     )]
     Channel { channel: usize, channels: usize, range: [f64; 2] },
     #[error(
-        "the colours cannot show values from {} to {}; a range rises, one of areas has 1 between its ends, and \
-         receptive fields have none",
+        "the colours cannot show values from {} to {}; the first number of a range must be smaller, one of areas must \
+         contain 1, and receptive fields have no range",
         range[0], range[1]
     )]
     Range { range: [f64; 2] },

@@ -130,7 +130,7 @@ fn is_corner(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> 
     (sum - PI).abs() > CORNER_TURN
 }
 
-/// SplitMix64 (steele2014): a bijection that looks like noise.
+/// SplitMix64 `(steele2014)`: a bijection that looks like noise.
 const fn hash(x: u64) -> u64 {
     let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -9,8 +9,8 @@
 //!    each, live taxels before absent ones and thermal pads. Each boundary loop keeps at least three
 //!    vertices.
 //! 2. **Every other vertex is removed**, in rounds of stars that share no triangle. A star is flattened by
-//!    `z^a` (lee1998) and filled: with a fan if its smallest angle is nearly as large as that of the best
-//!    filling, else with the triangulation whose smallest angle is largest (klincsek1980). Fillings that
+//!    `z^a` `(lee1998)` and filled: with a fan if its smallest angle is nearly as large as that of the best
+//!    filling, else with the triangulation whose smallest angle is largest `(klincsek1980)`. Fillings that
 //!    would fold the surface, or turn it by more than 60 (then 78) degrees, are refused.
 //! 3. **The taxels inside** a star move into its filling, at their positions in the flattened star. Their
 //!    barycentric weights `w` there are the rows of a [`Prolongation`] `P`.

@@ -1,10 +1,10 @@
 //! Remeshing: a surface as triangles of one size, whose vertices can be taxels.
 //!
 //! Triangles of CAD describe how a surface bends, not where taxels are. [`remesh`] covers the same surface
-//! with nearly equilateral triangles, a given spacing apart, as taxels are arranged (cannata): edges that are
+//! with nearly equilateral triangles, a given spacing apart, as taxels are arranged `(cannata)`: edges that are
 //! too long are split, those that are too short collapsed, the others flipped until vertices have six
 //! neighbours, and vertices moved to the centre of their neighbours and back to the surface, in rounds
-//! (botsch2004).
+//! `(botsch2004)`.
 //!
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
@@ -54,7 +54,7 @@ const CRACK: f64 = 1e-3;
 /// Most taxels of a patch.
 const MAX_TAXELS: f64 = 4e6;
 
-/// Why a surface cannot be meshed anew.
+/// Why a surface cannot be remeshed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -73,7 +73,7 @@ pub enum RemeshError {
     #[error("a spacing of {spacing} m makes some {taxels:.0} taxels; at most {MAX_TAXELS} are made")]
     TooFine { spacing: f64, taxels: f64 },
     /// Taxels that follow several links, whose weights a new mesh would not have.
-    #[error("its taxels follow several links; those of a patch that is meshed anew follow one")]
+    #[error("its taxels follow several links; those of a patch that is remeshed must follow one")]
     Joints,
     /// Another of these errors, in a patch of a skin.
     #[error("patch {patch:?}: {source}")]

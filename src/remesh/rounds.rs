@@ -8,7 +8,7 @@ use crate::remesh::faces::{FLAT, THIN, Thin, keeps_side, keeps_side_around, larg
 use crate::remesh::surface::Surface;
 
 /// Edges longer than `LONG` times the target are split, shorter than `SHORT` times it collapsed: either
-/// brings an edge nearer to the target (botsch2004).
+/// brings an edge nearer to the target `(botsch2004)`.
 const LONG: f64 = 4.0 / 3.0;
 const SHORT: f64 = 4.0 / 5.0;
 

@@ -10,8 +10,8 @@ use crate::skin::{SkinError, TaxelId};
 #[expect(missing_docs, reason = "the messages say what is wrong")]
 pub enum SignalError {
     #[error(
-        "columns {} and {} of the readings both have the taxel id {taxel}; an id of its own is needed for \
-         each column, or the choice of the first",
+        "columns {} and {} of the readings both have the taxel id {taxel}; each column needs \
+         another id, or choose the first",
         columns[0], columns[1]
     )]
     DuplicateId { taxel: TaxelId, columns: [usize; 2] },
@@ -29,21 +29,21 @@ pub enum SignalError {
     )]
     NoneMatched { columns: usize, first: TaxelId, known: TaxelId },
     #[error(
-        "channel {channel:?} is in {unit:?}, which is no unit that is known; needed: one of force (N, mN, kgf, lbf), \
+        "channel {channel:?} is in {unit:?}, which is not a known unit; needed: one of force (N, mN, kgf, lbf), \
          pressure (Pa, kPa, bar, psi, mmHg, cmH2O, N/cm^2, kgf/cm^2), charge (pC), temperature (K, degC) or count"
     )]
     Unit { channel: String, unit: String },
     #[error("{given} {what}s for {} channels ({}); one for each channel is needed", known.len(), list(known))]
     ChannelCount { what: &'static str, given: usize, known: Vec<String> },
-    #[error("two channels are called {name:?}; a name of its own is needed for each")]
+    #[error("two channels are called {name:?}; names must differ")]
     ChannelTwice { name: String },
     #[error("the readings have no channel {name:?}; they have {}", list(known))]
     NoChannel { name: String, known: Vec<String> },
-    #[error("slow and fast parts need times, and the readings have none")]
+    #[error("slow and fast components need times, and the readings have none")]
     NoTimes,
     #[error("{option} is {found}; {needed} is needed")]
     Option { option: String, found: f64, needed: String },
-    #[error("the skin has no working taxel that could feel a touch")]
+    #[error("the skin has no working taxel that could sense a touch")]
     NoTaxels,
     #[error("a frame with {found:?} values in its patches; one of the map, with {needed:?}, is needed")]
     ForeignFrame { found: Vec<usize>, needed: Vec<usize> },

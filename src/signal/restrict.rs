@@ -2,7 +2,7 @@
 //!
 //! Intensive channels become `Q'(a m p) / Q'(a m)`, extensive ones `Q'(m f)`, with `Q` the map from a level
 //! to level 0 ([`Level::to_finest`](crate::pyramid::Level::to_finest)), `a` the areas of the taxels and `m` 1
-//! where there is a reading, else 0 (cannata, the virtual taxels of its equation 9, here with overlapping
+//! where there is a reading, else 0 (`(cannata)`, the virtual taxels of its equation 9, here with overlapping
 //! fields). The rows of `Q` have the sum 1, so the total force of a level is that of the taxels up to
 //! rounding. A lookup of a contact gives the same fields with the same weights.
 //!

@@ -59,7 +59,7 @@ pub enum SkinError {
     #[error("patch {patch:?} has no triangles, and taxels at {found} positions; 3 are needed to join them")]
     TooFewPlaces { patch: String, found: usize },
     #[error(
-        "patch {patch:?} has no triangles, and its taxels lie on no surface: a typical neighbourhood is {thickness:.2} \
+        "patch {patch:?} has no triangles, and its taxels do not lie on a surface: a typical neighbourhood is {thickness:.2} \
          times as thick as wide (variances); at most 0.25 is needed to join them"
     )]
     NoSurface {

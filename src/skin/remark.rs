@@ -61,7 +61,7 @@ remark_kinds! {
         "{} had more than two faces; those of one solid, or else the two that continue each other most smoothly, are still joined: {}",
         count(edges.len(), "edge", "edges"), edge_list(edges);
     OneSidedCut { edges: Vec<[VertexId; 2]> } =>
-        "cut open along {}, since it would have one side only: {}",
+        "cut open along {}, since it would be one-sided: {}",
         count(edges.len(), "edge", "edges"), edge_list(edges);
     FansSplit { vertices: Vec<VertexId> } =>
         "at {} several fans of faces touched in a point; each fan has a taxel of its own now: {}",

@@ -2,7 +2,7 @@
 //!
 //! [`Unfolding::new`] computes them from level 0 of a patch, for pictures and animations. A straight line
 //! from each taxel in space to its place on the map would collapse a sleeve halfway. Triangles turn
-//! instead (alexa2000, with the logarithms of sumner2005):
+//! instead (`(alexa2000)`, with the logarithms of `(sumner2005)`):
 //!
 //! 1. Each triangle `f` has a rotation `R_f` from the skin to the map, the polar factor of its
 //!    Jacobian (`turns`). Its logarithm `w_f` has many branches; a walk over neighbouring triangles takes
@@ -11,7 +11,7 @@
 //! 2. At time `t` the edge `e` of `f` is wanted as `exp(t w_f) ((1 - t) x_e + t R_f' u_e)`: at 0 that of the
 //!    skin, at 1 that of the map. The triangles do not fit together then; a least-squares solution with
 //!    cotangent weights joins them (`join_triangles`). Then each triangle is rotated to fit its joined edges
-//!    best, and all are joined again, a few times (sorkine2007). One factor serves all times.
+//!    best, and all are joined again, a few times `(sorkine2007)`. One factor serves all times.
 //! 3. This is solved at three times between 0 and 1 on the finest level of at most 2000 vertices, at whose
 //!    vertices the map is that of level 0. [`Unfolding::at`] interpolates between key frames by the
 //!    polynomial through all five, and carries them to level 0: a place keeps its difference from the mean of

@@ -1,6 +1,6 @@
 //! [`BoxTree`]: a binary tree over boxes, built by obvhs, and its traversals.
 //!
-//! obvhs joins boxes that are near each other along a Morton curve (PLOC, meister2018). Where many pairs have
+//! obvhs joins boxes that are near each other along a Morton curve (PLOC, `(meister2018)`). Where many pairs have
 //! the same cost (coincident boxes, boxes of equal size in a row), this joins few of them in each round and
 //! builds deep trees. So each box first grows by a small number of its own (`GROWTH`), and a tree that is
 //! still too deep is replaced by one that halves the boxes by count.

@@ -1,5 +1,5 @@
 //! Boxes along the axes, rays, and the intersection of rays with boxes and triangles, in `f64` and without
-//! gaps between triangles that share a side (woop2013).
+//! gaps between triangles that share a side `(woop2013)`.
 
 use glam::{DVec2, DVec3};
 

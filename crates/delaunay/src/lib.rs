@@ -18,7 +18,7 @@ pub use region::triangulate_region;
 pub use star::star;
 pub use triangulate::smallest_first;
 
-/// The side of the line from `a` to `b` on which the point `c` lies, exactly (shewchuk1997): 1 on the left
+/// The side of the line from `a` to `b` on which the point `c` lies, exactly `(shewchuk1997)`: 1 on the left
 /// (counter-clockwise), -1 on the right, 0 on the line; NaN if a point is not finite.
 ///
 /// An area may underflow in a product of two areas; its sign does not.

@@ -34,7 +34,7 @@ pub(crate) fn order_rows(pattern: &Pattern, coordinates: &[DVec3]) -> Result<Vec
     }
 }
 
-/// Fill-reducing order by geometric nested dissection (george1973): the rows are halved at the
+/// Fill-reducing order by geometric nested dissection `(george1973)`: the rows are halved at the
 /// median of their longest coordinate, rows of the lower half that touch the upper one become the
 /// separator and come last, and both halves are treated alike.
 ///
@@ -96,7 +96,7 @@ fn longest_axis(rows: &[u32], coordinates: &[DVec3]) -> usize {
     (hi - lo).max_position()
 }
 
-/// Approximate minimum degree order of the rows (amestoy1996).
+/// Approximate minimum degree order of the rows `(amestoy1996)`.
 fn minimum_degree(pattern: &Pattern) -> Result<Vec<u32>, FaerError> {
     let rows = pattern.rows();
     let (mut order, mut inverse) = (vec![0_u32; rows], vec![0_u32; rows]);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Entries of the inverse of a factored matrix, on the pattern of its factor.
 ///
-/// (takahashi1973): from the last column to the first, every column of the inverse follows from
+/// `(takahashi1973)`: from the last column to the first, every column of the inverse follows from
 /// entries already known, since the rows of a column of `L` lie in columns that come later. Here in
 /// supernodes: with `W = L_uj L_jj^-1`, `Z_uj = -Z_uu W` and `Z_jj = L_jj^-T L_jj^-1 - W' Z_uj`.
 #[derive(Debug, Clone)]

@@ -215,7 +215,7 @@ pub struct TaxelVariable {
 }
 
 /// All that was observed of the taxels of a skin: the graph of equation 1 of the source paper
-/// (cannata).
+/// `(cannata)`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observations {
     /// The unknowns of every taxel.

@@ -1,6 +1,6 @@
 //! The stages in their order ([`robust_fit`]), and stage 3: whether robust estimation is needed, and at which
 //! noise scale: the ratio of the residuals of most observations to those that their stated noise predicts, by
-//! the median (rousseeuw1987).
+//! the median `(rousseeuw1987)`.
 //!
 //! Least squares first. If its chi-square is too large or one residual is an outlier, refit with truncated
 //! least squares. If the scale of the residuals is then larger than stated, the noise is understated:

@@ -2,7 +2,7 @@
 //!
 //! In the order of the stages:
 //!
-//! 1. `solution`: truncated least squares by graduated non-convexity (yang2020), a schedule of the optimiser
+//! 1. `solution`: truncated least squares by graduated non-convexity `(yang2020)`, a schedule of the optimiser
 //!    in `solve`; or another loss, from the minimum of Huber's loss.
 //! 2. `length_prior`: learns from the first verdicts which lengths outliers have; stage 1 runs again with the
 //!    resulting bounds (*heuristic*, empirical Bayes).

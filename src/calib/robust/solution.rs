@@ -49,7 +49,7 @@ impl Solution {
 
     /// Stage 1: a minimum of the sum of `losses`, their bounds scaled by `odds` if there are any.
     ///
-    /// Truncated least squares by graduated non-convexity (algorithm 1 of yang2020), started from least
+    /// Truncated least squares by graduated non-convexity (algorithm 1 of `(yang2020)`), started from least
     /// squares. Tukey's loss is started from the minimum of Huber's loss, which is unique. Neither guarantees
     /// the global minimum.
     pub(crate) fn graduated(

@@ -1,5 +1,5 @@
 //! Gauge freedom: rigid motions of whole components that the contacts do not determine, and how the solve
-//! fixes them (section 9 of triggs2000).
+//! fixes them (section 9 of `(triggs2000)`).
 //!
 //! The gauge taxel of each such component gets stiffness along the free motions, which do not change the
 //! cost. Covariances are transformed to the centroid gauge afterwards (`marginals`).

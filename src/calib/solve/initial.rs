@@ -1,5 +1,5 @@
-//! The start of the optimisation: chordal relaxation (martinec2007, carlone2015), a spanning tree, or initial
-//! values; then every component is aligned to its contacts (wahba1965).
+//! The start of the optimisation: chordal relaxation (`(martinec2007)`, `(carlone2015)`), a spanning tree, or initial
+//! values; then every component is aligned to its contacts `(wahba1965)`.
 
 use std::collections::VecDeque;
 
@@ -195,7 +195,7 @@ fn relaxed(
     Ok(rhs)
 }
 
-/// Aligns every component without a fixed taxel with its contacts (wahba1965): the rotation follows from the
+/// Aligns every component without a fixed taxel with its contacts `(wahba1965)`: the rotation follows from the
 /// directions between touched points, touched normals and observed orientations.
 fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
     let (components, of_taxel) = components(observations, |_| true);

@@ -1,5 +1,5 @@
 //! The optimiser: Gauss-Newton steps, with Levenberg-Marquardt damping when one fails to lower the cost
-//! (nielsen1999), on weights that are fixed or follow from a loss function or from the schedule of graduated
+//! `(nielsen1999)`, on weights that are fixed or follow from a loss function or from the schedule of graduated
 //! non-convexity ([`Weighting`]).
 //!
 //! It does not detect outliers. It finds a local minimum, which depends on the start.
@@ -74,7 +74,7 @@ const LARGEST_DAMPING: f64 = 1e12;
 /// Relative rounding error of a sum of squares: a step that raises the cost by less has not failed.
 const COST_ROUNDING: f64 = 1e-13;
 
-/// Growth of the control of graduated non-convexity from step to step. The 1.4 of (yang2020) takes
+/// Growth of the control of graduated non-convexity from step to step. The 1.4 of `(yang2020)` takes
 /// three times as many steps to the same accuracy, at 5, 20 and 30 % outliers.
 const GRADUATION: f64 = 2.0;
 

@@ -2,8 +2,8 @@
 //!
 //! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted least squares
 //! with the weight `rho'(s)`. Bounds depend on the number of measured numbers, so that the same share of
-//! inliers is affected in every model. Sources: (huber1964), Tukey's biweight (beaton1974), the graduated
-//! truncated loss (yang2020).
+//! inliers is affected in every model. Sources: `(huber1964)`, Tukey's biweight `(beaton1974)`, the graduated
+//! truncated loss `(yang2020)`.
 
 use std::borrow::Cow;
 
@@ -108,7 +108,7 @@ impl LossFunction {
     }
 
     /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the
-    /// truncation itself as it grows (equation 14 of yang2020).
+    /// truncation itself as it grows (equation 14 of `(yang2020)`).
     pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
         let c2 = self.bound2;
         let weight = if chi2 <= mu / (mu + 1.0) * c2 {
@@ -174,7 +174,7 @@ pub(crate) enum Weighting<'w> {
     Loss(&'w LossFunctions),
     Fixed(&'w PerObservation),
     /// Those of the graduated loss at control `mu`, which grows after every step until it reaches
-    /// the truncated loss (algorithm 1 of yang2020).
+    /// the truncated loss (algorithm 1 of `(yang2020)`).
     Graduated {
         losses: &'w LossFunctions,
         mu: f64,

@@ -1,5 +1,5 @@
-//! Marginal covariances of all taxels: blocks of the inverse by selected inversion (takahashi1973),
-//! transformed to the centroid gauge where a component is free (kanatani2001, triggs2000).
+//! Marginal covariances of all taxels: blocks of the inverse by selected inversion `(takahashi1973)`,
+//! transformed to the centroid gauge where a component is free (`(kanatani2001)`, `(triggs2000)`).
 //!
 //! First order: the covariance of the linearised problem at the solution, with the weights of the solution.
 //! The uncertainty of the rejection of outliers is not included.

@@ -1,4 +1,4 @@
-//! The residual of a relative pose in three conventions, with analytic Jacobians (barfoot2017).
+//! The residual of a relative pose in three conventions, with analytic Jacobians `(barfoot2017)`.
 
 use glam::{DMat3, DVec3};
 

@@ -36,7 +36,7 @@ pub(crate) fn field_colours(groups: &IdVec<VertexId, u32>, mesh: &TriMesh, count
 /// One of [`FIELDS`] for each of `count` fields so that neighbours differ.
 ///
 /// The field with the fewest remaining neighbours is removed repeatedly, and fields are coloured in reverse
-/// order (matula1983): six colours then suffice for a planar map. Of the colours that no neighbour has, the
+/// order `(matula1983)`: six colours then suffice for a planar map. Of the colours that no neighbour has, the
 /// one that is rarest two steps away is used, then the rarest so far. If all colours are used, neighbours may
 /// have the same.
 fn colour_fields(count: usize, neighbours: &BTreeSet<(usize, usize)>) -> Vec<usize> {

@@ -1,4 +1,4 @@
-//! Hidden surfaces: a depth buffer (catmull1974), which finds the front face of each pixel.
+//! Hidden surfaces: a depth buffer `(catmull1974)`, which finds the front face of each pixel.
 
 use glam::{DVec2, DVec3};
 

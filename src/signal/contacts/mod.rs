@@ -1,7 +1,7 @@
 //! Contacts: connected regions of taxels under pressure, tracked from frame to frame.
 //!
 //! A region is a set of taxels of level 0 above the lower threshold that are connected by edges, with at
-//! least one above the upper threshold (canny1986): noise at the border of a contact neither splits it nor
+//! least one above the upper threshold `(canny1986)`: noise at the border of a contact neither splits it nor
 //! makes it flicker. Two taxels next to the same taxel without a reading are also connected, so that a dead
 //! taxel does not split a contact.
 //!

@@ -4,7 +4,7 @@
 //! over the taxels, divided by the same quantile for Gaussian noise of standard deviation 1 (from the
 //! chi-square distribution). So uniform noise gives its own standard deviation, uneven noise that of the
 //! noisiest taxels, and a twentieth of the taxels may be touched or broken. *Heuristic*: on a cover of 642
-//! capacitive taxels, a median over all taxels (the median absolute deviation, rousseeuw1987) finds 90 counts
+//! capacitive taxels, a median over all taxels (the median absolute deviation, `(rousseeuw1987)`) finds 90 counts
 //! although a tenth of the taxels has more than 260; with it the untouched cover had regions of up to four
 //! taxels in most frames.
 //!

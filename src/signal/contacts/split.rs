@@ -1,4 +1,4 @@
-//! Splits a region with several peaks: clustering by persistence (chazal2013).
+//! Splits a region with several peaks: clustering by persistence `(chazal2013)`.
 //!
 //! Taxels are visited from the largest reading to the smallest. Each joins the subregion of its largest
 //! neighbour. Where subregions meet in a taxel, the saddle between them, the subregion of the highest peak

@@ -1,5 +1,5 @@
 //! Simulated touch: a sphere of known position and force presses and rolls on a skin, and taxels sense it on
-//! discs around them (cannata: spheres on skins with taxels of 2 mm radius that read exact forces). The
+//! discs around them (`(cannata)`: spheres on skins with taxels of 2 mm radius that read exact forces). The
 //! recording, whose truth is known, is for tests, examples and comparisons.
 //!
 //! In reading order: [`TouchOptions`], `sphere` (the contact model), `path` (where the sphere rolls),

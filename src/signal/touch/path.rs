@@ -1,5 +1,5 @@
 //! The path of a rolling sphere: straight ahead over the triangles of a skin, each unfolded into the plane of
-//! the one before (a straightest geodesic, polthier1998, except for paths through a vertex); a boundary
+//! the one before (a straightest geodesic, `(polthier1998)`, except for paths through a vertex); a boundary
 //! reflects it.
 
 use glam::DVec3;

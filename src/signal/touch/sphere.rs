@@ -1,4 +1,4 @@
-//! A rigid sphere pressed into an elastic foundation (johnson1985, section 4.3): under each point of the skin
+//! A rigid sphere pressed into an elastic foundation (`(johnson1985)`, section 4.3): under each point of the skin
 //! is an independent spring along the normal, and the pressure is the stiffness times the depth to which the
 //! sphere presses it in.
 //!

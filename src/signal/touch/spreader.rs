@@ -1,6 +1,6 @@
 //! From contacts to readings: the force of a contact is spread over the taxels that it touches.
 //!
-//! A taxel senses on a disc around it (cannata). A sphere gives each disc a share of its force by the volume
+//! A taxel senses on a disc around it `(cannata)`. A sphere gives each disc a share of its force by the volume
 //! of skin that it displaces under the disc, as in [`TouchSimulation`](crate::signal::TouchSimulation); a
 //! point by the weights of the face that it touches. Taxels that do not work get nothing: their share goes to
 //! the others.

@@ -1,4 +1,4 @@
-//! Faces without area: caps and needles (botsch2001), dropped at the boundary and flipped away
+//! Faces without area: caps and needles `(botsch2001)`, dropped at the boundary and flipped away
 //! elsewhere.
 
 use std::collections::{HashMap, HashSet, VecDeque};

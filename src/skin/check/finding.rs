@@ -91,7 +91,7 @@ finding_kinds! { n;
     Error NoSkin { reason: SkinError } => "{reason}";
     /// Taxels without triangles make several pieces when they are joined.
     Warning BarePieces { patches: Vec<String> } =>
-        "joined, its taxels fall into {} that share no edge", count(patches.len(), "piece", "pieces");
+        "when joined, its taxels form {} that share no edge", count(patches.len(), "piece", "pieces");
     /// Taxels without triangles that are left out when others are joined.
     Warning BareLeftOut => "{} left out, used by no triangle", count(n, "taxel is", "taxels are");
     /// A sheet of taxels without triangles that cannot be joined, among others that can.
@@ -124,7 +124,7 @@ finding_kinds! { n;
     Warning NonManifoldVertex =>
         "at {} several fans of faces touch in a point; the faces around a taxel must form one fan",
         count(n, "vertex", "vertices");
-    Error NotOrientable => "a piece has one side only: at {} its faces cannot be wound the same way",
+    Error NotOrientable => "a piece is one-sided: at {} its faces cannot be wound consistently",
         count(n, "edge (pair of vertices)", "edges (pairs of vertices)");
     /// Faces are wound against their neighbours.
     Warning InconsistentWinding { of: usize } =>
@@ -134,7 +134,7 @@ finding_kinds! { n;
         "{n} of {} wound against the taxels' normals", count(*of, "face is", &format!("faces {}", are(n)));
     /// A sheet has several components, which share no edge.
     Warning SeveralComponents { least: usize, most: usize } =>
-        "it falls into {n} pieces of {least} to {most} faces that share no edge; listed is the first face of each";
+        "it has {n} pieces of {least} to {most} faces that share no edge; listed is the first face of each";
     /// A component without boundary: its map is cut open.
     Note ClosedPatch => "{} no boundary: {} map is cut open along a seam; listed is {}",
         count(n, "piece has", "pieces have"), its(n), first_face(n);
@@ -148,14 +148,14 @@ finding_kinds! { n;
     /// Two boundaries so close that they look like an unjoined seam.
     Warning Gap { nearest: f64 } =>
         "{} within half the local spacing of a boundary {} not joined with, the nearest at {:.3} mm: a seam that \
-          was not closed, or a part laid over another",
+          was not closed, or one piece over another",
         count(n, "boundary vertex lies", "boundary vertices lie"), if n == 1 { "it is" } else { "they are" }, 1e3 * nearest;
     Warning IsolatedTaxel { of: usize } =>
         "{n} of {} to no face", count(*of, "taxel belongs", if n == 1 { "taxels belongs" } else { "taxels belong" });
     /// Several taxels at one position.
     Warning DuplicatePosition { distance: f64 } => "{}", coincident(n, *distance);
     Warning DuplicateId { ids: usize } =>
-        "{} share {}: readings cannot tell them apart", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
+        "{} share {}: readings cannot distinguish them", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
     Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
     Warning NormalNotUnit => "{} a normal that is not a unit vector", count(n, "vertex has", "vertices have");
     Warning UnusableTangent => "{} a tangent that is not a unit vector or is parallel to the normal",

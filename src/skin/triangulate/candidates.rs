@@ -1,8 +1,8 @@
 //! Candidate triangles: those of the stars of all taxels, ranked by the votes of their corners.
 //!
 //! The star of a taxel is that of the Delaunay triangulation of its neighbours in its tangent plane.
-//! Stars of neighbours need not agree: the tangential Delaunay complex (boissonnat2014).
-//! *Heuristic*: the vote replaces star splaying (shewchuk2005), which repeats until all stars
+//! Stars of neighbours need not agree: the tangential Delaunay complex `(boissonnat2014)`.
+//! *Heuristic*: the vote replaces star splaying `(shewchuk2005)`, which repeats until all stars
 //! agree.
 
 use glam::{DVec2, DVec3};

@@ -1,6 +1,6 @@
 //! Triangulating: taxels without triangles become a mesh.
 //!
-//! The method is the tangential Delaunay complex (boissonnat2014): every taxel triangulates its
+//! The method is the tangential Delaunay complex `(boissonnat2014)`: every taxel triangulates its
 //! neighbours in its tangent plane, and the triangles on which corners agree form the mesh. The
 //! files in the order of the algorithm:
 //!
@@ -10,7 +10,7 @@
 //! 2. `neighbours`: the spacing is the distance to the third nearest taxel, smoothed; edges are no longer
 //!    than the gap times the spacing at their ends.
 //! 3. `normals`: those of rigid modules ([`Sheet::modules`]), else planes of least squares, turned to one
-//!    side along a spanning tree (hoppe1992, konig2009). Those of the file, where these are reliable (unit
+//!    side along a spanning tree (`(hoppe1992)`, `(konig2009)`). Those of the file, where these are reliable (unit
 //!    vectors along the planes of the neighbourhoods, not all the same on a curved surface), separate the
 //!    sides of a thin body, guide the tree, and determine the outside.
 //! 4. `candidates`: the triangles of the Delaunay triangulations in the tangent planes, by the votes of

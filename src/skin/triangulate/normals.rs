@@ -1,5 +1,5 @@
 //! The normal of every taxel before there are triangles: that of a plane of least squares or of a rigid
-//! module, turned to one side of the surface (hoppe1992), with the weights of (konig2009).
+//! module, turned to one side of the surface `(hoppe1992)`, with the weights of `(konig2009)`.
 //!
 //! *Heuristic*: which normals of a file are reliable.
 
@@ -66,7 +66,7 @@ pub(super) struct PointNormals {
 
 impl PointNormals {
     /// The normals of rigid modules, else of planes of least squares through the nearest neighbours
-    /// (hoppe1992), with the sign of the file's normals where these are reliable. Neighbours that reliable
+    /// `(hoppe1992)`, with the sign of the file's normals where these are reliable. Neighbours that reliable
     /// normals place on two sides of a thin body are removed from `neighbours`.
     pub(super) fn new(points: &UniquePoints<'_>, neighbours: &mut Neighbours) -> Self {
         let file = points.sheet.normals.as_ref().map(|n| points.taxel.map(|&k| unit_or_zero(n[k])));
@@ -237,9 +237,9 @@ const SPREAD: usize = 10;
 const STEEP_EDGE: f64 = 0.75;
 
 /// Turns normals that are known up to sign so that those of neighbours agree: along the spanning
-/// tree of the edges on which this is clearest (hoppe1992).
+/// tree of the edges on which this is clearest `(hoppe1992)`.
 ///
-/// Weight and sign of an edge are computed as if both taxels were on one circle (konig2009): then a tight
+/// Weight and sign of an edge are computed as if both taxels were on one circle `(konig2009)`: then a tight
 /// bend is clear, and an edge across a thin body is not. Edges that contradict the file's normals come last,
 /// so that the tree follows correct normals and avoids a few wrong ones.
 pub(super) fn orient_normals(
