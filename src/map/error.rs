@@ -35,9 +35,7 @@ pub enum MapError {
         "{patch}/{level:?}: vertex {vertex} lies at {at} m on the map; coordinates within 1e12 m are needed"
     )]
     TooFar { patch: String, level: LevelId, vertex: VertexId, at: DVec2 },
-    #[error(
-        "{patch}/{level:?}: all vertices lie at one point of the map, {at} m; they must differ"
-    )]
+    #[error("{patch}/{level:?}: all vertices lie at one point of the map, {at} m; they must differ")]
     OnePoint { patch: String, level: LevelId, at: DVec2 },
     #[error(
         "{patch}/{level:?}: the map is mirrored: all its triangles run clockwise, but from outside of the skin they run \
