@@ -3,11 +3,11 @@
 //! Vertices are nested: the centre of every receptive field is a taxel. A level is made from the
 //! next finer one in three steps:
 //!
-//! 1. **Centres** are chosen: a maximal independent set of the vertices, where `i` and `j` conflict if `|x_i
-//!    - x_j| <= alpha (h_i + h_j) / 2` with the local spacing `h` (1.35 for `alpha` leaves about a quarter),
-//!    and a path of such vertices joins them. Corners come first, then the boundary, then the inside; of
-//!    each, live taxels before absent ones and thermal pads. Each boundary loop keeps at least three
-//!    vertices.
+//! 1. **Centres** are chosen: a maximal independent set of the vertices, where `i` and `j` conflict if
+//!    `|x_i - x_j| <= alpha (h_i + h_j) / 2` with the local spacing `h` (1.35 for `alpha` leaves about a
+//!    quarter), and a path of such vertices joins them. Corners come first, then the boundary, then the
+//!    inside; of each, live taxels before absent ones and thermal pads. Each boundary loop keeps at least
+//!    three vertices.
 //! 2. **Every other vertex is removed**, in rounds of stars that share no triangle. A star is flattened by
 //!    `z^a` `(lee1998)` and filled: with a fan if its smallest angle is nearly as large as that of the best
 //!    filling, else with the triangulation whose smallest angle is largest `(klincsek1980)`. Fillings that
