@@ -1,4 +1,4 @@
-//! What a build measured, level by level ([`measure`]), as `report.json` lists it. Maps are measured in the
+//! The measures of a build, level by level ([`measure`]), as in `report.json`. Maps are measured in the
 //! 32-bit numbers of `map.glb`.
 //!
 //! ```

@@ -35,7 +35,7 @@
 //!
 //! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
 //! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
-//! [`calibrate()`] calls them in this order. `simulate` stands next to them.
+//! [`calibrate()`] calls them in this order. `simulate` is separate.
 
 mod align;
 mod calibration;

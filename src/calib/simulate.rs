@@ -39,7 +39,7 @@ pub struct SimulateOptions {
     /// How deep the elastic skin is pressed in, in m: contacts are observed that much below the
     /// taxel.
     pub indentation: f64,
-    /// Noise of the position of the arm that holds the skin, per axis, in m.
+    /// Noise of the position of the arm that carries the skin, per axis, in m.
     pub arm_noise: f64,
     /// Noise of the orientation of the arm, per axis, in rad.
     pub arm_rotation_noise: f64,
@@ -276,7 +276,7 @@ fn simulate_contact(options: &SimulateOptions, n: DVec3, arm: &mut Random) -> [D
     [back * (contact - believed_centre), (back * -u).normalize()]
 }
 
-/// Some rotation that takes z to `direction`.
+/// A rotation from z to `direction`.
 fn frame_of(direction: DVec3) -> DQuat {
     let x = direction.any_orthonormal_vector();
     DQuat::from_mat3(&DMat3::from_cols(x, direction.cross(x), direction)).normalize()

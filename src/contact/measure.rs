@@ -52,7 +52,7 @@ pub struct AnswerCosts {
     pub single_ns: f64,
     /// The nearest point with its cell of level 0.
     pub with_cell_ns: f64,
-    /// What the cells of all levels add to the nearest point.
+    /// Additional time of the cells of all levels.
     pub all_cells_ns: f64,
     /// The nearest point near that of the contact before, on a path.
     pub path_ns: f64,

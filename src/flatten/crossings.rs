@@ -105,7 +105,7 @@ mod tests {
         assert!(boundary_crosses_itself(&edges, &uv));
     }
 
-    /// The tree must find what comparing every pair finds.
+    /// The tree must find the same as a comparison of every pair.
     #[test]
     fn the_tree_finds_every_pair() {
         let mesh = shapes::lattice(40, 3, 0.01);

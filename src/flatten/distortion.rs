@@ -78,7 +78,7 @@ impl Distortion {
 /// are NaN.
 ///
 /// # Panics
-/// If `uv` has not one entry per vertex, or a corner does not exist.
+/// If `uv` does not have one entry per vertex, or a corner does not exist.
 pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     assert_eq!(mesh.positions.len(), uv.len(), "one map position per vertex");
     let of_face = |face: FaceId| {

@@ -1,4 +1,4 @@
-//! One channel of one chart: what was drawn last, and which vertices had a value.
+//! One channel of one chart: the values that were drawn last, and which vertices had one.
 
 use crate::id::{IdVec, VertexId};
 use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};

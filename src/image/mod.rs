@@ -1,6 +1,6 @@
 //! Values on pixels: tactile images from frames through an atlas.
 //!
-//! A pixel is a weighted sum of the values of a few vertices: [`Interpolation`] says which. In the
+//! A pixel is a weighted sum of the values of a few vertices, given by [`Interpolation`]. In the
 //! linear case the sum is a plane over each face, so a frame costs one plane for each face and then
 //! one addition and one multiplication for each pixel. A frame is always drawn whole: where something
 //! touches a real skin, most readings change in every frame.
@@ -47,7 +47,7 @@ pub struct TactileImage {
     pub name: String,
     /// The level whose values it shows; of a patch without it, the coarsest.
     pub level: LevelId,
-    /// The part of the map that it shows, and its size in pixels; the area of a pixel follows from it.
+    /// The rectangle of the map that it shows, and its size in pixels, from which the area of a pixel follows.
     pub frame: ImageFrame,
     /// Number of channels.
     pub channels: usize,
@@ -140,7 +140,7 @@ impl Renderer {
     /// Draws a frame: the images in the order of the atlas.
     ///
     /// # Panics
-    /// If the frame has not the patches, channels, levels and vertices of the map.
+    /// If the frame does not have the patches, channels, levels and vertices of the map.
     pub fn render(&mut self, frame: &LevelFrame) -> &[TactileImage] {
         for (tiles, image) in self.tiles.iter_mut().zip(&mut self.images) {
             let count = image.coverage.len();

@@ -68,7 +68,7 @@ impl MapLevel {
     }
 
     /// Measures the distortion anew.
-    /// Panics if the map has not one position per place, or a triangle names a vertex that does not exist.
+    /// Panics if the map does not have one position per place, or a triangle names a vertex that does not exist.
     pub(crate) fn measure(&mut self) {
         self.distortion = distortion(&self.opened(), &self.opened_uv());
     }
@@ -157,7 +157,7 @@ pub struct PatchMap {
     pub link: LinkId,
     /// How many of the last triangles of level 0 fill holes: they are not skin.
     pub filled: usize,
-    /// What is known of the taxels, the vertices of level 0.
+    /// The properties of the taxels, the vertices of level 0.
     pub taxels: Taxels,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
@@ -172,7 +172,7 @@ impl PatchMap {
     /// tangent plane; where it has none there, the mean of their neighbours'.
     ///
     /// # Panics
-    /// If a map has not one position per vertex of its level, or a triangle names a vertex that does not exist.
+    /// If a map does not have one position per vertex of its level, or a triangle names a vertex that does not exist.
     pub fn new(
         patch: &Patch,
         pyramid: Pyramid,
@@ -372,7 +372,7 @@ impl SkinMap {
     ///
     /// Links come after their parents and have rigid poses, patches have names of their own and
     /// links and joints that exist. Of each patch, the taxels keep the rules of [`Taxels`], the levels
-    /// those of a pyramid but for manifoldness and nesting (lookups accept any triangles), map
+    /// those of a pyramid except manifoldness and nesting (lookups accept any triangles), map
     /// positions are finite and within 1e12 m, one per vertex, or per place of a vertex on a map that
     /// is cut, not all the same nor all mirrored, `from_coarser` and the `to_finest` of the next level
     /// agree, and image frames have a size.

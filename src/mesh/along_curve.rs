@@ -1,5 +1,5 @@
-//! A mesh numbered along a curve that fills space: what is near in space is near in memory, and nothing depends on
-//! the order of a file.
+//! A mesh numbered along a space-filling curve: neighbours in space are near in memory, and results do not
+//! depend on the order of a file.
 
 use rayon::prelude::*;
 

@@ -78,7 +78,7 @@ mod tests {
         assert_eq!(rounded.sigma(), 0.0, "rounding below zero has no size");
     }
 
-    /// Stretching x by 2 doubles what x has in common with the others, and quadruples its own variance.
+    /// Stretching x by 2 doubles the covariances of x, and quadruples its variance.
     #[test]
     fn a_stretch_acts_on_both_sides_of_a_covariance() {
         let stretched = covariance().conjugate(&DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0)));

@@ -2,7 +2,7 @@
 
 use crate::id::{Id, IdVec};
 
-/// What a [`DisjointSets`] knows about two members of one set: nothing (`()`), or their
+/// The relation that a [`DisjointSets`] stores between two members of one set: none (`()`), or a
 /// [`Relation`].
 pub(crate) trait Parity: Copy + Default {
     /// The relation of `a` and `c`, if `self` is that of `a` and `b` and `next` that of `b` and

@@ -71,7 +71,7 @@ impl LiveServer {
                     continue;
                 }
                 thread::spawn(move || {
-                    // A browser that goes away is no error.
+                    // A browser that closes the connection is not an error.
                     let _ = shared.answer(&connection);
                     shared.connections.fetch_sub(1, Ordering::Relaxed);
                 });
@@ -164,7 +164,7 @@ impl Shared {
     }
 }
 
-/// What is requested, and by whom.
+/// The request line and the headers that are checked.
 struct Request {
     method: String,
     path: String,

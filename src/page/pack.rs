@@ -11,7 +11,7 @@ use flate2::{Compression, write::GzEncoder};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-/// The number that stands for a share of 1.
+/// The number of a share of 1.
 pub(super) const WHOLE: f64 = 65535.0;
 
 #[derive(Debug, Default)]
@@ -157,7 +157,7 @@ pub(super) struct Rows {
     weights: usize,
 }
 
-/// A part of a whole in 65535ths; 0 of nothing.
+/// A share of a whole in 65535ths; 0 if the whole is 0.
 pub(super) fn share(part: f64, whole: f64) -> u32 {
     let share = (WHOLE * part / whole).round().clamp(0.0, WHOLE);
     // A NaN becomes 0.

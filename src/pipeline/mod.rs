@@ -10,7 +10,7 @@
 //! Patches are independent: they are built in parallel, and the result does not depend on the
 //! number of threads. Before it, [`read_draft`] and
 //! [`assemble`](crate::skin::assemble()) make the skin; after it,
-//! [`measure`](crate::report::measure) says how faithful the map is,
+//! [`measure`](crate::report::measure) measures how faithful the map is,
 //! [`write_map`] keeps it, and [`skin_images`]
 //! rasterises its levels. [`build_file`] goes from file to files.
 //!

@@ -60,7 +60,7 @@ impl Paint {
     }
 }
 
-/// What to plot.
+/// Options of a plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlotOptions {
     /// Names of the patches, one row each; none: all.

@@ -68,7 +68,7 @@ impl Prolongation {
     /// `P x`: an intensive quantity (a position, a pressure) of the coarse vertices on the fine ones.
     ///
     /// # Panics
-    /// If `coarse` has not one entry per coarse vertex.
+    /// If `coarse` does not have one entry per coarse vertex.
     #[must_use]
     pub fn apply<T>(&self, coarse: &IdVec<VertexId, T>) -> IdVec<VertexId, T>
     where
@@ -85,7 +85,7 @@ impl Prolongation {
     /// total is kept.
     ///
     /// # Panics
-    /// If `fine` has not one entry per fine vertex.
+    /// If `fine` does not have one entry per fine vertex.
     #[must_use]
     pub fn restrict<T>(&self, fine: &IdVec<VertexId, T>) -> IdVec<VertexId, T>
     where

@@ -78,7 +78,7 @@ pub enum RemeshError {
     /// Another of these errors, in a patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<RemeshError> },
-    /// A surface that is too far away to be searched.
+    /// A surface too far from the origin to be searched.
     #[error("its surface cannot be searched: {0}")]
     Surface(#[from] BvhError),
 }

@@ -106,9 +106,9 @@ impl JointKind {
 pub struct Mimic {
     /// Index of the other in [`Robot::joints`].
     pub joint: usize,
-    /// What its value is multiplied by.
+    /// The factor of its value.
     pub multiplier: f64,
-    /// What is added, in rad or m.
+    /// The offset, in rad or m.
     pub offset: f64,
 }
 
@@ -121,13 +121,13 @@ pub struct Shape {
     pub role: Role,
     /// Its pose in the frame of the link, in m.
     pub pose: DAffine3,
-    /// What it is.
+    /// Its geometry.
     pub geometry: Geometry,
     /// Its line in the file, counted from 1.
     pub line: usize,
 }
 
-/// What a shape is for.
+/// The purpose of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// For display.
@@ -136,14 +136,14 @@ pub enum Role {
     Collision,
 }
 
-/// What a shape is. Lengths are in m; shapes without a mesh have their centre at the origin.
+/// The geometry of a shape. Lengths are in m; shapes without a mesh have their centre at the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Geometry {
     /// A file of triangles.
     Mesh {
         /// The file, as the description names it: `package://NAME/PATH`, `file:///PATH` or a path.
         url: String,
-        /// What its coordinates are multiplied by; an odd number of negative ones mirrors it.
+        /// The factors of its coordinates; an odd number of negative ones mirrors it.
         scale: DVec3,
     },
     /// A box.

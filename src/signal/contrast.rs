@@ -49,7 +49,7 @@ impl Contrast {
     /// where the frame has no value.
     ///
     /// # Panics
-    /// If the frame has not the patches, channels and levels that this was made for.
+    /// If the frame does not have the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
         frame.check(self.steps.len(), self.quantities.len());
         self.out.time = frame.time;
@@ -76,7 +76,7 @@ impl Contrast {
 /// The frame with this contrast: the inverse of [`Contrast::of`], up to rounding.
 ///
 /// # Panics
-/// If the contrast has not the patches, channels and levels of `map` and `channels`.
+/// If the contrast does not have the patches, channels and levels of `map` and `channels`.
 pub fn reconstruct(map: &SkinMap, channels: &[Channel], contrast: &LevelFrame) -> LevelFrame {
     let mut out = contrast.clone();
     out.check(map.patches.len(), channels.len());

@@ -101,7 +101,7 @@ impl Edges {
     /// vertex has a value at all of its corners.
     ///
     /// # Panics
-    /// If the frame has not the patches, channels and levels that this was made for.
+    /// If the frame does not have the patches, channels and levels that this was made for.
     pub fn of(&mut self, frame: &LevelFrame) -> &LevelFrame {
         frame.check(self.levels.len(), self.quantities.len());
         self.out.time = frame.time;

@@ -48,7 +48,7 @@ pub trait Stage {
     /// The next frame for the stages after this one.
     ///
     /// # Panics
-    /// If it has not the patches, channels and taxels that the stage was made for.
+    /// If it does not have the patches, channels and taxels that the stage was made for.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame;
 }
 

@@ -119,7 +119,7 @@ impl Join {
     /// the frame's time.
     ///
     /// # Panics
-    /// If `values` has not `width` numbers for each channel of the frame, or the frame is not one of
+    /// If `values` does not have `width` numbers for each channel of the frame, or the frame is not one of
     /// the map that the join was made for.
     pub fn fill<T: Copy + Into<f64>>(&self, values: &[T], frame: &mut Frame) -> usize {
         assert_eq!(frame.values.len(), self.sources.len(), "one entry per patch");

@@ -166,7 +166,7 @@ impl Restrictor {
     /// The frame on all levels. Readings that are not finite count as missing.
     ///
     /// # Panics
-    /// If the frame has not the patches, channels and taxels that the restrictor was made for.
+    /// If the frame does not have the patches, channels and taxels that the restrictor was made for.
     pub fn restrict(&mut self, frame: &Frame) -> &LevelFrame {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.levels.time = frame.time;

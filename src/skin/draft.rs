@@ -27,7 +27,7 @@ pub struct Draft {
     pub sheets: Vec<Sheet>,
     /// Animations of the links.
     pub animations: Vec<Motion>,
-    /// What the reader of the file changed or ignored.
+    /// Remarks on changes and on data that the reader of the file ignored.
     pub remarks: Vec<Remark>,
     /// The names of the materials that [`Sheet::materials`] counts.
     pub materials: Vec<String>,

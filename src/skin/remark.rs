@@ -11,7 +11,7 @@ use crate::skin::sentence::{coincident, count, doubtful_unit, edge_list, first_f
 pub struct Remark {
     /// Name of the sheet or patch.
     pub patch: String,
-    /// What was changed, assumed or doubted.
+    /// The change, assumption or doubt.
     pub kind: RemarkKind,
 }
 

@@ -11,7 +11,7 @@ use crate::unfold::turns::{Turns, rotation};
 /// Cotangents are clamped: a sliver would outweigh its ring, and an obtuse angle would count negative.
 const COTANGENTS: [f64; 2] = [0.05, 19.1];
 
-/// How often triangles are turned anew after the first solution. Halfway the mean error of lengths on the
+/// Number of further rotations and solutions after the first one. Halfway, the mean error of lengths on the
 /// glove of `meshes/` falls from 3.9 % to 0.9 %, that on the forearm from 0.46 % to 0.13 %; 32 more rounds
 /// take four times as long and leave 0.6 % and 0.09 %.
 const ROUNDS: usize = 8;

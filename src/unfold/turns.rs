@@ -17,7 +17,7 @@ pub(super) struct Turns {
     pub(super) roots: Vec<FaceId>,
 }
 
-/// How one triangle goes from space to the map: it turns, and is stretched within its plane.
+/// The transition of one triangle from space to the map: it turns, and is stretched within its plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FaceMap {
     /// Logarithm of the rotation to [`Turns::sheet`]: axis times angle.
@@ -100,7 +100,7 @@ impl Turns {
     }
 }
 
-/// The rotation nearest to what maps a triangle to the plane z = 0; `None` where it has no area.
+/// The rotation nearest to the map of a triangle to the plane z = 0; `None` if it has no area.
 pub(super) fn rotation(space: [DVec3; 3], plane: [DVec2; 3]) -> Option<DMat3> {
     let normal = triangle_cross(space).try_normalize()?;
     let along = (space[1] - space[0]).try_normalize()?;

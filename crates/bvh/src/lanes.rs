@@ -11,9 +11,8 @@ pub(crate) const LANES: usize = 8;
 
 /// A back-end that computes with eight numbers at a time.
 ///
-/// Everything that uses it down to the innermost function must be `#[inline(always)]`, and must not
-/// contain a closure: only what is inlined into [`Simd::run`] is compiled for the processor's
-/// instructions.
+/// Everything that uses it down to the innermost function must be `#[inline(always)]`, and must not contain a
+/// closure: only functions inlined into [`Simd::run`] are compiled for the processor's instructions.
 pub(crate) trait Lanes: Copy {
     /// Eight numbers.
     type F: Copy;

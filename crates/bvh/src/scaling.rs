@@ -23,7 +23,7 @@ pub(crate) struct Scaling {
 }
 
 impl Scaling {
-    /// For what lies in `bounds`, none of it farther than `radius` from their centre.
+    /// A scaling for points in `bounds`, none of them farther than `radius` from their centre.
     pub(crate) fn new(bounds: &Aabb, radius: f64) -> Self {
         let origin = if *bounds == Aabb::EMPTY { DVec3::ZERO } else { bounds.lo.midpoint(bounds.hi) };
         Self { origin, scale: unit_scale(radius), bounds: *bounds }

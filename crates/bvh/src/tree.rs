@@ -44,7 +44,7 @@ pub(crate) struct Tree {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Primitive {
     pub(crate) centre: DVec3,
-    /// Normal of the skin there, as long as the area it stands for.
+    /// Normal of the skin there, with its area as the length.
     pub(crate) area: DVec3,
 }
 
@@ -242,7 +242,7 @@ impl Tree {
         self.fit_node(simd, 0, &mut points, &mut set);
     }
 
-    /// Fits a node and what is below it: the sum of the areas there with direction, and of the
+    /// Fits a node and everything below it; returns the sum of the areas there with direction, and of the
     /// lengths of those of the packets. `points` is a buffer for those of the node's packets.
     fn fit_node<const N: usize>(
         &mut self,
@@ -253,7 +253,7 @@ impl Tree {
     ) -> (DVec3, f64) {
         let node = self.nodes[index];
         let (mut area, mut total) = (DVec3::ZERO, 0.0);
-        // The last first: in the order of memory, since what is below the last child was numbered
+        // The last first, which is the order of memory, since the nodes below the last child were numbered
         // first.
         for child in node.children().rev() {
             if let Target::Node(below) = child.target() {

@@ -53,7 +53,7 @@ pub trait Nearest: Copy {
     fn squared(&self) -> f64;
     /// Measures a triangle and keeps it if it is nearer; returns whether it does.
     fn offer(&mut self, triangle: u32) -> bool;
-    /// Loads what [`Self::offer`] reads of a triangle into the cache, without waiting for it.
+    /// Loads the data that [`Self::offer`] reads of a triangle into the cache, without waiting for it.
     fn prefetch(&self, triangle: u32);
 }
 

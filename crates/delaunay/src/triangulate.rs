@@ -1,4 +1,4 @@
-//! The points of a triangulation as `spade` takes them.
+//! The points of a triangulation in the types of `spade`.
 
 use std::collections::HashMap;
 
@@ -34,7 +34,7 @@ pub fn smallest_first<T: Ord>([a, b, c]: [T; 3]) -> [T; 3] {
     }
 }
 
-/// The coordinates of a point as `spade` takes them.
+/// The coordinates of a point for `spade`.
 pub(super) fn coordinates(point: usize, p: DVec2) -> Result<[f64; 2], DelaunayError> {
     let position = p.to_array();
     if !position.iter().all(|x| x.abs() < MAX_COORDINATE) {
@@ -43,7 +43,7 @@ pub(super) fn coordinates(point: usize, p: DVec2) -> Result<[f64; 2], DelaunayEr
     Ok(position.map(|x| if x.abs() < MIN_ALLOWED_VALUE { 0.0 } else { x }))
 }
 
-/// The points as `spade` takes them, all different.
+/// The points for `spade`, all different.
 pub(super) fn sites(points: &[DVec2]) -> Result<Vec<Site>, DelaunayError> {
     let mut first_at = HashMap::with_capacity(points.len());
     let mut sites = Vec::with_capacity(points.len());

@@ -141,7 +141,7 @@ pub fn dot(a: &[DVec2], b: &[DVec2]) -> f64 {
 /// still gives a direction of descent. Stops as soon as the matrix is not positive along a direction.
 ///
 /// # Panics
-/// If `rhs` has not one entry per row.
+/// If `rhs` does not have one entry per row.
 #[must_use]
 pub fn conjugate_gradients<B: Block>(
     matrix: &Matrix<'_, B>,

@@ -17,7 +17,7 @@ use crate::{Matrix, SparseError};
 /// [`SparseError::Singular`], [`SparseError::NotFinite`] or [`SparseError::TooLarge`].
 ///
 /// # Panics
-/// If `rhs` has not one entry per row.
+/// If `rhs` does not have one entry per row.
 pub fn solve_unsymmetric(matrix: &Matrix<'_, DVec2>, rhs: &mut [DVec2]) -> Result<(), SparseError> {
     let pattern = matrix.pattern();
     let rows = pattern.rows();

@@ -12,7 +12,7 @@ use crate::{Pattern, lower::Lower};
 /// 100 000 rows).
 const DISSECTION_ROWS: usize = 20_000;
 
-/// Parts of this size are not split further: below it a separator costs more fill than it saves.
+/// Sets of this size are not split further: below it a separator costs more fill than it saves.
 const LEAF: usize = 48;
 
 /// Rows with more columns than this times the root of the number of rows come last: eliminated
@@ -45,7 +45,7 @@ fn dissect(pattern: &Pattern, coordinates: &[DVec3]) -> Vec<u32> {
     let (mut order, dense): (Vec<u32>, Vec<u32>) =
         (0..rows).partition(|&i| pattern.columns(i as usize).len() as f64 <= most);
     let mut open = Vec::from([std::ops::Range { start: 0, end: order.len() }]);
-    // Which part each row is in: every split gives its upper half a new number.
+    // The set of each row: every split gives its upper half a new number.
     let mut part = vec![0_u32; pattern.rows()];
     for &i in &dense {
         part[i as usize] = SEPARATOR;

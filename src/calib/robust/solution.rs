@@ -11,7 +11,7 @@ use crate::calib::{
 pub(crate) struct Solution {
     pub(crate) iterate: Iterate,
     pub(crate) verdicts: PerObservation<Verdict>,
-    /// Derived from verdicts and losses, never the other way round.
+    /// Derived from verdicts and losses; verdicts are never derived from weights.
     pub(crate) weights: PerObservation,
     pub(crate) losses: LossFunctions,
     pub(crate) termination: Termination,

@@ -95,7 +95,8 @@ fn wide(x: [f32; 3]) -> DVec3 {
 /// The octree of a link.
 #[derive(Debug, Clone)]
 pub(in crate::contact) struct Octree {
-    /// The box of the skin, and the centre of the grid, in m in the frame of the link. What follows is relative to the centre.
+    /// The box of the skin, and the centre of the grid, in m in the frame of the link. The other members are
+    /// relative to the centre.
     bounds: Aabb,
     centre: DVec3,
     /// The least corner of the grid of top cells, their number, and their number per metre.

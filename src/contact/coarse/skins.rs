@@ -38,7 +38,7 @@ pub(in crate::contact) struct ReactiveSkin {
 
 impl ReactiveSkins {
     /// # Errors
-    /// If the patches of a link have too many faces together.
+    /// If the patches of a link together have too many faces.
     pub(in crate::contact) fn new(
         links: &Links,
         patches: &IdVec<PatchId, Arc<IndexedPatch>>,

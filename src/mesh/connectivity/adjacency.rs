@@ -137,7 +137,7 @@ impl Adjacency {
     /// Finds the neighbours of every vertex and face.
     ///
     /// # Errors
-    /// If corners are out of range, an edge has more than two faces or two that run the same way,
+    /// If corners are out of range, an edge has more than two faces or two in the same direction,
     /// a vertex has more than one fan of faces, or none.
     pub fn new(mesh: &TriMesh) -> Result<Self, MeshError> {
         Ok(Self::with_starts(mesh)?.0)
@@ -239,7 +239,7 @@ impl Adjacency {
         self.rings.boundary_loops()
     }
 
-    /// What the surface is up to deformation.
+    /// The topology of the surface.
     pub(crate) fn topology(&self) -> Topology {
         let mut sets = DisjointSets::<FaceId>::new(self.twins.len());
         for face in self.twins.ids() {

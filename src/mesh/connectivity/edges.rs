@@ -73,7 +73,7 @@ impl Edges {
     }
 }
 
-/// What is wrong with the first edge of more than two faces, or two that run the same way.
+/// The error of the first edge of more than two faces, or of two in the same direction.
 pub(crate) fn first_crowded(mesh: &TriMesh) -> Option<MeshError> {
     let mut error = None;
     each_edge(&mesh.triangles, mesh.positions.len(), |along| {
@@ -85,7 +85,7 @@ pub(crate) fn first_crowded(mesh: &TriMesh) -> Option<MeshError> {
     error
 }
 
-/// The first two halfedges of an edge that run the same way; of three, two always do.
+/// The first two halfedges of an edge with the same direction; of three, two always have it.
 fn same_direction(triangles: &IdVec<FaceId, [VertexId; 3]>, along: &[Halfedge]) -> MeshError {
     let start = |h: Halfedge| triangles[h.face()][h.side()];
     let (from, to) = (start(along[0]), start(along[0].next()));

@@ -8,7 +8,7 @@ use crate::mesh::error::MAX_FACES;
 
 /// One side of a face: halfedge `k` of a face runs from its corner `k` to its corner `k + 1`.
 ///
-/// It also stands for the corner that it leaves.
+/// It also represents the corner that it leaves.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Halfedge(u32);
 

@@ -19,7 +19,7 @@ pub(crate) const MAX_RING: usize = 32;
 struct Face {
     /// Corners, counter-clockwise seen from outside.
     corners: [VertexId; 3],
-    /// What lies across the side from corner `k` to the next.
+    /// The halfedge across the side from corner `k` to the next.
     twins: [Halfedge; 3],
 }
 
@@ -170,7 +170,7 @@ impl HalfedgeMesh {
         triangles: &[[u8; 3]],
     ) {
         let last = ring.len() - 1;
-        // What lies across each side of the ring; nothing beyond the new boundary edge.
+        // The halfedge across each side of the ring; none beyond the new boundary edge.
         let mut outside = [Halfedge::NONE; MAX_RING];
         for (i, h) in star.iter().enumerate() {
             outside[i] = self.twin(h.next());

@@ -32,8 +32,8 @@ pub(crate) struct Part {
     pub(crate) mesh: TriMesh,
 }
 
-/// Separates a mesh into `count` parts that share no vertex. `part` gives that of each face; faces without
-/// one are left out.
+/// Separates a mesh into `count` meshes that share no vertex. `part` gives the index of the mesh of each
+/// face; faces without one are left out.
 pub(crate) fn separate(mesh: &TriMesh, part: &IdVec<FaceId, Option<usize>>, count: usize) -> Vec<Part> {
     let mut of_vertex = IdVec::<VertexId, Option<usize>>::filled(None, mesh.positions.len());
     for (face, t) in mesh.triangles.enumerate().filter(|(face, _)| part[*face].is_some()) {

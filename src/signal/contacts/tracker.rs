@@ -106,7 +106,7 @@ impl ContactTracker {
     /// which have no contacts.
     ///
     /// # Panics
-    /// If the frame has not the patches, the channel and the taxels that the tracker was made for.
+    /// If the frame does not have the patches, the channel and the taxels that the tracker was made for.
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.keep_last();

@@ -42,7 +42,7 @@ pub struct TouchOptions {
     pub rate: f64,
     /// Radius of the disc on which a taxel senses, in m.
     pub taxel_radius: f64,
-    /// What a taxel reads: the force on its disc in N (extensive) or the mean pressure on it in Pa
+    /// The reading of a taxel: the force on its disc in N (extensive) or the mean pressure on it in Pa
     /// (intensive).
     pub quantity: Quantity,
     /// Noise of each reading: the standard deviation of the mean pressure, in Pa.

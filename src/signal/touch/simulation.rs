@@ -216,7 +216,7 @@ impl<'a> TouchSimulation<'a> {
             self.turn = Some(turn);
             self.begin(turn);
         }
-        // Speed is zero at both ends of the way down.
+        // Speed is zero at both ends of the descent.
         let way = (share.min(1.0 - share) / RAMP).clamp(0.0, 1.0);
         let depth = depth * way * way * (3.0 - 2.0 * way);
         let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);

@@ -28,7 +28,7 @@ pub(in crate::skin) fn has_no_area(corners: [DVec3; 3]) -> bool {
     slenderness(corners) <= FLATTEST
 }
 
-/// What was done with the faces without area.
+/// The faces without area, by how they were treated.
 #[derive(Debug, Default)]
 pub(super) struct Cleared {
     /// Faces at the boundary that were dropped.

@@ -62,8 +62,8 @@ fn size(t: [VertexId; 3], cloud: &PointCloud<'_>) -> i64 {
     ((cloud.circumradius(t) / spacing).ln() / SAME_SIZE).round() as i64
 }
 
-/// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane, but for those
-/// with too wide a circle.
+/// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane, without
+/// those whose circle is too wide.
 ///
 /// Neighbours are unrolled into the plane: they keep their distance and their direction in the
 /// tangent plane.
