@@ -85,15 +85,15 @@ impl Layer {
     /// Scales amounts so that the pixels keep their total: divides each value by the sum of its weights.
     fn balance(&mut self, surface: &PixelSurface) {
         /// A value whose weights have a smaller sum, in pixels, counts as unseen.
-        const UNSEEN: f64 = 1e-3;
+        const MIN_SEEN: f64 = 1e-3;
         let mut seen = vec![0.0; self.live.len()];
         surface.each_row(&self.pattern, &self.live, |_, row| {
             row.iter().for_each(|&(v, w)| seen[v as usize] += w);
         });
         self.unseen.clear();
         for (v, &sum) in seen.iter().enumerate() {
-            self.scale[v] = if sum > UNSEEN { 1.0 / (surface.pixel_area * sum) } else { 0.0 };
-            if self.live[v] && sum <= UNSEEN {
+            self.scale[v] = if sum > MIN_SEEN { 1.0 / (surface.pixel_area * sum) } else { 0.0 };
+            if self.live[v] && sum <= MIN_SEEN {
                 self.unseen.extend(surface.nearest_pixel(VertexId::new(v)).map(|pixel| (pixel, v)));
             }
         }

@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pixel_holds_its_positions_and_the_image_all_others() {
+    fn positions_outside_of_the_image_have_its_nearest_pixel() {
         let [columns, rows] = [7, 3];
         let frame = ImageFrame {
             origin: DVec2::new(-0.3, 0.1),

@@ -38,11 +38,11 @@ impl FillHoles {
 
 /// A hole is a slit, which only needles can fill, if its roundness is below this: 1 is a circle, 0.79 a
 /// square, 0.1 a rectangle 30 times as long as it is wide.
-const SLIT: f64 = 0.1;
+const MIN_ROUNDNESS: f64 = 0.1;
 
 /// Cosine of the angle, 60 degrees, by which the triangles of a pin-hole may bend the surface along half
 /// of its rim: a cap of a tube bends it by 90.
-const BEND: f64 = 0.5;
+const MIN_BEND_COSINE: f64 = 0.5;
 
 /// A hole, and the triangles between its vertices that close it.
 #[derive(Debug, Clone)]
@@ -118,14 +118,14 @@ fn is_pin_hole(
     let cross = |t: &[VertexId; 3]| triangle_cross(t.map(|v| mesh.positions[v]));
     let area: f64 = fill.iter().map(|t| 0.5 * cross(t).length()).sum();
     let rim = loop_length(mesh, walk);
-    if 4.0 * PI * area < SLIT * rim * rim {
+    if 4.0 * PI * area < MIN_ROUNDNESS * rim * rim {
         return false;
     }
     let direction = |t: &[VertexId; 3]| cross(t).normalize_or_zero();
     let smooth = walk.iter().zip(walk.iter().cycle().skip(1)).filter(|&(a, b)| {
         let of_edge = |t: &&[VertexId; 3]| t.contains(a) && t.contains(b);
         let outside = fill.iter().find(of_edge).map_or(DVec3::ZERO, direction);
-        inside.get(a).is_some_and(|t| direction(t).dot(outside) >= BEND)
+        inside.get(a).is_some_and(|t| direction(t).dot(outside) >= MIN_BEND_COSINE)
     });
     let length = smooth.map(|(&a, &b)| mesh.positions[a].distance(mesh.positions[b])).sum::<f64>();
     length >= 0.5 * rim

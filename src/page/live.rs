@@ -19,7 +19,7 @@ const FRAME: Duration = Duration::from_micros(16_667);
 
 /// Largest request, in bytes, and how long it may take to arrive.
 const MAX_REQUEST: u64 = 16_384;
-const PATIENCE: Duration = Duration::from_secs(5);
+const MAX_WAIT: Duration = Duration::from_secs(5);
 
 /// Connections that are answered at once; a browser opens a few.
 const MAX_CONNECTIONS: usize = 16;
@@ -117,8 +117,8 @@ impl Shared {
     }
 
     fn answer(&self, connection: &TcpStream) -> io::Result<()> {
-        connection.set_read_timeout(Some(PATIENCE))?;
-        connection.set_write_timeout(Some(PATIENCE))?;
+        connection.set_read_timeout(Some(MAX_WAIT))?;
+        connection.set_write_timeout(Some(MAX_WAIT))?;
         let Request { method, path, hosts, origin } = Request::read(connection)?;
         let port = self.address.port();
         let own = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];

@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_small_loop_keeps_three() {
+    fn a_small_loop_keeps_three_centres() {
         let walk: Vec<_> = (0..7).map(VertexId::new).collect();
         let mut chosen = IdVec::filled(false, 7);
         chosen[walk[4]] = true;

@@ -9,7 +9,7 @@ use crate::pyramid::PyramidError;
 const SUM_TOLERANCE: f64 = 1e-6;
 
 /// Rows of files whose sum differs from 1 by at most this are scaled: other programs may round more coarsely.
-const RESCALED: f64 = 1e-5;
+const RESCALED_ERROR: f64 = 1e-5;
 
 /// Coarse to fine: every fine vertex as a convex combination of at most three coarse ones.
 ///
@@ -54,7 +54,7 @@ impl Prolongation {
     /// Scales every row of a file whose sum is 1 up to rounding to the sum 1 in `f64`; leaves others to
     /// [`Self::validate`].
     pub(crate) fn rescale(&mut self) {
-        for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED)) {
+        for weights in self.weights.iter_mut().filter(|weights| sums_to_one(weights, RESCALED_ERROR)) {
             let sum: f64 = weights.iter().sum();
             *weights = weights.map(|w| w / sum);
         }

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_has_no_side() {
+    fn points_that_are_not_finite_have_no_side() {
         assert!(orientation([DVec2::NAN, DVec2::X, DVec2::Y]).is_nan());
     }
 }

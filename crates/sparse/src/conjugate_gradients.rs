@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_at_once_along_a_direction_that_is_not_positive() {
+    fn iteration_stops_along_a_direction_that_is_not_positive() {
         let pattern = Pattern::new(2, [(0, 1)]);
         let mut m = Matrix::<DMat2>::zero(&pattern);
         (*m.at(0, 0), *m.at(1, 1)) = (-DMat2::IDENTITY, -DMat2::IDENTITY);

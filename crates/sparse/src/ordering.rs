@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_one_spot_are_ordered_too() {
+    fn coincident_points_are_ordered_too() {
         let (pattern, _) = grid(20);
         let order = dissect(&pattern, &vec![DVec3::ONE; 400]);
         assert_eq!(order.iter().map(|&r| r as usize).sum::<usize>(), 400 * 399 / 2, "a permutation");

@@ -13,7 +13,7 @@ const ROUNDING: f64 = 1e-8;
 const DIAGONAL_ROUNDING: f64 = 1e-13;
 
 /// If the absolute sums of all rows are at most this multiple of the diagonal, correlations do not remove a direction.
-const WEAK_CORRELATION: f64 = 1.5;
+const MAX_WEAK_SUM: f64 = 1.5;
 
 /// A direction counts as observed if its eigenvalue is above this in the matrix with ones on its
 /// diagonal.
@@ -140,7 +140,7 @@ impl<const N: usize> Information<N> {
         }
         let Some(c) = self.correlations() else { return 0 };
         // Weak correlations do not reduce the rank (Gershgorin); most matrices of files have no others.
-        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= WEAK_CORRELATION * c[i][i];
+        let is_weak = |i: usize| (0..N).map(|j| c[i][j].abs()).sum::<f64>() <= MAX_WEAK_SUM * c[i][i];
         if (0..N).all(is_weak) {
             return (0..N).filter(|&i| c[i][i] > 0.0).count();
         }

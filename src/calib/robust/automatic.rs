@@ -150,7 +150,7 @@ fn connected(
 }
 
 /// A scale up to this is no evidence of understated noise: the median doubles if 40 % of the edges are wrong.
-const AS_STATED: f64 = 2.5;
+const MAX_STATED_SCALE: f64 = 2.5;
 
 /// Probability that noise alone makes one of all observations an outlier at any scale.
 const FALSE_ALARM: f64 = 1e-3;
@@ -174,11 +174,11 @@ impl Scale {
 
     /// Whether the median is consistent with the stated noise.
     fn is_as_stated(self) -> bool {
-        self.is_as_stated_of_edges() && self.contacts <= AS_STATED
+        self.is_as_stated_of_edges() && self.contacts <= MAX_STATED_SCALE
     }
 
     fn is_as_stated_of_edges(self) -> bool {
-        self.edges <= AS_STATED
+        self.edges <= MAX_STATED_SCALE
     }
 
     fn max(self, other: Self) -> Self {

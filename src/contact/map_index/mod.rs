@@ -33,7 +33,7 @@ const SAME_POINT: f64 = 1e-9;
 
 /// A point is clear of the sides of a triangle if its areas with them are more than this fraction of the
 /// squares of its distances from the corners: far more than rounding, for slivers too.
-const CLEAR: f64 = 1e-8;
+const MIN_CLEARANCE: f64 = 1e-8;
 
 /// The maps of all levels, prepared for lookups from the map to the surface.
 #[derive(Debug, Clone)]
@@ -330,7 +330,7 @@ impl Planar {
         let area = areas[0] + areas[1] + areas[2];
         let away = a.length_squared() + b.length_squared() + c.length_squared();
         // At least twice the margin times the longest side, whose square is at most twice `away`.
-        let clear = (2.0 * CLEAR * away + margin * margin / CLEAR) * area.abs();
+        let clear = (2.0 * MIN_CLEARANCE * away + margin * margin / MIN_CLEARANCE) * area.abs();
         let signed = areas.map(|opposite| opposite * area);
         if (signed[0] > clear) & (signed[1] > clear) & (signed[2] > clear) {
             Self::Inside(areas.map(|opposite| opposite / area))

@@ -349,7 +349,7 @@ mod tests {
 
     /// Grids of coincident triangles, and of many small ones under a large one, are built quickly.
     #[test]
-    fn crowds_are_left_to_the_tree() {
+    fn crowded_cells_are_left_to_the_tree() {
         let mut stacked = shapes::triangle();
         stacked.triangles = vec![[0, 1, 2].map(VertexId::new); 20_000].into();
         let grid = PlaneGrid::new(&stacked, 1e-12);

@@ -118,7 +118,7 @@ mod tests {
     use crate::mesh::{Adjacency, shapes};
 
     #[test]
-    fn a_mesh_of_two_components_is_both_of_them() {
+    fn the_topology_of_two_components_is_that_of_each() {
         let (square, fan) = (shapes::square(), shapes::fan(5));
         let mut both = square.clone();
         // A vertex without a face between them.

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_digits_are_not_below() {
+    fn numbers_rounded_up_are_not_below() {
         for (x, expected) in [(0.371, 0.38), (5.0, 5.0), (99.1, 100.0), (0.01, 0.01)] {
             assert!((round_up(x) - expected).abs() < 1e-12, "{} for {x}", round_up(x));
         }

@@ -18,7 +18,7 @@ use crate::signal::{Frame, TrackerOptions};
 use crate::skin::PatchId;
 
 /// Share of the taxels with less noise than the estimate.
-const NOISIEST: f64 = 0.95;
+const QUIETER_SHARE: f64 = 0.95;
 
 /// Number of frames in which noise raises one taxel of the skin above the threshold once: more than an hour
 /// at 250 Hz. A region needs two taxels.
@@ -107,11 +107,11 @@ fn noise(kept: &[f64], frames: usize, taxels: usize) -> f64 {
         return 0.0;
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
-    let place = (NOISIEST * (deviations.len() - 1) as f64) as usize;
+    let place = (QUIETER_SHARE * (deviations.len() - 1) as f64) as usize;
     let noisiest = *deviations.select_nth_unstable_by(place, f64::total_cmp).1;
     // The same quantile for uniform noise.
     let freedom = frames as f64 - 1.0;
-    noisiest / (quantile(NOISIEST, freedom) / freedom).sqrt()
+    noisiest / (quantile(QUIETER_SHARE, freedom) / freedom).sqrt()
 }
 
 /// Threshold over noise. A baseline that is the mean of `frames` frames is itself noisy.

@@ -100,7 +100,7 @@ const RAMP: f64 = 0.2;
 const MOST_TRIES: usize = 200;
 
 /// Steps of a rolling sphere at which its distance from the others is checked.
-const ROOM_STEPS: u32 = 16;
+const CHECKED_STEPS: u32 = 16;
 
 /// Triangles are divided until their edges are shorter than this share of the contact's radius; the
 /// force of a press on a plane is then exact to 0.2 %.
@@ -268,12 +268,12 @@ impl<'a> TouchSimulation<'a> {
         let mut presses: Vec<Press> =
             self.presses.iter().filter(|other| link(other) == link(press)).cloned().collect();
         presses.insert(0, press.clone());
-        (0..=ROOM_STEPS).all(|step| {
+        (0..=CHECKED_STEPS).all(|step| {
             let places = presses.iter_mut().map(|press| {
                 let patch = &self.skin.patches[press.patch];
                 if step > 0 {
                     let adjacency = &self.adjacency[press.patch];
-                    press.walker.advance(&patch.mesh, adjacency, roll / f64::from(ROOM_STEPS));
+                    press.walker.advance(&patch.mesh, adjacency, roll / f64::from(CHECKED_STEPS));
                 }
                 // Neither the spheres nor the points under them may come closer.
                 let foot = press.walker.point;

@@ -14,7 +14,7 @@ use crate::skin::check::finding::{Report, Subject};
 const SEAM: f64 = 0.5;
 
 /// Edges this much longer than a vertex's spacing (as a power of two) are not searched around it.
-const LEVELS_UP: i32 = 8;
+const MAX_LEVELS_UP: i32 = 8;
 
 /// At most this many edges are tested around a vertex: many coincident faces would take quadratic time. A
 /// seam has some ten edges around each vertex.
@@ -98,7 +98,7 @@ impl<'a> BoundaryEdges<'a> {
     fn nearest(&self, point: DVec3, reach: f64, allowed: impl Fn(Ends) -> bool) -> Option<f64> {
         // Shorter edges belong to much denser skin, whose vertices find this gap from their side.
         let own = level_of(reach)?;
-        let levels = own..=own + LEVELS_UP;
+        let levels = own..=own + MAX_LEVELS_UP;
         let mut nearest = reach;
         let mut candidates = 0;
         self.tree.each_near(point, reach, |edge| {

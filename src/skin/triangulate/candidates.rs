@@ -22,7 +22,7 @@ const SAME_SIDE: f64 = 0.0;
 /// Circumcircles may be wider than the gap by this factor. At 1 the result is an alpha shape, and gaps
 /// between rows of taxels slightly below the limit stay open; at larger factors slivers fill the notches of
 /// every boundary.
-const WIDEST: f64 = 1.2;
+const MAX_CIRCLE_FACTOR: f64 = 1.2;
 
 /// The skin is sheared by a millionth, so that no four taxels are on one circle and all corners of a square
 /// choose the same diagonal. The direction is along no axis, so that every lattice of squares is sheared.
@@ -79,8 +79,9 @@ fn tangent_star(v: VertexId, cloud: &PointCloud<'_>) -> impl Iterator<Item = [Ve
         candidates.push(w);
         unrolled.push(d.length() * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
     }
-    let is_narrow =
-        move |a: DVec2, b: DVec2| a.length() * b.length() * a.distance(b) <= WIDEST * gap * a.perp_dot(b);
+    let is_narrow = move |a: DVec2, b: DVec2| {
+        a.length() * b.length() * a.distance(b) <= MAX_CIRCLE_FACTOR * gap * a.perp_dot(b)
+    };
     // Cannot fail: positions are finite, and neighbours near.
     let around = star(&unrolled).unwrap_or_default().into_iter();
     let narrow = around.filter(move |&[a, b]| is_narrow(unrolled[a], unrolled[b]));

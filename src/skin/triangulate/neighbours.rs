@@ -15,7 +15,7 @@ use crate::parallel::{par_collect, par_ids};
 const SPACING_RANK: usize = 3;
 
 /// The spacing is the median over a taxel and this many nearest: the ring of a lattice.
-const SMOOTHING: usize = 6;
+const SMOOTHING_NEIGHBOURS: usize = 6;
 
 /// A taxel has at most this many neighbours, times the square of the gap. A lattice has 3.6, and with thermal
 /// pads between its taxels 5; more come from another side of the body, or from points that are not on a
@@ -100,8 +100,8 @@ pub(super) fn distance_around(nearest: &[Neighbour]) -> f64 {
 /// [`distance_around`] of each taxel, smoothed.
 fn spacing(tree: &PointTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<VertexId, f64> {
     let own_and_nearest = |v: VertexId, found: &mut Vec<Neighbour>| {
-        nearest_others(tree, v, SMOOTHING, f64::INFINITY, found);
-        let mut nearest = [v; SMOOTHING];
+        nearest_others(tree, v, SMOOTHING_NEIGHBOURS, f64::INFINITY, found);
+        let mut nearest = [v; SMOOTHING_NEIGHBOURS];
         nearest.iter_mut().zip(found.iter()).for_each(|(n, near)| *n = near.0);
         (distance_around(found), nearest)
     };
@@ -109,12 +109,12 @@ fn spacing(tree: &PointTree, positions: &IdVec<VertexId, DVec3>) -> IdVec<Vertex
         let mut found = Vec::new();
         distances.extend(range.map(|k| own_and_nearest(VertexId::new(k), &mut found)));
     });
-    let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING]>) = distances.into_iter().unzip();
+    let (own, nearest): (Vec<f64>, Vec<[VertexId; SMOOTHING_NEIGHBOURS]>) = distances.into_iter().unzip();
     par_ids(positions.len(), |v: VertexId| {
-        let mut around = [own[v.index()]; SMOOTHING + 1];
+        let mut around = [own[v.index()]; SMOOTHING_NEIGHBOURS + 1];
         around.iter_mut().zip(nearest[v.index()]).for_each(|(s, w)| *s = own[w.index()]);
         around.sort_unstable_by(f64::total_cmp);
-        around[SMOOTHING / 2]
+        around[SMOOTHING_NEIGHBOURS / 2]
     })
 }
 

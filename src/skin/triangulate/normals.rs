@@ -38,7 +38,7 @@ const BENT_NEIGHBOURS: usize = 4;
 
 /// Mean cosine between chords and mean normals up to which a surface bends with its normals: a
 /// fingertip of 12 taxels has 0.05, random normals 0.5.
-const BENT: f64 = 0.15;
+const MAX_BENT_COSINE: f64 = 0.15;
 
 /// Normals of the file that differ by more than 135 degrees may belong to two sides of a thin body; across a
 /// sharp edge the angle is smaller.
@@ -49,7 +49,7 @@ const OPPOSED: f64 = -0.7;
 const OPPOSED_HEIGHT: f64 = 0.25;
 
 /// Taxels lie on two layers if each is more than 64 degrees (as a sine) above the tangent plane of the other.
-const STACKED: f64 = 0.9;
+const STACKED_SINE: f64 = 0.9;
 
 #[derive(Debug)]
 pub(super) struct PointNormals {
@@ -114,7 +114,7 @@ fn is_across(
     let apart = OPPOSED_HEIGHT * 0.5 * (neighbours.spacing[v] + neighbours.spacing[w]);
     let least = seen.abs().min(back.abs());
     let is_behind = seen * back > 0.0 && least > apart && file[v].dot(file[w]) < OPPOSED;
-    is_behind || least > STACKED * d.length()
+    is_behind || least > STACKED_SINE * d.length()
 }
 
 /// A unit normal unchanged, any other vector as zero.
@@ -138,7 +138,7 @@ fn bend_with(file: &IdVec<VertexId, DVec3>, points: &UniquePoints<'_>, neighbour
             }
         }
     }
-    2 * count > file.len() && sum < BENT * count as f64
+    2 * count > file.len() && sum < MAX_BENT_COSINE * count as f64
 }
 
 /// The planes of all taxels, those of modules where there are any, and the median of the thickness.
@@ -229,7 +229,7 @@ fn smallest_axis(moments: &[[f64; 3]; 3]) -> (DVec3, [f64; 3]) {
 }
 
 /// Orientation spreads along the edges to this many nearest neighbours; more only cost time.
-const SPREAD: usize = 10;
+const SPREAD_NEIGHBOURS: usize = 10;
 
 /// An edge steeper than this over a tangent plane, as a sine, comes after all others: it may join the two
 /// sides of a thin body, or two taxels that noise put above each other. Along a chord of 90 degrees it is
@@ -251,7 +251,7 @@ pub(super) fn orient_normals(
     let has_side = |v: VertexId| file[v] != DVec3::ZERO;
     let mut edges: Vec<(f64, VertexId, VertexId, bool)> = par_collect(positions.len(), |range, edges| {
         for v in range.map(VertexId::new) {
-            edges.extend(neighbours.of(v).iter().take(SPREAD).map(|&w| {
+            edges.extend(neighbours.of(v).iter().take(SPREAD_NEIGHBOURS).map(|&w| {
                 let along = (positions[w] - positions[v]).normalize_or_zero();
                 let carried = normal[w] - 2.0 * normal[w].dot(along) * along;
                 let agreement = normal[v].dot(carried);

@@ -10,7 +10,7 @@ use crate::mesh::{face_components, triangle_cross};
 
 /// Smallest decisive mean cosine between the faces and the directions away from a centre: it is
 /// 0 on a flat component and on a saddle, and 0.06 on a cap of 20 degrees across.
-const AMBIGUOUS: f64 = 0.02;
+const MIN_DECISIVE: f64 = 0.02;
 
 /// The file's normals determine the outside of a component if this share of them points to one side of its
 /// faces.
@@ -63,7 +63,7 @@ impl Component {
             return direction.dot(self.direction) < 0.0;
         }
         let away = [self.from_sheet, self.from_own].map(|away| away / self.area);
-        if let Some(away) = away.into_iter().find(|away| away.abs() >= AMBIGUOUS) {
+        if let Some(away) = away.into_iter().find(|away| away.abs() >= MIN_DECISIVE) {
             outside.centre += 1;
             return away < 0.0;
         }

@@ -236,7 +236,7 @@ mod tests {
     /// A tetrahedron with a flap that continues one of its faces: the face on the other side of the edge
     /// is connected with that face around both ends, so it is dropped.
     #[test]
-    fn a_repair_that_stops_says_so() {
+    fn a_repair_that_stops_is_reported() {
         let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Y];
         let triangles = vec![[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 2, 3], [1, 3, 2]];
         let sheet = Sheet { positions, triangles, ..Sheet::default() };
