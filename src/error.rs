@@ -40,10 +40,10 @@ pub enum Error {
     #[cfg(feature = "plot")]
     #[error(transparent)]
     Plot(#[from] crate::plot::PlotError),
-    /// Any of them, in one patch of a skin.
+    /// Any of these errors, in one patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<Error> },
-    /// Errors of several patches of a skin, in the order of these.
+    /// Errors of several patches of a skin, in the order of the patches.
     #[error("{} patches cannot be mapped: {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Several(Vec<Error>),
 }
@@ -51,7 +51,7 @@ pub enum Error {
 macro_rules! kinds {
     ($($(#[$gate:meta])? $variant:ident($error:ty)),* $(,)?) => {
         impl Error {
-            /// What went wrong as one word in snake case, for programs that tell errors apart.
+            /// The kind of error as one word in snake case, for programs that distinguish errors.
             ///
             /// It is the name of the variant of the module's error: [`FlattenError::NotADisk`] is
             /// `not_a_disk`. Messages may change from version to version, kinds do not. An error in a patch has
@@ -68,7 +68,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// The same error, with the patch that it is about.
+            /// The error with the name of its patch.
             pub(crate) fn in_patch(self, patch: &str) -> Self {
                 Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
             }

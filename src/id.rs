@@ -1,7 +1,7 @@
-//! Typed indices, and arrays that only their own index opens.
+//! Typed indices, and arrays that are indexed by one of them.
 //!
-//! An index says what it counts: a [`FaceId`] cannot be used where a [`VertexId`] is meant. Ids of
-//! other things are defined, by `define_id!`, in the module of the thing that they count.
+//! An index has a type for what it counts: a [`FaceId`] cannot be used instead of a [`VertexId`]. Other ids
+//! are defined, by `define_id!`, in the module of the thing that they count.
 
 use std::{fmt, marker::PhantomData, ops};
 
@@ -39,7 +39,7 @@ macro_rules! define_id {
                 self.0 as usize
             }
 
-            /// The id as it is stored in files.
+            /// The number of the id in files.
             #[inline]
             $vis const fn raw(self) -> u32 {
                 self.0
@@ -142,7 +142,7 @@ impl<I: Id, T> IdVec<I, T> {
         self.raw.clear();
     }
 
-    /// The element of `id`, if there is one.
+    /// The element of `id`, if it exists.
     #[inline]
     pub fn get(&self, id: I) -> Option<&T> {
         self.raw.get(id.index())
@@ -158,7 +158,7 @@ impl<I: Id, T> IdVec<I, T> {
         self.raw.iter().enumerate().map(|(i, x)| (I::new(i), x))
     }
 
-    /// A vector of the same ids with `f` of each element.
+    /// A vector with the same ids and `f` of each element.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> IdVec<I, U> {
         self.raw.iter().map(f).collect()
     }

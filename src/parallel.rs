@@ -1,8 +1,8 @@
 //! Parallel maps over items in memory.
 //!
-//! The iterators of rayon are compiled anew for each closure that they call, thousands of lines of
-//! machine code a site. The maps here share one parallel loop, which calls a closure once for each
-//! chunk of the items. Results are in the order of the items whatever the number of threads.
+//! The iterators of rayon are compiled for each closure that they call, thousands of lines of machine code
+//! each. The maps here share one parallel loop, which calls a closure once for each chunk of the items.
+//! Results are in the order of the items, with any number of threads.
 
 use std::iter::Sum;
 use std::ops::Range;
@@ -15,10 +15,10 @@ use crate::id::{Id, IdVec};
 /// Chunks for each thread: enough to balance chunks of different cost.
 const CHUNKS_PER_THREAD: usize = 8;
 
-/// Items of a part of a sum; fixed, so that sums do not depend on the number of threads.
+/// Items of a partial sum; fixed, so that sums do not depend on the number of threads.
 const PART: usize = 2048;
 
-/// Items that [`par_each`] holds in memory together.
+/// Items that [`par_each`] has in memory at once.
 const BLOCK: usize = 1 << 16;
 
 /// Calls `task` with the number and the range of each of the chunks of `0..count`.
@@ -32,10 +32,10 @@ fn chunk(count: usize, chunks: usize, k: usize) -> Range<usize> {
     begin(k)..begin(k + 1)
 }
 
-/// What `extend` appends for consecutive ranges of `0..count`, one after the other.
+/// The items that `extend` appends for consecutive ranges of `0..count`, in order.
 ///
-/// A range is one task, so `extend` may keep buffers from item to item; what it appends for an item
-/// must not depend on the range.
+/// A range is one task, so `extend` may keep buffers from item to item; the items it appends must not depend
+/// on the range.
 pub(crate) fn par_collect<U: Send>(
     count: usize,
     extend: impl Fn(Range<usize>, &mut Vec<U>) + Sync,
@@ -58,8 +58,8 @@ fn collect_chunks<U: Send>(count: usize, extend: &(dyn Fn(Range<usize>, &mut Vec
     all
 }
 
-/// Rows of items one after the other as `fill` writes them, row `k` from `starts[k]` to
-/// `starts[k + 1]`; `starts` begins with 0.
+/// Consecutive rows of items, written by `fill`: row `k` from `starts[k]` to `starts[k + 1]`; `starts` begins
+/// with 0.
 pub(crate) fn par_rows<U: Send + Clone + Default>(
     starts: &[u32],
     fill: impl Fn(usize, &mut [U]) + Sync,
@@ -98,8 +98,8 @@ pub(crate) fn par_ids<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync) 
     par_collect(count, |range, out| out.extend(range.map(I::new).map(&of))).into()
 }
 
-/// Calls `each` with the first `count` ids in their order, and with `of` each, which is computed side by side a
-/// block at a time.
+/// Calls `each` with the first `count` ids in their order, and with `of` each, which is computed in parallel,
+/// a block at a time.
 pub(crate) fn par_each<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync, mut each: impl FnMut(I, U)) {
     for first in (0..count).step_by(BLOCK) {
         let ids = |range: Range<usize>| range.map(move |k| I::new(first + k));
@@ -109,13 +109,13 @@ pub(crate) fn par_each<I: Id, U: Send>(count: usize, of: impl Fn(I) -> U + Sync,
     }
 }
 
-/// `of` each part of `0..count`, of the same length whatever the number of threads.
+/// `of` each range of `0..count`; the length of ranges does not depend on the number of threads.
 pub(crate) fn par_parts<U: Send>(count: usize, of: impl Fn(Range<usize>) -> U + Sync) -> Vec<U> {
     let part = |k: usize| of(k * PART..count.min((k + 1) * PART));
     par_collect(count.div_ceil(PART), |parts, out| out.extend(parts.map(part)))
 }
 
-/// The sum of `of` each of `0..count`, the same whatever the number of threads.
+/// The sum of `of` each of `0..count`, the same with any number of threads.
 pub(crate) fn par_sum<U: Send + Sum>(count: usize, of: impl Fn(usize) -> U + Sync) -> U {
     par_parts(count, |part| part.map(&of).sum::<U>()).into_iter().sum()
 }

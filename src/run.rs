@@ -1,11 +1,11 @@
-//! How long work runs: whether it is cancelled, and who is told how far it is. It never changes what is computed.
+//! How work runs: its cancellation and its progress. It never changes the result.
 //!
-//! Options say what is wanted; a [`Run`] is the one parameter beside them. The number of threads is that of the pool of
-//! rayon that the work runs in.
+//! Options determine the result; a [`Run`] is a separate parameter. The number of threads is that of the
+//! rayon pool in which the work runs.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How a computation runs. The default is never cancelled and tells nobody how far it is.
+/// How a computation runs. The default is never cancelled and does not report progress.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
@@ -23,8 +23,8 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Work ends soon after `flag` is set, with [`Cancelled`] as its error: iterations of solvers and steps between
-    /// levels look at it.
+    /// Work ends soon after `flag` is set, with [`Cancelled`] as its error: it is checked in iterations of
+    /// solvers and between levels.
     #[must_use]
     pub fn cancelled_by(self, flag: &'a AtomicBool) -> Self {
         Self { cancelled: Some(flag), ..self }
@@ -36,12 +36,12 @@ impl<'a> Run<'a> {
         Self { progress: Some(progress), ..self }
     }
 
-    /// Whether the work is to end.
+    /// Whether the work is cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
-    /// An error if the work is to end.
+    /// An error if the work is cancelled.
     pub(crate) fn check(&self) -> Result<(), Cancelled> {
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
@@ -73,10 +73,10 @@ pub enum Stage {
     Flatten,
 }
 
-/// How far a stage is.
+/// The progress of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// The stage.
     pub stage: Stage,
     /// Patches that are done.
     pub done: usize,

@@ -16,11 +16,12 @@ const SHORT: f64 = 4.0 / 5.0;
 /// taxels do not follow: they may merge.
 const DETAIL: f64 = 0.5;
 
-/// Long edges of CAD triangles are split from the longest down; each pass lowers the limit by this factor.
-/// Halving a sliver across gives better triangles than along.
+/// Long edges of CAD triangles are split from the longest down, and each pass lowers the limit by this
+/// factor: so slivers are halved, not cut near their ends.
 const SHORTER: f64 = 0.7;
 
-/// Number of rounds, and the largest number while the mean length of the edges is off by more than [`MAX_LENGTH_ERROR`].
+/// Number of rounds, and the largest number while the mean length of the edges is off by more than
+/// [`MAX_LENGTH_ERROR`].
 const ROUNDS: usize = 6;
 const MAX_ROUNDS: usize = 24;
 const MAX_LENGTH_ERROR: f64 = 0.03;

@@ -6,7 +6,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use dermatome_sparse::{Cholesky, Matrix, Pattern};
 use glam::DVec3;
 
-/// A lattice of `n` x `n` rows, each joined to six neighbours, and where they lie.
+/// A lattice of `n` x `n` rows, each joined to six neighbours, and their coordinates.
 fn lattice(n: usize) -> (Pattern, Vec<DVec3>) {
     let at = |i: usize, j: usize| j * n + i;
     let steps = [(0, 1), (1, 0), (1, 1)];
@@ -21,7 +21,7 @@ fn lattice(n: usize) -> (Pattern, Vec<DVec3>) {
     (pattern, cells.map(place).collect())
 }
 
-/// Graph Laplacian plus a little of the identity.
+/// Graph Laplacian plus a small multiple of the identity.
 fn laplacian(pattern: &Pattern) -> Matrix<'_, f64> {
     let mut matrix = Matrix::zero(pattern);
     for (row, entries) in matrix.parts_mut(1).into_iter().enumerate() {
