@@ -400,7 +400,10 @@ fn what_is_not_read_stops_nothing() {
          </mesh></geometry></library_geometries><library_visual_scenes><visual_scene>{deep}</visual_scene>\
          </library_visual_scenes></COLLADA>"
     );
-    let cases: [(&str, Vec<u8>, usize, usize); 9] = [
+    let gltf = String::from_utf8(skin_to_bytes(Path::new("skin.gltf"), &plain_skin()).unwrap()).unwrap();
+    let copies = gltf.replacen('{', "{\"extensionsUsed\":[\"EXT_mesh_gpu_instancing\"],", 1);
+    let cases: [(&str, Vec<u8>, usize, usize); 10] = [
+        ("gltf", copies.into(), 12, 1),
         ("obj", b"v 0 0 0 nan 0 1\nv 1 0 0 0.1 0.2 0.3\nv 0 1 0 1 0 0\nf 1 2 3\n".into(), 1, 0),
         ("obj", b"v 0 0 0 0.1 0.5 0.2 0.9\nv 1 0 0 1 1 1 1\nv 0 1 0\nf 1 2 3\n".into(), 1, 0),
         ("obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/7 2/8 3/9\n".into(), 1, 0),
@@ -418,6 +421,68 @@ fn what_is_not_read_stops_nothing() {
     }
     let short = read_text("stl", "solid a\nfacet normal 0 0 1\nouter loop\n").unwrap_err().to_string();
     assert!(short.contains("found the end"), "{short}");
+}
+
+/// Twice the area of all triangles of a draft.
+fn twice_the_area(draft: &Draft) -> f64 {
+    let of = |sheet: &Sheet| {
+        let at = |v: u32| sheet.positions[v as usize];
+        sheet.triangles.iter().map(|t| t.map(at)).map(|[a, b, c]| (b - a).cross(c - a).length()).sum::<f64>()
+    };
+    draft.sheets.iter().map(of).sum()
+}
+
+/// An L in every format that has polygons: a fan from its first corner would cover more. One that crosses itself
+/// is refused with its name.
+#[test]
+fn polygons_of_any_shape_become_their_triangles() {
+    let corners = [[3, 1], [1, 1], [1, 3], [0, 3], [0, 0], [3, 0]];
+    let rows = |before: &str| corners.map(|[x, y]| format!("{before}{x} {y} 0\n")).concat();
+    let flat = rows("").replace('\n', " ");
+    let dae = |polygons: &str| {
+        format!(
+            "<COLLADA><library_geometries><geometry id='g'><mesh><source id='s'><float_array>{flat}</float_array></source>\
+             <vertices id='v'><input semantic='POSITION' source='#s'/></vertices>{polygons}</mesh></geometry>\
+             </library_geometries></COLLADA>"
+        )
+    };
+    let input = "<input semantic='VERTEX' source='#v' offset='0'/>";
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 1\nproperty list uchar int vertex_indices\nend_header\n{}6 0 1 2 3 4 5\n",
+        rows("")
+    );
+    let obj = format!("usemtl a\nf 1 2 3 4 5 6\n{}f -6 -5 -4 -3 -2 -1\n", rows("v "));
+    let off = format!("OFF\n6 1 0\n{}6 0 1 2 3 4 5\n", rows(""));
+    let polygons = dae(&format!("<polygons count='1'>{input}<p>0 1 2 3 4 5</p></polygons>"));
+    // The outline of the L, without a triangle.
+    let holed = dae(&format!("<polygons>{input}<ph><p>5 0 1 2 3 4</p><h>4 1 5</h></ph></polygons>"));
+    let polylist = format!("<polylist count='1'>{input}<p>0 1 2 3 4 5</p></polylist>");
+    for (kind, text, twice) in [
+        ("obj", &obj, 20.0),
+        ("off", &off, 10.0),
+        ("ply", &ply, 10.0),
+        ("dae", &polygons, 10.0),
+        ("dae", &dae(&polylist), 10.0),
+    ] {
+        assert_eq!(twice_the_area(&read_text(kind, text).unwrap()), twice, "{text}");
+        // Two corners change places.
+        let crossed = text.replace("0 1 2 3 4 5", "0 1 2 4 3 5").replace("f 1 2 3 4 5", "f 1 2 3 5 4");
+        let refused = read_text(kind, &crossed).unwrap_err().to_string();
+        assert!(refused.contains("crosses"), "{refused}");
+    }
+    let touching = read_text("dae", &holed).unwrap_err().to_string();
+    assert!(touching.contains("polygon 0"), "{touching}");
+}
+
+/// A backslash joins lines of numbers, and is a letter in comments and names.
+#[test]
+fn a_backslash_in_a_comment_of_obj_joins_nothing() {
+    let text = "# C:\\\nv 0 0 0\nv 1 0 \\\n0\nmtllib a\\\nv 0 1 0\no C:\\b\\\nusemtl c\\\nf 1 2 \\\n3\n";
+    let draft = read_text("obj", text).unwrap();
+    let sheets: Vec<_> =
+        draft.sheets.iter().map(|s| (s.name.as_str(), s.positions.len(), s.triangles.len())).collect();
+    assert_eq!(sheets, [("C:\\b\\", 3, 1)]);
 }
 
 /// Faces may have properties that vertices have, too, and lists that nothing here needs.

@@ -8,6 +8,7 @@ use roxmltree::{Node, NodeId};
 use crate::io::error::Result;
 use crate::io::file::xml::{Xml, child, children, text_of};
 use crate::io::file::{Source, excerpt, finite};
+use crate::io::mesh::polygon::{POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Sheet};
 
 /// Nodes in nodes, and nodes that nodes use.
@@ -18,7 +19,7 @@ const MOST_TRIANGLES: usize = 50_000_000;
 const MAX_USES: usize = 1_000_000;
 
 /// Reads a COLLADA file: every use of a mesh in the scene becomes a sheet, in m by the unit that the file gives;
-/// without a scene, every mesh. Polygons become fans. Which way is up does not turn it: robot descriptions take
+/// without a scene, every mesh. Polygons become triangles, without their holes. Which way is up does not turn it: robot descriptions take
 /// coordinates as they are. Normals, colours, lines and what animates are left out.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let xml = Xml::parse(source)?;
@@ -142,19 +143,25 @@ impl<'a, 'i> Scene<'a, 'i> {
         for part in mesh.children().filter(Node::is_element) {
             let kind = part.tag_name().name();
             let Some(shape) = Primitive::named(kind) else { continue };
-            let corners = self.corners(part)?;
-            if positions.is_none() {
-                positions = Some(self.positions(mesh)?);
+            let chains = self.chains(part)?;
+            let known = match positions.take() {
+                Some(known) => known,
+                None => self.positions(mesh)?,
+            };
+            let mut corners =
+                chains.iter().flat_map(|chain| chain.holes.iter().chain([&chain.corners])).flatten();
+            if let Some(&index) = corners.find(|&&index| index as usize >= known.len()) {
+                let needed = format!("vertices below {}", known.len());
+                return Err(self.xml.invalid(part, format!("vertex {index}"), needed));
             }
-            let known = positions.as_ref().map_or(0, Vec::len);
-            if let Some(&index) = corners.iter().flatten().find(|&&index| index as usize >= known) {
-                return Err(self.xml.invalid(
-                    part,
-                    format!("vertex {index}"),
-                    format!("vertices below {known}"),
-                ));
+            for (k, chain) in chains.iter().enumerate() {
+                let crossed = || {
+                    let found = format!("polygon {k}, which crosses or touches itself");
+                    self.xml.invalid(part, found, POLYGON_NEEDED)
+                };
+                shape.add_triangles(chain, &known, &mut triangles).ok_or_else(crossed)?;
             }
-            corners.iter().for_each(|chain| shape.add_triangles(chain, &mut triangles));
+            positions = Some(known);
             if self.triangles + triangles.len() > MOST_TRIANGLES {
                 let needed = format!("at most {MOST_TRIANGLES} triangles in all uses of meshes");
                 return Err(self.xml.invalid(part, "more triangles", needed));
@@ -203,7 +210,7 @@ impl<'a, 'i> Scene<'a, 'i> {
     }
 
     /// The vertices of each polygon, strip or fan of an element.
-    fn corners(&self, part: Node<'a, 'i>) -> Result<Vec<Vec<u32>>> {
+    fn chains(&self, part: Node<'a, 'i>) -> Result<Vec<Chain>> {
         let offset = |input: Node<'_, '_>| {
             let text = input.attribute("offset").unwrap_or("0");
             let refuse =
@@ -219,29 +226,45 @@ impl<'a, 'i> Scene<'a, 'i> {
             }
         }
         let index = |word: &str| word.parse::<u32>().ok();
-        let lists = children(part, "p").map(|p| numbers(self.xml, p, index, "numbers of vertices"));
-        let lists = lists.collect::<Result<Vec<_>>>()?;
-        if lists.iter().all(Vec::is_empty) {
-            return Ok(Vec::new());
-        }
-        let vertex = vertex.ok_or_else(|| self.xml.invalid(part, "no vertices", "an <input> of VERTEX"))?;
-        let mut lists: Vec<Vec<u32>> = lists
-            .iter()
-            .map(|list| list.chunks_exact(stride).map(|corner| corner[vertex]).collect())
-            .collect();
-        let counts = match (part.tag_name().name(), child(part, "vcount")) {
-            ("triangles", _) => vec![3; lists[0].len() / 3],
-            ("polylist", Some(counts)) => {
-                numbers(self.xml, counts, |word| word.parse::<usize>().ok(), "counts")?
-            }
-            _ => return Ok(lists),
+        let no_vertices = || self.xml.invalid(part, "no vertices", "an <input> of VERTEX");
+        let list = |p: Node<'_, '_>| -> Result<Vec<u32>> {
+            let numbers = numbers(self.xml, p, index, "numbers of vertices")?;
+            let vertex = if numbers.is_empty() { 0 } else { vertex.ok_or_else(no_vertices)? };
+            Ok(numbers.chunks_exact(stride.max(1)).map(|corner| corner[vertex]).collect())
         };
-        let list = lists.swap_remove(0);
+        let kind = part.tag_name().name();
+        if !matches!(kind, "triangles" | "polylist") {
+            let chain = |p: Node<'a, 'i>| match p.tag_name().name() {
+                "p" => Ok(Some(Chain { corners: list(p)?, holes: Vec::new() })),
+                // A polygon with holes.
+                "ph" => {
+                    let holes = children(p, "h").map(list).collect::<Result<_>>()?;
+                    Ok(Some(Chain { corners: list(self.xml.need_child(p, "p")?)?, holes }))
+                }
+                _ => Ok(None),
+            };
+            return part.children().map(chain).filter_map(Result::transpose).collect();
+        }
+        let list = children(part, "p").map(list).collect::<Result<Vec<_>>>()?.concat();
+        let counts = match kind {
+            _ if list.is_empty() => return Ok(Vec::new()),
+            "triangles" => vec![3; list.len() / 3],
+            _ => match (child(part, "vcount"), part.attribute("count").and_then(|n| n.trim().parse().ok())) {
+                // Some programs leave it out where all polygons are alike.
+                (None, Some(count)) if count > 0 && list.len() % count == 0 && list.len() >= 3 * count => {
+                    vec![list.len() / count; count]
+                }
+                _ => {
+                    let counts = self.xml.need_child(part, "vcount")?;
+                    numbers(self.xml, counts, |word| word.parse::<usize>().ok(), "counts")?
+                }
+            },
+        };
         let mut rest = &list[..];
         let mut cut = |count: usize| {
-            let (chain, after) = rest.split_at_checked(count)?;
+            let (corners, after) = rest.split_at_checked(count)?;
             rest = after;
-            Some(chain.to_vec())
+            Some(Chain { corners: corners.to_vec(), holes: Vec::new() })
         };
         let chains: Option<Vec<_>> = counts.iter().map(|&count| cut(count)).collect();
         chains.ok_or_else(|| {
@@ -251,9 +274,16 @@ impl<'a, 'i> Scene<'a, 'i> {
     }
 }
 
+/// The vertices of a polygon, strip or fan, and of the holes of a polygon.
+struct Chain {
+    corners: Vec<u32>,
+    holes: Vec<Vec<u32>>,
+}
+
 /// What the corners of an element make.
 #[derive(Clone, Copy)]
 enum Primitive {
+    Polygon,
     /// Triangles around the first corner.
     Fan,
     /// Triangles of three neighbours each, every second one turned over.
@@ -263,21 +293,32 @@ enum Primitive {
 impl Primitive {
     fn named(kind: &str) -> Option<Self> {
         match kind {
-            "triangles" | "polylist" | "polygons" | "trifans" => Some(Self::Fan),
+            "triangles" | "polylist" | "polygons" => Some(Self::Polygon),
+            "trifans" => Some(Self::Fan),
             "tristrips" => Some(Self::Strip),
             _ => None,
         }
     }
 
-    fn add_triangles(self, chain: &[u32], triangles: &mut Vec<[u32; 3]>) {
-        for (k, pair) in chain.windows(2).enumerate().skip(1) {
+    /// `None` if a polygon crosses itself.
+    fn add_triangles(self, chain: &Chain, positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) -> Option<()> {
+        let Chain { corners, holes } = chain;
+        if matches!(self, Self::Polygon) && corners.len() >= 3 && corners.len() + holes.len() > 3 {
+            let ring = |ring: &Vec<u32>| ring.iter().map(|&v| positions[v as usize]).collect::<Vec<_>>();
+            let cut = cut_polygon(&ring(corners), &holes.iter().map(ring).collect::<Vec<_>>())?;
+            let all = [&corners[..], &holes.concat()].concat();
+            triangles.extend(cut.into_iter().map(|t| t.map(|k| all[k])));
+            return Some(());
+        }
+        for (k, pair) in corners.windows(2).enumerate().skip(1) {
             let [a, b] = [pair[0], pair[1]];
             triangles.push(match self {
-                Self::Fan => [chain[0], a, b],
-                Self::Strip if k % 2 == 1 => [chain[k - 1], a, b],
-                Self::Strip => [a, chain[k - 1], b],
+                Self::Strip if k % 2 == 1 => [corners[k - 1], a, b],
+                Self::Strip => [a, corners[k - 1], b],
+                _ => [corners[0], a, b],
             });
         }
+        Some(())
     }
 }
 

@@ -10,6 +10,7 @@ mod off;
 pub(super) mod parts;
 #[cfg(feature = "robots")]
 mod ply;
+mod polygon;
 mod robotskin;
 pub(super) mod skin_csv;
 mod stl;

@@ -8,6 +8,7 @@ use glam::DVec3;
 use crate::io::IoError;
 use crate::io::arrays::read::{NumberArray, read_number_arrays};
 use crate::io::file::{Source, invalid};
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Presence, Sheet, TaxelId};
 
 /// Reads `V` (n x 3), `F` (m x 3, or m x 4 for quadrangles, counted from 0), `N` (n x 3, normals) and
@@ -45,8 +46,14 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         let &[_, corners @ (3 | 4)] = faces.shape.as_slice() else {
             return Err(refused(path, faces, "a shape (m, 3) or (m, 4)"));
         };
-        for face in whole(path, faces, count as f64 - 1.0)?.chunks_exact(corners) {
-            sheet.triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
+        for (row, face) in whole(path, faces, count as f64 - 1.0)?.chunks_exact(corners).enumerate() {
+            let outline: Vec<DVec3> = face.iter().map(|&v| sheet.positions[v as usize]).collect();
+            let crossed = || {
+                let element = format!("array `{}`, row {row}", faces.name);
+                invalid(path, element, CROSSED, POLYGON_NEEDED)
+            };
+            let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+            sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| face[k])));
         }
     }
     let sheets = match of_each(&["patch_of"])?.filter(|_| sheet.triangles.is_empty()) {

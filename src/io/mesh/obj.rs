@@ -4,13 +4,14 @@
 //! `check` has to report), and panics on an index like `1//6148914691236517206`, whose product with
 //! three wraps around. What is needed of the format are four statements.
 
-use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
+use std::{borrow::Cow, collections::HashMap, io::Write, ops::Range, path::Path};
 
 use glam::{DVec2, DVec3};
 
 use crate::io::error::Result;
 use crate::io::file::{LineLocation, Source, excerpt, finite, write_to};
 use crate::io::mesh::parts::ReadParts;
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Sheet, Skin};
 
 /// Stands for "none" in a [`Corner`].
@@ -31,6 +32,13 @@ struct Group {
     materials: Vec<u32>,
 }
 
+/// A face of more than three corners, as a fan in its group until all positions are known.
+struct Polygon {
+    group: usize,
+    triangles: Range<usize>,
+    line: usize,
+}
+
 #[derive(Default)]
 struct Reader {
     /// What a group without a name is called.
@@ -47,6 +55,7 @@ struct Reader {
     material_ids: HashMap<String, u32>,
     material: u32,
     groups: Vec<Group>,
+    polygons: Vec<Polygon>,
     /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
     known: HashMap<(String, String), usize>,
     object: String,
@@ -55,7 +64,7 @@ struct Reader {
     largest: [(u64, usize); 3],
 }
 
-/// Reads an OBJ file: every `o` or `g` becomes a sheet, polygons become fans.
+/// Reads an OBJ file: every `o` or `g` becomes a sheet, polygons become triangles.
 ///
 /// A normal belongs to a corner in the file and to a vertex in a sheet: where the corners of a
 /// vertex disagree it is their mean, where a vertex has no corner it is zero. A sheet with a corner
@@ -75,7 +84,7 @@ pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
     let mut lines = source.lines()?;
     while let Some((at, line)) = lines.next() {
         let mut line = Cow::Borrowed(line);
-        while line.ends_with('\\') {
+        while line.ends_with('\\') && !is_text(&line) {
             let whole = line.to_mut();
             whole.pop();
             whole.push(' ');
@@ -84,8 +93,16 @@ pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
         reader.statement(source, at, &line)?;
     }
     reader.check_indices(source)?;
+    reader.cut_polygons(source)?;
     let sheets = reader.sheets();
     Ok(Draft { sheets, materials: reader.materials.unwrap_or_default(), ..Draft::default() })
+}
+
+/// Whether a line is a comment or a name, in which a backslash is a letter: other statements go on in the next
+/// line after one.
+fn is_text(line: &str) -> bool {
+    let word = line.split_whitespace().next().unwrap_or_default();
+    word.starts_with('#') || ["usemtl", "mtllib", "o", "g", "usemap", "maplib"].contains(&word)
 }
 
 impl Reader {
@@ -149,6 +166,7 @@ impl Reader {
             let found = format!("{} corners", rest.split_whitespace().count());
             return Err(at.invalid_part("`f`", found, "at least 3 corners"));
         };
+        let before = self.groups[self.group].triangles.len();
         loop {
             let group = &mut self.groups[self.group];
             group.triangles.push([first, last, corner]);
@@ -158,9 +176,33 @@ impl Reader {
             last = corner;
             match next(self)? {
                 Some(further) => corner = further,
-                None => return Ok(()),
+                None => break,
             }
         }
+        let triangles = before..self.groups[self.group].triangles.len();
+        if triangles.len() > 1 {
+            self.polygons.push(Polygon { group: self.group, triangles, line: at.line });
+        }
+        Ok(())
+    }
+
+    /// Replaces the fans of polygons by their triangles.
+    fn cut_polygons(&mut self, source: &Source) -> Result<()> {
+        // From the last on: the triangles before it stay where they are.
+        for Polygon { group, triangles, line } in std::mem::take(&mut self.polygons).into_iter().rev() {
+            let group = &mut self.groups[group];
+            let fan = &group.triangles[triangles.clone()];
+            let corners: Vec<Corner> = fan[0][..2].iter().copied().chain(fan.iter().map(|t| t[2])).collect();
+            let outline: Vec<DVec3> = corners.iter().map(|c| self.positions[c.position as usize]).collect();
+            let cut = cut_polygon(&outline, &[])
+                .ok_or_else(|| source.invalid(format!("line {line}, `f`"), CROSSED, POLYGON_NEEDED))?;
+            if self.materials.is_some() {
+                let alike = vec![group.materials[triangles.start]; cut.len()];
+                group.materials.splice(triangles.clone(), alike);
+            }
+            group.triangles.splice(triangles, cut.into_iter().map(|t| t.map(|k| corners[k])));
+        }
+        Ok(())
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.

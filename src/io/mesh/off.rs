@@ -9,9 +9,10 @@ use crate::io::file::lines::LineLocation;
 use crate::io::file::outputs::write_to;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::mesh::parts::all_triangles;
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Sheet, Skin};
 
-/// Reads an OFF file as one sheet: polygons become fans, normals of `NOFF` are kept, colours and
+/// Reads an OFF file as one sheet: polygons become triangles, normals of `NOFF` are kept, colours and
 /// texture coordinates left out. A vertex or a face may go on in the next line.
 pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let mut words =
@@ -94,12 +95,11 @@ impl<'a, I: Iterator<Item = (LineLocation<'a>, &'a str)>> Words<'a, I> {
                 self.at.invalid(excerpt(word), needed)
             })
         };
-        let (first, mut last) = (corner()?, corner()?);
-        for _ in 2..corners {
-            let next = corner()?;
-            sheet.triangles.push([first, last, next]);
-            last = next;
-        }
+        let corners = (0..corners).map(|_| corner()).collect::<Result<Vec<u32>, _>>()?;
+        let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
+        let crossed = || self.at.invalid_part(what(), CROSSED, POLYGON_NEEDED);
+        let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+        sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| corners[k])));
         Ok(())
     }
 }

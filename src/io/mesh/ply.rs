@@ -12,6 +12,7 @@ use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt, unfit, write_to};
 use crate::io::mesh::parts::all_triangles;
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Presence, Sheet, Skin, TaxelId};
 
 /// What is known of a vertex; the place in this list is that in the numbers of a [`Row`].
@@ -84,7 +85,7 @@ impl PropertyAccess for Row {
     }
 }
 
-/// Reads a PLY file as one sheet named after it; polygons become fans, `tristrips` triangles.
+/// Reads a PLY file as one sheet named after it; polygons and `tristrips` become triangles.
 ///
 /// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; -1
 /// becomes the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
@@ -239,11 +240,13 @@ fn read_face(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<
         let needed = format!("one of {} vertices, counted from 0", sheet.positions.len());
         return Err(broken(format!("vertex {corner}"), &needed));
     }
-    let [first, rest @ ..] = corners.as_slice() else { return Err(broken("no corner".into(), "at least 3")) };
-    if rest.len() < 2 {
+    if corners.len() < 3 {
         return Err(broken(format!("{} corners", corners.len()), "at least 3"));
     }
-    sheet.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
+    let crossed = || broken(CROSSED.into(), POLYGON_NEEDED);
+    let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+    sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| corners[k])));
     Ok(())
 }
 

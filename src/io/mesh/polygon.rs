@@ -1,0 +1,168 @@
+//! Polygons of any shape, cut into triangles: what OBJ, OFF, PLY and COLLADA have for faces.
+//!
+//! A polygon is judged in the plane in which its area is largest. Where its first corner sees all of it, it
+//! becomes the fan around that corner, as other readers cut convex polygons; else the constrained Delaunay
+//! triangulation between its edges. Bridges from an outline to its holes, edges that are walked both ways, are
+//! allowed.
+
+use std::collections::HashMap;
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+
+use crate::delaunay::triangulate_region;
+
+/// A polygon is a line, without a plane, if the areas of its fan are below this share of its squared length; a
+/// triangle of a fan has no area below this share of the polygon; areas add up to that of the polygon with this
+/// relative error.
+const MIN_SHARE: f64 = 1e-9;
+
+pub(super) const CROSSED: &str = "a polygon that crosses or touches itself";
+
+/// What is needed instead of a polygon that has no triangles.
+pub(super) const POLYGON_NEEDED: &str =
+    "a polygon whose edges meet at its corners alone; other programs triangulate faces on export";
+
+/// The triangles of a polygon: numbers of corners, of the outline and then of each hole. A polygon without area
+/// becomes a fan. `None` if it crosses or touches itself.
+pub(super) fn cut_polygon(outline: &[DVec3], holes: &[Vec<DVec3>]) -> Option<Vec<[usize; 3]>> {
+    let fan = || (2..outline.len()).map(|k| [0, k - 1, k]);
+    let start = outline[0];
+    let cross = |[a, b, c]: [usize; 3]| (outline[b] - outline[a]).cross(outline[c] - outline[a]);
+    let normal: DVec3 = fan().map(cross).sum();
+    let size: f64 = fan().map(|t| cross(t).length()).sum();
+    let length: f64 = (0..outline.len()).map(|k| outline[k].distance(outline[(k + 1) % outline.len()])).sum();
+    let area = normal.length();
+    if holes.is_empty() && (outline.len() == 3 || !size.is_finite() || size <= MIN_SHARE * length * length) {
+        return Some(fan().collect());
+    }
+    if area <= MIN_SHARE * size {
+        return None;
+    }
+    let (x, y) = normal.try_normalize()?.any_orthonormal_pair();
+    let flat = |p: &DVec3| DVec2::new((p - start).dot(x), (p - start).dot(y));
+    let rings: Vec<Vec<DVec2>> = std::iter::once(outline)
+        .chain(holes.iter().map(Vec::as_slice))
+        .map(|r| r.iter().map(flat).collect())
+        .collect();
+    if holes.is_empty() && is_seen_from_first(&rings[0], area) {
+        return Some(fan().collect());
+    }
+    between(&rings)
+}
+
+/// Twice the area of a triangle, negative if it runs clockwise.
+fn twice_area([a, b, c]: [DVec2; 3]) -> f64 {
+    (b - a).perp_dot(c - a)
+}
+
+/// Whether the fan around the first corner covers a polygon of twice this `area` once.
+fn is_seen_from_first(ring: &[DVec2], area: f64) -> bool {
+    let first = ring[0];
+    let angle = |pair: &[DVec2]| (pair[0] - first).angle_to(pair[1] - first);
+    ring[1..].windows(2).all(|pair| twice_area([first, pair[0], pair[1]]) > MIN_SHARE * area)
+        && ring[1..].windows(2).map(angle).sum::<f64>() < TAU
+}
+
+/// The triangles between an outline and its holes.
+fn between(rings: &[Vec<DVec2>]) -> Option<Vec<[usize; 3]>> {
+    let (mut points, mut corners, mut edges) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut known, mut before, mut area) = (HashMap::new(), 0, 0.0);
+    for (k, ring) in rings.iter().enumerate() {
+        let signed: f64 = ring.windows(2).map(|pair| twice_area([ring[0], pair[0], pair[1]])).sum();
+        let is_turned = (signed > 0.0) != (k == 0);
+        area += if k == 0 { signed } else { -signed.abs() };
+        let site = |(corner, p): (usize, &DVec2)| {
+            // Adding 0 makes -0 the same.
+            *known.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+                points.push(*p);
+                corners.push(before + corner);
+                points.len() - 1
+            })
+        };
+        let mut sites: Vec<usize> = ring.iter().enumerate().map(site).collect();
+        if is_turned {
+            sites.reverse();
+        }
+        let ends = sites.iter().zip(sites.iter().cycle().skip(1));
+        edges.extend(ends.filter(|(from, to)| from != to).map(|(&from, &to)| [from, to]));
+        before += ring.len();
+    }
+    let triangles = triangulate_region(&points, &edges).ok()?;
+    let covered: f64 = triangles.iter().map(|t| twice_area(t.map(|site| points[site]))).sum();
+    let is_covered = (covered - area).abs() <= MIN_SHARE * area;
+    is_covered.then(|| triangles.into_iter().map(|t| t.map(|site| corners[site])).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(points: &[[f64; 2]]) -> Vec<DVec3> {
+        // In a slanted plane.
+        points.iter().map(|&[x, y]| DVec3::new(x, y, 0.3 * x - 2.0 * y)).collect()
+    }
+
+    const SQUARE: [[f64; 2]; 4] = [[0., 0.], [4., 0.], [4., 4.], [0., 4.]];
+    const INNER: [[f64; 2]; 4] = [[1., 1.], [2., 1.], [2., 2.], [1., 2.]];
+
+    #[test]
+    fn areas_are_those_of_the_polygons() {
+        let reverse = |ring: &[[f64; 2]]| ring.iter().rev().copied().collect::<Vec<_>>();
+        // The outline, then to the hole along a bridge, around it and back.
+        let bridged =
+            [&SQUARE[..], &SQUARE[..1], &[[1., 1.], [1., 2.], [2., 2.], [2., 1.], [1., 1.]]].concat();
+        type Ring = Vec<[f64; 2]>;
+        let cases: [(&str, Ring, Ring, f64); 9] = [
+            ("square", SQUARE.to_vec(), vec![], 16.0),
+            ("L", vec![[3., 1.], [1., 1.], [1., 3.], [0., 3.], [0., 0.], [3., 0.]], vec![], 5.0),
+            ("arrow", vec![[1., 0.], [4., 0.], [0., 0.5], [0., -1.]], vec![], 1.5),
+            (
+                "a corner on a straight edge",
+                vec![[0., 0.], [1., 0.], [4., 0.], [4., 4.], [0., 4.]],
+                vec![],
+                16.0,
+            ),
+            ("a corner twice", vec![[0., 0.], [4., 0.], [4., 0.], [4., 4.], [0., 4.]], vec![], 16.0),
+            ("a hole", SQUARE.to_vec(), INNER.to_vec(), 15.0),
+            ("a hole that runs as its outline", SQUARE.to_vec(), reverse(&INNER), 15.0),
+            ("a bridge", bridged, vec![], 15.0),
+            ("a line", vec![[0., 0.], [1., 0.], [2., 0.], [3., 0.]], vec![], 0.0),
+        ];
+        for (name, outline, hole, area) in cases {
+            let holes = if hole.is_empty() { vec![] } else { vec![at(&hole)] };
+            let all = [outline.clone(), hole].concat();
+            let triangles = cut_polygon(&at(&outline), &holes).expect(name);
+            let twice = |t: &[usize; 3]| twice_area(t.map(|k| DVec2::from_array(all[k])));
+            let total: f64 = triangles.iter().map(twice).sum();
+            let sizes: f64 = triangles.iter().map(|t| twice(t).abs()).sum();
+            assert!((total.abs() / 2.0 - area).abs() < 1e-12 && (sizes / 2.0 - area).abs() < 1e-12, "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_convex_stays_a_fan() {
+        assert_eq!(cut_polygon(&at(&SQUARE), &[]).unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn crossed_polygons_are_refused() {
+        let bow = [[0., 0.], [4., 4.], [4., 0.], [0., 1.]];
+        let even = [[0., 0.], [4., 4.], [4., 0.], [0., 4.]];
+        let star = [0., 2., 4., 1., 3.].map(|k: f64| [(k * TAU / 5.0).cos(), (k * TAU / 5.0).sin()]);
+        let twice_around = [&SQUARE[..], &INNER.map(|[x, y]| [x - 0.5, y - 0.5])].concat();
+        for (name, ring) in [
+            ("bow", &bow[..]),
+            ("a bow of two halves alike", &even),
+            ("star", &star),
+            ("around twice", &twice_around),
+        ] {
+            assert_eq!(cut_polygon(&at(ring), &[]), None, "{name}");
+        }
+        assert_eq!(
+            cut_polygon(&at(&SQUARE), &[at(&[[3., 3.], [5., 3.], [5., 5.]])]),
+            None,
+            "a hole that crosses"
+        );
+    }
+}
