@@ -3,14 +3,14 @@
 
 mod maps;
 
-use dermatome::atlas::{Atlas, AtlasOptions, Pack, Resolution};
+use dermatome::atlas::{Atlas, AtlasOptions, Chart, Pack, Resolution};
 use dermatome::id::{IdVec, VertexId};
 use dermatome::image::{BatchRenderer, ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::signal::{Channel, Frame, LevelFrame, Quantity, Restrictor};
-use dermatome::skin::{PatchId, Skin};
+use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 use glam::{DVec2, DVec3};
 use maps::level_id;
 use proptest::prelude::*;
@@ -328,10 +328,46 @@ fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let point = SkinMap::flat(point, 1.0);
     let options = AtlasOptions { resolution: Resolution::Pixel(2e-9), ..AtlasOptions::default() };
     let atlas = Atlas::new(&point, &options).unwrap();
-    if atlas.parts[0].charts[0].covered() == 0 {
-        let force = [channel(Quantity::Extensive)];
-        let error = Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap_err();
-        assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");
+    let force = [channel(Quantity::Extensive)];
+    assert_eq!(atlas.parts[0].charts[0].covered(), 1, "one pixel stands for it");
+    Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap();
+    // Without an area there is no place for it.
+    let mut line = shapes::triangle();
+    line.positions.iter_mut().for_each(|p| p.y = 0.0);
+    let line = SkinMap::flat(line, 1.0);
+    let atlas = Atlas::new(&line, &AtlasOptions::default()).unwrap();
+    let error = Renderer::new(&line, &atlas, &force, &RenderOptions::default()).unwrap_err();
+    assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");
+}
+
+/// A patch far smaller than a pixel has one of its own in a packed image, on every level: amounts are kept.
+#[test]
+fn every_patch_has_a_pixel_of_a_packed_image() {
+    let mut skin = Skin::from_mesh("palm", shapes::lattice(20, 20, 0.004));
+    for (k, size) in [1e-5, 3e-5, 1e-4, 4e-4].into_iter().enumerate() {
+        let mut crumb = shapes::lattice(4, 4, size);
+        crumb.positions.iter_mut().for_each(|p| *p += DVec3::new(0.2 + 0.01 * k as f64, 0.0, 0.0));
+        skin.patches.push(Patch::from_mesh(&format!("crumb {k}"), LinkId::new(0), crumb));
+    }
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    for pack in [Pack::Tight, Pack::Body] {
+        for resolution in
+            [Resolution::Pixel(2e-3), Resolution::Canvas([40, 30]), Resolution::Canvas([600, 500])]
+        {
+            let atlas = Atlas::new(&map, &AtlasOptions { pack: Some(pack), resolution }).unwrap();
+            for part in &atlas.parts {
+                let covered: usize = part.charts.iter().map(Chart::covered).sum();
+                let shown = part.taxel_ids(&map).iter().filter(|&&id| id != u32::MAX).count();
+                assert!(part.charts.iter().all(|chart| chart.covered() > 0), "{pack:?} {resolution:?}");
+                assert_eq!(
+                    covered, shown,
+                    "no two charts share a pixel: {pack:?} {resolution:?} {}",
+                    part.name
+                );
+            }
+            let channels = [channel(Quantity::Extensive)];
+            Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
+        }
     }
 }
 

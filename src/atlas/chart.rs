@@ -11,7 +11,7 @@ use crate::atlas::bound::check_size;
 use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::nearest::NearestVertices;
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
-use crate::atlas::turn::{TURNS, turned};
+use crate::atlas::turn::{TURNS, stand_in, turned};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -21,9 +21,9 @@ use crate::skin::PatchId;
 
 /// One level of a patch in an image: the face and the point in it that each pixel shows.
 ///
-/// A pixel is covered if its centre lies in a face. Where the map overlaps itself the smallest face id wins.
-/// Neighbouring pixels of a row that show one face take eight bytes together: barycentric coordinates are
-/// computed from the face on demand.
+/// A pixel is covered if its centre lies in a face; if no centre does, the pixel in the middle of the largest
+/// face is covered. Where the map overlaps itself the smallest face id wins. Neighbouring pixels of a row that
+/// show one face take eight bytes together: barycentric coordinates are computed from the face on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
     /// The patch it shows.
@@ -49,7 +49,13 @@ impl Chart {
         let ChartPosition { patch, level, turns, frame, corner_px } = *place;
         check_size(&frame, image)?;
         let points = snap(&at.uv, turns, &frame, image)?;
-        let spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
+        let mut spans = rasterize(&points, &at.corners(), frame.size_px.map(|n| n as usize));
+        if spans.pixels() == 0
+            && let Some((face, [column, row])) = stand_in(at, turns, &frame)
+        {
+            let height = frame.size_px[1];
+            spans = Spans::of_pixel(face, [column, height - 1 - row], height);
+        }
         Ok(Self { patch, level, turns, frame, corner_px, spans: Arc::new(spans) })
     }
 

@@ -2,11 +2,15 @@
 
 use glam::DVec2;
 
-use crate::atlas::turn::{Extent, turned};
+use crate::atlas::turn::{Extent, stand_in, turned};
 use crate::map::{ImageFrame, PatchMap};
 
 /// Distance from a pixel's centre within which a triangle may be rounded onto it, in pixels.
 const ROUNDING: f64 = 1e-3;
+
+/// A chart with a smaller area, in pixels, may cover the centre of none: a line a hundredth of a pixel wide across the
+/// largest image has 164.
+const MAY_COVER_NONE: f64 = 200.0;
 
 /// The cells that a turned chart covers.
 pub(super) struct Mask {
@@ -23,8 +27,8 @@ pub(super) struct Mask {
 
 impl Mask {
     /// The mask of all levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels. A cell is
-    /// covered if a triangle meets the rectangle around the centres of its pixels; at least one cell is
-    /// covered.
+    /// covered if a triangle meets the rectangle around the centres of its pixels, or if it has the pixel that
+    /// stands for a level that may cover none.
     pub(super) fn new(patch: &PatchMap, turns: u8, pixel: f64, cell: usize) -> Self {
         let Extent { lo, hi } = Extent::of(patch, turns);
         let frame = ImageFrame::around_box(lo, hi, pixel, 0);
@@ -39,9 +43,11 @@ impl Mask {
         };
         let mut shows = true;
         for level in &patch.levels {
-            let mut shows_level = false;
+            let (mut shows_level, mut area) = (false, 0.0);
             for face in level.level.mesh.triangles.ids() {
                 let corners = level.uv_of(face).map(|uv| (turned(uv, turns) - frame.origin) / pixel);
+                let [a, b, c] = corners;
+                area += 0.5 * (b - a).perp_dot(c - a).abs();
                 for row in range(span(&corners.map(|p| p.y)), size[1]) {
                     let band = [0.5, cell as f64 - 0.5].map(|y| (row * cell) as f64 + y);
                     let columns = within(&corners, [band[0] - ROUNDING, band[1] + ROUNDING]);
@@ -52,6 +58,12 @@ impl Mask {
                 }
             }
             shows &= shows_level;
+            if area < MAY_COVER_NONE
+                && let Some((_, at)) = stand_in(level, turns, &frame)
+            {
+                let [column, row] = at.map(|n| n as usize / cell);
+                bits[row * words + column / 64] |= 1 << (column % 64);
+            }
         }
         let mut rows: Vec<Vec<[usize; 2]>> = bits.chunks(words).map(|row| runs(row, size[0])).collect();
         if rows.iter().all(Vec::is_empty) {

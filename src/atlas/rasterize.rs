@@ -51,6 +51,14 @@ pub(super) struct Spans {
 }
 
 impl Spans {
+    /// One pixel that shows a face, in an image of this height; `column` and `row` count from the upper left.
+    pub(super) fn of_pixel(face: FaceId, [column, row]: [u32; 2], height: u32) -> Self {
+        let span = Span { face, column: u16::try_from(column).unwrap_or(u16::MAX), length: 1 };
+        let mut rows = Csr::default();
+        (0..height).for_each(|r| rows.push((r == row).then_some(span)));
+        Self { rows, overlaps: 0 }
+    }
+
     /// The spans of a row; none if it lies outside of the image.
     pub(super) fn row(&self, row: u32) -> &[Span] {
         let row = row as usize;

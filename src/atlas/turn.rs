@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::{DMat2, DVec2, DVec3};
 
 use crate::cut::PlaceId;
-use crate::id::{IdVec, VertexId};
-use crate::map::{PatchMap, SkinMap};
+use crate::id::{FaceId, IdVec, VertexId};
+use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 use crate::skin::{PatchId, world_pose};
 
@@ -22,6 +22,26 @@ pub(super) fn turned(p: DVec2, turns: u8) -> DVec2 {
         _ => DVec2::new(p.y, -p.x),
     };
     if turns.is_multiple_of(2) { quarters } else { FRAC_1_SQRT_2 * (quarters + quarters.perp()) }
+}
+
+/// The largest face of a level on the map, and the pixel of a frame that its middle lies in, which shows it where no face
+/// covers the centre of a pixel: every patch has one that its amounts go to. Column and row from the lower left; `None` if
+/// no face has an area.
+pub(super) fn stand_in(level: &MapLevel, turns: u8, frame: &ImageFrame) -> Option<(FaceId, [u32; 2])> {
+    let area = |face: FaceId| {
+        let [a, b, c] = level.uv_of(face);
+        (b - a).perp_dot(c - a).abs()
+    };
+    let faces = level.level.mesh.triangles.ids();
+    let face = faces
+        .max_by(|&a, &b| area(a).total_cmp(&area(b)).then(b.cmp(&a)))
+        .filter(|&face| area(face) > 0.0)?;
+    let [a, b, c] = level.uv_of(face);
+    let count = DVec2::from_array(frame.size_px.map(f64::from));
+    let at = (turned((a + b + c) / 3.0, turns) - frame.origin) / frame.size * count;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image")]
+    let pixel = at.floor().clamp(DVec2::ZERO, count - 1.0).to_array().map(|x| x as u32);
+    Some((face, pixel))
 }
 
 /// A rectangle of a turned map, in m.

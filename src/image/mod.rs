@@ -112,7 +112,7 @@ impl Renderer {
     ///
     /// # Errors
     /// If the map breaks a rule of [`SkinMap::validate`], the atlas was made of another one, there
-    /// is no such level, or a patch covers no pixel and an extensive channel has to be drawn on it.
+    /// is no such level, or a patch has no area on the map and an extensive channel has to be drawn on it.
     pub fn new(
         map: &SkinMap,
         atlas: &Atlas,
@@ -227,7 +227,7 @@ pub enum ImageError {
     #[error("no image shows level {level}; the levels are 0 to {last}")]
     Level { level: LevelId, last: LevelId },
     #[error(
-        "no pixel of image {part} shows patch {patch}, so its amounts cannot be kept; use smaller pixels"
+        "no pixel of image {part} shows patch {patch}, which has no area there: its amounts cannot be kept"
     )]
     NoPixel { part: String, patch: String },
 }
