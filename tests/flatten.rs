@@ -857,13 +857,43 @@ fn a_flat_sheet_fits_its_own_rectangle() {
 #[test]
 fn every_level_keeps_the_prescribed_places_of_its_taxels() {
     let pyramid = pyramid_of(&bumpy(40, 25, 0.4, 0.3));
-    let maps = flatten_pyramid(&pyramid, None, &bounded(Boundary::Circle)).unwrap();
-    for (level, uv) in maps.enumerate().skip(1) {
-        let level = &pyramid.levels[level];
-        let adjacency = Adjacency::new(&level.mesh).unwrap();
-        for &v in &adjacency.boundary_loops()[0] {
-            assert!(uv[v].distance(maps[LevelId::new(0)][level.origins[v]]) < 1e-12);
+    for method in [Method::default(), LINEAR] {
+        let options = FlattenOptions { method, ..bounded(Boundary::Circle) };
+        let maps = flatten_pyramid(&pyramid, None, &options).unwrap();
+        for (level, uv) in maps.enumerate().skip(1) {
+            let level = &pyramid.levels[level];
+            let adjacency = Adjacency::new(&level.mesh).unwrap();
+            for &v in &adjacency.boundary_loops()[0] {
+                assert!(uv[v].distance(maps[LevelId::new(0)][level.origins[v]]) < 1e-12);
+            }
         }
+    }
+}
+
+/// Equation (2) of the source paper with (6) and (8): between its own boundary what is flat is its own map, and a
+/// curved skin lies inside the circle without a flip.
+#[test]
+fn linear_maps_keep_a_prescribed_boundary() {
+    let place = |column: u32, row: u32| {
+        let (x, y) = (f64::from(column), f64::from(row));
+        0.01 * DVec3::new(x + 0.3 * (3.0 * x + 2.0 * y).sin(), y + 0.2 * (5.0 * x - y).cos(), 0.0)
+    };
+    let mesh = shapes::sheet(13, 9, place);
+    let adjacency = Adjacency::new(&mesh).unwrap();
+    let places = mesh.positions.ids().map(|v| adjacency.is_boundary(v).then(|| mesh.positions[v].truncate()));
+    let own = Boundary::Places(places.collect());
+    for (angle, area) in [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let method = Method::Linear { angle, area };
+        let uv = flatten(&mesh, &FlattenOptions { method, ..bounded(own.clone()) }).unwrap();
+        let off = mesh.positions.enumerate().map(|(v, p)| uv[v].distance(p.truncate())).fold(0.0, f64::max);
+        assert!(off < 1e-12, "{angle} : {area}: {off} m");
+        let cap = shapes::cap(1000, 0.05, 1.0);
+        let uv = flatten(&cap, &FlattenOptions { method, ..bounded(Boundary::Circle) }).unwrap();
+        let most = uv.iter().map(|p| p.length()).fold(0.0, f64::max);
+        assert!(
+            (most - (cap.area() / PI).sqrt()).abs() < 1e-12 && distortion(&cap, &uv).flips == 0,
+            "{most}"
+        );
     }
 }
 

@@ -239,8 +239,8 @@ fn prescribed_by(
     mesh: &TriMesh,
 ) -> Result<Option<IdVec<VertexId, Option<DVec2>>>, FlattenError> {
     match options.method {
-        Method::Intrinsic { .. } => prescribed(mesh, &options.boundary),
-        Method::Conformal | Method::Linear { .. } => Ok(None),
+        Method::Intrinsic { .. } | Method::Linear { .. } => prescribed(mesh, &options.boundary),
+        Method::Conformal => Ok(None),
     }
 }
 

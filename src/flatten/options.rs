@@ -74,7 +74,7 @@ pub enum Overlap {
     Allow,
 }
 
-/// The outer boundary of an intrinsic map. The other methods have boundaries of their own.
+/// The outer boundary of an intrinsic or a linear map. A conformal map has its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Boundary {
     /// Where the energy is least.

@@ -1,5 +1,5 @@
-//! The linear map: conformal and authalic rows mixed, two vertices pinned, one sparse solve
-//! (`(desbrun2002)`).
+//! The linear map: conformal and authalic rows mixed, two vertices pinned or the outer boundary prescribed, one
+//! sparse solve (`(desbrun2002)`).
 //!
 //! Nothing guarantees a map without flips or overlaps: see
 //! [`Method::Linear`](crate::flatten::Method::Linear).
@@ -47,7 +47,8 @@ fn authalic_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, DVec2> {
 }
 
 /// Linear mix of conformal and authalic rows inside, natural conformal rows on the boundary, two boundary
-/// vertices pinned (`(desbrun2002)`; equations (7) and (8) of the source paper).
+/// vertices pinned (`(desbrun2002)`; equations (7) and (8) of the source paper). Where the outer boundary is
+/// prescribed, its vertices are pinned instead (its equation (2) with (6) and (8)).
 ///
 /// Both kinds of rows are scaled to the same mean diagonal before they are mixed `angle : area`. Conformal
 /// rows are real except on the boundary, so one complex unknown per vertex represents both coordinates.
@@ -73,7 +74,12 @@ pub(crate) fn linear(domain: &FlattenDomain<'_>, angle: f64, area: f64) -> Resul
         }
     }
     let mut uv = vec![DVec2::ZERO; domain.vertices()];
-    for (pin, at) in far_apart(domain).into_iter().zip([DVec2::ZERO, DVec2::X]) {
+    let places = domain.mesh.positions.ids().zip(&domain.prescribed);
+    let mut pins: Vec<_> = places.filter_map(|(v, place)| Some((v, (*place)?))).collect();
+    if pins.is_empty() {
+        pins = far_apart(domain).into_iter().zip([DVec2::ZERO, DVec2::X]).collect();
+    }
+    for (pin, at) in pins {
         for slot in domain.elements.pattern().slots(pin.index()) {
             matrix.values_mut()[slot] = DVec2::ZERO;
         }
