@@ -10,7 +10,7 @@ use crate::pyramid::LevelId;
 use crate::skin::PatchId;
 
 impl ContactIndex {
-    /// The fields of a level whose centre lies within `radius` (m) of a query, ordered by patch and field.
+    /// The fields of a level, of a patch without it those of its coarsest, whose centre lies within `radius` (m) of a query, ordered by patch and field.
     /// Needs an index with [fields](crate::contact::IndexOptions::fields).
     ///
     /// # Errors
@@ -28,7 +28,7 @@ impl ContactIndex {
             return Err(ContactError::NoDistance { distance: radius });
         }
         let (mut hits, mut found) = (Vec::new(), Vec::new());
-        self.each_points(&query, level, radius, |id, points, centre| {
+        self.each_points(&query, level, radius, |id, level, points, centre| {
             found.clear();
             points.within(centre, radius, &mut found);
             hits.extend(found.iter().map(|&(field, away)| self.field_hit(&query, id, level, field, away)));
@@ -38,7 +38,7 @@ impl ContactIndex {
         Ok(hits)
     }
 
-    /// The `count` fields of a level whose centres are nearest to a query, the nearest first; of
+    /// The `count` fields of a level, of patches without it of their coarsest, whose centres are nearest to a query, the nearest first; of
     /// equally near ones the first of the first patch. Needs an index with
     /// [fields](crate::contact::IndexOptions::fields).
     ///
@@ -55,7 +55,7 @@ impl ContactIndex {
         let mut hits: Vec<FieldHit> = Vec::new();
         // Usually enough for all results: growing step by step takes longer than the rest of the search.
         let mut found = Vec::with_capacity(64);
-        self.each_points(&query, level, f64::INFINITY, |id, points, q| {
+        self.each_points(&query, level, f64::INFINITY, |id, level, points, q| {
             let farthest = |hits: &[FieldHit]| match hits.last() {
                 Some(last) if hits.len() >= count => last.distance,
                 _ => f64::INFINITY,
@@ -74,22 +74,22 @@ impl ContactIndex {
     }
 
     /// Calls `visit` with the centres of fields of each patch that may be within the distance it returned
-    /// last.
+    /// last, and their level.
     fn each_points(
         &self,
         query: &Query,
         level: LevelId,
         reach: f64,
-        mut visit: impl FnMut(PatchId, &PointTree, DVec3) -> f64,
+        mut visit: impl FnMut(PatchId, LevelId, &PointTree, DVec3) -> f64,
     ) -> Result<(), ContactError> {
         if !self.options.fields {
             return Err(ContactError::NotIndexed { what: "fields" });
         }
         let mut last = reach;
         self.each_patch(query, reach, |id, q| {
-            if let Some(points) = self.patches[id].fields.get(level.index()) {
-                last = visit(id, points, q);
-            }
+            let fields = &self.patches[id].fields;
+            let level = level.min(LevelId::new(fields.len().saturating_sub(1)));
+            last = visit(id, level, &fields[level.index()], q);
             last
         });
         Ok(())

@@ -7,8 +7,9 @@ use dermatome::contact::{ContactError, ContactIndex, Hit, Query};
 use dermatome::id::{FaceId, IdVec, VertexId};
 use dermatome::map::{MapLevel, PatchMap, SkinMap};
 use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::{LevelId, Prolongation};
-use dermatome::skin::{Link, LinkId, PatchId, TaxelId, world_pose};
+use dermatome::skin::{Link, LinkId, PatchId, Skin, TaxelId, world_pose};
 use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
@@ -470,13 +471,49 @@ fn on_a_subdivided_square_both_levels_agree() {
                 let first = cell.weights.iter().find(|&(_, w)| w == strongest).unwrap().0;
                 assert_eq!(cell.field, first, "the largest weight, the smallest field of several");
             }
-            // The coarse face and its coordinates are those of the nearest fine corner.
             let place = coarse.level.mesh.point(&cells[1].point);
-            let fine = finest(&map, 0);
-            let corners = fine.corners(hit.point.face);
-            let least = corners.iter().map(|c| c.distance(hit.position)).fold(f64::INFINITY, f64::min);
-            assert!((place.distance(hit.position) - least).abs() < 1e-12, "{place} for {}", hit.position);
+            assert!(place.distance(hit.position) < 1e-12, "{place} for {}", hit.position);
         }
+    }
+}
+
+/// `face` and `b0..b2` of a coarse level are where `u,v` lie on its map, also along a cut and around holes; off the
+/// map a place at its rim.
+#[test]
+fn a_coarse_cell_lies_where_its_map_position_says() {
+    let map = |mesh: TriMesh| build(&Skin::from_mesh("skin", mesh), &BuildOptions::default()).unwrap();
+    for (name, map) in [
+        ("cap", map(shapes::cap(2000, 0.1, 1.2))),
+        ("tube", map(shapes::tube(40, 30, 0.03, 0.1))),
+        ("frame", map(shapes::frame(2, 6, 0.01))),
+    ] {
+        let index = ContactIndex::new(&map).unwrap();
+        let patch = &map.patches[PatchId::new(0)];
+        let mesh = finest(&map, 0);
+        let (mut inside, mut all) = (0, 0);
+        for face in mesh.triangles.ids().step_by(3) {
+            let [a, b, c] = mesh.corners(face);
+            let hit = index.locate(0.5 * a + 0.3 * b + 0.2 * c).unwrap();
+            for (id, level) in patch.levels.enumerate().skip(1) {
+                let cell = index.cell(&hit, id).unwrap();
+                let corners = level.places(cell.point.face).map(|place| level.uv[place]);
+                let [a, b, c] = cell.point.barycentric;
+                assert!(cell.point.barycentric.iter().all(|&b| (0.0..=1.0).contains(&b)), "{name}: {cell:?}");
+                let place = corners[0] * a + corners[1] * b + corners[2] * c;
+                // No face of the map has a position that is said to be off it.
+                let is_in = |face: FaceId| {
+                    let [p, q, r] = level.places(face).map(|place| level.uv[place] - cell.uv);
+                    [p.perp_dot(q), q.perp_dot(r), r.perp_dot(p)].iter().all(|&x| x > 0.0)
+                };
+                let is_off = place.distance(cell.uv) > 1e-12;
+                assert!(
+                    !is_off || !level.level.mesh.triangles.ids().any(is_in),
+                    "{name}: {cell:?} at {place}"
+                );
+                (inside, all) = (inside + usize::from(!is_off), all + 1);
+            }
+        }
+        assert!(inside * 10 > all * 9, "{name}: {inside} of {all} lie on their maps");
     }
 }
 

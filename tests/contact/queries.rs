@@ -57,7 +57,8 @@ proptest! {
         let (at, link, level) = (DVec3::from(at), link.map(LinkId::new), LevelId::new(level));
         let mut all = Vec::new();
         for (id, patch) in map.patches.enumerate() {
-            let Some(fields) = patch.levels.get(level) else { continue };
+            // A patch without the level answers with its coarsest.
+            let fields = &patch.levels[patch.nearest_level(level)];
             if link.is_some_and(|link| link != patch.link) {
                 continue;
             }
@@ -72,9 +73,11 @@ proptest! {
         prop_assert_eq!(found.len(), count.min(all.len()));
         for (hit, (distance, ..)) in found.iter().zip(&all) {
             prop_assert!((hit.distance - distance).abs() < 1e-12 && (hit.position.distance(at) - distance).abs() < 1e-12);
-            let cell = index.cell(hit, level).unwrap();
-            prop_assert_eq!((cell.field, cell.level, cell.taxel), (hit.field, level, hit.taxel));
-            prop_assert_eq!(cell.uv, map.patches[hit.patch].levels[level].opened_uv()[hit.field]);
+            let patch = &map.patches[hit.patch];
+            prop_assert_eq!(hit.level, patch.nearest_level(level));
+            let cell = index.cell(hit, hit.level).unwrap();
+            prop_assert_eq!((cell.field, cell.level, cell.taxel), (hit.field, hit.level, hit.taxel));
+            prop_assert_eq!(cell.uv, patch.levels[hit.level].opened_uv()[hit.field]);
         }
         let within = index.fields_within(query, radius, level).unwrap();
         prop_assert_eq!(within.len(), all.iter().filter(|(d, ..)| *d <= radius).count());
@@ -151,6 +154,27 @@ proptest! {
                 }
             }
         }
+    }
+
+    /// A ray that starts on the skin meets it there, wherever rounding puts its start.
+    #[test]
+    fn a_ray_from_the_skin_meets_it_at_once(
+        at in any::<prop::sample::Index>(),
+        weights in prop::array::uniform2(0.0_f64..1.0),
+        up in -1.0_f64..1.0,
+        away in prop::array::uniform3(-10.0_f64..10.0),
+    ) {
+        let mut mesh = shapes::cap(200, 0.1, 0.8);
+        mesh.positions.iter_mut().for_each(|p| *p += DVec3::from_array(away));
+        let map = SkinMap::flat(mesh.clone(), 1e-2);
+        let index = ContactIndex::new(&map).unwrap();
+        let face = FaceId::new(at.index(mesh.triangles.len()));
+        let [a, b, c] = mesh.corners(face);
+        let (s, t) = (weights[0].max(weights[1]), weights[0].min(weights[1]));
+        let start = a * (1.0 - s) + b * (s - t) + c * t;
+        let direction = DVec3::new(0.3, 0.1, if up < 0.0 { -1.0 } else { 1.0 });
+        let hit = index.first_hit(start, direction, f64::INFINITY).unwrap();
+        prop_assert!(hit.is_some_and(|hit| hit.distance < 1e-12), "{hit:?}");
     }
 
     /// Whatever presses, the readings add up to its force.

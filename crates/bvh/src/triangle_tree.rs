@@ -193,8 +193,8 @@ impl TriangleTree {
     }
 
     /// The first triangle that a ray meets from either side, by its corners; of equally far ones the
-    /// first. Rays start at distance zero and leave no gap between triangles that share a side. A
-    /// triangle without area is never met.
+    /// first. Rays start at distance zero, a triangle on which one starts is met there, and they leave no gap between
+    /// triangles that share a side. A triangle without area is never met.
     pub fn first_hit(&self, ray: &Ray, corners: impl Fn(u32) -> [DVec3; 3]) -> Option<RayHit> {
         let (near, start) = self.scaling.nearby(ray);
         let local = self.scaling.ray(&near);
@@ -215,9 +215,14 @@ impl TriangleTree {
 
 fn hit(ray: &Ray, start: f64, triangle: u32, corners: [DVec3; 3]) -> Option<RayHit> {
     let Meeting { along, barycentric } = meet(ray.origin, ray.direction, corners)?;
-    let distance = start + along;
-    (along >= 0.0 && along <= ray.longest).then_some(RayHit { triangle, distance, barycentric })
+    let size =
+        corners.into_iter().fold(ray.origin.abs(), |most, corner| most.max(corner.abs())).max_element();
+    let is_met = along >= -ROUNDING * size && along <= ray.longest;
+    is_met.then_some(RayHit { triangle, distance: start + along.max(0.0), barycentric })
 }
+
+/// How far behind the start of a ray a triangle may lie by rounding alone, as a share of the coordinates.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 fn offer(best: &mut Option<RayHit>, hit: Option<RayHit>) {
     let key = |hit: &RayHit| (hit.distance, hit.triangle);

@@ -11,7 +11,7 @@ use places::{Positions, Row, Rows};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places};
-use crate::mesh::{SurfacePoint, TriMesh};
+use crate::mesh::{SurfacePoint, TriMesh, closest_point};
 use crate::pyramid::LevelId;
 use crate::skin::TaxelId;
 
@@ -21,7 +21,7 @@ pub struct Cell {
     /// The level.
     pub level: LevelId,
     /// The level's face and the barycentric coordinates in it: on level 0 those of the hit, on a coarser
-    /// level those of the hit's nearest corner in the level's direct prolongation.
+    /// level the position of `uv` on the level's map; off the map the nearest position of a face near it.
     pub point: SurfacePoint,
     /// Map position, in m: the weighted mean of the fields' positions. Where a map is cut, a field on the
     /// seam counts at its place on the side of the hit.
@@ -75,6 +75,10 @@ struct LevelCells {
     /// Map positions of its places, in m.
     uv: IdVec<PlaceId, DVec2>,
     triangles: IdVec<FaceId, [VertexId; 3]>,
+    /// The places of the corners of each face, and the faces across the sides opposite to them, the face
+    /// itself where there is none; of coarse levels.
+    corners: IdVec<FaceId, [PlaceId; 3]>,
+    across: IdVec<FaceId, [FaceId; 3]>,
     /// The first face of each vertex; arbitrary for one without.
     first_faces: IdVec<VertexId, FaceId>,
 }
@@ -158,10 +162,9 @@ impl PatchCells {
         let places = self.positions.corners(at.face, *corners);
         let uv = self.positions.at(level, places, at.barycentric);
         let rows = self.rows.of(places, above);
-        let Row { face, weights, .. } = *rows[nearest % 3];
         let mut cell = Cell {
             level,
-            point: SurfacePoint { face, barycentric: weights },
+            point: cells.locate([0, 1, 2].map(|k| rows[(nearest + k) % 3].face), uv),
             uv,
             pixel: self.positions.images[level].pixel(uv),
             field: VertexId::default(),
@@ -200,6 +203,23 @@ fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
     first
 }
 
+/// The faces across the sides of each face, opposite to its corners; itself where there is none or several.
+fn across(corners: &IdVec<FaceId, [PlaceId; 3]>) -> IdVec<FaceId, [FaceId; 3]> {
+    let mut across = IdVec::from(corners.ids().map(|face| [face; 3]).collect::<Vec<_>>());
+    let mut sides: Vec<_> = corners
+        .enumerate()
+        .flat_map(|(face, of)| (0..3).map(move |k| (of[(k + 1) % 3], of[(k + 2) % 3], face, k)))
+        .map(|(a, b, face, k)| (a.min(b), a.max(b), face, k))
+        .collect();
+    sides.sort_unstable();
+    for pair in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        if let &[(.., face, k), (.., other, l)] = pair {
+            (across[face][k], across[other][l]) = (other, face);
+        }
+    }
+    across
+}
+
 /// A row of a prolongation that lies in a face of a level.
 fn row_in(map: &MapLevel, face: FaceId, parts: impl Iterator<Item = (VertexId, f64)>) -> Row {
     let corners = map.level.mesh.triangles[face];
@@ -217,9 +237,56 @@ fn row_in(map: &MapLevel, face: FaceId, parts: impl Iterator<Item = (VertexId, f
     Row { weights, fields, face }
 }
 
+/// Faces that a walk over a map visits at most: it begins in a face of the nearest taxel.
+const LONGEST_WALK: usize = 64;
+
 impl LevelCells {
+    /// Where a place (m) lies on the map, by walks towards it from some faces, which a hole may stop; off the map the
+    /// nearest place at which one of them ended.
+    #[inline]
+    fn locate(&self, starts: [FaceId; 3], uv: DVec2) -> SurfacePoint {
+        let mut ends = starts;
+        for (end, start) in ends.iter_mut().zip(starts) {
+            match self.walk(start, uv) {
+                Ok(point) => return point,
+                Err(face) => *end = face,
+            }
+        }
+        let closest = ends.map(|face| {
+            let corners = self.corners[face].map(|place| self.uv[place].extend(0.0));
+            (face, closest_point(uv.extend(0.0), corners, self.triangles[face]))
+        });
+        let nearest =
+            closest.into_iter().min_by(|a, b| a.1.squared.total_cmp(&b.1.squared)).unwrap_or(closest[0]);
+        SurfacePoint { face: nearest.0, barycentric: nearest.1.barycentric }
+    }
+
+    /// Where a place (m) lies on the map, by a walk towards it from a face; else the face where the walk ended.
+    #[inline]
+    fn walk(&self, mut face: FaceId, uv: DVec2) -> Result<SurfacePoint, FaceId> {
+        let mut last = face;
+        for _ in 0..LONGEST_WALK {
+            let [a, b, c] = self.corners[face].map(|place| self.uv[place] - uv);
+            let areas = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
+            let area = areas[0] + areas[1] + areas[2];
+            let barycentric = areas.map(|opposite| opposite / area);
+            if barycentric.iter().all(|&weight| weight >= 0.0) {
+                return Ok(SurfacePoint { face, barycentric });
+            }
+            let beyond = |k: &usize| barycentric[*k] < 0.0 && ![face, last].contains(&self.across[face][*k]);
+            let next = (0..3).filter(beyond).min_by(|&k, &l| barycentric[k].total_cmp(&barycentric[l]));
+            let Some(next) = next else { break };
+            (last, face) = (face, self.across[face][next]);
+        }
+        Err(face)
+    }
+
     fn new(patch: &PatchMap, map: &MapLevel) -> Self {
+        let is_coarse = map.level.to_finest.is_some();
+        let corners = if is_coarse { map.corners() } else { IdVec::default() };
         Self {
+            across: across(&corners),
+            corners,
             taxels: map.level.origins.map(|&origin| patch.taxels.ids[origin]),
             uv: map.uv.clone(),
             triangles: map.level.mesh.triangles.clone(),
