@@ -64,7 +64,7 @@ mod robot;
 mod table;
 
 pub(crate) use self::gltf::as_in_map_file;
-pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, write_map, write_pyramids};
+pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, rounding_in_gltf, write_map, write_pyramids};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 #[cfg(feature = "robots")]
 pub use draft::is_robot;
@@ -85,11 +85,14 @@ pub use observations::{
 pub use readings::{Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
-pub use table::by_taxel::{read_acuities, read_boundary, read_gains, read_seams};
+pub use table::TableRows;
+pub use table::by_taxel::{TaxelTable, read_acuities, read_boundary, read_gains, read_seams};
 pub use table::calibration::{
     read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
 };
-pub use table::contacts::{ContactRow, MapCoordinates, MapPlaceRow, read_contacts, read_map_places};
+pub use table::contacts::{
+    ContactRow, ContactRows, MapCoordinates, MapPlaceRow, MapPlaceRows, read_contacts, read_map_places,
+};
 #[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};

@@ -271,7 +271,8 @@ fn contacts_are_in_the_frame_of_any_link() {
 fn columns_without_effect_are_named() {
     let contacts = "x,y,z,force,radius,time,colour\n0,0,0.89,2,,0.1,red\n0,0,0.9,3,,0.2,blue\n";
     let notes = Fixture::new().answers(contacts, "").said;
-    for (column, named) in [("force", true), ("time", true), ("colour", true), ("radius", false)] {
+    // Answers keep times.
+    for (column, named) in [("force", true), ("time", false), ("colour", true), ("radius", false)] {
         let note = format!("column `{column}` is not used");
         assert_eq!(notes.matches(&note).count(), usize::from(named), "{column} in {notes}");
     }
@@ -465,13 +466,17 @@ fn a_patch_without_a_level_answers_all_the_same() {
     skin.patches.push(Patch::from_mesh("small", LinkId::new(1), small));
     let fixture = Fixture::of(skin);
     assert_eq!(fixture.map.patches[PatchId::new(1)].levels.len(), 1);
-    for (levels, expected) in [
-        ("--level 2", &["0 0 small", "1 2 cap"][..]),
-        ("--level 1 --level 2", &["0 0 small", "1 1 cap", "1 2 cap"]),
-    ] {
-        let run = fixture.answers("x,y,z\n1.002,0.002,1\n0,0,0.9\n", &format!("--reactive {levels}"));
-        let found = |row| ["contact", "level", "patch"].map(|name| run.cell(row, name)).join(" ");
-        assert_eq!((0..run.rows.len()).map(found).collect::<Vec<_>>(), expected, "{levels:?}");
+    let contacts = "x,y,z,nx,ny,nz\n1.002,0.002,1,0,0,-1\n0,0,0.9,0,0,-1\n";
+    for question in ["--max-distance 1", "--reactive", "--ray", "--nearest 1"] {
+        for (levels, expected) in [
+            ("--level 2", &["0 0 small", "1 2 cap"][..]),
+            ("--level 1 --level 2", &["0 0 small", "1 1 cap", "1 2 cap"]),
+        ] {
+            let run = fixture.answers(contacts, &format!("{question} {levels}"));
+            let found = |row| ["contact", "level", "patch"].map(|name| run.cell(row, name)).join(" ");
+            let found: Vec<_> = (0..run.rows.len()).map(found).collect();
+            assert_eq!(found, expected, "{question} {levels}: {}", run.said);
+        }
     }
 }
 
@@ -652,8 +657,16 @@ fn contacts_are_matched_with_poses_by_their_time() {
     for (row, up) in [0.0, 0.5, 1.0, 2.0, 0.0].into_iter().enumerate() {
         assert!((run.number(row, "z") - run.number(0, "z") - up).abs() < 1e-9, "{}", run.text);
     }
-    let notes = fixture.answers(places, "--from-map").said;
-    assert!(notes.contains("column `time` is not used"), "{notes}");
+    let back = fixture.answers(places, "--from-map");
+    assert!(!back.said.contains("column `time` is not used"), "{}", back.said);
+    let times = |run: &Run| (0..5).map(|row| run.cell(row, "time").to_owned()).collect::<Vec<_>>();
+    assert_eq!(times(&back), ["1.0", "1.5", "2.0", "7.0", ""]);
+    // Answers are contacts again, at their times.
+    let posed = "--level 0 --pose poses.csv";
+    let first = fixture.answers(contacts, posed);
+    let again = fixture.answers(&first.text, posed);
+    assert_eq!(times(&again), ["1.0", "1.5", "2.0", "7.0", ""]);
+    assert!((0..5).all(|row| again.number(row, "distance").abs() < 1e-9), "{}", again.text);
     for (options, expected) in [
         ("--animation up", "animations"),
         ("--pose poses.csv --animation up", "no animation"),

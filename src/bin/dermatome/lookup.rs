@@ -207,10 +207,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let mut used = Vec::new();
     used.extend((question == Question::Ray).then_some("nx,ny,nz"));
-    used.extend(player.is_timed().then_some("time"));
     used.extend(matches!(question, Question::Within(_)).then_some("radius"));
     let readings = args.readings.as_ref().map(|path| {
-        used.extend(["force", "radius", "time"]);
+        used.extend(["force", "radius"]);
         let spreader = Spreader { disc: args.taxel_radius, max_distance: args.max_distance };
         Readings::create(common.outputs.file(path), &robot.map, spreader)
     });

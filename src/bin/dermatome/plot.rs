@@ -146,7 +146,7 @@ fn picture_of_frame(
     common: &Common,
 ) -> anyhow::Result<Picture> {
     let FrameArgs { frame, channel, .. } = &args.frame;
-    let mut recording = args.readings_args.open(FrameRange::one(*frame), path, map)?;
+    let mut recording = args.readings_args.open(FrameRange::one(*frame), path, map, common)?;
     let shown = recording.channel(channel.as_deref()).map_err(Error::from)?;
     remark_join(&recording, path, common);
     recording.carry(Carried::Values, None);

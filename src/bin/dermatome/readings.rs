@@ -10,7 +10,7 @@ use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, Record
 use dermatome::signal::{ConditionOptions, Duplicates, JoinReport};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_count};
+use crate::console::notes::{note, note_columns, note_count};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
 use crate::options::{Choice, Common, InPath, number, one_of};
@@ -135,6 +135,7 @@ impl ReadingsArgs {
         frames: FrameRange,
         path: &Path,
         map: &Arc<SkinMap>,
+        common: &Common,
     ) -> Result<Recording, Error> {
         let readings = if is_stream(path) {
             let name = Path::new("standard input");
@@ -143,7 +144,12 @@ impl ReadingsArgs {
         } else {
             ReadingsReader::open(path, self.layout)?
         };
-        let gains = self.gain.as_deref().map_or(Ok(Vec::new()), read_gains)?;
+        let mut gains = Vec::new();
+        if let Some(path) = &self.gain {
+            let table = read_gains(path)?;
+            note_columns(path, &table.unused, common);
+            gains = table.rows;
+        }
         let options = RecordingOptions {
             names: self.channels.clone(),
             units: self.units.clone(),

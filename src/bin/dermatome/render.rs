@@ -9,7 +9,6 @@ use std::{process::ExitCode, sync::Arc};
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
 use dermatome::image::Interpolation;
-use dermatome::io::read_map;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Carried, RecordingReport};
@@ -20,6 +19,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
 use crate::console::progress;
+use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
 use crate::options::{Choice, Common, InPath, OutFolder, one_of, side_mm};
@@ -93,7 +93,7 @@ struct ImageArgs {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
-    let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
+    let map = Arc::new(read_map_first(&args.map)?);
     let pack = if kind == Kind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
     let atlas = Atlas::new(&map, &args.pixels.atlas_options(pack)).map_err(Error::from)?;
     let level = args.images.level.map(LevelId::from);
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "{count} {charts} in one image: {fill:.0} % of the {width} x {height} pixels of {name} show skin"
         );
     }
-    let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, &map)?;
+    let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, &map, common)?;
     let images = &args.images;
     recording.carry(images.carried(), level);
     let channels = recording.level_channels().to_vec();
@@ -128,7 +128,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         level,
         has_static: images.is_static,
     };
-    let mut output = Output::open(&args.output, kind, &args.colours, &content, &common.outputs)?;
+    let mut colours = args.colours.clone();
+    if kind == Kind::Folder(Pictures::Png) && colours.range.is_none() {
+        let range = range_of_images(args, &map, &atlas, level, common)?;
+        note!(
+            common,
+            "the colours go from {:.4} to {:.4}, as the values do; --range LOW,HIGH sets them",
+            range[0],
+            range[1]
+        );
+        colours.range = Some(range);
+    }
+    let mut output = Output::open(&args.output, kind, &colours, &content, &common.outputs)?;
     let mut contacts = args.contacts.open(&map, &mut recording, common)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &atlas, channels.len());
@@ -187,6 +198,28 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The least and the largest value of all images of a recording, which is read once more.
+fn range_of_images(
+    args: &Args,
+    map: &Arc<SkinMap>,
+    atlas: &Atlas,
+    level: Option<LevelId>,
+    common: &Common,
+) -> anyhow::Result<[f64; 2]> {
+    let common = Common { quiet: true, ..common.clone() };
+    let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, map, &common)?;
+    recording.carry(args.images.carried(), level);
+    recording.draw(atlas, args.pixels.interpolate)?;
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    while let Some(step) = recording.next_step()? {
+        for value in step.images.iter().flat_map(|image| &image.values).filter(|value| value.is_finite()) {
+            (low, high) = (low.min(*value), high.max(*value));
+        }
+    }
+    // One value alone, or none, has a colour too.
+    Ok(if low < high { [low, high] } else { [0.0, if high > 0.0 { high } else { 1.0 }] }.map(f64::from))
+}
+
 impl Args {
     /// Refuses, before any work, options that contradict each other and files that cannot be written;
     /// returns the kind of the output.
@@ -198,7 +231,7 @@ impl Args {
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
             ));
         }
-        self.colours.check(kind)?;
+        self.colours.check(kind, is_stream(&self.readings))?;
         self.frames.range()?;
         if self.images.values_only && kind != Kind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));

@@ -8,13 +8,14 @@ use std::sync::Arc;
 use anyhow::Context;
 use clap::builder::Resettable;
 use dermatome::Error;
-use dermatome::io::{IoError, read_map};
+use dermatome::io::IoError;
 use dermatome::map::SkinMap;
 use dermatome::page::{LiveServer, Page};
 
 use crate::console::notes::{note, note_count};
 use crate::console::print::{plain, print};
 use crate::console::progress;
+use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::{Common, InPath, OutFile};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
@@ -61,7 +62,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs::guard(std::slice::from_ref(output), &common.outputs)?;
     args.frames.range()?;
-    let map = Arc::new(read_map(&args.map).map_err(Error::from)?);
+    let map = Arc::new(read_map_first(&args.map)?);
     let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
     let mut page = Page::new(&map, title)?;
     if args.live {
@@ -84,7 +85,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// Shows readings while they come.
 fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
     let path = args.readings.as_deref().unwrap_or(Path::new("-"));
-    let mut recording = args.readings_args.open(args.frames.range()?, path, map)?;
+    let mut recording = args.readings_args.open(args.frames.range()?, path, map, common)?;
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     let (html, mut frames) = page.to_live_html(&mut recording, shown)?;
     let server = LiveServer::start(html).context("cannot serve the page to this machine")?;
@@ -111,7 +112,7 @@ fn record(
     page: &mut Page<'_>,
     common: &Common,
 ) -> anyhow::Result<anyhow::Result<()>> {
-    let mut recording = args.readings_args.open(args.frames.range()?, path, map)?;
+    let mut recording = args.readings_args.open(args.frames.range()?, path, map, common)?;
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     remark_join(&recording, path, common);
     let bar = progress::frames(common, recording.frames(), is_stream(path));

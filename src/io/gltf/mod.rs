@@ -41,6 +41,7 @@ pub use read_map::{map_from_bytes, read_map};
 pub(super) use read_skin::read_gltf;
 pub(crate) use write_map::as_in_map_file;
 pub use write_map::{map_to_bytes, write_map, write_pyramids};
+pub use write_skin::rounding_in_gltf;
 pub(super) use write_skin::write_skin;
 
 /// What `asset.generator` of our files begins with.
@@ -161,13 +162,18 @@ impl Notes {
             }
             other => other.to_string(),
         };
+        self.add(text);
+        Ok(())
+    }
+
+    /// Notes what is not read and breaks no rule.
+    pub(super) fn add(&self, text: String) {
         let mut texts = self.texts.borrow_mut();
         if texts.len() < MOST_NOTES && !texts.contains(&text) {
             texts.push(text);
         } else if !texts.contains(&text) {
             self.more.set(self.more.get() + 1);
         }
-        Ok(())
     }
 
     /// All notes, for the remarks of a draft.

@@ -45,6 +45,18 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
     writer.finish(output, if file_kind(path) == "gltf" { Form::Text } else { Form::Glb })
 }
 
+/// The largest share of the mean edge by which rounding to `f32` may move a position without a word.
+const SMALL_ROUNDING: f64 = 0.01;
+
+/// How far the rounding of glTF moves a position of a mesh at most, in m, if that changes its shape: where it lies
+/// far from the origin of its link, so that more than a hundredth of the mean edge is lost.
+pub fn rounding_in_gltf(mesh: &TriMesh) -> Option<f64> {
+    let moved = mesh.positions.iter().map(|p| p.distance(p.as_vec3().as_dvec3())).fold(0.0, f64::max);
+    let edges = mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let length: f64 = edges.map(|[a, b]| mesh.positions[a].distance(mesh.positions[b])).sum();
+    (moved * 3.0 * mesh.triangles.len() as f64 > SMALL_ROUNDING * length).then_some(moved)
+}
+
 /// The links that taxels follow, each once, rising; none if they only follow that of their patch.
 pub(super) fn joints_of(taxels: &Taxels) -> Vec<LinkId> {
     let rows = taxels.joints.iter().flatten().flatten();

@@ -15,13 +15,22 @@ use crate::skin::{PatchId, Skin, TaxelId};
 /// needs.
 const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
+/// What a table says of taxels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaxelTable<T> {
+    /// What each row says, in their order.
+    pub rows: Vec<T>,
+    /// Names of columns that are not used.
+    pub unused: Vec<String>,
+}
+
 /// Reads a table of acuities, columns `taxel_id,factor`, into the taxels of a skin; those that it does
-/// not name get the factor 1.
+/// not name get the factor 1. Returns the names of columns that are not used.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing or unknown, a factor is not a number from 0.01 to 100, or
+/// If the file cannot be read, a column is missing, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
-pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
+pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoError> {
     let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
     for (patch, known) in skin.patches.enumerate() {
         for (vertex, id) in known.taxels.ids.enumerate() {
@@ -29,7 +38,7 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
         }
     }
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
-    each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
+    let unused = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
         let &(patch, vertex, count) =
             homes.get(&row.taxel(id)?).ok_or_else(|| row.invalid(id, "the id of a taxel of the skin"))?;
         if count > 1 {
@@ -47,54 +56,54 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<(), IoError> {
     for (patch, acuities) in skin.patches.iter_mut().zip(acuities) {
         patch.taxels.acuities = Some(acuities.map(|acuity| acuity.unwrap_or(1.0)));
     }
-    Ok(())
+    Ok(unused)
 }
 
 /// Reads a table of gains: columns `id,gain`.
 ///
 /// # Errors
 /// If the file cannot be read, a column is missing, a cell is not a number, or an id comes twice.
-pub fn read_gains(path: &Path) -> Result<Vec<(TaxelId, f64)>, IoError> {
-    let (mut gains, mut seen) = (Vec::new(), HashSet::new());
-    each_row_of(path, ["id", "gain"], &mut |row, [id, gain]| {
+pub fn read_gains(path: &Path) -> Result<TaxelTable<(TaxelId, f64)>, IoError> {
+    let (mut rows, mut seen) = (Vec::new(), HashSet::new());
+    let unused = each_row_of(path, ["id", "gain"], &mut |row, [id, gain]| {
         let taxel = row.taxel(id)?;
         if !seen.insert(taxel) {
             return Err(row.invalid(id, "each id once"));
         }
-        gains.push((taxel, row.number(gain)?));
+        rows.push((taxel, row.number(gain)?));
         Ok(())
     })?;
-    Ok(gains)
+    Ok(TaxelTable { rows, unused })
 }
 
 /// Reads the places of boundary taxels: columns `taxel_id,u,v`, map positions in m.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing or unknown, or a cell is not an id or a finite
+/// If the file cannot be read, a column is missing, or a cell is not an id or a finite
 /// number.
-pub fn read_boundary(path: &Path) -> Result<Vec<(TaxelId, DVec2)>, IoError> {
-    let mut places = Vec::new();
-    each_row_of(path, ["taxel_id", "u", "v"], &mut |row, [id, u, v]| {
-        places.push((row.taxel(id)?, DVec2::from_array(row.numbers([u, v])?)));
+pub fn read_boundary(path: &Path) -> Result<TaxelTable<(TaxelId, DVec2)>, IoError> {
+    let mut rows = Vec::new();
+    let unused = each_row_of(path, ["taxel_id", "u", "v"], &mut |row, [id, u, v]| {
+        rows.push((row.taxel(id)?, DVec2::from_array(row.numbers([u, v])?)));
         Ok(())
     })?;
-    Ok(places)
+    Ok(TaxelTable { rows, unused })
 }
 
 /// Reads a table of seams: columns `from,to`, the ids of the taxels that an edge joins.
 ///
 /// # Errors
-/// If the file cannot be read, a column is missing or unknown, a cell is not an id, or an edge has
+/// If the file cannot be read, a column is missing, a cell is not an id, or an edge has
 /// one end twice.
-pub fn read_seams(path: &Path) -> Result<Vec<[TaxelId; 2]>, IoError> {
-    let mut seams = Vec::new();
-    each_row_of(path, ["from", "to"], &mut |row, [from, to]| {
+pub fn read_seams(path: &Path) -> Result<TaxelTable<[TaxelId; 2]>, IoError> {
+    let mut rows = Vec::new();
+    let unused = each_row_of(path, ["from", "to"], &mut |row, [from, to]| {
         let ends = [row.taxel(from)?, row.taxel(to)?];
         if ends[0] == ends[1] {
             return Err(row.invalid(to, "another taxel than `from`"));
         }
-        seams.push(ends);
+        rows.push(ends);
         Ok(())
     })?;
-    Ok(seams)
+    Ok(TaxelTable { rows, unused })
 }

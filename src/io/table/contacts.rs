@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::io::IoError;
 use crate::io::file::lines::Lines;
 use crate::io::table::lookups::OFF_SKIN;
-use crate::io::table::{Row, Table};
+use crate::io::table::{Row, Table, TableRows};
 
 const COLUMNS: [&str; 11] = ["x", "y", "z", "nx", "ny", "nz", "force", "radius", "link", "only_link", "time"];
 
@@ -23,6 +23,12 @@ fn open<R: Read>(path: &Path, input: R) -> Result<Table<BufReader<R>>, IoError> 
     lines.advance()?;
     Table::open(lines)
 }
+
+/// The contacts of a table.
+pub type ContactRows<R> = TableRows<BufReader<R>, ContactRow>;
+
+/// The places of a table.
+pub type MapPlaceRows<R> = TableRows<BufReader<R>, MapPlaceRow>;
 
 /// One contact of a table.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,10 +65,7 @@ pub struct ContactRow {
 ///
 /// # Errors
 /// If a name comes twice, `x`, `y` or `z` is missing, or only a part of `nx,ny,nz` is there.
-pub fn read_contacts<R: Read>(
-    path: &Path,
-    input: R,
-) -> Result<(Vec<String>, impl Iterator<Item = Result<ContactRow, IoError>> + use<R>), IoError> {
+pub fn read_contacts<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, ContactRows<R>), IoError> {
     let table = open(path, input)?;
     let columns = &table.columns;
     let is_answers = OF_ANSWERS.iter().all(|name| columns.find(name).is_some());
@@ -143,10 +146,7 @@ pub enum MapCoordinates {
 ///
 /// # Errors
 /// If a name comes twice, or neither `u,v` nor `px,py` is there.
-pub fn read_map_places<R: Read>(
-    path: &Path,
-    input: R,
-) -> Result<(Vec<String>, impl Iterator<Item = Result<MapPlaceRow, IoError>> + use<R>), IoError> {
+pub fn read_map_places<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, MapPlaceRows<R>), IoError> {
     let table = open(path, input)?;
     let columns = &table.columns;
     let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);

@@ -49,7 +49,7 @@ pub struct LookupRow<'a> {
     pub frame: &'a str,
     /// Where it touches; `None`: it is off the skin.
     pub place: Option<LookupPlace<'a>>,
-    /// The numbers in the columns that the table adds.
+    /// The numbers in the columns that the table adds; NaN leaves a cell empty.
     pub extra: &'a [f64],
 }
 
@@ -189,7 +189,9 @@ impl Text {
         }
         let rows = &mut self.rows;
         push_cell(rows, row.frame);
-        row.extra.iter().for_each(|&x| push_number(rows, x));
+        for &x in row.extra {
+            if x.is_nan() { rows.push(b',') } else { push_number(rows, x) }
+        }
         end_row(rows);
     }
 

@@ -1,7 +1,7 @@
 //! Tables with a line of column names, between commas, semicolons or tabs: the one engine that reads and writes them.
 //! Recordings, which may be live streams, are read in `readings/text` with the same [`Cells`].
 //!
-//! Columns are found by name, in any order; `id` and `taxel_id` are one name. Errors name the line and the column.
+//! Columns are found by name, in any order and in capitals too; `id` and `taxel_id` are one name. Errors name the line and the column.
 
 pub(super) mod by_taxel;
 pub(super) mod calibration;
@@ -96,34 +96,52 @@ impl<R: BufRead> Table<R> {
         Ok(())
     }
 
-    /// What `read` makes of each row, one after the other. After an error about a row the next one follows;
-    /// after another error nothing does.
+    /// What `read` makes of each row.
     pub(crate) fn into_rows<T>(
-        mut self,
-        read: impl Fn(Row<'_>) -> Result<T>,
-    ) -> impl Iterator<Item = Result<T>> {
-        std::iter::from_fn(move || match self.advance() {
-            Ok(more) => more.then(|| read(self.row())),
-            Err(error) => Some(Err(error)),
-        })
+        self,
+        read: impl Fn(Row<'_>) -> Result<T> + Send + 'static,
+    ) -> TableRows<R, T> {
+        TableRows { table: self, read: Box::new(read) }
     }
 }
 
-/// Visits the rows of a table that has these columns and no others, each with their places: a misspelt name is not
-/// silently ignored.
+/// The rows of a table, one after the other. After an error about a row the next one follows; after another error
+/// nothing does.
+pub struct TableRows<R, T> {
+    table: Table<R>,
+    read: Box<dyn Fn(Row<'_>) -> Result<T> + Send>,
+}
+
+impl<R, T> TableRows<R, T> {
+    /// Whether the table has a column of times; its cells may be empty.
+    pub fn has_times(&self) -> bool {
+        self.table.columns.names.iter().any(|name| time_unit(name).is_some())
+    }
+}
+
+impl<R: BufRead, T> Iterator for TableRows<R, T> {
+    type Item = Result<T>;
+
+    fn next(&mut self) -> Option<Result<T>> {
+        match self.table.advance() {
+            Ok(more) => more.then(|| (self.read)(self.table.row())),
+            Err(error) => Some(Err(error)),
+        }
+    }
+}
+
+/// Visits the rows of a table that has these columns, each with their places; returns the names of other columns.
 pub(crate) fn each_row_of<const N: usize>(
     path: &Path,
     names: [&str; N],
     visit: &mut dyn FnMut(Row<'_>, [usize; N]) -> Result<()>,
-) -> Result<()> {
+) -> Result<Vec<String>> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
-    if let Some((k, name)) = table.columns.unknown(&names).next() {
-        let (part, needed) = (format!("column {}", k + 1), format!("one of {}", names.join(",")));
-        return Err(table.columns.at().invalid_part(part, excerpt(name), needed));
-    }
     let columns = table.columns.need_vector(names)?;
-    table.each_row(&mut |row| visit(row, columns))
+    let unused = table.columns.unknown(&names).map(|(_, name)| name.to_owned()).collect();
+    table.each_row(&mut |row| visit(row, columns))?;
+    Ok(unused)
 }
 
 /// Splits the row that begins on the line where `lines` stands; it may have more of them.
@@ -293,14 +311,19 @@ impl Columns {
         let has_ids = IDS.iter().any(|name| known.contains(name));
         let has_times = known.contains(&"time");
         let is_known = move |name: &str| {
-            known.contains(&name) || has_ids && IDS.contains(&name) || has_times && time_unit(name).is_some()
+            known.iter().any(|known| *known != "time" && known.eq_ignore_ascii_case(name))
+                || has_ids && IDS.contains(&name)
+                || has_times && time_unit(name).is_some()
         };
         self.names.iter().map(String::as_str).enumerate().filter(move |(_, name)| !is_known(name))
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
         let other = IDS.into_iter().find(|id| *id != name).filter(|_| IDS.contains(&name));
-        let find = |name: &str| self.names.iter().position(|n| n == name);
+        let find = |name: &str| {
+            let exact = self.names.iter().position(|n| n == name);
+            exact.or_else(|| self.names.iter().position(|n| n.eq_ignore_ascii_case(name)))
+        };
         find(name).or_else(|| find(other?))
     }
 

@@ -265,11 +265,15 @@ impl PyIndex {
         &self,
         py: Python<'_>,
         threads: i64,
+        level: Option<LevelId>,
         find: impl FnOnce(&ContactIndex, &Stop) -> Result<Answers, ContactError> + Send + 'static,
     ) -> PyResult<PyHits> {
         let (index, map) = (Arc::clone(&self.index), Arc::clone(&self.map));
-        let columns =
-            run(py, count("threads", threads)?, move |stop| Ok(find(&index, stop)?.into_columns(&map)))?;
+        let columns = run(py, count("threads", threads)?, move |stop| {
+            let mut answers = find(&index, stop)?;
+            answers.cells = level.map(|level| (level, cells(&index, &map, &answers, level)));
+            Ok(answers.into_columns(&map))
+        })?;
         let Columns { patch, link, face, barycentric, distance, point, normal, ranges, cells } =
             columns.map_err(|e: ContactError| error(e))?;
         let [least, most] = ranges.map_or([None, None], |ranges| ranges.map(Some));
@@ -365,15 +369,13 @@ fn columns(found: Vec<Option<Hit>>) -> Answers {
     answers
 }
 
-/// Where hits lie on the map of a level.
-fn cells(index: &ContactIndex, answers: &mut Answers, level: Option<LevelId>) {
-    let Some(level) = level else { return };
+/// Where hits lie on the map of a level, of a patch without it on its coarsest.
+fn cells(index: &ContactIndex, map: &SkinMap, answers: &Answers, level: LevelId) -> Vec<Option<Cell>> {
     let cell = |k: usize| {
         let hit = answers.hits.get(k).filter(|_| !answers.missing.get(k).copied().unwrap_or(false))?;
-        index.cell(&hit, level)
+        index.cell(&hit, map.patches[hit.patch].nearest_level(level))
     };
-    let cells = (0..answers.hits.patch.len()).into_par_iter().with_min_len(FEW).map(cell).collect();
-    answers.cells = Some((level, cells));
+    (0..answers.hits.patch.len()).into_par_iter().with_min_len(FEW).map(cell).collect()
 }
 
 #[pymethods]
@@ -389,7 +391,8 @@ impl PyIndex {
     /// only_link : str, optional
     ///     The link whose patches alone are searched.
     /// level : int, optional
-    ///     The level on whose map the points are found; None for the skin alone, which is quicker.
+    ///     The level on whose map the points are found, of patches that do not reach up to it their coarsest; None for
+    ///     the skin alone, which is quicker.
     /// threads : int
     ///     0 for one per processor.
     ///
@@ -408,11 +411,8 @@ impl PyIndex {
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, move |index, stop| {
-            let mut answers =
-                Answers { hits: index.locate_all_with(&queries, stop.run())?, ..Answers::default() };
-            cells(index, &mut answers, level);
-            Ok(answers)
+        self.hits(py, threads, level, move |index, stop| {
+            Ok(Answers { hits: index.locate_all_with(&queries, stop.run())?, ..Answers::default() })
         })
     }
 
@@ -456,12 +456,10 @@ impl PyIndex {
         }
         let longest = longest.unwrap_or(f64::INFINITY);
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, move |index, stop| {
+        self.hits(py, threads, level, move |index, stop| {
             let rays = queries.par_iter().zip(&directions).with_min_len(FEW).inspect(|_| stop.check());
             let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
-            let mut answers = columns(rays.map(hit).collect::<Result<_, _>>()?);
-            cells(index, &mut answers, level);
-            Ok(answers)
+            Ok(columns(rays.map(hit).collect::<Result<_, _>>()?))
         })
     }
 
@@ -494,8 +492,7 @@ impl PyIndex {
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        let map = Arc::clone(&self.map);
-        self.hits(py, threads, move |index, stop| {
+        self.hits(py, threads, level, move |index, stop| {
             let answer = |query: &Query| {
                 let answer = index.reactive(*query)?;
                 let hit = index.hit_of(*query, &answer, Refine::Walk).ok_or(ContactError::NoSkin)?;
@@ -509,9 +506,6 @@ impl PyIndex {
                 found.iter().map(|found| found.1).collect(),
                 found.iter().map(|found| found.2).collect(),
             ]);
-            let cell = |hit: &Hit, level| index.cell(hit, map.patches[hit.patch].nearest_level(level));
-            answers.cells =
-                level.map(|level| (level, found.iter().map(|(hit, ..)| cell(hit, level)).collect()));
             Ok(answers)
         })
     }

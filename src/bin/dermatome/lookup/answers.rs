@@ -1,5 +1,6 @@
 //! Contacts to rows: where each lies on every level.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -48,6 +49,8 @@ pub(super) struct Answers<'a> {
     readings: Option<Readings>,
     /// On each level, how many contacts lie in a field whose centre reads no pressure.
     silent: Vec<AtomicU64>,
+    /// Whether answers keep the times of contacts.
+    has_times: bool,
     /// Contacts that are off the skin.
     far: AtomicU64,
     /// Contacts on the skin that are farther from it than [`DOUBTFUL`] spacings of the patch.
@@ -66,7 +69,8 @@ impl<'a> Answers<'a> {
         max_distance: Option<f64>,
         player: Player,
     ) -> Self {
-        let silent = robot.levels.iter().map(|_| AtomicU64::new(0)).collect();
+        let levels = robot.levels.last().map_or(0, |last| last.index() + 1);
+        let silent = (0..levels).map(|_| AtomicU64::new(0)).collect();
         let far = AtomicU64::new(0);
         Self {
             robot,
@@ -76,6 +80,7 @@ impl<'a> Answers<'a> {
             player,
             readings: None,
             silent,
+            has_times: false,
             far,
             doubtful: AtomicU64::new(0),
             faceless: AtomicU64::new(0),
@@ -103,8 +108,11 @@ impl<'a> Answers<'a> {
         path: &Path,
         output: impl Write + Send,
     ) -> Result<(), IoError> {
-        let extra = (self.question == Question::Reactive).then_some("least,most");
-        let mut table = LookupWriter::new(path, output, extra)?;
+        let range = (self.question == Question::Reactive).then_some("least,most");
+        let columns: Vec<&str> = range.into_iter().chain(contacts.has_times.then_some("time")).collect();
+        let extra = columns.join(",");
+        let mut table = LookupWriter::new(path, output, (!extra.is_empty()).then_some(&*extra))?;
+        self.has_times = contacts.has_times;
         self.player.start(&mut self.index)?;
         let robot = self.robot;
         let mut batch = contacts.batch(robot)?;
@@ -171,8 +179,8 @@ impl<'a> Answers<'a> {
 
     /// Notes on what was found; the one on contacts far from the skin ends with `ask`.
     pub(super) fn note(&self, contacts: &Contacts<'_>, ask: &str, common: &Common) {
-        let counts = self.silent.iter().map(|n| n.load(Ordering::Relaxed));
-        let counts = self.robot.levels.iter().zip(counts).filter(|(_, count)| *count > 0);
+        let counts = self.silent.iter().map(|n| n.load(Ordering::Relaxed)).enumerate();
+        let counts = counts.filter(|(_, count)| *count > 0);
         let counts: Vec<_> = counts.map(|(level, count)| format!("{count} on level {level}")).collect();
         if !counts.is_empty() {
             let what = "contacts in a field whose centre is an absent taxel or a thermal pad";
@@ -218,13 +226,21 @@ impl<'a> Rows<'a, '_> {
             return self.off_skin(hit);
         }
         self.count_doubtful(hit.patch, away);
-        for (k, &level) in answers.robot.levels.iter().enumerate() {
+        self.on_levels(hit, |rows, level, place| {
+            if place.presence != Presence::Present {
+                rows.answers.silent[level.index()].fetch_add(1, Ordering::Relaxed);
+            }
+            rows.row(level, hit.distance, Some(place), []);
+        });
+    }
+
+    /// Calls `visit` with where a hit is on each level of its patch.
+    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, LevelId, LookupPlace<'a>)) {
+        let answers = self.answers;
+        for level in answers.robot.levels_of(hit.patch) {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            if place.presence != Presence::Present {
-                answers.silent[k].fetch_add(1, Ordering::Relaxed);
-            }
-            self.row(level, hit.distance, Some(place), &[]);
+            visit(self, level, place);
         }
     }
 
@@ -250,16 +266,25 @@ impl<'a> Rows<'a, '_> {
         LookupPlace { patch, link, cell, presence, live_taxel, position, normal }
     }
 
-    fn row(&mut self, level: LevelId, distance: f64, place: Option<LookupPlace<'_>>, extra: &[f64]) {
+    fn row<const N: usize>(
+        &mut self,
+        level: LevelId,
+        distance: f64,
+        place: Option<LookupPlace<'_>>,
+        range: [f64; N],
+    ) {
         let frame = self.query.link.map_or(WORLD, |link| &self.answers.robot.links[link]);
         let contact = self.contact.number;
+        let mut extra = [f64::NAN; 3];
+        extra[..N].copy_from_slice(&range);
+        extra[N] = self.contact.time.unwrap_or(f64::NAN);
+        let extra = &extra[..N + usize::from(self.answers.has_times)];
         (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
     }
 
-    /// How far the skin is, and a row for each level of a point near the nearest; the coarsest level of a patch answers once for
-    /// those that it does not reach up to.
+    /// How far the skin is, and a row for each level of a point near the nearest.
     fn reactive(&mut self) -> Result<(), ContactError> {
-        let Answers { robot, index, .. } = self.answers;
+        let Answers { index, .. } = self.answers;
         let answer = index.reactive(self.query)?;
         let Some(hit) = index.hit_of(self.query, &answer, Refine::Walk) else { return Ok(()) };
         let answer = answer.narrowed(&hit);
@@ -269,21 +294,17 @@ impl<'a> Rows<'a, '_> {
         } else {
             self.count_doubtful(answer.patch, answer.least);
         }
-        let mut given = None;
-        let patch = &robot.map.patches[answer.patch];
-        for level in robot.levels.iter().map(|&level| patch.nearest_level(level)) {
-            let Some(cell) = index.cell(&hit, level).filter(|_| given != Some(level)) else { continue };
-            given = Some(level);
-            let place = self.place(answer.patch, answer.link, cell, hit.position, hit.normal);
-            self.row(level, answer.distance, (!is_far).then_some(place), &[answer.least, answer.most]);
-        }
+        self.on_levels(&hit, |rows, level, place| {
+            rows.row(level, answer.distance, (!is_far).then_some(place), [answer.least, answer.most]);
+        });
         Ok(())
     }
 
     /// The fields near the contact, or within the sphere of its radius.
     fn fields(&mut self) -> Result<(), ContactError> {
         let Answers { robot, index, question, max_distance, .. } = self.answers;
-        let mut is_far = true;
+        let (mut is_far, mut seen) = (true, HashSet::new());
+        let coarsest = robot.levels.last().copied().unwrap_or_default();
         for &level in &robot.levels {
             let found = match question {
                 Question::Within(distance) => {
@@ -298,12 +319,18 @@ impl<'a> Rows<'a, '_> {
                     continue;
                 }
                 is_far = false;
-                let Some(cell) = index.cell(&field, level) else {
+                // The coarsest level of a patch also answers for those that it does not reach up to.
+                let is_shared = robot.map.patches[field.patch].nearest_level(coarsest) == field.level;
+                let is_shared = is_shared && field.level < coarsest;
+                if is_shared && !seen.insert((field.patch, field.level, field.field)) {
+                    continue;
+                }
+                let Some(cell) = index.cell(&field, field.level) else {
                     self.answers.faceless.fetch_add(1, Ordering::Relaxed);
                     continue;
                 };
                 let place = self.place(field.patch, field.link, cell, field.position, field.normal);
-                self.row(level, field.distance, Some(place), &[]);
+                self.row(field.level, field.distance, Some(place), []);
             }
         }
         if !is_far && max_distance.is_some() {
@@ -320,18 +347,14 @@ impl<'a> Rows<'a, '_> {
 
     /// Where the ray along the contact's normal meets the skin.
     fn ray(&mut self) -> Result<(), ContactError> {
-        let Answers { robot, index, max_distance, .. } = self.answers;
+        let Answers { index, max_distance, .. } = self.answers;
         let direction = self.contact.normal.unwrap_or_default();
         let longest = max_distance.unwrap_or(f64::INFINITY);
         let Some(hit) = index.first_hit(self.query, direction, longest)? else {
             self.off_skin(&index.locate(self.query)?);
             return Ok(());
         };
-        for &level in &robot.levels {
-            let Some(cell) = index.cell(&hit, level) else { continue };
-            let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            self.row(level, hit.distance, Some(place), &[]);
-        }
+        self.on_levels(&hit, |rows, level, place| rows.row(level, hit.distance, Some(place), []));
         Ok(())
     }
 
@@ -339,7 +362,7 @@ impl<'a> Rows<'a, '_> {
     fn off_skin(&mut self, hit: &Hit) {
         self.answers.far.fetch_add(1, Ordering::Relaxed);
         for &level in &self.answers.robot.levels {
-            self.row(level, hit.distance, None, &[]);
+            self.row(level, hit.distance, None, []);
         }
     }
 }

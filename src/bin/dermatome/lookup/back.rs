@@ -1,6 +1,6 @@
 //! Places on maps to rows: the points of the skin that they show.
 
-use std::{io::Write, path::Path, slice};
+use std::{io::Write, path::Path};
 
 use dermatome::{
     Error,
@@ -12,7 +12,7 @@ use dermatome::{
 };
 use glam::{DAffine3, DVec2};
 
-use crate::console::notes::{note, note_columns, note_count};
+use crate::console::notes::{note_columns, note_count};
 use crate::lookup::contacts::{FrameArg, LARGEST, WORLD, open};
 use crate::lookup::player::Player;
 use crate::lookup::refusals::{Refusals, unanswered};
@@ -60,13 +60,14 @@ impl<'a> Back<'a> {
         let (unknown, rows) = read_map_places(name, input).map_err(Error::from)?;
         note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());
-        let rows = Box::new(rows);
-        let (has_times, off_chart) = (false, 0);
+        let (has_times, rows) = (rows.has_times(), Box::new(rows));
+        let off_chart = 0;
         Ok(Self { robot, index, maps, frame, unit, player, rows, refusals, has_times, off_chart })
     }
 
     pub(super) fn answer(&mut self, path: &Path, output: impl Write) -> Result<(), IoError> {
-        let mut table = LookupWriter::new(path, output, Some("off_chart"))?;
+        let extra = if self.has_times { "off_chart,time" } else { "off_chart" };
+        let mut table = LookupWriter::new(path, output, Some(extra))?;
         loop {
             let places = self.batch()?;
             if places.is_empty() {
@@ -96,9 +97,12 @@ impl<'a> Back<'a> {
             from.push(found.len());
         }
         let (robot, poses, frame) = (self.robot, self.index.poses(), self.frame);
+        let columns = 1 + usize::from(self.has_times);
         table.write(places.len(), |k, emit| {
             for place in &found[from[k]..from[k + 1]] {
-                emit(&row(robot, &poses, frame, places[k].number, place));
+                let extra = [place.off_chart, places[k].time.unwrap_or(f64::NAN)];
+                let row = row(robot, &poses, frame, places[k].number, place);
+                emit(&LookupRow { extra: &extra[..columns], ..row });
             }
         })
     }
@@ -113,7 +117,6 @@ impl<'a> Back<'a> {
                 self.refusals.off_skin += 1;
                 continue;
             };
-            self.has_times |= place.time.is_some();
             places.push(Place { number, ..place });
         }
         Ok(places)
@@ -165,9 +168,6 @@ impl<'a> Back<'a> {
         self.refusals.note_off_skin(common);
         let how = "off the map: the nearest place on it is answered (column `off_chart`)";
         note_count(common, self.off_chart, "places", how);
-        if self.has_times && !self.player.is_timed() {
-            note!(common, "{}: column `time` is not used", self.refusals.path.display());
-        }
         self.player.note("places", common);
     }
 }
@@ -187,9 +187,9 @@ fn row<'a>(
         }
         FrameArg::Link => ((place.position, place.normal), link.as_str()),
     };
-    let (cell, extra) = (place.cell, slice::from_ref(&place.off_chart));
+    let cell = place.cell;
     let (presence, live_taxel) = robot.live.nearest(place.patch, &cell);
     let patch = &robot.patches[place.patch];
     let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
-    LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra }
+    LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra: &[] }
 }

@@ -11,7 +11,7 @@ use dermatome::io::{ContactRow, IoError, read_contacts};
 use dermatome::skin::LinkId;
 use glam::DVec3;
 
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{first_names, note, note_columns};
 use crate::files::outputs::is_stream;
 use crate::lookup::refusals::Refusals;
 use crate::lookup::robot::Robot;
@@ -52,7 +52,7 @@ pub(super) struct Batch {
 }
 
 /// Columns that are read and checked, but may change nothing in the answer.
-const OPTIONAL: [&str; 4] = ["nx,ny,nz", "force", "radius", "time"];
+const OPTIONAL: [&str; 3] = ["nx,ny,nz", "force", "radius"];
 
 /// The place of `nx,ny,nz` among them.
 const NORMAL: usize = 0;
@@ -77,6 +77,7 @@ pub(super) struct Meaning {
 pub(super) struct Contacts<'a> {
     rows: Box<dyn Iterator<Item = Result<ContactRow, IoError>> + Send + 'a>,
     meaning: Meaning,
+    pub(super) has_times: bool,
     /// Which of [`OPTIONAL`] change the answer.
     used: [bool; OPTIONAL.len()],
     /// Which of [`OPTIONAL`] some contact has.
@@ -105,6 +106,7 @@ impl Contacts<'_> {
         let (unknown, rows) = read_contacts(name, input).map_err(Error::from)?;
         note_columns(name, &unknown, common);
         Ok(Self {
+            has_times: rows.has_times(),
             rows: Box::new(rows),
             meaning,
             used: OPTIONAL.map(|column| used.contains(&column)),
@@ -136,7 +138,7 @@ impl Contacts<'_> {
     }
 
     fn query(&mut self, robot: &Robot, row: &ContactRow, point: DVec3) -> Result<Query, IoError> {
-        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some(), row.time.is_some()];
+        let given = [row.normal.is_some(), row.force.is_some(), row.radius.is_some()];
         self.given = std::array::from_fn(|k| self.given[k] | given[k]);
         let link = self.link(robot, row)?;
         if point.abs().max_element() > LARGEST {
@@ -220,7 +222,13 @@ impl Contacts<'_> {
                 let found = format!("{name:?}, the name of {} links", 1 + others);
                 (found, "the name of one link of the map alone")
             }
-            (None, _) => (format!("{name:?}"), needed),
+            (None, _) => {
+                let is_patch = robot.patches.iter().any(|patch| patch == name);
+                let kind = if is_patch { ", the name of a patch" } else { "" };
+                let known: Vec<String> = robot.links.iter().cloned().collect();
+                let needed = &format!("{needed}: {}", first_names(&known));
+                return Err(self.refusals.invalid(line, column, format!("{name:?}{kind}"), needed));
+            }
         };
         Err(self.refusals.invalid(line, column, found, needed))
     }

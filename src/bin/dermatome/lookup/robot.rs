@@ -5,7 +5,7 @@ use std::path::Path;
 use dermatome::Error;
 use dermatome::contact::LiveTaxels;
 use dermatome::id::IdVec;
-use dermatome::io::{MotionFile, read_map, read_motion, read_robot};
+use dermatome::io::{MotionFile, read_motion, read_robot};
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{LinkId, Motion, PatchId, link_names, world_pose};
@@ -15,7 +15,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
 use crate::console::print::plain;
-use crate::files::input::select_patches;
+use crate::files::input::{read_map_first, select_patches};
 use crate::files::outputs;
 use crate::options::{Common, JointsArg};
 
@@ -42,7 +42,7 @@ impl Robot {
         chosen: &[usize],
         common: &Common,
     ) -> anyhow::Result<Self> {
-        let mut map = read_map(path).map_err(Error::from)?;
+        let mut map = read_map_first(path)?;
         let has_skin = carries(&map);
         let all = map.patches.into_iter().collect();
         map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
@@ -56,10 +56,7 @@ impl Robot {
             let levels = patch.levels.len();
             if chosen.iter().any(|&level| level >= levels) {
                 let what = format!("{} has {levels} levels", plain(&patch.name));
-                note!(
-                    common,
-                    "{what}; contacts on it get no row for levels above, with --reactive that of the last"
-                );
+                note!(common, "{what}; contacts on it get the row of the last one for levels above");
             }
         }
         let levels = (0..most).filter(|k| chosen.is_empty() || chosen.contains(k)).map(LevelId::new);
@@ -72,6 +69,13 @@ impl Robot {
             levels: levels.collect(),
             map,
         })
+    }
+
+    /// The levels of which a patch gives rows: for those that it does not reach up to its coarsest, each once.
+    pub(super) fn levels_of(&self, patch: PatchId) -> impl Iterator<Item = LevelId> + use<'_> {
+        let (patch, mut last) = (&self.map.patches[patch], None);
+        let levels = self.levels.iter().map(|&level| patch.nearest_level(level));
+        levels.filter(move |&level| last.replace(level) != Some(level))
     }
 
     /// How the links move: the poses of a table, or an animation of a glTF file, by default of the

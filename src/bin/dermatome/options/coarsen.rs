@@ -2,8 +2,9 @@
 
 use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
 
-use crate::options::InPath;
+use crate::console::notes::note_columns;
 use crate::options::values::number;
+use crate::options::{Common, InPath};
 
 /// How to coarsen.
 #[derive(Debug, Clone, clap::Args)]
@@ -37,8 +38,10 @@ pub(crate) struct AcuityArgs {
 
 impl AcuityArgs {
     /// Reads the table, if one is named, into the taxels of a skin.
-    pub(crate) fn apply(&self, skin: &mut Skin) -> Result<(), Error> {
-        self.acuity.as_ref().map_or(Ok(()), |path| read_acuities(path, skin).map_err(Error::from))
+    pub(crate) fn apply(&self, skin: &mut Skin, common: &Common) -> Result<(), Error> {
+        let Some(path) = &self.acuity else { return Ok(()) };
+        note_columns(path, &read_acuities(path, skin)?, common);
+        Ok(())
     }
 }
 

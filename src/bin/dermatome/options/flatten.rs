@@ -13,8 +13,9 @@ use dermatome::skin::Skin;
 use glam::DVec3;
 
 use crate::console::errors::advise;
+use crate::console::notes::note_columns;
 use crate::options::values::{direction, number};
-use crate::options::{Choice, MayRead, one_of};
+use crate::options::{Choice, Common, MayRead, one_of};
 
 /// How to flatten.
 #[derive(Debug, Clone, clap::Args)]
@@ -125,7 +126,7 @@ impl MayRead for BoundaryArg {
 
 impl FlattenArgs {
     /// The options for a skin; a table of --boundary needs one with a single patch.
-    pub(crate) fn options_for(&self, skin: &Skin) -> anyhow::Result<FlattenOptions> {
+    pub(crate) fn options_for(&self, skin: &Skin, common: &Common) -> anyhow::Result<FlattenOptions> {
         let mut options = self.options()?;
         let Some(BoundaryArg::Table(path)) = &self.boundary else {
             return Ok(options);
@@ -137,8 +138,9 @@ impl FlattenArgs {
                 "choose one with --patch NAME, or prescribe a shape: circle or rectangle",
             ));
         };
-        let places = read_boundary(path).map_err(Error::from)?;
-        options.boundary = Boundary::through(&patch.taxels.ids, places)
+        let table = read_boundary(path).map_err(Error::from)?;
+        note_columns(path, &table.unused, common);
+        options.boundary = Boundary::through(&patch.taxels.ids, table.rows)
             .map_err(Error::from)
             .with_context(|| format!("cannot use {}", path.display()))?;
         Ok(options)
@@ -155,7 +157,7 @@ impl FlattenArgs {
                 Method::Conformal
             }
             (MethodArg::Linear, _) => {
-                self.allow_only(&["--angle", "--area"], "--method linear")?;
+                self.allow_only(&["--angle", "--area", "--boundary"], "--method linear")?;
                 Method::Linear { angle, area }
             }
             (MethodArg::Intrinsic, Some(EnergyArg::SymmetricDirichlet)) => {
@@ -179,7 +181,7 @@ impl FlattenArgs {
     }
 
     /// Where to cut; reads the table if one is named.
-    pub(crate) fn cut(&self) -> anyhow::Result<Cut> {
+    pub(crate) fn cut(&self, common: &Common) -> anyhow::Result<Cut> {
         let table = matches!(self.boundary, Some(BoundaryArg::Table(_)));
         match self.max_area_ratio {
             Some(ratio) if matches!(self.cut, CutArg::Auto) && !table => return Ok(Cut::AreaRatio(ratio)),
@@ -201,7 +203,11 @@ impl FlattenArgs {
             CutArg::Auto => Cut::Auto,
             CutArg::None => Cut::None,
             CutArg::All => Cut::All,
-            CutArg::Table(file) => Cut::Along(read_seams(file).map_err(Error::from)?),
+            CutArg::Table(file) => {
+                let table = read_seams(file).map_err(Error::from)?;
+                note_columns(file, &table.unused, common);
+                Cut::Along(table.rows)
+            }
         })
     }
 

@@ -8,6 +8,9 @@ mod read;
 mod robot;
 mod values;
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+
 use clap::ValueEnum;
 use dermatome::io::Outputs;
 
@@ -38,6 +41,9 @@ pub(crate) struct Common {
     /// The files that this run writes, and those that it reads.
     #[arg(skip)]
     pub(crate) outputs: Outputs,
+    /// Steps of iterations so far.
+    #[arg(skip)]
+    pub(crate) steps: Arc<AtomicU64>,
 }
 
 impl Common {

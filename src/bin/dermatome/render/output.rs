@@ -81,20 +81,21 @@ pub(super) struct ColourArgs {
     /// What a folder holds
     #[arg(long, value_enum, default_value_t = Pictures::Exr)]
     pub(super) pictures: Pictures,
-    /// Values at the ends of the colour scale of PNG pictures
+    /// Values at the ends of the colour scale of PNG pictures, in the unit of the readings, of a force per m^2
+    /// [default: those of the images; needed for a stream]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
-    range: Option<[f64; 2]>,
+    pub(super) range: Option<[f64; 2]>,
     /// Pixels of a picture for each pixel of an image
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     zoom: u32,
 }
 
 impl ColourArgs {
-    /// Refuses pictures without a scale of colours.
-    pub(super) fn check(&self, kind: Kind) -> anyhow::Result<()> {
-        if kind == Kind::Folder(Pictures::Png) && self.range.is_none() {
+    /// Refuses pictures of a stream without a scale of colours.
+    pub(super) fn check(&self, kind: Kind, is_stream: bool) -> anyhow::Result<()> {
+        if kind == Kind::Folder(Pictures::Png) && self.range.is_none() && is_stream {
             return Err(advise(
-                "--pictures png needs the values at the ends of its colour scale",
+                "--pictures png of a stream needs the values at the ends of its colour scale",
                 "give them with --range LOW,HIGH, in the unit of the readings, of a force per m^2",
             ));
         }
