@@ -3,7 +3,7 @@
 //! Options determine the result; a [`Run`] is a separate parameter. The number of threads is that of the
 //! rayon pool in which the work runs.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// How a computation runs. The default is never cancelled and does not report progress.
 ///
@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Run<'a> {
     cancelled: Option<&'a AtomicBool>,
     progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+    steps: Option<&'a AtomicU64>,
 }
 
 impl<'a> Run<'a> {
@@ -36,6 +37,12 @@ impl<'a> Run<'a> {
         Self { progress: Some(progress), ..self }
     }
 
+    /// `steps` grows with each step of an iteration: one large patch may take minutes.
+    #[must_use]
+    pub fn counting(self, steps: &'a AtomicU64) -> Self {
+        Self { steps: Some(steps), ..self }
+    }
+
     /// Whether the work is cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.is_some_and(|flag| flag.load(Ordering::Relaxed))
@@ -44,6 +51,12 @@ impl<'a> Run<'a> {
     /// An error if the work is cancelled.
     pub(crate) fn check(&self) -> Result<(), Cancelled> {
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+
+    /// As [`Self::check`], at a step of an iteration, which is counted.
+    pub(crate) fn step(&self) -> Result<(), Cancelled> {
+        self.steps.map(|steps| steps.fetch_add(1, Ordering::Relaxed));
+        self.check()
     }
 
     pub(crate) fn tell(&self, progress: Progress) {

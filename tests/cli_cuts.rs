@@ -122,6 +122,9 @@ fn seams_of_the_texture_are_cuts() {
     assert_eq!(size(path, "o.obj"), [6, 8, 0]);
     assert_eq!(size(path, "o.obj --seams uv"), [7, 8, 1], "vertex 1 has two texture coordinates");
     dermatome(path, "flatten o.obj --seams uv -o flat.obj").assert().success();
+    // A coordinate that is only rounded is no seam.
+    fs::write(path.join("r.obj"), text.replace("f 1/1 2/2 5/6", "vt .2500001 .5\nf 1/1 2/8 5/6")).unwrap();
+    assert_eq!(size(path, "r.obj --seams uv"), [7, 8, 1]);
     dermatome(path, "info o.obj --seams uv --weld all").assert().code(2);
     fs::write(path.join("bare.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     refuses(path, "info bare.obj --seams uv", &["no texture coordinates"]);

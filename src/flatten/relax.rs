@@ -272,7 +272,7 @@ impl<'d> Descent<'d> {
         let must_be_apart = scaffold == Scaffold::Framed && apart.is_some();
         let mut go_on = |uv: &Uv| {
             let [is_kept, is_apart] = self.note(uv, kept, apart);
-            is_kept && (is_apart || !must_be_apart) && !self.run.is_cancelled()
+            is_kept && (is_apart || !must_be_apart) && self.run.step().is_ok()
         };
         for _ in 0..GRADUAL_ROUNDS {
             let Some(elements) = self.bounded(&relaxed.uv) else { break };
@@ -314,7 +314,7 @@ impl<'d> Descent<'d> {
             let limits = NewtonLimits { steps: round, ..self.limits };
             let mut go_on = |uv: &Uv| {
                 self.note(uv, kept, apart);
-                !self.run.is_cancelled()
+                self.run.step().is_ok()
             };
             let ended = objective.minimise(&mut uv, Solver::Direct, limits, &mut go_on).map_err(failed)?;
             self.run.check()?;

@@ -94,16 +94,16 @@ pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
     build_with(skin, options, Run::default()).map(|built| Arc::unwrap_or_clone(built.map))
 }
 
-/// As [`build`], with level 0 of each patch alone. Coarser levels are made only where the map of level 0
-/// starts from theirs.
+/// As [`build`], with level 0 of each patch alone, measured and kept one to one in 64-bit numbers. Coarser
+/// levels are made only where the map of level 0 starts from theirs.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<SkinMap, Error> {
     let levels = if options.flatten.starts_coarse() { options.coarsen.levels } else { Some(0) };
     let coarsen = CoarsenOptions { levels, ..options.coarsen.clone() };
-    let built = build_with(skin, &BuildOptions { coarsen, ..options.clone() }, run)?;
-    let mut map = Arc::unwrap_or_clone(built.map);
+    let options = BuildOptions { coarsen, ..options.clone() };
+    let mut map = Arc::unwrap_or_clone(build_for(skin, &options, Numbers::F64, run)?.map);
     map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
     Ok(map)
 }
@@ -140,6 +140,18 @@ pub struct Enlarged {
 /// # Errors
 /// As [`build`], and if it is cancelled.
 pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<Built, Error> {
+    build_for(skin, options, Numbers::F32, run)
+}
+
+/// The numbers in which a map is measured and kept one to one.
+#[derive(Debug, Clone, Copy)]
+enum Numbers {
+    /// Those of a map file.
+    F32,
+    F64,
+}
+
+fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>) -> Result<Built, Error> {
     let start = Instant::now();
     skin.validate()?;
     let seams = given_seams(skin, &options.cut)?;
@@ -164,38 +176,47 @@ pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<B
         MagnifyOver::Patch => vec![1.0; patches.len()],
     };
     let jobs: Vec<_> = jobs.into_iter().zip(scales).collect();
+    let map_one = |patch: &Patch, pyramid: Coarsened, scale: f64, options: &BuildOptions| {
+        let mut map = map_patch(patch, pyramid, scale, options, run)?;
+        let left_out = keep_held(&mut map, options, numbers)?;
+        Ok((map, left_out))
+    };
     let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
-        let mut map = map_patch(patch, pyramid, scale, options, run);
+        let mut map = map_one(patch, pyramid, scale, options);
         // A cut that joins boundary loops leaves fewer holes to preserve.
         if map.is_err() && options.cut == Cut::Auto && !is_plain_disk(&patch.mesh) {
             let options = BuildOptions { cut: Cut::All, ..options.clone() };
             let joined = coarsen_patch(patch, &[], side(patch), &options, run);
-            map = joined.and_then(|pyramid| map_patch(patch, pyramid, scale, &options, run)).or(map);
+            map = joined.and_then(|pyramid| map_one(patch, pyramid, scale, &options)).or(map);
         }
         map.map_err(|e| e.in_patch(&patch.name))
     });
     run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
-    let (patches, left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let (patches, mut left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
-    let enlarged = if options.pixel.is_none() { enlarge_pixels(&mut map)? } else { None };
+    let enlarged = match (options.pixel, numbers) {
+        (None, Numbers::F32) => enlarge_pixels(&mut map, options, &mut left_out)?,
+        _ => None,
+    };
     let map = Arc::new(map);
     Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), failed, enlarged })
 }
 
 /// Gives a map larger pixels where its images would have too many.
-fn enlarge_pixels(map: &mut SkinMap) -> Result<Option<Enlarged>, Error> {
+fn enlarge_pixels(
+    map: &mut SkinMap,
+    options: &BuildOptions,
+    left_out: &mut [usize],
+) -> Result<Option<Enlarged>, Error> {
     let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
     let pixels = pixels_of(map);
-    map.patches.par_iter_mut().try_for_each(|patch| {
-        let mut levels = patch.levels.iter_mut();
-        let enlarged = levels.try_for_each(|level| {
-            level.set_pixel(1e-3 * pixel_mm);
-            measure_as_written(level)
-        });
-        enlarged.map_err(|e| Error::from(e).in_patch(&patch.name))
+    map.patches.par_iter_mut().zip(left_out).try_for_each(|(patch, left_out)| {
+        patch.levels.iter_mut().for_each(|level| level.set_pixel(1e-3 * pixel_mm));
+        *left_out += keep_held(patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
+        Ok::<_, Error>(())
     })?;
     Ok(Some(Enlarged { pixel_mm, pixels }))
 }
@@ -253,14 +274,14 @@ fn check_promises(level: &MapLevel, options: &FlattenOptions) -> Result<(), Erro
     }
 }
 
-/// The map of a patch, `scale` times as long as the skin, and how many levels of its pyramid have none.
+/// The map of a patch, `scale` times as long as the skin; not measured.
 fn map_patch(
     patch: &Patch,
     pyramid: Coarsened,
     scale: f64,
     options: &BuildOptions,
     run: Run<'_>,
-) -> Result<(PatchMap, usize), Error> {
+) -> Result<PatchMap, Error> {
     let (levels, maps) = match pyramid {
         Coarsened::Whole(pyramid) => {
             let maps = flatten_pyramid_with(&pyramid, Some(&patch.taxels), &options.flatten, run)?;
@@ -273,23 +294,35 @@ fn map_patch(
             (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }
     };
-    let made = levels.len();
     let (maps, convergences): (Vec<_>, Vec<_>) =
         maps.into_iter().map(|map| (map.uv.map(|&p| p * scale), map.convergence)).unzip();
     let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
-    // A map that is not valid in the numbers of a file counts as none.
-    let mut held = 0;
     for (level, convergence) in map.levels.iter_mut().zip(convergences) {
         level.convergence = Some(convergence);
-        let written = measure_as_written(level).map_err(Error::from);
-        match written.and_then(|()| check_promises(level, &options.flatten)) {
+    }
+    Ok(map)
+}
+
+/// Measures the levels of a map and leaves out the coarse ones from the first on that a file cannot hold or that
+/// breaks a promise: that is no map either. Returns how many.
+fn keep_held(map: &mut PatchMap, options: &BuildOptions, numbers: Numbers) -> Result<usize, Error> {
+    let (made, mut held) = (map.levels.len(), 0);
+    for level in map.levels.iter_mut() {
+        let measured = match numbers {
+            Numbers::F32 => measure_as_written(level).map_err(Error::from),
+            Numbers::F64 => {
+                level.measure();
+                Ok(())
+            }
+        };
+        match measured.and_then(|()| check_promises(level, &options.flatten)) {
             Ok(()) => held += 1,
             Err(error) if held == 0 => return Err(error),
             Err(_) => break,
         }
     }
     map.keep_finest(held);
-    Ok((map, made - held))
+    Ok(made - held)
 }
 
 /// Does `job` for every patch in parallel.

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::console::errors::{INCOMPLETE, advise};
 use crate::console::notes::{
-    note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_seams,
+    note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_rounding, note_seams,
 };
 use crate::console::print::{json, plain, print_json, print_levels};
 use crate::console::progress;
@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::add_inputs(&inputs, &common.outputs);
     outputs::guard(&files, &common.outputs)?;
     let mut options = BuildOptions {
-        cut: args.flatten.cut()?,
+        cut: args.flatten.cut(common)?,
         seam_side: args.flatten.seam_side,
         coarsen: args.coarsen.options(),
         flatten: args.flatten.options()?,
@@ -113,13 +113,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (mut skin, left_out) = read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
     check_output(folder, &files)?;
-    args.acuity.apply(&mut skin)?;
-    options.flatten = args.flatten.options_for(&skin)?;
+    args.acuity.apply(&mut skin, common)?;
+    options.flatten = args.flatten.options_for(&skin, common)?;
     let read = start.elapsed().as_secs_f64();
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let built = build_with(&skin, &options, Run::default().telling(&on_progress))
+    let built = build_with(&skin, &options, Run::default().telling(&on_progress).counting(&common.steps))
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     let title = title(&args.skin, folder);
     let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;
@@ -145,6 +145,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         write_bytes(&common.outputs.file(folder.join(name)), text.as_bytes()).map_err(Error::from)?;
     }
     outputs::publish(common)?;
+    note_rounding(&skin, common);
     note_seams(&report.patches, common);
     note_built(&built, common);
     note_overlaps(&report.patches, &options.flatten, common);

@@ -10,6 +10,7 @@ use dermatome::skin::{AssembleOptions, Patch, Skin};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+use crate::console::notes::note_rounding;
 use crate::console::print::{plain, print_json, print_table};
 use crate::files::input::read_skin;
 use crate::files::outputs;
@@ -45,7 +46,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let assemble =
         AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options(&[&args.skin]) };
     let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
-    args.acuity.apply(&mut skin)?;
+    args.acuity.apply(&mut skin, common)?;
     let options = args.coarsen.options();
     let coarsen = |patch: &Patch| {
         let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);
@@ -55,6 +56,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
     write_pyramids(common.outputs.file(&args.output), &skin, &pyramids).map_err(Error::from)?;
     outputs::publish(common)?;
+    note_rounding(&skin, common);
     let (summary, rows) = summarise(&skin, &pyramids)?;
     if args.json {
         print_json("dermatome.coarsen/1", &summary)?;

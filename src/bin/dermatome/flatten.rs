@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.flatten.options()?;
     let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&[&args.mesh]) };
     let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
-    args.acuity.apply(&mut skin)?;
+    args.acuity.apply(&mut skin, common)?;
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(
@@ -61,14 +61,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ));
     }
     let options = BuildOptions {
-        cut: args.flatten.cut()?,
+        cut: args.flatten.cut(common)?,
         seam_side: args.flatten.seam_side,
-        flatten: args.flatten.options_for(&skin)?,
+        flatten: args.flatten.options_for(&skin, common)?,
         ..BuildOptions::default()
     };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let map = build_finest(&skin, &options, Run::default())
+    let map = build_finest(&skin, &options, Run::default().counting(&common.steps))
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
     let patch = &map.patches[PatchId::new(0)];

@@ -68,6 +68,11 @@ impl Document {
         check_marks(&source, text)?;
         let Parsed { root, transforms, animations, materials } = json::parse(&source, text)?;
         check_extensions(&source, &root)?;
+        if root.extensions_used.iter().any(|name| name == INSTANCING) {
+            notes.add(format!(
+                "{INSTANCING}: the copies of meshes that it places are not read, each mesh is once"
+            ));
+        }
         Ok(Self {
             notes,
             materials,
@@ -254,6 +259,9 @@ fn check_extensions(source: &Source, root: &Root) -> Result<()> {
 
 /// Compressed primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Copies of a mesh in many places.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that change how a surface looks, but not where it is; integer positions and normals are
 /// read as any numbers.

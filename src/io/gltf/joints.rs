@@ -3,7 +3,8 @@
 //! A skin of glTF lists its joints, which are nodes, and for each a matrix from the mesh as it was
 //! bound to the frame of the joint. Where the nodes stand as they did then, all joints agree where the
 //! mesh is, and it moves with its links from there. In a file that shows another pose, each vertex is
-//! moved to where the file shows it, and follows its links from there.
+//! moved to where the file shows it, and follows its links from there: for a blend of links that is nearly, not
+//! exactly, what the file says of other poses.
 //!
 //! Our own files name the link in whose frame the mesh is given; others put it on a link of its own.
 
@@ -90,7 +91,9 @@ impl Binding {
         }
         let found = "joints that stand elsewhere than when the mesh was bound to them";
         let fault = document.invalid(element, found, "the pose of the inverse bind matrices");
-        document.notes.settle(fault, "vertices were moved to where the file shows them")?;
+        let what = "vertices were moved to where the file shows them; from there those that follow several joints move \
+                    nearly, not exactly, as the file says: a file in the pose of its matrices keeps that";
+        document.notes.settle(fault, what)?;
         let mut moves = IdVec::filled(DAffine3::IDENTITY, tree.links.len());
         for (&link, seen) in joints.iter().zip(seen) {
             moves[link] = own.inverse() * seen;

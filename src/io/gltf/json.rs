@@ -27,8 +27,9 @@ pub(super) struct Transform {
 }
 
 /// What the types of the crate are read for.
-const READ: [&str; 10] = [
+const READ: [&str; 11] = [
     "asset",
+    "extensionsUsed",
     "extensionsRequired",
     "buffers",
     "bufferViews",

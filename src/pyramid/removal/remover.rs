@@ -58,7 +58,7 @@ impl Remover<'_> {
         for limits in [STRICT, LENIENT] {
             queue.wake_all();
             loop {
-                run.check()?;
+                run.step()?;
                 let chosen = queue.independent(self.mesh);
                 if chosen.is_empty() {
                     break;

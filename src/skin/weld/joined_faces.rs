@@ -7,6 +7,8 @@
 
 use std::collections::BTreeSet;
 
+use glam::DVec2;
+
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Edges, Halfedge, TriMesh};
 use crate::numeric::{DisjointSets, Relation};
@@ -15,6 +17,10 @@ use crate::skin::weld::crowded::{Content, is_turned, pairs};
 use crate::skin::weld::fans::join;
 use crate::skin::weld::opening::kept_open;
 use crate::skin::weld::{Weld, WeldOptions};
+
+/// Texture coordinates nearer than this, or than this share of them, are the same one, rounded: a tenth of a
+/// pixel of a large texture.
+const SAME_TEXTURE: f64 = 1e-5;
 
 /// Which faces are joined across each edge of a welded sheet.
 pub(in crate::skin) struct JoinedFaces<'a> {
@@ -90,7 +96,8 @@ impl<'a> JoinedFaces<'a> {
             let ends = [at(h), at(h.next())];
             if h.start(self.mesh) < h.end(self.mesh) { ends } else { [ends[1], ends[0]] }
         };
-        matches!(*uses, [a, b] if ends(a) != ends(b))
+        let differ = |a: DVec2, b: DVec2| a.distance(b) > SAME_TEXTURE * a.length().max(1.0);
+        matches!(*uses, [a, b] if ends(a).into_iter().zip(ends(b)).any(|(a, b)| differ(a, b)))
     }
 
     /// Pairs of faces without which every component has two sides: those that are wound alike are

@@ -4,6 +4,7 @@ use std::{collections::HashMap, fmt, mem, path::Path};
 
 use dermatome::cut::Cut;
 use dermatome::flatten::{FlattenOptions, Method, Overlap};
+use dermatome::io::rounding_in_gltf;
 use dermatome::report::PatchReport;
 use dermatome::skin::{Remark, Skin, TaxelId, Taxels};
 
@@ -93,6 +94,23 @@ pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
 pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
     for lost in lost(path, skin) {
         note!(common, "{}: {lost}; .glb keeps everything", path.display());
+    }
+    if matches!(dermatome::io::file_kind(path).as_str(), "glb" | "gltf") {
+        note_rounding(skin, common);
+    }
+}
+
+/// Prints which patches lie so far from the origin of their link that a .glb changes their shape.
+pub(crate) fn note_rounding(skin: &Skin, common: &Common) {
+    for patch in &skin.patches {
+        if let Some(moved) = rounding_in_gltf(&patch.mesh) {
+            let (name, moved) = (plain(&patch.name), moved * 1e3);
+            note!(
+                common,
+                "{name}: so far from the origin of its link, positions are rounded by up to {moved:.3} mm in a .glb, \
+                 which keeps seven digits: move the origin near"
+            );
+        }
     }
 }
 

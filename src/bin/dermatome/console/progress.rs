@@ -1,10 +1,13 @@
 //! Progress on standard error: on a terminal one bar, named after the stage, elsewhere a line every
 //! ten seconds.
 
+use std::fmt::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::{io::IsTerminal, thread, time::Duration};
 
 use dermatome::run::{Progress, Stage};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use crate::{console::print::say, options::Common};
 
@@ -18,31 +21,44 @@ pub(crate) fn bar(common: &Common) -> ProgressBar {
     }
     if !std::io::stderr().is_terminal() {
         let bar = ProgressBar::hidden();
-        print_lines(&bar);
+        print_lines(&bar, common.steps.clone());
         return bar;
     }
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{msg:>12} [{bar:32}] {pos}/{len} {elapsed}") {
-        bar.set_style(style);
+    if let Ok(style) = ProgressStyle::with_template("{msg:>12} [{bar:32}] {pos}/{len} {steps}{elapsed}") {
+        let steps = common.steps.clone();
+        let shown = move |_: &ProgressState, text: &mut dyn Write| {
+            let _ = text.write_str(&steps_so_far(&steps));
+        };
+        bar.set_style(style.with_key("steps", shown));
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
 }
 
 /// Prints how far `bar` is every ten seconds, until it is finished or dropped.
-fn print_lines(bar: &ProgressBar) {
+fn print_lines(bar: &ProgressBar, steps: Arc<AtomicU64>) {
     let bar = bar.downgrade();
     thread::spawn(move || {
         loop {
             thread::sleep(EVERY);
             let Some(bar) = bar.upgrade().filter(|bar| !bar.is_finished()) else { break };
-            let (seconds, done) = (bar.elapsed().as_secs(), bar.position());
+            let (message, seconds, done) = (bar.message(), bar.elapsed().as_secs(), bar.position());
+            let steps = steps_so_far(&steps);
             match bar.length().filter(|&total| total > 0) {
-                Some(total) => say(format_args!("{}: {done} of {total}, {seconds} s", bar.message())),
-                None => say(format_args!("{}: {seconds} s", bar.message())),
+                Some(total) => say(format_args!("{message}: {done} of {total}, {steps}{seconds} s")),
+                None => say(format_args!("{message}: {steps}{seconds} s")),
             }
         }
     });
+}
+
+/// What moves while one large patch is made.
+fn steps_so_far(steps: &AtomicU64) -> String {
+    match steps.load(Ordering::Relaxed) {
+        0 => String::new(),
+        steps => format!("step {steps}, "),
+    }
 }
 
 pub(crate) fn show(bar: &ProgressBar, Progress { stage, done, total }: Progress) {
