@@ -155,6 +155,44 @@ fn a_full_disk_is_an_error() {
     }
 }
 
+/// A file in the place of another is named by what it is, and help fits it.
+#[test]
+fn files_of_another_kind_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let cap = env!("CARGO_MANIFEST_DIR").to_owned() + "/meshes/sphere_cap.glb";
+    dermatome(path, &format!("build {cap} -o M -q")).assert().success();
+    for (name, text) in [
+        ("touch.csv", "x,y,z\n0,0,0\n"),
+        ("linked.csv", "x,y,z,link\n0,0,0,sphere_cap\n"),
+        ("r.csv", "time,1,2\n0,1,2\n"),
+        ("comma.csv", "time;1;2\n0,0;1,5;2\n"),
+        ("cross.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 3 2 4\n"),
+        ("x.g2o", "x"),
+        ("x.mcap", "x"),
+        ("x.h5", "x"),
+    ] {
+        fs::write(path.join(name), text).unwrap();
+    }
+    for (words, said) in [
+        ("lookup touch.csv M/map.glb", &["touch.csv is not a map", "the map comes first"][..]),
+        ("render r.csv M/map.glb -o o.npz", &["r.csv is not a map"]),
+        ("lookup M touch.csv", &["name the map.glb in it"]),
+        ("info r.csv", &["a recording of readings, not a skin", "dermatome render"]),
+        ("build M/map.exr -o N", &["has images, not a skin"]),
+        ("check x.g2o", &["observations", "dermatome calibrate"]),
+        ("info cross.obj", &["line 5, `f`", "crosses or touches itself"]),
+        ("lookup M/map.glb linked.csv", &["needed: the name of a link, or nothing: `"]),
+        ("render M/map.glb x.mcap -o o.npz", &["dermatome.ros"]),
+        ("render M/map.glb x.h5 -o o.npz", &["numpy.savez"]),
+    ] {
+        refuses(path, words, said);
+    }
+    let comma = refuses(path, "render M/map.glb comma.csv -o o.npz", &["a decimal point"]);
+    comma.stderr(contains("dermatome check").not());
+    refuses(path, &format!("build {cap} -o N --spacing 8"), &["8 m apart", "as 8mm"]);
+}
+
 #[test]
 fn a_merge_that_is_no_surface_is_refused_with_a_pointer_to_check() {
     let Some(path) = data("cyskin/broken_link1_patches_1_2.json") else { return };

@@ -120,7 +120,11 @@ fn folders_and_archives_hold_all_levels() {
     names.sort();
     assert_eq!(names[..2], ["sheet.L0.000002.exr", "sheet.L0.000003.exr"]);
     assert_eq!(names.len() % 2, 0, "two frames of every level");
-    render(&["-o", "png", "--pictures", "png", "--level", "0"]).code(2).stderr(contains("--range"));
+    render(&["-o", "whole", "--pictures", "png", "--level", "0"])
+        .success()
+        .stderr(contains("the colours go from"));
+    let stream = "render map/map.glb - -o png --pictures png";
+    dermatome(folder.path(), stream).write_stdin("").assert().code(2).stderr(contains("--range"));
     render(&["-o", "png", "--pictures", "png", "--range", "0,5", "--level", "0"]).success();
     assert_eq!(fs::read_dir(folder.path().join("png")).unwrap().count(), 5);
     render(&["-o", "nearest.npz", "--interpolate", "nearest", "--contrast"]).success();

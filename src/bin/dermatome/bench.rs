@@ -2,9 +2,10 @@
 
 use std::process::ExitCode;
 
-use dermatome::{Error, contact::measure, io::read_map};
+use dermatome::{Error, contact::measure};
 
 use crate::console::print::{print, print_json};
+use crate::files::input::read_map_first;
 use crate::options::InPath;
 
 /// Measure lookups on a map: time, interval and true error, by distance from the skin and level.
@@ -24,7 +25,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let map = read_map(&args.map).map_err(Error::from)?;
+    let map = read_map_first(&args.map)?;
     let costs = measure(&map).map_err(Error::from)?;
     if args.json { print_json("dermatome.bench/1", &costs) } else { print(&costs.to_markdown()) }?;
     Ok(ExitCode::SUCCESS)

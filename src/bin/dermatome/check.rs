@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
 use crate::console::print::{line, print, print_json};
-use crate::files::input::read_map_if_any;
+use crate::files::input::{read_draft_of, read_map_if_any};
 use crate::options::{Common, InPath, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
@@ -33,7 +33,7 @@ pub(crate) struct Args {
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let draft = args.read.read(&args.file, false)?;
+    let draft = read_draft_of(&args.file, &args.read, false)?;
     // A map that lookups refuse is no skin without findings.
     read_map_if_any(&args.file)?;
     let options = args.read.options(&[&args.file]);

@@ -3,13 +3,13 @@
 use std::process::ExitCode;
 
 use dermatome::Error;
-use dermatome::io::{ExportOptions, IoError, export_map, read_map};
+use dermatome::io::{ExportOptions, IoError, export_map};
 use dermatome::pyramid::LevelId;
 use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::notes::note;
-use crate::files::input::select_patches;
+use crate::files::input::{read_map_first, select_patches};
 use crate::files::outputs::{self, kind};
 use crate::options::{Common, InPath, OutFile, pattern};
 
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let what = if wants_robot { "a .urdf needs a robot" } else { "only a .urdf is written with a robot" };
         return Err(advise(what, "give --robot ROBOT.urdf with -o OUT.urdf, and with no other kind of file"));
     }
-    let mut map = read_map(&args.map).map_err(Error::from)?;
+    let mut map = read_map_first(&args.map)?;
     let patches = map.patches.into_iter().collect();
     map.patches = select_patches(&args.map, patches, &args.patches, |patch| &patch.name)?.into();
     for patch in map.patches.iter().filter(|patch| patch.taxels.joints.is_some()) {

@@ -10,6 +10,7 @@ use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, Skin, link_names};
 use glam::{DAffine3, DQuat};
 use serde_json::{Value, json};
 
+use crate::console::errors;
 use crate::console::notes::note;
 use crate::console::print::{plain, print, print_json, print_table};
 use crate::files::input::read_skin;
@@ -49,7 +50,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let options = args.read.options(&[&args.file]);
         match read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common) {
             Err(error) if robot.is_some() && is_absent(&error) => {
-                note!(common, "no skin is read: {error}");
+                let help = errors::help(&error).map(|help| format!("; {help}")).unwrap_or_default();
+                note!(common, "no skin is read: {error}{help}");
                 Skin::default()
             }
             skin => skin?,

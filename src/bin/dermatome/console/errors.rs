@@ -128,7 +128,7 @@ pub(crate) fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 /// What a user can do about an error, as a sentence.
-fn help(error: &anyhow::Error) -> Option<String> {
+pub(crate) fn help(error: &anyhow::Error) -> Option<String> {
     error.chain().find_map(|cause| {
         if let Some(advice) = cause.downcast_ref::<Advice>() {
             return Some(advice.0.clone());
@@ -140,9 +140,12 @@ fn help(error: &anyhow::Error) -> Option<String> {
     })
 }
 
-/// The answer to an error that no option or command repairs.
+/// The answer to an error in a skin that no option or command repairs.
 const CORRECT: &str =
     "correct the file, or export it again; `dermatome check` lists what is wrong with a skin";
+
+/// The answer to a file that cannot be read, by `check` neither.
+const CORRECT_FILE: &str = "correct the file, or export it again";
 
 const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 
@@ -238,7 +241,7 @@ fn option_help(error: &Error) -> &'static str {
             _ => "correct the readings",
         },
         Error::Image(ImageError::Level { .. }) => "give one of them, or leave out --level to draw all",
-        Error::Image(ImageError::NoPixel { .. }) => "use smaller pixels: --pixel-mm, or a larger --size",
+        Error::Image(ImageError::NoPixel { .. }) => BUILD_AGAIN,
         Error::Plot(e) => match e {
             PlotError::Channel { .. } | PlotError::Range { .. } => {
                 "give --range two numbers, the lower one first"
@@ -252,8 +255,8 @@ fn option_help(error: &Error) -> &'static str {
             _ => BUILD_AGAIN,
         },
         Error::Map(MapError::Rounded { .. }) => {
-            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or leave such patches out \
-             with `dermatome build --keep-going`"
+            "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
+             link, or leave such patches out with `dermatome build --keep-going`"
         }
         Error::Remesh(_) => "change --spacing, or take other patches with --patch or --links",
         Error::Mesh(_) | Error::Pyramid(_) => CORRECT,
@@ -286,7 +289,7 @@ fn io_help(error: &IoError) -> String {
             "export the file again without it: triangles with positions, as text or glTF 2.0 with its buffers"
         }
         IoError::Unfit { .. } => {
-            "remove slivers (`dermatome check` lists them), leave out a large --pixel-mm, or choose another format"
+            "change what the message names, or choose another format"
         }
         IoError::NoMap { .. } | IoError::Rewritten { .. } => BUILD_AGAIN,
         IoError::UnknownKind { path, known } => {
@@ -297,6 +300,7 @@ fn io_help(error: &IoError) -> String {
                 _ if file_kind(path) == "sdf" => {
                     "give a .urdf of the robot, or the mesh files that it names".into()
                 }
+                Some(recording @ (BAGS | ARRAYS)) => recording.to_owned(),
                 Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
                 None => format!("name a file that ends in one of: {known}"),
             };
@@ -309,10 +313,14 @@ fn io_help(error: &IoError) -> String {
             "give a file with an animation, and --animation the name of one of several"
         }
         IoError::ReplacesInput { .. } => "write to another file",
-        _ => CORRECT,
+        _ => CORRECT_FILE,
     }
     .to_owned()
 }
+
+const BAGS: &str = "`dermatome.ros` of the Python package reads bags";
+
+const ARRAYS: &str = "write its arrays as .npz or .csv, as `numpy.savez(\"readings.npz\", values=..., ids=..., timestamps=...)`";
 
 /// What converts a file of robots, scenes or CAD that is not read here.
 fn converter(path: &Path) -> Option<&'static str> {
@@ -322,6 +330,8 @@ fn converter(path: &Path) -> Option<&'static str> {
         "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
         "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
         "3mf" | "vtk" | "vtu" | "msh" => "convert it with `meshio convert`",
+        "bag" | "mcap" | "db3" => return Some(BAGS),
+        "h5" | "hdf5" | "mat" | "parquet" | "xlsx" | "zarr" => return Some(ARRAYS),
         _ => return None,
     })
 }

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use dermatome::Error;
-use dermatome::io::{IoError, read_map};
+use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_map};
 use dermatome::map::SkinMap;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
 use dermatome::run::Run;
-use dermatome::skin::{AssembleOptions, Remark, RemarkKind, Skin, assemble};
+use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble};
 use glob::Pattern;
 
 use crate::console::errors::advise;
@@ -67,7 +67,7 @@ pub(crate) fn read_good_patches(
     common: &Common,
 ) -> anyhow::Result<(Skin, usize)> {
     let path = &*names(paths);
-    let mut drafts = paths.iter().map(|path| read.read(path, chosen.wants_materials()));
+    let mut drafts = paths.iter().map(|path| read_draft_of(path, read, chosen.wants_materials()));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     outputs::add_inputs(&draft.files, &common.outputs);
@@ -134,9 +134,12 @@ fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<
     let spacings = spacing.of_patches(skin)?;
     let Remeshed { skin, left_out } = remesh_skin(skin, &spacings, Run::default()).map_err(Error::from)?;
     if skin.patches.is_empty() {
+        let least = spacings.iter().copied().fold(f64::INFINITY, f64::min);
         return Err(advise(
-            "every patch is smaller than the hexagon around one taxel",
-            "give a smaller --spacing",
+            format!(
+                "every patch is smaller than the hexagon around one taxel: they would be {least} m apart"
+            ),
+            "give a smaller --spacing, with its unit, as 8mm",
         ));
     }
     if !left_out.is_empty() {
@@ -190,9 +193,53 @@ fn select<T>(items: &mut Vec<T>, patterns: &[Pattern], name: impl Fn(&T) -> &str
     fits
 }
 
+/// The map of a file. Where maps are needed they come first, so that a file of another kind is often another one.
+pub(crate) fn read_map_first(path: &Path) -> anyhow::Result<SkinMap> {
+    if !is_gltf(path) && path.exists() {
+        let help = if path.is_dir() {
+            "name the map.glb in it"
+        } else {
+            "the map comes first: a .glb of `dermatome build`"
+        };
+        return Err(advise(format!("{} is not a map", path.display()), help));
+    }
+    Ok(read_map(path).map_err(Error::from)?)
+}
+
+fn is_gltf(path: &Path) -> bool {
+    matches!(outputs::kind(path).as_str(), "glb" | "gltf")
+}
+
+/// Reads a file as written; another file of ours is named by what it has.
+pub(crate) fn read_draft_of(path: &Path, read: &ReadArgs, materials: bool) -> anyhow::Result<Draft> {
+    read.read(path, materials).map_err(|error| {
+        let (what, help) = match outputs::kind(path).as_str() {
+            _ if !matches!(
+                error.downcast_ref(),
+                Some(Error::Io(IoError::Invalid { .. } | IoError::UnknownKind { .. }))
+            ) =>
+            {
+                return error;
+            }
+            "exr" => ("has images", "the skin of a map is in its map.glb"),
+            "g2o" => ("has observations of taxels", "`dermatome calibrate` makes a skin of them"),
+            "npz" | "npy" | "csv" | "txt" | "log"
+                if ReadingsReader::open(path, ReadingsLayout::default()).is_ok() =>
+            {
+                (
+                    "is a recording of readings",
+                    "`dermatome render MAP.glb READINGS -o OUT` reads it, on the map of its skin",
+                )
+            }
+            _ => return error,
+        };
+        advise(format!("{} {what}, not a skin", path.display()), help)
+    })
+}
+
 /// The map of a file, if it has one; otherwise it may be a skin.
 pub(crate) fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, Error> {
-    if !matches!(outputs::kind(path).as_str(), "glb" | "gltf") {
+    if !is_gltf(path) {
         return Ok(None);
     }
     match read_map(path) {
