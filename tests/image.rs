@@ -347,7 +347,7 @@ fn every_patch_has_a_pixel_of_a_packed_image() {
     for (k, size) in [1e-5, 3e-5, 1e-4, 4e-4].into_iter().enumerate() {
         let mut crumb = shapes::lattice(4, 4, size);
         crumb.positions.iter_mut().for_each(|p| *p += DVec3::new(0.2 + 0.01 * k as f64, 0.0, 0.0));
-        skin.patches.push(Patch::from_mesh(&format!("crumb {k}"), LinkId::new(0), crumb));
+        skin.patches.push(Patch::from_mesh(format!("crumb {k}"), LinkId::new(0), crumb));
     }
     let map = build(&skin, &BuildOptions::default()).unwrap();
     for pack in [Pack::Tight, Pack::Body] {
