@@ -1,4 +1,4 @@
-//! Frames carried to all levels and contacts followed, on caps of 642, 4336 (in 13 patches) and
+//! Frames carried to all levels, contacts and zeros followed, on caps of 642, 4336 (in 13 patches) and
 //! 100 000 taxels of 6 mm. `track` takes frames in which a share of the taxels is pressed, one
 //! contact on each patch.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
@@ -10,7 +10,7 @@ use dermatome::{
     map::{PatchMap, SkinMap},
     mesh::shapes,
     pyramid::{CoarsenOptions, LevelId, coarsen},
-    signal::{Channel, ContactTracker, Frame, Restrictor, TrackerOptions},
+    signal::{Channel, ContactTracker, Frame, Restrictor, Stage, TrackerOptions, ZeroTracker},
     skin::{LinkId, Patch, Skin},
 };
 
@@ -94,5 +94,26 @@ fn track(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, restrict, track);
+fn zero(c: &mut Criterion) {
+    let mut group = c.benchmark_group("zero");
+    group.measurement_time(Duration::from_secs(1)).warm_up_time(Duration::from_millis(300));
+    for (patches, taxels) in [(1, 642), (26, 8448), (1, 100_000)] {
+        let map = caps(patches, taxels);
+        group.throughput(Throughput::Elements(u64::from(taxels)));
+        let mut frames = frames(&map, 0.01, 50.0);
+        let (mut tracker, mut k) = (ZeroTracker::new(&map, &[Channel::default()]), 0_u32);
+        group.bench_function(BenchmarkId::from_parameter(taxels), |b| {
+            b.iter(|| {
+                k += 1;
+                // A touch of a second every three.
+                let frame = &mut frames[usize::from(k % 30 < 10)];
+                frame.time = 0.1 * f64::from(k);
+                black_box(tracker.apply(frame));
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, restrict, track, zero);
 criterion_main!(benches);

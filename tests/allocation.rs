@@ -13,6 +13,7 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::recording::{Carried, Fill, Recording, RecordingOptions};
 use dermatome::signal::{
     Channel, ConditionOptions, Frame, Quantity, Restrictor, TouchOptions, TouchSimulation, TrackerOptions,
+    Zero,
 };
 use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 
@@ -80,20 +81,20 @@ fn readings(skin: &Skin, touches: &TouchOptions) -> Readings {
 fn stream(map: &Arc<SkinMap>, skin: &Skin, touches: &TouchOptions) {
     let atlas = Atlas::new(map, &AtlasOptions::default()).unwrap();
     let readings = readings(skin, touches);
-    let condition = ConditionOptions {
-        baseline: 3,
-        split_hz: Some(5.0),
-        clip: Some([-1e9, 1e9]),
-        ..ConditionOptions::default()
-    };
-    for (carried, interpolation, fill) in [
-        (Carried::Values, Interpolation::Linear, Fill::None),
-        (Carried::Values, Interpolation::Nearest, Fill::Neighbours),
-        (Carried::Contrast, Interpolation::Linear, Fill::Neighbours),
-        (Carried::Edges, Interpolation::Nearest, Fill::None),
+    for (carried, interpolation, fill, zero) in [
+        (Carried::Values, Interpolation::Linear, Fill::None, Zero::First(3)),
+        (Carried::Values, Interpolation::Nearest, Fill::Neighbours, Zero::Follow),
+        (Carried::Contrast, Interpolation::Linear, Fill::Neighbours, Zero::First(3)),
+        (Carried::Edges, Interpolation::Nearest, Fill::None, Zero::First(3)),
     ] {
         let reader = ReadingsReader::memory(readings.clone()).unwrap();
-        let options = RecordingOptions { condition: condition.clone(), fill, ..RecordingOptions::default() };
+        let condition = ConditionOptions {
+            zero,
+            split_hz: Some(5.0),
+            clip: Some([-1e9, 1e9]),
+            ..ConditionOptions::default()
+        };
+        let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
         let mut recording = Recording::open(map, reader, &options).unwrap();
         recording.carry(carried, None);
         recording.draw(&atlas, interpolation).unwrap();
@@ -111,7 +112,7 @@ fn stream(map: &Arc<SkinMap>, skin: &Skin, touches: &TouchOptions) {
             assert!(is_first || found == 0, "{found} allocations of {carried:?} in frame {number}");
         }
         assert!(recording.next_step().unwrap().is_none());
-        assert!(regions > 100, "{regions} regions are enough to see something");
+        assert!(regions > 100, "{regions} regions of {carried:?} with {zero:?} are enough to see something");
     }
 }
 

@@ -361,12 +361,20 @@ fn readings_are_conditioned() {
         values.into_iter().find(|x| !x.is_nan()).unwrap()
     };
     assert_eq!(last(&[]), 4.0);
-    assert_eq!(last(&["--baseline", "3"]), 3.0, "the mean of 0, 1 and 2 is subtracted");
+    assert_eq!(last(&["--zero", "first=3"]), 3.0, "the mean of 0, 1 and 2 is subtracted");
+    assert_eq!(last(&["--zero", "1.5"]), 2.5);
+    assert_eq!(last(&["--zero", "-1"]), 5.0);
+    assert_eq!(
+        last(&["--zero", "follow"]),
+        4.0 - 2.0,
+        "the mean of the first second, and of the five frames that there are"
+    );
+    refuses(folder.path(), "render map/map.glb r.csv -o d.npz --zero first=0", &["follow, first=N"]);
     assert_eq!(last(&["--clip", "0,2.5"]), 2.5);
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
     assert_eq!(last(&["--gain", "g.csv"]), 2.0);
-    notes(folder.path(), "render map/map.glb r.csv -o c.npz --baseline 99", &["frames, there are no 99"]);
+    notes(folder.path(), "render map/map.glb r.csv -o c.npz --zero first=99", &["frames, there are no 99"]);
 }
 
 /// Presses of a simulated sphere are found one by one.

@@ -17,7 +17,7 @@ use dermatome::pyramid::LevelId;
 use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
     Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Quantity,
-    Touch, TouchOptions, TouchSimulation, TrackerOptions,
+    Touch, TouchOptions, TouchSimulation, TrackerOptions, Zero,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::{DVec2, DVec3};
@@ -584,7 +584,7 @@ fn count_contacts(path: &Path, map: &Arc<SkinMap>) -> Vec<Vec<usize>> {
     let reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
     let options = RecordingOptions {
         duplicates: Duplicates::First,
-        condition: ConditionOptions { baseline: 5, ..ConditionOptions::default() },
+        condition: ConditionOptions { zero: Zero::First(5), ..ConditionOptions::default() },
         ..RecordingOptions::default()
     };
     let mut recording = Recording::open(map, reader, &options).unwrap();

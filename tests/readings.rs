@@ -19,7 +19,7 @@ use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::signal::{
     Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, Stage,
-    TouchOptions, TouchSimulation,
+    TouchOptions, TouchSimulation, Zero,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Presence, Skin, TaxelId, assemble};
 use proptest::prelude::*;
@@ -685,7 +685,7 @@ fn the_baseline_is_the_mean_of_the_first_frames() {
     let map = two_patches();
     let frames: Vec<(f64, f64)> = (0..6).map(|t| (f64::from(t), f64::from(t) * 2.0)).collect();
     for (baseline, mean) in [(0, None), (1, Some(0.0)), (4, Some(3.0)), (50, Some(5.0))] {
-        let options = ConditionOptions { baseline, ..ConditionOptions::default() };
+        let options = ConditionOptions { zero: Zero::First(baseline), ..ConditionOptions::default() };
         let (out, _) = condition(&map, &options, &frames);
         assert_eq!(out.len(), 6);
         for (frame, &(time, x)) in out.iter().zip(&frames) {
@@ -698,7 +698,7 @@ fn the_baseline_is_the_mean_of_the_first_frames() {
             }
         }
     }
-    let too_many = ConditionOptions { baseline: usize::MAX, ..ConditionOptions::default() };
+    let too_many = ConditionOptions { zero: Zero::First(usize::MAX), ..ConditionOptions::default() };
     let error = Conditioner::new(&map, &[Channel::default()], &too_many).unwrap_err();
     assert!(matches!(error, SignalError::Option { .. }), "{error}");
 }
@@ -706,7 +706,7 @@ fn the_baseline_is_the_mean_of_the_first_frames() {
 #[test]
 fn a_taxel_without_a_baseline_is_masked() {
     let map = two_patches();
-    let options = ConditionOptions { baseline: 2, ..ConditionOptions::default() };
+    let options = ConditionOptions { zero: Zero::First(2), ..ConditionOptions::default() };
     let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options).unwrap();
     let (first, taxels) = (PatchId::new(0), [0, 1].map(VertexId::new));
     let frames = [[f64::NAN, f64::NAN], [1.0, f64::NAN], [4.0, 4.0]].map(|values| {
@@ -728,7 +728,7 @@ fn a_taxel_without_a_baseline_is_masked() {
 fn gains_and_bounds_follow_the_baseline() {
     let map = two_patches();
     let options = ConditionOptions {
-        baseline: 1,
+        zero: Zero::First(1),
         gains: vec![(TaxelId(2), 10.0), (TaxelId(101), -1.0), (TaxelId(999), 3.0)],
         clip: Some([-1.5, 15.0]),
         split_hz: None,

@@ -13,7 +13,7 @@ use dermatome::map::SkinMap;
 use dermatome::recording::{Carried, Fill, FrameRange, Recording, RecordingOptions};
 use dermatome::signal::{
     Channel, ConditionOptions, Conditioner, ContactEvent, ContactTracker, Duplicates, Filler, Frame, Join,
-    Restrictor, SignalError, Stage,
+    Restrictor, SignalError, Stage, Zero,
 };
 use dermatome::skin::PatchId;
 use maps::{skin, square_pyramid};
@@ -49,7 +49,8 @@ fn open(map: &Arc<SkinMap>, options: &RecordingOptions) -> Recording {
 #[test]
 fn a_recording_is_its_stages_one_after_the_other() {
     let (map, readings) = (palm(), readings());
-    let condition = ConditionOptions { baseline: 6, split_hz: Some(3.0), ..ConditionOptions::default() };
+    let condition =
+        ConditionOptions { zero: Zero::First(6), split_hz: Some(3.0), ..ConditionOptions::default() };
     let fill = Fill::Neighbours;
     let mut recording =
         open(&map, &RecordingOptions { condition: condition.clone(), fill, ..RecordingOptions::default() });
@@ -141,7 +142,11 @@ fn contacts_depend_on_no_earlier_touch() {
 fn frames_that_are_left_out_change_no_other() {
     let map = palm();
     let all = |frames: FrameRange, baseline: usize| {
-        let condition = ConditionOptions { baseline, split_hz: Some(3.0), ..ConditionOptions::default() };
+        let condition = ConditionOptions {
+            zero: Zero::First(baseline),
+            split_hz: Some(3.0),
+            ..ConditionOptions::default()
+        };
         let mut recording =
             open(&map, &RecordingOptions { condition, frames, ..RecordingOptions::default() });
         let (count, mut found) = (recording.frames().unwrap(), Vec::new());

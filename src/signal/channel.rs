@@ -120,6 +120,26 @@ impl Channel {
         Ok(Self { name: name.into(), unit: unit.into(), quantity })
     }
 
+    /// Whether it measures touches: a force, pressure or charge, or counts of a sensor of them. Its readings are near a
+    /// zero where nothing touches, unlike a temperature.
+    pub(crate) fn is_of_touch(&self) -> bool {
+        const COUNTS: [&str; 14] =
+            ["", "count", "counts", "raw", "LSB", "digit", "digits", "adc", "bit", "1", "%", "V", "F", "Ohm"];
+        let name = self.name.to_ascii_lowercase();
+        let is_other = ["temp", "therm", "heat", "acc"].iter().any(|other| name.starts_with(other));
+        let is_measured = MEASURES.iter().any(|(base, ..)| {
+            let prefix = self.unit.strip_suffix(base);
+            prefix.is_some_and(|prefix| PREFIXES.iter().any(|(known, _)| *known == prefix))
+        });
+        !is_other && (is_measured || COUNTS.contains(&self.unit.as_str()))
+    }
+
+    /// Whether it is along a direction within the skin, where touches have either sign: `shear.x`, `force.T`.
+    pub(crate) fn is_tangential(&self) -> bool {
+        let (first, last) = self.name.split_once('.').unwrap_or((&self.name, ""));
+        first.eq_ignore_ascii_case("shear") || ["x", "y", "T", "B"].contains(&last)
+    }
+
     /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither
     /// one of force nor one of pressure.
     pub(crate) fn newtons(&self) -> Option<f64> {

@@ -11,17 +11,32 @@ use std::f64::consts::TAU;
 
 use crate::id::IdVec;
 use crate::map::SkinMap;
+use crate::signal::zero::{ZeroReport, ZeroTracker};
 use crate::signal::{Channel, Frame, SignalError, Stage};
 use crate::skin::{PatchId, TaxelId};
 
 /// Largest memory of the frames of a baseline, in bytes.
 const MAX_BASELINE_BYTES: usize = 1 << 30;
 
+/// Where the zero of readings is, the reading of a taxel that nothing touches. It is subtracted.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Zero {
+    /// At 0.
+    #[default]
+    Taken,
+    /// At this number for every taxel and channel.
+    At(f64),
+    /// At the mean of this many first frames, in which nothing may touch the skin.
+    First(usize),
+    /// It drifts, and is followed where nothing touches ([`ZeroTracker`]).
+    Follow,
+}
+
 /// Options of conditioning.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ConditionOptions {
-    /// The mean of this many first frames is subtracted; 0: none.
-    pub baseline: usize,
+    /// What is subtracted.
+    pub zero: Zero,
     /// Then readings are multiplied by these factors; 1 for other ids.
     pub gains: Vec<(TaxelId, f64)>,
     /// Then readings are clipped to these bounds, in the unit of the channel.
@@ -45,6 +60,8 @@ pub struct ConditionReport {
     pub without_baseline: usize,
     /// Gains whose id no taxel has.
     pub unknown_gains: usize,
+    /// What happened to zeros that are followed.
+    pub zero: ZeroReport,
 }
 
 /// Conditions frames one by one; a [`Recording`](crate::recording::Recording) does this with those of a file.
@@ -55,12 +72,12 @@ pub struct ConditionReport {
 /// use dermatome::{
 ///     map::SkinMap,
 ///     mesh::shapes,
-///     signal::{Channel, ConditionOptions, Conditioner, Frame, Stage},
+///     signal::{Channel, ConditionOptions, Conditioner, Frame, Stage, Zero},
 ///     skin::PatchId,
 /// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(2, 2, 0.004), 1e-3);
-/// let options = ConditionOptions { baseline: 1, split_hz: Some(5.0), ..ConditionOptions::default() };
+/// let options = ConditionOptions { zero: Zero::First(1), split_hz: Some(5.0), ..ConditionOptions::default() };
 /// let mut conditioner = Conditioner::new(&map, &[Channel::default()], &options)?;
 /// assert_eq!(conditioner.channels()[1].name, "pressure.fast");
 /// let frame = Frame::new(&map, 1);
@@ -77,6 +94,7 @@ pub struct Conditioner {
     inputs: usize,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
+    tracker: Option<Box<ZeroTracker>>,
     baseline: Baseline,
     clip: Option<[f64; 2]>,
     filter: Option<LowPass>,
@@ -111,13 +129,10 @@ impl Conditioner {
         let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let numbers = taxels * channels.len();
         let most = MAX_BASELINE_BYTES / (numbers.max(1) * size_of::<f64>());
-        if options.baseline > most {
+        let frames = if let Zero::First(frames) = options.zero { frames } else { 0 };
+        if frames > most {
             let needed = format!("at most {most}, which of this skin are kept in memory,");
-            return Err(SignalError::option(
-                "the number of frames of the baseline",
-                options.baseline as f64,
-                needed,
-            ));
+            return Err(SignalError::option("the number of frames of the baseline", frames as f64, needed));
         }
         if let Some(&(taxel, gain)) = options.gains.iter().find(|(_, gain)| !gain.is_finite()) {
             return Err(SignalError::option(format!("the gain of taxel {taxel}"), gain, "a finite number"));
@@ -135,19 +150,27 @@ impl Conditioner {
         let ids: HashSet<TaxelId> = map.patches.iter().flat_map(|p| p.taxels.ids.iter().copied()).collect();
         let unknown_gains = gain_of.keys().filter(|id| !ids.contains(id)).count();
         let gain = |id: &TaxelId| gain_of.get(id).copied().unwrap_or(1.0);
+        let tracker = (options.zero == Zero::Follow).then(|| Box::new(ZeroTracker::new(map, channels)));
         let inputs = channels.len();
         let channels = match options.split_hz {
             Some(_) => channels.iter().flat_map(parts).collect(),
             None => channels.to_vec(),
         };
-        let has_baseline = options.baseline > 0;
-        let entries = if has_baseline { numbers } else { 0 };
+        let (entries, at) = match options.zero {
+            Zero::First(frames) if frames > 0 => (numbers, 0.0),
+            Zero::At(zero) if !zero.is_finite() => {
+                return Err(SignalError::option("the zero of the readings", zero, "a finite number"));
+            }
+            Zero::At(zero) => (numbers, zero),
+            _ => (0, 0.0),
+        };
         Ok(Self {
             gains: map.patches.map(|patch| patch.taxels.ids.iter().map(gain).collect()),
+            tracker,
             baseline: Baseline {
-                frames: options.baseline,
-                values: vec![0.0; entries],
-                counts: vec![0; entries],
+                frames,
+                values: vec![at; entries],
+                counts: vec![0; if frames > 0 { entries } else { 0 }],
             },
             clip: options.clip,
             filter: options.split_hz.map(|hz| LowPass {
@@ -191,6 +214,14 @@ impl Stage for Conditioner {
     /// The conditioned frame.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.gains.len(), "one entry per patch");
+        let frame = match &mut self.tracker {
+            Some(tracker) => {
+                tracker.apply(frame);
+                self.report.zero = tracker.report();
+                tracker.latest()
+            }
+            None => frame,
+        };
         // Also false for a time that is NaN.
         let goes_on = frame.time >= self.time;
         self.report.backwards += u64::from(!goes_on);

@@ -4,7 +4,7 @@
 //! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
 //! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
-//! ([`Conditioner`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
+//! ([`Conditioner`]), `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
 //! finds contact regions ([`ContactTracker`]).
 //!
@@ -22,10 +22,11 @@ mod frame;
 mod match_taxels;
 mod restrict;
 mod touch;
+mod zero;
 
 pub(crate) use channel::unit_ratio;
 pub use channel::{Channel, Quantity};
-pub use condition::{ConditionOptions, ConditionReport, Conditioner};
+pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
 pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions};
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
@@ -35,3 +36,4 @@ pub use frame::{Frame, LevelFrame, Stage};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub use restrict::Restrictor;
 pub use touch::{Press, Spreader, Touch, TouchOptions, TouchSimulation};
+pub use zero::{ZeroReport, ZeroTracker};

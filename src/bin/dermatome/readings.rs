@@ -7,7 +7,7 @@ use dermatome::Error;
 use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_gains};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
-use dermatome::signal::{ConditionOptions, Duplicates, JoinReport};
+use dermatome::signal::{ConditionOptions, Duplicates, JoinReport, Zero};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns, note_count};
@@ -37,9 +37,10 @@ pub(crate) struct ReadingsArgs {
     /// What to do with a taxel id that several columns have
     #[arg(long, value_parser = one_of(&DUPLICATES), default_value = "refuse", hide = true)]
     duplicates: Duplicates,
-    /// Subtract the mean of the first N frames from each taxel
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) baseline: usize,
+    /// Subtract the zero of each taxel: `follow` (it drifts, and is followed where nothing touches), first=N (the mean
+    /// of the first N frames), or a number
+    #[arg(long, value_name = "follow|first=N|NUMBER", value_parser = zero, allow_hyphen_values = true)]
+    zero: Option<Zero>,
     /// Multiply the readings of each taxel: a table with columns id,gain
     #[arg(long, value_name = "F.csv")]
     gain: Option<InPath>,
@@ -119,6 +120,18 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
     number(text, "a positive number", |x| x > 0.0)
 }
 
+/// A parser of a [`Zero`].
+fn zero(text: &str) -> Result<Zero, String> {
+    let first = |frames: &str| frames.parse().ok().filter(|&n| n > 0).map(Zero::First);
+    let number = || text.parse().ok().filter(|x: &f64| x.is_finite()).map(Zero::At);
+    let zero = match text.strip_prefix("first=") {
+        Some(frames) => first(frames),
+        None if text == "follow" => Some(Zero::Follow),
+        None => number(),
+    };
+    zero.ok_or_else(|| "needed: follow, first=N with N frames, or a number".into())
+}
+
 /// Two numbers, the lower one first.
 pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
@@ -156,7 +169,7 @@ impl ReadingsArgs {
             rate_hz: self.rate,
             duplicates: self.duplicates,
             condition: ConditionOptions {
-                baseline: self.baseline,
+                zero: self.zero.unwrap_or_default(),
                 gains,
                 clip: self.clip,
                 split_hz: self.split,
@@ -180,8 +193,9 @@ impl ReadingsArgs {
             let seconds = report.interval.unwrap_or_default();
             note!(common, "the frames are {seconds:.3} s apart; a column of times in ms is called time[ms]");
         }
-        if *read < self.baseline {
-            note!(common, "the baseline is the mean of {read} frames, there are no {}", self.baseline);
+        if let Some(Zero::First(frames)) = self.zero.filter(|zero| matches!(zero, Zero::First(n) if read < n))
+        {
+            note!(common, "the zero is the mean of {read} frames, there are no {frames}");
         }
         let counts = [
             (*missing as u64, "readings", "missing, NaN or infinite, and masked"),
@@ -189,8 +203,18 @@ impl ReadingsArgs {
             (condition.too_large, "readings", "beyond the range of 32-bit floats, and masked"),
             (backwards, "frames", "earlier than the frame before"),
             // Masked taxels have none either, which is expected.
-            (unknown_baselines as u64, "readings", "without a baseline, and masked"),
+            (
+                unknown_baselines as u64,
+                "readings",
+                "without a zero, since none of the first frames has one, and masked",
+            ),
             (condition.unknown_gains as u64, "gains", "of no taxel of the map"),
+            (condition.zero.retaken, "zeros", "taken in contact, and again when it ended"),
+            (
+                condition.zero.replaced,
+                "groups of taxels",
+                "that jumped at once, as those of a replaced module; their zeros were taken again",
+            ),
         ];
         for (count, things, how) in counts {
             note_count(common, count, things, how);

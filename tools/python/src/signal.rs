@@ -13,7 +13,7 @@ use dermatome::{
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, Zero,
     },
     skin::TaxelId,
 };
@@ -491,7 +491,8 @@ pub(crate) fn condition_readings<'py>(
         values: values.as_slice()?.to_vec(),
     };
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
-    let condition = ConditionOptions { baseline: count("baseline", baseline)?, gains, clip, split_hz };
+    let condition =
+        ConditionOptions { zero: Zero::First(count("baseline", baseline)?), gains, clip, split_hz };
     let options = RecordingOptions { rate_hz, condition, fill, ..RecordingOptions::default() };
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {

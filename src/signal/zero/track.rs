@@ -1,0 +1,387 @@
+//! The zeros of one channel: which taxels are active, and how zeros move.
+
+use std::mem;
+
+use crate::numeric::Csr;
+
+/// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
+const ACTIVE: f64 = 5.0;
+const RELEASED: f64 = 2.5;
+
+/// The same of a share of the peak of the touch.
+const RELEASED_SHARE: f64 = 0.12;
+
+/// A touch with a peak of this many `sigma` is followed by a time in which the sensor recovers, in s; what is left of
+/// it is at most this share of the peak, and decays with this time constant, in s.
+const STRONG: f64 = 10.0;
+const RECOVERY_S: f64 = 1.0;
+const RECOVERY_SHARE: f64 = 0.15;
+const RECOVERY_TIME_S: f64 = 0.35;
+
+/// Time constant of the zero of an untouched taxel, in s, and the age up to which it is a mean.
+const FOLLOW_S: f64 = 5.0;
+const YOUNG_S: f64 = 5.0;
+
+/// Excess over `sigma` that moves a zero, at most.
+const LIMIT: f64 = 2.0;
+
+/// The first zero is the mean of the frames of this time, in s, and of this many at least.
+const START_S: f64 = 1.0;
+const START_FRAMES: u32 = 5;
+
+/// Frames from which the noise is estimated anew: older ones fade.
+const NOISE_FRAMES: f64 = 200.0;
+
+/// Frames in which differences are limited by the median noise, because that of a taxel is not known yet.
+const FIRST_NOISE_FRAMES: u32 = 50;
+
+/// The standard deviation of normal noise over the mean size of the difference of two readings: sqrt(pi) / 2.
+const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;
+
+/// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
+const QUANTISATION: f64 = 0.288_675_134_594_812_9;
+
+/// Differences over `sigma` that count for the noise, at most.
+const MOST_DIFFERENCE: f64 = 3.0;
+
+/// Frames below zero after which a zero is taken again.
+const BELOW_FRAMES: u32 = 5;
+
+/// A module was replaced where this many connected untouched taxels jump by [`JUMP`] `sigma`, and this many to as far
+/// below their zero. Neighbours that move by [`SHIFT`] `sigma` belong to it.
+const MODULE_TAXELS: usize = 6;
+const MODULE_BELOW: usize = 2;
+const JUMP: f64 = 8.0;
+const SHIFT: f64 = 3.0;
+
+/// Untouched taxels that have a common drift.
+const COMMON: usize = 20;
+
+/// How often coefficients are estimated, in s.
+const COEFFICIENTS_S: f64 = 5.0;
+
+/// A coefficient is 1 give or take 0.3 before anything is known; zeros are known to 0.6 `sigma`. The square of
+/// the ratio, over `sigma^2`.
+const PRIOR: f64 = 4.0;
+
+/// Coefficients lie between these.
+const COEFFICIENTS: [f64; 2] = [-1.0, 3.0];
+
+/// What happened to zeros.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ZeroReport {
+    /// Zeros that were taken in contact, and again when the contact ended.
+    pub retaken: u64,
+    /// Groups of connected taxels that jumped at once, as those of a replaced module: their zeros were taken again.
+    pub replaced: u64,
+}
+
+/// The zeros of one channel.
+#[derive(Debug, Clone)]
+pub(super) struct Track {
+    is_signed: bool,
+    taxels: Vec<Taxel>,
+    /// Excess of each taxel over its zero in this frame; NaN without a reading.
+    pub(super) excess: Vec<f64>,
+    is_blocked: Vec<bool>,
+    /// The active ones.
+    active: Vec<u32>,
+    /// Connected taxels that jumped, and those that are in such a group.
+    group: Vec<usize>,
+    is_seen: Vec<bool>,
+    scratch: Vec<f64>,
+    frames: u32,
+    /// Since the first frame, in s.
+    now: f64,
+    estimated: f64,
+    /// The smallest difference of two readings of a taxel; infinite before there is any.
+    quantum: f64,
+    /// The sum of the common drift.
+    drift: f64,
+    pub(super) report: ZeroReport,
+}
+
+#[derive(Debug, Clone)]
+struct Taxel {
+    zero: f64,
+    sigma: f64,
+    last: f64,
+    peak: f64,
+    recovers_until: f64,
+    below_sum: f64,
+    coefficient: f64,
+    /// The zero and the common drift at the end of its youth.
+    anchor: [f64; 2],
+    zero_since: f64,
+    free_since: f64,
+    /// Frames since the zero was taken.
+    age: u32,
+    below: u32,
+    is_active: bool,
+    has_jumped: bool,
+    has_shifted: bool,
+}
+
+const UNKNOWN: Taxel = Taxel {
+    zero: f64::NAN,
+    sigma: f64::NAN,
+    last: f64::NAN,
+    peak: 0.0,
+    recovers_until: f64::NEG_INFINITY,
+    below_sum: 0.0,
+    coefficient: 1.0,
+    anchor: [f64::NAN, 0.0],
+    zero_since: 0.0,
+    free_since: 0.0,
+    age: 0,
+    below: 0,
+    is_active: false,
+    has_jumped: false,
+    has_shifted: false,
+};
+
+impl Track {
+    pub(super) fn new(taxels: usize, is_signed: bool) -> Self {
+        Self {
+            is_signed,
+            taxels: vec![UNKNOWN; taxels],
+            excess: vec![f64::NAN; taxels],
+            is_blocked: vec![false; taxels],
+            active: Vec::with_capacity(taxels),
+            group: Vec::with_capacity(taxels),
+            is_seen: vec![false; taxels],
+            scratch: Vec::with_capacity(taxels),
+            frames: 0,
+            now: 0.0,
+            estimated: 0.0,
+            quantum: f64::INFINITY,
+            drift: 0.0,
+            report: ZeroReport::default(),
+        }
+    }
+
+    /// Takes the readings of a frame: noise, excess, and which taxels are active.
+    pub(super) fn see(&mut self, read: impl Iterator<Item = f64>, interval: f64) {
+        let median_noise = if self.frames < FIRST_NOISE_FRAMES { self.median_noise() } else { f64::NAN };
+        self.now += if self.frames == 0 { 0.0 } else { interval };
+        self.frames += 1;
+        let gain = f64::from(self.frames).recip().max(NOISE_FRAMES.recip());
+        let recovered = 1.0 - (-interval / RECOVERY_TIME_S).exp();
+        self.active.clear();
+        for (k, ((taxel, excess), c)) in (0..).zip(self.taxels.iter_mut().zip(&mut self.excess).zip(read)) {
+            if !c.is_finite() {
+                *excess = f64::NAN;
+                (taxel.is_active, taxel.has_jumped, taxel.has_shifted) = (false, false, false);
+                continue;
+            }
+            if taxel.zero.is_nan() {
+                *taxel = Taxel { zero: c, last: c, zero_since: self.now, free_since: self.now, ..UNKNOWN };
+            }
+            let d = c - taxel.last;
+            taxel.last = c;
+            if d != 0.0 {
+                self.quantum = self.quantum.min(d.abs());
+            }
+            let size = NOISE_OF_DIFFERENCE * d.abs();
+            if taxel.sigma.is_nan() {
+                taxel.sigma = if taxel.age == 0 { f64::NAN } else { size };
+            } else {
+                let known = if median_noise.is_nan() { taxel.sigma } else { median_noise };
+                taxel.sigma += gain * (size.min(MOST_DIFFERENCE * known) - taxel.sigma);
+            }
+            if self.quantum.is_finite() && taxel.sigma.is_finite() {
+                taxel.sigma = taxel.sigma.max(QUANTISATION * self.quantum);
+            }
+            let sigma = taxel.sigma;
+            let x = c - taxel.zero;
+            *excess = x;
+            let height = if self.is_signed { x.abs() } else { x };
+            let was_active = taxel.is_active;
+            taxel.has_jumped = !was_active && d.abs() > JUMP * sigma;
+            taxel.has_shifted = !was_active && d.abs() > SHIFT * sigma;
+            let is_starting = height > ACTIVE * sigma && self.now >= taxel.recovers_until;
+            taxel.is_active =
+                is_starting || (was_active && height > (RELEASED * sigma).max(RELEASED_SHARE * taxel.peak));
+            if taxel.is_active {
+                taxel.peak = taxel.peak.max(height);
+                self.active.push(k);
+            } else if was_active && taxel.peak > STRONG * sigma {
+                taxel.recovers_until = self.now + RECOVERY_S;
+            } else if self.now < taxel.recovers_until {
+                if height.abs() < RECOVERY_SHARE * taxel.peak {
+                    taxel.zero += recovered * x;
+                    *excess = c - taxel.zero;
+                }
+            } else {
+                taxel.peak = 0.0;
+            }
+        }
+    }
+
+    fn median_noise(&mut self) -> f64 {
+        self.scratch.clear();
+        self.scratch.extend(self.taxels.iter().map(|taxel| taxel.sigma).filter(|sigma| sigma.is_finite()));
+        let middle = self.scratch.len() / 2;
+        if self.scratch.is_empty() {
+            return f64::NAN;
+        }
+        *self.scratch.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// Moves the zeros, after [`Self::see`].
+    pub(super) fn follow(&mut self, neighbours: &Csr<u32>, interval: f64) {
+        if self.now < START_S || self.frames <= START_FRAMES {
+            for (taxel, excess) in self.taxels.iter_mut().zip(&mut self.excess).filter(|(_, x)| x.is_finite())
+            {
+                taxel.age += 1;
+                let step = *excess / f64::from(taxel.age);
+                taxel.zero += step;
+                *excess -= step;
+                (taxel.is_active, taxel.peak) = (false, 0.0);
+                taxel.anchor = [taxel.zero, self.drift];
+            }
+            return;
+        }
+        self.is_blocked.fill(false);
+        for &k in &self.active {
+            self.is_blocked[k as usize] = true;
+            neighbours[k as usize].iter().for_each(|&other| self.is_blocked[other as usize] = true);
+        }
+        if !self.is_signed {
+            self.take_zeros_below();
+            self.take_zeros_of_modules(neighbours);
+        }
+        let (mut sum, mut weight, mut count) = (0.0, 0.0, 0_usize);
+        for ((taxel, &x), &is_blocked) in self.taxels.iter().zip(&self.excess).zip(&self.is_blocked) {
+            if !is_blocked && x.is_finite() {
+                let limit = LIMIT * taxel.sigma;
+                sum += limited(x, limit);
+                weight += taxel.coefficient;
+                count += 1;
+            }
+        }
+        let share = 1.0 - (-interval / FOLLOW_S).exp();
+        let drift = if count >= COMMON && weight > 0.0 { share * sum / weight } else { 0.0 };
+        self.drift += drift;
+        let is_estimated = self.now - self.estimated >= COEFFICIENTS_S;
+        if is_estimated {
+            self.estimated = self.now;
+        }
+        for ((taxel, excess), &is_blocked) in
+            self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked)
+        {
+            if !excess.is_finite() {
+                continue;
+            }
+            taxel.age += 1;
+            let is_young = self.now - taxel.zero_since < YOUNG_S;
+            let step = if is_blocked {
+                taxel.free_since = self.now;
+                taxel.coefficient * drift
+            } else {
+                let limit = LIMIT * taxel.sigma;
+                let share = if is_young { share.max(f64::from(taxel.age).recip()) } else { share };
+                share * limited(*excess, limit)
+            };
+            taxel.zero += step;
+            *excess -= step;
+            if is_young {
+                taxel.anchor = [taxel.zero, self.drift];
+            } else if is_estimated && !is_blocked && self.now - taxel.free_since >= YOUNG_S {
+                let (own, common) = (taxel.zero - taxel.anchor[0], self.drift - taxel.anchor[1]);
+                let prior = PRIOR * taxel.sigma * taxel.sigma;
+                let found = (own * common + prior) / (common * common + prior);
+                if found.is_finite() {
+                    taxel.coefficient = found.clamp(COEFFICIENTS[0], COEFFICIENTS[1]);
+                }
+            }
+        }
+    }
+
+    /// Takes the zeros again that were taken in contact. Taxels below their zero do not follow.
+    fn take_zeros_below(&mut self) {
+        for ((taxel, excess), is_blocked) in
+            self.taxels.iter_mut().zip(&mut self.excess).zip(&mut self.is_blocked)
+        {
+            // False without a reading, too.
+            let is_below = *excess < -ACTIVE * taxel.sigma;
+            if !is_below {
+                (taxel.below, taxel.below_sum) = (0, 0.0);
+                continue;
+            }
+            *is_blocked = true;
+            taxel.below += 1;
+            taxel.below_sum += *excess;
+            if taxel.below >= BELOW_FRAMES {
+                let step = taxel.below_sum / f64::from(taxel.below);
+                taxel.take_zero(taxel.zero + step, self.now);
+                *excess -= step;
+                self.report.retaken += 1;
+            }
+        }
+    }
+
+    /// Takes the zeros of replaced modules again.
+    fn take_zeros_of_modules(&mut self, neighbours: &Csr<u32>) {
+        let is_below = |taxel: &Taxel, x: f64| taxel.has_jumped && x < -JUMP * taxel.sigma;
+        let is_any = self.taxels.iter().zip(&self.excess).any(|(taxel, &x)| is_below(taxel, x));
+        if !is_any {
+            return;
+        }
+        let (mut group, mut is_seen) = (mem::take(&mut self.group), mem::take(&mut self.is_seen));
+        is_seen.fill(false);
+        for seed in 0..self.taxels.len() {
+            if is_seen[seed] || !self.taxels[seed].has_jumped {
+                continue;
+            }
+            is_seen[seed] = true;
+            group.clear();
+            group.push(seed);
+            let mut next = 0;
+            while let Some(&k) = group.get(next) {
+                next += 1;
+                if !self.taxels[k].has_jumped {
+                    continue;
+                }
+                for &other in &neighbours[k] {
+                    let other = other as usize;
+                    if self.taxels[other].has_shifted && !mem::replace(&mut is_seen[other], true) {
+                        group.push(other);
+                    }
+                }
+            }
+            let jumped = group.iter().filter(|&&k| self.taxels[k].has_jumped).count();
+            let below = group.iter().filter(|&&k| is_below(&self.taxels[k], self.excess[k])).count();
+            if jumped < MODULE_TAXELS || below < MODULE_BELOW {
+                continue;
+            }
+            // Readings of a contact that ends all fall.
+            let rises = group
+                .iter()
+                .any(|&k| self.taxels[k].has_jumped && self.excess[k] > JUMP * self.taxels[k].sigma);
+            if rises {
+                self.report.replaced += 1;
+            } else {
+                self.report.retaken += below as u64;
+            }
+            for &k in &group {
+                let taxel = &mut self.taxels[k];
+                taxel.take_zero(taxel.last, self.now);
+                (self.excess[k], self.is_blocked[k]) = (0.0, false);
+            }
+        }
+        (self.group, self.is_seen) = (group, is_seen);
+    }
+}
+
+/// A number brought to within `limit` of 0; as it is if the limit is not known.
+fn limited(x: f64, limit: f64) -> f64 {
+    x.max(-limit).min(limit)
+}
+
+impl Taxel {
+    fn take_zero(&mut self, zero: f64, now: f64) {
+        (self.zero, self.zero_since, self.free_since, self.age) = (zero, now, now, 0);
+        (self.below, self.below_sum, self.is_active, self.peak) = (0, 0.0, false, 0.0);
+    }
+}
