@@ -398,3 +398,47 @@ fn contacts_are_written_with_their_place_and_force() {
         &["no channel \"heat\"", "force"],
     );
 }
+
+/// From a text of a vendor to images, through a draft of a layout that is completed; all that is known is stated.
+#[test]
+fn a_recording_with_its_sensors_becomes_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = "DATA_TYPE MOVIE\nROWS 6\nCOLS 6\nROW_SPACING 5 mm\nCOL_SPACING 5 mm\nSECONDS_PER_FRAME 0.1\nUNITS raw\n\
+                    MIRROR_ROW 1\nMIRROR_COL 0\nASCII_DATA @@\n"
+        .to_owned();
+    for frame in 0..2 {
+        let row = format!("{}\n", ["7"; 6].join(","));
+        text += &format!("Frame {frame}\nB,7,7,7,7,7\n{}", row.repeat(5));
+    }
+    fs::write(folder.path().join("walk.asf"), text + "@@\n").unwrap();
+    notes(&folder, "layout walk.asf -o l.json", &["1 values are null"]);
+    dermatome(&folder, "convert walk.asf skin.glb").assert().success();
+    dermatome(&folder, "build skin.glb -o map --quiet").assert().success();
+    let render = "render map/map.glb walk.asf -o a.npz --values-only --json";
+    refuses(&folder, render, &["no statement about taxels, flip"]);
+    refuses(&folder, &format!("{render} --layout l.json"), &["taxels, flip: found null"]);
+    let draft = fs::read_to_string(folder.path().join("l.json")).unwrap();
+    fs::write(folder.path().join("l.json"), draft.replace("null", "[]")).unwrap();
+    let with_layout = format!("{render} --layout l.json");
+    refuses(
+        &folder,
+        &format!("{with_layout} --rate 5"),
+        &["--rate and the layout l.json state the same thing"],
+    );
+    refuses(&folder, &format!("{with_layout} --stream left"), &["no stream \"left\""]);
+    refuses(
+        &folder,
+        "render map/map.glb - -o a.npz --layout l.json",
+        &["a layout and a stream are of a file"],
+    );
+    refuses(&folder, &format!("{render} --layout l.txt"), &["a file that ends in .json"]);
+    let said = json(&dermatome(&folder, &with_layout).output().unwrap().stdout);
+    assert_eq!((&said["frames"], &said["matched"]), (&2.into(), &35.into()));
+    let stated = said["statements"].as_array().unwrap();
+    let source =
+        |what: &str| stated.iter().find(|s| s["what"] == what).map(|s| s["source"].as_str().unwrap());
+    assert_eq!((source("unit"), source("zero")), (Some("file"), Some("layout")), "{stated:?}");
+    let plain = json(&dermatome(&folder, &format!("{with_layout} --baseline 1")).output().unwrap().stdout);
+    let stated = plain["statements"].as_array().unwrap();
+    assert!(stated.iter().any(|s| s["what"] == "zero" && s["source"] == "argument"), "{stated:?}");
+}

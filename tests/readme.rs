@@ -140,3 +140,42 @@ fn every_help_ends_with_examples_that_work() {
         assert!(examples.contains(&format!("dermatome {name}")), "{name}");
     }
 }
+
+/// The commands of docs/recordings.md on the samples of other programs, with the layouts of the project.
+#[test]
+fn every_command_of_the_page_of_recordings_works() {
+    let Some(samples) = common::data("recordings") else { return };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::create_dir_all(at.join("skin")).unwrap();
+    fs::create_dir_all(at.join("layouts")).unwrap();
+    for (sample, name) in [
+        ("vendor/fscan_testL.asf", "walk.asf"),
+        ("vendor/pliance_test.asc", "seat.asc"),
+        ("numpy/glove.npz", "glove.npz"),
+        ("xela/xr1944.jsonl", "fingertip.jsonl"),
+        ("yarp/skin/data.log", "skin/data.log"),
+    ] {
+        fs::write(at.join(name), fs::read(samples.join(sample)).unwrap()).unwrap();
+    }
+    for entry in fs::read_dir(root.join("docs/layouts")).unwrap() {
+        let entry = entry.unwrap();
+        fs::copy(entry.path(), at.join("layouts").join(entry.file_name())).unwrap();
+    }
+    // Skins that the reader of the page has: a sheet of taxels, some mm apart.
+    for (name, columns, ids) in [("glove", 16, 0..256), ("fingertip", 4, 1..17), ("forearm", 12, 1..193)] {
+        let row = |id: u32| {
+            format!("{id},{},{},0\n", 0.004 * f64::from(id % columns), 0.004 * f64::from(id / columns))
+        };
+        let rows: String = ids.map(row).collect();
+        fs::write(at.join(format!("{name}.csv")), format!("id,x,y,z\n{rows}")).unwrap();
+    }
+    let page = fs::read_to_string(root.join("docs/recordings.md")).unwrap();
+    let commands = commands(&page);
+    assert!(commands.len() > 10, "{commands:?}");
+    let printed: String = commands.iter().map(|(line, _)| run(at, line)).collect();
+    for part in ["\"source\":\"file\"", "\"matched\":955", "null"] {
+        assert!(printed.replace(": ", ":").contains(part), "{part} is missing in {printed}");
+    }
+}

@@ -8,6 +8,7 @@ use crate::io::file::file_kind;
 use crate::io::mesh::{Reader, reader_of};
 #[cfg(feature = "robots")]
 use crate::io::robot::{Packages, RobotSurface, draft_of, robot_of};
+use crate::io::streams::{Wanted, is_vendor, read_sheet};
 use crate::io::{IoError, ReadParts};
 use crate::skin::Draft;
 
@@ -27,6 +28,7 @@ use crate::skin::Draft;
 /// | `xml`, `mjcf` | the same of `MuJoCo`, whose root is `<mujoco>`; or a URDF | links |
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
+/// | `asf`, `lst`, `asc`, `csv` | recordings of Tekscan, novel and XSENSOR: their sensors as a flat sheet, without triangles | ids, areas |
 ///
 /// `ply`, `dae` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
 ///
@@ -53,6 +55,9 @@ pub fn read_draft(path: &Path) -> Result<Draft, IoError> {
 /// # Errors
 /// As [`read_draft`], or if texture coordinates are not finite numbers.
 pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> {
+    if is_vendor(path) {
+        return Ok(read_sheet(path, Wanted::default())?.into_draft());
+    }
     // A file of an unknown kind is not opened.
     let read = kind_of(path)?;
     read(Source::open(path)?, parts)

@@ -11,6 +11,7 @@
 //! | `observations` | [`read_observations`] | [`write_observations`] |
 //! | `table` | [`read_contacts`], [`read_motion`], [`read_gains`], ... | [`LookupWriter`], [`write_calibration`], ... |
 //! | `layout` | [`Layout`]: what the numbers of recordings mean | |
+//! | `streams` | recordings of other programs, for [`ReadingsReader`] | |
 //! | `readings` | [`ReadingsReader`] | [`ReadingsWriter`] |
 //! | `arrays` | | [`RecordingWriter`]: `.npz`, `.npy` |
 //! | `export` | | [`export_map`]: simulators, robots, tables |
@@ -61,6 +62,7 @@ mod observations;
 mod readings;
 #[cfg(feature = "robots")]
 mod robot;
+mod streams;
 mod table;
 
 pub(crate) use self::gltf::as_in_map_file;
@@ -82,7 +84,7 @@ pub use observations::{
     builder::ObservationRemark, observations_from_stream, observations_to_stream, read_observations,
     write_observations,
 };
-pub use readings::{Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
+pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::Error;
-use crate::io::ReadingsReader;
+use crate::io::{ReadingsReader, Statement, StatementSource};
 use crate::map::SkinMap;
 use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
 use crate::signal::{Channel, Conditioner, Filler, Frame, Join, SignalError, Stage};
@@ -15,6 +15,8 @@ pub(super) struct Intake {
     filler: Option<Filler>,
     range: FrameRange,
     rate_hz: Option<f64>,
+    /// Whether the options name the units.
+    has_units: bool,
     /// The frame that was read last, or that comes next of those that were kept.
     frame: Frame,
     values: Vec<f64>,
@@ -48,6 +50,7 @@ impl Intake {
         Ok(Self {
             filler: is_filled.then(|| Filler::new(map, conditioner.channels().len())),
             range: options.frames,
+            has_units: !options.units.is_empty(),
             rate_hz: options.rate_hz.filter(|_| !reader.has_times),
             frame: Frame::new(map, reader.channels.len()),
             values: Vec::new(),
@@ -69,6 +72,26 @@ impl Intake {
 
     pub(super) fn channels(&self) -> &[Channel] {
         self.conditioner.channels()
+    }
+
+    /// What is known about the readings, and by whom.
+    pub(super) fn statements(&self) -> Vec<Statement> {
+        let argument = |what: &str, value: String| Statement::new(what, value, StatementSource::Argument);
+        let mut all = self.reader.statements();
+        for channel in self.reader.channels.iter().filter(|_| self.has_units) {
+            let what = format!("unit of {}", channel.name);
+            all.retain(|known| known.what != what);
+            all.push(argument(&what, channel.unit.clone()));
+        }
+        if let Some(rate) = self.rate_hz {
+            all.retain(|known| known.what != "time");
+            all.push(argument("time", format!("{rate} frames a second")));
+        }
+        let frames = self.conditioner.frames_to_learn();
+        if frames > 0 {
+            all.push(argument("zero", format!("the mean of the first {frames} frames, subtracted")));
+        }
+        all
     }
 
     pub(super) fn baseline(&self) -> usize {

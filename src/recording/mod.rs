@@ -23,7 +23,7 @@ use std::sync::Arc;
 use crate::Error;
 use crate::atlas::Atlas;
 use crate::image::{Interpolation, RenderOptions, Renderer, TactileImage};
-use crate::io::ReadingsReader;
+use crate::io::{ReadingsReader, Statement};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 use crate::recording::intake::Intake;
@@ -136,6 +136,11 @@ impl Recording {
     /// What was read so far, and what was done to it.
     pub fn report(&self) -> RecordingReport {
         self.intake.report()
+    }
+
+    /// What is known about the readings, and by whom: the file, a layout, the options, or the numbers themselves.
+    pub fn statements(&self) -> Vec<Statement> {
+        self.intake.statements()
     }
 
     /// Carries frames to every level, or of those above level 0 to `level` alone.

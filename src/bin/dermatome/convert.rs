@@ -16,7 +16,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
-    /// .txt
+    /// .txt; or a recording of Tekscan, XSENSOR, emed or pliance, whose sensors are a flat skin
     #[arg(value_name = "IN")]
     input: InPath,
     /// The file to write: .glb, .gltf, .json, .obj, .off, .ply, .stl or .csv

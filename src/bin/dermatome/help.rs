@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 17] = [
+const ENDS: [(&str, &str, &[&str]); 18] = [
     (
         "bench",
         OF_COSTS,
@@ -55,6 +55,14 @@ const ENDS: [(&str, &str, &[&str]); 17] = [
     ),
     ("flatten", OF_MAPS, &["dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz"]),
     ("info", OF_PATCHES, &["dermatome info meshes/robot.glb", "dermatome info meshes/arm.urdf"]),
+    (
+        "layout",
+        "",
+        &[
+            "dermatome touch meshes/forearm.glb -o touch.npz --presses 1 --rate-hz 20",
+            "dermatome layout touch.npz --stream values -o layout.json",
+        ],
+    ),
     (
         "lookup",
         OF_ANSWERS,

@@ -13,6 +13,7 @@ mod files;
 mod flatten;
 mod help;
 mod info;
+mod layout;
 mod lookup;
 mod options;
 mod plot;
@@ -68,6 +69,8 @@ enum Command {
     Flatten(flatten::Args),
     /// List the patches of a skin, their size and shape.
     Info(info::Args),
+    /// Draft a layout, which states what the numbers of a recording mean.
+    Layout(layout::Args),
     /// Find the map cells under contacts, on every level.
     Lookup(lookup::Args),
     /// Draw maps and their receptive fields.
@@ -154,6 +157,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Export(args) => export::run(args, common),
         Command::Flatten(args) => flatten::run(args, common),
         Command::Info(args) => info::run(args, common),
+        Command::Layout(args) => layout::run(args, common),
         Command::Lookup(args) => lookup::run(args, common),
         Command::Plot(args) => plot::run(args, common),
         Command::Render(args) => render::run(args, common),

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_gains};
+use dermatome::io::{IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
 use dermatome::signal::{ConditionOptions, Duplicates, JoinReport, Zero};
@@ -13,7 +13,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns, note_count};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
-use crate::options::{Choice, Common, InPath, number, one_of};
+use crate::options::{Choice, Common, InPath, LayoutArg, layout_arg, number, one_of};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
@@ -21,9 +21,13 @@ use crate::options::{Choice, Common, InPath, number, one_of};
 // Any of them needs the argument `readings`, which `render` has and `plot` may have.
 #[group(requires = "readings")]
 pub(crate) struct ReadingsArgs {
-    /// Order of the axes of an array with three
-    #[arg(long, value_parser = one_of(&LAYOUTS), default_value = "tnc")]
-    layout: ReadingsLayout,
+    /// What the numbers mean: a layout (.json, docs/files.md), whose draft `dermatome layout` writes; or the order of
+    /// the axes of an array with three, `tnc` (frames, taxels, channels) or `tcn` [default: tnc]
+    #[arg(long, value_name = "L.json|tnc|tcn", value_parser = layout_arg)]
+    layout: Option<LayoutArg>,
+    /// Which stream of a file with several: an array, a sensor
+    #[arg(long, value_name = "NAME")]
+    stream: Option<String>,
     /// Names of the channels, one each: of a .npy, which has none, or instead of those of the file
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     channels: Vec<String>,
@@ -103,11 +107,6 @@ impl FramesArgs {
     }
 }
 
-const LAYOUTS: [Choice<ReadingsLayout>; 2] = [
-    ("tnc", ReadingsLayout::TaxelsFirst, "Frames, taxels, channels"),
-    ("tcn", ReadingsLayout::ChannelsFirst, "Frames, channels, taxels"),
-];
-
 const DUPLICATES: [Choice<Duplicates>; 2] = [
     ("refuse", Duplicates::Refuse, "Refuse the readings"),
     ("first", Duplicates::First, "Use the first column"),
@@ -149,17 +148,25 @@ impl ReadingsArgs {
         path: &Path,
         map: &Arc<SkinMap>,
         common: &Common,
-    ) -> Result<Recording, Error> {
+    ) -> anyhow::Result<Recording> {
+        let read = self.read_options()?;
         let readings = if is_stream(path) {
+            if read.layout.is_some() || read.stream.is_some() {
+                return Err(advise(
+                    "a layout and a stream are of a file",
+                    "name the file of the readings, not -",
+                ));
+            }
             let name = Path::new("standard input");
             let fail = |source| IoError::Read { path: name.to_owned(), source };
-            ReadingsReader::stream(name, live_input().map_err(fail)?)?
+            let input = live_input().map_err(fail).map_err(Error::from)?;
+            ReadingsReader::stream(name, input).map_err(Error::from)?
         } else {
-            ReadingsReader::open(path, self.layout)?
+            ReadingsReader::open(path, read).map_err(Error::from)?
         };
         let mut gains = Vec::new();
         if let Some(path) = &self.gain {
-            let table = read_gains(path)?;
+            let table = read_gains(path).map_err(Error::from)?;
             note_columns(path, &table.unused, common);
             gains = table.rows;
         }
@@ -177,11 +184,37 @@ impl ReadingsArgs {
             fill: self.fill,
             frames,
         };
-        Ok(Recording::open(map, readings, &options)?)
+        Ok(Recording::open(map, readings, &options).map_err(Error::from)?)
+    }
+
+    fn read_options(&self) -> anyhow::Result<ReadOptions> {
+        let stream = self.stream.clone();
+        let file = match &self.layout {
+            None => return Ok(ReadOptions { stream, ..ReadOptions::default() }),
+            Some(LayoutArg::Axes(axes)) => return Ok(ReadOptions { axes: *axes, layout: None, stream }),
+            Some(LayoutArg::File(file)) => file,
+        };
+        let given = [
+            (!self.channels.is_empty(), "--channels"),
+            (!self.units.is_empty(), "--readings-unit"),
+            (self.rate.is_some(), "--rate"),
+        ];
+        if let Some((_, option)) = given.iter().find(|(is_given, _)| *is_given) {
+            let what = format!("{option} and the layout {} state the same thing", file.display());
+            return Err(advise(what, format!("leave out {option}, or correct the layout")));
+        }
+        let layout = Layout::read(file).map_err(Error::from)?;
+        Ok(ReadOptions { layout: Some(layout), stream, ..ReadOptions::default() })
     }
 
     /// Notes about readings that are not as they should be.
-    pub(crate) fn remark(&self, report: &RecordingReport, common: &Common) {
+    pub(crate) fn remark(&self, recording: &Recording, common: &Common) {
+        for statement in recording.statements() {
+            if statement.source == StatementSource::Checked && statement.what != "missing" {
+                note!(common, "{}: {}", statement.what, statement.value);
+            }
+        }
+        let report = &recording.report();
         let RecordingReport { read, missing, condition, .. } = report;
         let unknown_baselines =
             condition.without_baseline.saturating_sub(report.join.masked * report.channels);

@@ -9,6 +9,7 @@ use std::{process::ExitCode, sync::Arc};
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
 use dermatome::image::Interpolation;
+use dermatome::io::Statement;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Carried, RecordingReport};
@@ -41,7 +42,7 @@ pub(crate) struct Args {
     #[arg(value_name = "MAP.glb")]
     map: InPath,
     /// The readings: text with a line of taxel ids, .csv (`time,ID,ID,...` or `time,taxel_id,value`),
-    /// .npy or .npz; `-`: text or CSV on standard input
+    /// .npy or .npz, or a recording of Tekscan, XSENSOR, novel, Stappone, XELA or YARP; `-`: text or CSV on standard input
     #[arg(value_name = "READINGS")]
     readings: InPath,
     /// A folder, a .npy, a .npz, or `-` for raw frames on standard output
@@ -178,7 +179,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         note_count(common, written, "frames", "written; the stream was stopped");
     }
     ended?;
-    args.readings_args.remark(&report, common);
+    args.readings_args.remark(&recording, common);
     let found = found.map(|count| (count, threshold));
     match found {
         Some((count, Some(threshold))) => {
@@ -193,7 +194,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         None => {}
     }
     if args.json {
-        print_json("dermatome.render/1", &json_report(&report, &channels, &parts, found))?;
+        let mut json = json_report(&report, &channels, &parts, found);
+        let statement = |Statement { what, value, source }: Statement| json!({ "what": what, "value": value, "source": <&str>::from(source) });
+        json["statements"] = recording.statements().into_iter().map(statement).collect();
+        print_json("dermatome.render/1", &json)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -99,7 +99,7 @@ fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> an
     };
     server.end();
     ended?;
-    args.readings_args.remark(&recording.report(), common);
+    args.readings_args.remark(&recording, common);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -127,7 +127,7 @@ fn record(
         return Ok(Err(error.into()));
     }
     args.frames.check_any(&report)?;
-    args.readings_args.remark(&report, common);
+    args.readings_args.remark(&recording, common);
     let channels = recording.channels();
     if channels.len() > 1 && args.channel.is_none() {
         let count = channels.len();

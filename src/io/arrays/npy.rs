@@ -214,6 +214,31 @@ impl ElementType {
         }
     }
 
+    /// The first number that `bytes` hold, if they are whole numbers or dates; one beyond 63 bits as the largest of them.
+    pub(in crate::io) fn whole(self, bytes: &[u8]) -> Option<i64> {
+        let is_signed = match self.kind {
+            Kind::Signed | Kind::Dates { .. } => true,
+            Kind::Unsigned => false,
+            _ => return None,
+        };
+        let mut number = bytes.get(..self.size)?.to_vec();
+        if !self.is_big_endian {
+            number.reverse();
+        }
+        let is_negative = is_signed && number[0] >= 0x80;
+        let sign: i128 = if is_negative { -1 } else { 0 };
+        let number = number.iter().fold(sign, |all, &byte| all << 8 | i128::from(byte));
+        Some(i64::try_from(number).unwrap_or(i64::MAX))
+    }
+
+    /// How many of the unit of dates are a second.
+    pub(in crate::io) const fn dates_per_second(self) -> Option<u32> {
+        match self.kind {
+            Kind::Dates { per_second } => Some(per_second),
+            _ => None,
+        }
+    }
+
     /// The texts that `bytes` hold, without the zeros that fill them up.
     pub(in crate::io) fn texts(self, bytes: &[u8]) -> Vec<String> {
         let text = |element: &[u8]| -> String {

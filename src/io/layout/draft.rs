@@ -4,8 +4,10 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::io::layout::facts::StreamFacts;
-use crate::io::layout::keys::Layout;
+use crate::io::IoError;
+use crate::io::file::invalid;
+use crate::io::layout::facts::{StatementSource, StreamFacts};
+use crate::io::layout::keys::{Layout, first_null};
 
 impl Layout {
     /// The text of a layout of what `file` states of a stream: JSON with null where it states nothing.
@@ -16,17 +18,34 @@ impl Layout {
         let text = serde_json::to_string_pretty(&json).unwrap_or_default();
         text + "\n"
     }
+
+    /// The layout of a file that states all that is needed.
+    pub(in crate::io) fn of_file(file: &Path, facts: &StreamFacts) -> Result<Self, IoError> {
+        let mut json = of_facts(facts);
+        // What the unit of pressures is changes none of them.
+        if facts.has_pressures && json["channels"][0]["unit"].is_null() {
+            json["channels"][0]["unit"] = "".into();
+        }
+        if let Some(path) = first_null(&json) {
+            let found = format!("no statement about {path}");
+            let needed = "a layout; a draft of one has what the file states";
+            return Err(invalid(file, "file", found, needed));
+        }
+        Self::from_json(file, &json.to_string(), &json, StatementSource::File)
+    }
 }
 
 fn of_facts(facts: &StreamFacts) -> Value {
-    let StreamFacts { cells, axes, units, .. } = facts;
-    let name = |k: usize| match (axes.iter().filter(|axis| *axis != "frame").nth(k), cells.len()) {
+    let StreamFacts { cells, units, .. } = facts;
+    let stated = facts.axes.iter().map(String::as_str).filter(|axis| *axis != "frame");
+    let axes: Vec<&str> = if facts.axes.is_empty() { facts.usual_axes.clone() } else { stated.collect() };
+    let name = |k: usize| match (axes.get(k), cells.len()) {
         (Some(axis), _) => json!(axis),
         (None, 1) => json!("taxel"),
         _ => Value::Null,
     };
     let names: Vec<Value> = std::iter::once(json!("frame")).chain((0..cells.len()).map(name)).collect();
-    let component = axes.iter().filter(|axis| *axis != "frame").position(|axis| axis == "component");
+    let component = axes.iter().position(|axis| *axis == "component");
     let channel = |k: usize| {
         let unit = units.get(k).or_else(|| units.first().filter(|_| units.len() == 1));
         let name = if facts.has_pressures { json!("pressure") } else { Value::Null };

@@ -46,6 +46,8 @@ pub struct StreamFacts {
     pub cells: Vec<usize>,
     /// The names of these axes; none if the file does not name them.
     pub axes: Vec<String>,
+    /// What these axes are usually called, for drafts.
+    pub usual_axes: Vec<&'static str>,
     /// The unit of all readings, or one for each channel; none if the file does not state it.
     pub units: Vec<String>,
     /// Whether the units follow from sums in the file, and are not written in it.
@@ -100,6 +102,12 @@ impl TimeUnit {
     /// The unit of this name.
     pub fn named(name: &str) -> Option<Self> {
         name.parse().ok()
+    }
+
+    /// The unit of which this many are a second.
+    pub(in crate::io) fn of(per_second: u32) -> Option<Self> {
+        let all = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
+        all.into_iter().find(|unit| unit.per_second() == i64::from(per_second))
     }
 
     pub(super) const fn per_second(self) -> i64 {

@@ -75,7 +75,12 @@ impl Layout {
         Self::from_json(name, text, &json, StatementSource::Layout)
     }
 
-    fn from_json(name: &Path, text: &str, json: &Value, origin: StatementSource) -> Result<Self, IoError> {
+    pub(super) fn from_json(
+        name: &Path,
+        text: &str,
+        json: &Value,
+        origin: StatementSource,
+    ) -> Result<Self, IoError> {
         let keys = checked_keys(name, json)?;
         let part = |key: &str| keys.get(key).unwrap_or(&Value::Null);
         let rules: Vec<ChannelRule> = typed(name, "channels", part("channels"), ChannelRule::KEYS)?;
@@ -222,7 +227,7 @@ fn checked_keys<'v>(name: &Path, json: &'v Value) -> Result<&'v Map<String, Valu
 }
 
 /// The path of the first null.
-fn first_null(json: &Value) -> Option<String> {
+pub(super) fn first_null(json: &Value) -> Option<String> {
     let under = |name: String, value: &Value| {
         let path = first_null(value)?;
         Some(if path.is_empty() { name } else { format!("{name}, {path}") })

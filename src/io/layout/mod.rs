@@ -11,19 +11,19 @@
 
 mod cells;
 mod checks;
+mod agree;
 mod clock;
 mod draft;
 mod facts;
 mod keys;
 mod rules;
-mod units;
 
 use std::path::{Path, PathBuf};
 
 use self::cells::{MAX_CELLS, Member};
 use self::checks::{CHECKED_FRAMES, Moves};
 use self::clock::{Clock, Fault};
-use self::rules::{Press, TaxelRule, TimeRule, Zero};
+use self::rules::{Press, Zero};
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::numeric::Csr;
@@ -34,10 +34,7 @@ pub use facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use keys::Layout;
 
 /// Most numbers that are kept to learn from.
-const MAX_LEARNED: usize = 1 << 24;
-
-/// A rate differs from another by more than this share of it, or it is the same.
-const RATE_TOLERANCE: f64 = 1e-6;
+const MAX_LEARNED: usize = 1 << 22;
 
 /// Turns the numbers of one stream into readings, some frames at a time.
 ///
@@ -168,8 +165,9 @@ impl Decoder {
             ids,
         };
         decoder.set_zero(facts)?;
-        decoder.check_time(layout, facts)?;
-        decoder.state_layout(layout, facts, shape.iter().product());
+        layout.check_time(file, facts)?;
+        let taxels = format!("{} of {} cells", decoder.ids.len(), shape.iter().product::<usize>());
+        decoder.statements.extend(layout.statements(facts, taxels));
         Ok(decoder)
     }
 
@@ -253,7 +251,8 @@ impl Decoder {
             let x: f64 = frame[number.place as usize].into();
             // Infinite readings are missing, too.
             let is_missing = !x.is_finite() || self.missing.contains(&x);
-            if is_missing { f64::NAN } else { (x - number.zero) * number.factor }
+            // No zero has a sign: 0.0 is added.
+            if is_missing { f64::NAN } else { (x - number.zero) * number.factor + 0.0 }
         };
         for (numbers, channel) in self.sources.iter().zip(&self.channels) {
             let is_amount = channel.quantity == Quantity::Extensive;
@@ -358,56 +357,6 @@ impl Decoder {
         let remark = moves.sign_remark(press).filter(|_| self.origin == StatementSource::Layout);
         self.statements.extend(remark.map(|text| Statement::new("press", text, StatementSource::Checked)));
         Ok(())
-    }
-
-    /// Refuses a rate, or a name or unit of times, that is not that of the file.
-    fn check_time(&self, layout: &Layout, facts: &StreamFacts) -> Result<(), IoError> {
-        let needed = |what: String| format!("{what}, as {} states", layout.name.display());
-        match (&layout.time, facts) {
-            (TimeRule::Rate(rate), StreamFacts { rate_hz: Some(stated), .. })
-                if (stated / rate - 1.0).abs() > RATE_TOLERANCE =>
-            {
-                Err(self.invalid("rate", format!("{stated} frames a second"), needed(rate.to_string())))
-            }
-            (TimeRule::Stream { unit, .. }, StreamFacts { time_unit: Some(stated), .. })
-                if stated != unit =>
-            {
-                Err(self.invalid("times", format!("times in {}", stated.name()), needed(unit.name().into())))
-            }
-            (TimeRule::Stream { stream: Some(name), .. }, StreamFacts { time_names, .. })
-                if !time_names.is_empty() && !time_names.contains(name) =>
-            {
-                let found = format!("times called {}", time_names.join(" or "));
-                Err(self.invalid("times", found, needed(name.clone())))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// States what the layout does.
-    fn state_layout(&mut self, layout: &Layout, facts: &StreamFacts, cells: usize) {
-        let origin = layout.origin;
-        let mut state = |what: &str, value: String, source| {
-            self.statements.push(Statement::new(what, value, source));
-        };
-        state("axes", layout.axes.join(", "), origin);
-        let by_file = |is_stated: bool| if is_stated { StatementSource::File } else { origin };
-        match &layout.time {
-            TimeRule::Rate(rate) => {
-                state("time", format!("{rate} frames a second"), by_file(facts.rate_hz.is_some()));
-            }
-            TimeRule::Stream { stream, unit, .. } => {
-                let name = stream.as_deref().unwrap_or("times");
-                state("time", format!("{name} in {}", unit.name()), by_file(facts.time_unit.is_some()));
-            }
-        }
-        state("press", format!("{} the number", layout.press.name()), by_file(facts.has_pressures));
-        state("zero", layout.zero.describe(), origin);
-        if !layout.missing.is_empty() {
-            state("missing", format!("{:?} stand for no reading", layout.missing), origin);
-        }
-        let value = format!("{} of {cells} cells", self.ids.len());
-        state("taxels", value, by_file(layout.taxels == TaxelRule::File));
     }
 
     fn invalid(&self, element: &str, found: String, needed: String) -> IoError {

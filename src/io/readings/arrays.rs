@@ -1,11 +1,10 @@
 //! Readings as arrays of numpy: one array of values, and in an `.npz` more about them.
 
-use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
-use crate::io::arrays::npy::ElementType;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
+use crate::io::arrays::rows::{MAX_WHOLE, Rows};
 use crate::io::file::times::{LATEST, time_column};
 use crate::io::file::{excerpt, invalid};
 use crate::io::readings::header::{About, MAX_NUMBERS};
@@ -26,9 +25,6 @@ pub enum ReadingsLayout {
 fn is_about(name: &str) -> bool {
     ["ids", "taxel_ids", "channels", "units"].contains(&name) || time_column(name).is_some()
 }
-
-/// Bytes of an array in Fortran order, which is held in memory: its first frame ends near its end.
-const MAX_FORTRAN: u64 = 1 << 30;
 
 pub(super) struct ArrayReadings {
     path: PathBuf,
@@ -81,10 +77,10 @@ impl ArrayReadings {
 
     /// Reads the next row; false after the last one.
     pub(super) fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        let numbers = self.values.row;
+        let numbers = self.values.width();
         values.resize(numbers, f64::NAN);
         // In Fortran order the first of the two axes of a frame is the fast one.
-        let taxels_first = (self.layout == ReadingsLayout::TaxelsFirst) != self.values.columns.is_some();
+        let taxels_first = (self.layout == ReadingsLayout::TaxelsFirst) != self.values.is_by_columns();
         let is_transposed = self.channels > 1 && taxels_first;
         let read = if is_transposed { &mut self.row } else { &mut *values };
         read.resize(numbers, f64::NAN);
@@ -103,7 +99,7 @@ impl ArrayReadings {
             times.read(&self.path, &mut number)?;
             *time = number[0] / *per_second;
             if time.is_nan() || time.abs() > LATEST {
-                let element = format!("{}, row {}", times.element, times.done - 1);
+                let element = format!("{}, row {}", times.element(), times.done() - 1);
                 let needed = "a time in s; name the array `time[ms]`, `time[us]` or `time[ns]` if it is not";
                 return Err(invalid(&self.path, element, time.to_string(), needed));
             }
@@ -145,10 +141,9 @@ fn check_shape(
 ) -> Result<(u64, usize, usize), IoError> {
     let found = || values.header.describe();
     let bytes = values.header.total_bytes().unwrap_or(u64::MAX);
-    if values.header.is_fortran && bytes > MAX_FORTRAN {
+    if values.header.is_fortran && bytes > MAX_WHOLE {
         let found = format!("{} in Fortran order, {bytes} bytes", found());
-        let needed =
-            format!("at most {MAX_FORTRAN} bytes, or C order: write it with numpy.ascontiguousarray");
+        let needed = format!("at most {MAX_WHOLE} bytes, or C order: write it with numpy.ascontiguousarray");
         return Err(invalid(path, values.element(), found, needed));
     }
     let (frames, width, channels) = match (values.header.shape.as_slice(), layout) {
@@ -240,96 +235,4 @@ fn need_shape(path: &Path, array: &StoredArray, count: u64, why: &str) -> Result
     }
     let needed = format!("the shape ({count},): {why}");
     Err(invalid(path, array.element(), array.header.describe(), needed))
-}
-
-struct Rows {
-    element: String,
-    input: Box<dyn Read + Send>,
-    elements: ElementType,
-    row: usize,
-    left: u64,
-    done: u64,
-    bytes: Vec<u8>,
-    /// The whole array if it is in Fortran order, column by column.
-    columns: Option<Vec<u8>>,
-}
-
-impl Rows {
-    fn open(path: &Path, array: &StoredArray, row: usize) -> Result<Self, IoError> {
-        let elements = array.header.elements;
-        // The product of the shape was compared with the bytes that are there.
-        let count: u64 = array.header.shape.iter().product();
-        let left = count / row.max(1) as u64;
-        let mut rows = Self {
-            element: array.element(),
-            input: array.open(Storage::disk(path))?,
-            elements,
-            row,
-            left,
-            done: 0,
-            bytes: Vec::new(),
-            columns: None,
-        };
-        if array.header.is_fortran && array.header.shape.len() > 1 {
-            let count = usize::try_from(left).unwrap_or(usize::MAX);
-            rows.fetch(path, elements.size().saturating_mul(row).saturating_mul(count))?;
-            rows.columns = Some(std::mem::take(&mut rows.bytes));
-        }
-        Ok(rows)
-    }
-
-    /// Reads a row of numbers; false after the last one.
-    fn read(&mut self, path: &Path, out: &mut [f64]) -> Result<bool, IoError> {
-        if self.left == 0 {
-            return Ok(false);
-        }
-        self.take(path)?;
-        self.elements.numbers(&self.bytes, out);
-        Ok(true)
-    }
-
-    fn texts(&mut self, path: &Path) -> Result<Vec<String>, IoError> {
-        self.take(path)?;
-        let mut texts = self.elements.texts(&self.bytes);
-        texts.resize(self.row, String::new());
-        Ok(texts)
-    }
-
-    /// Takes the bytes of the next row.
-    fn take(&mut self, path: &Path) -> Result<(), IoError> {
-        let size = self.elements.size();
-        match &self.columns {
-            Some(columns) => {
-                let start = usize::try_from(self.done).unwrap_or(usize::MAX) * size;
-                self.bytes.clear();
-                for column in columns.chunks_exact(columns.len() / self.row) {
-                    self.bytes.extend_from_slice(&column[start..start + size]);
-                }
-            }
-            None => self.fetch(path, size * self.row)?,
-        }
-        self.left = self.left.saturating_sub(1);
-        self.done += 1;
-        Ok(())
-    }
-
-    /// Reads `size` bytes.
-    fn fetch(&mut self, path: &Path, size: usize) -> Result<(), IoError> {
-        // What an archive says of its sizes may be wrong: memory grows with what is there.
-        self.bytes.clear();
-        let read = (&mut self.input).take(size as u64).read_to_end(&mut self.bytes);
-        let element = || format!("{}, row {}", self.element, self.done);
-        match read {
-            Ok(count) if count == size => {}
-            Ok(count) => {
-                let found = format!("an end after {count} of its {size} bytes");
-                return Err(invalid(path, element(), found, "as many rows as its header says"));
-            }
-            Err(source) if matches!(source.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) => {
-                return Err(invalid(path, element(), source.to_string(), "an archive without damage"));
-            }
-            Err(source) => return Err(IoError::Read { path: path.into(), source }),
-        }
-        Ok(())
-    }
 }

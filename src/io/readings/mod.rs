@@ -2,21 +2,28 @@
 //! length.
 //!
 //! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
-//! `header` says what their columns are; `arrays` reads recordings of numpy's arrays; [`ReadingsReader`] is
+//! `header` says what their columns are; `arrays` reads recordings of numpy's arrays, `laid` those of any kind through a
+//! [`Layout`]; [`ReadingsReader`] is
 //! the one type for all of them, and for those in memory ([`Readings`]). `writer` writes recordings that it reads.
 
 pub(super) mod arrays;
 mod header;
+mod laid;
 mod text;
 pub(super) mod writer;
 
-use std::{fs::File, io::Read, path::Path};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 use crate::io::IoError;
 use crate::io::file::{cannot_read, file_kind, invalid};
+use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
+use crate::io::readings::laid::LaidReadings;
 use crate::io::readings::text::{LongReadings, TextReadings, count_rows};
+use crate::io::streams::{self, Frames, OpenStream, Tick, Wanted};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
 
@@ -68,7 +75,101 @@ enum Source {
     Text(TextReadings),
     Long(LongReadings),
     Arrays(ArrayReadings),
+    Laid(Box<LaidReadings>),
     Memory(Readings, usize),
+}
+
+/// How a file of readings is read.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// The axes of an array of three, without a layout.
+    pub axes: ReadingsLayout,
+    /// What the numbers mean, where the file does not state it.
+    pub layout: Option<Layout>,
+    /// Which stream of the file; by default that of the layout, or the only one.
+    pub stream: Option<String>,
+}
+
+impl From<ReadingsLayout> for ReadOptions {
+    fn from(axes: ReadingsLayout) -> Self {
+        Self { axes, ..Self::default() }
+    }
+}
+
+impl About {
+    /// What the file states, for a layout.
+    fn facts(&self) -> StreamFacts {
+        let count = self.channels.len();
+        let units: Vec<String> = self.channels.iter().map(|channel| channel.unit.clone()).collect();
+        StreamFacts {
+            cells: if count == 1 { vec![self.width] } else { vec![count, self.width] },
+            usual_axes: if count == 1 { vec!["taxel"] } else { vec!["component", "taxel"] },
+            units: if units.iter().all(String::is_empty) { Vec::new() } else { units },
+            time_unit: self.has_times.then_some(TimeUnit::Seconds),
+            ids: self.ids.clone(),
+            ..StreamFacts::default()
+        }
+    }
+}
+
+impl Source {
+    /// Opens a file by its extension.
+    fn open(path: &Path, axes: ReadingsLayout) -> Result<(Self, About), IoError> {
+        match file_kind(path).as_str() {
+            kind @ ("txt" | "csv") => {
+                let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
+                let long = if is_file { LongReadings::open(path, kind == "csv")? } else { None };
+                if let Some((long, about)) = long {
+                    return Ok((Self::Long(long), about));
+                }
+                let file = File::open(path).map_err(cannot_read(path))?;
+                let (text, mut about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
+                if is_file {
+                    about.frames = Some(count_rows(path)?.saturating_sub(1));
+                }
+                Ok((Self::Text(text), about))
+            }
+            "log" => {
+                let file = File::open(path).map_err(cannot_read(path))?;
+                let (text, about) = TextReadings::open_log(path, Box::new(file))?;
+                Ok((Self::Text(text), about))
+            }
+            kind @ ("npy" | "npz") => {
+                let (arrays, about) = ArrayReadings::open(path, kind == "npz", axes)?;
+                Ok((Self::Arrays(arrays), about))
+            }
+            _ => {
+                let known = ".txt, .log, .csv, .npy, .npz, Tekscan, XSENSOR, novel, Stappone, XELA";
+                Err(IoError::UnknownKind { path: path.into(), known })
+            }
+        }
+    }
+
+    fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
+        match self {
+            Self::Text(text) => text.read(values, time),
+            Self::Long(long) => long.read(values, time),
+            Self::Arrays(arrays) => arrays.read(values, time),
+            Self::Laid(laid) => laid.read(values, time),
+            Self::Memory(readings, next) => {
+                let Some(&at) = readings.times.get(*next) else { return Ok(false) };
+                let count = readings.channels.len() * readings.width;
+                values.clear();
+                values.extend_from_slice(&readings.values[*next * count..][..count]);
+                (*time, *next) = (at, *next + 1);
+                Ok(true)
+            }
+        }
+    }
+}
+
+impl Frames for Source {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        let mut seconds = f64::NAN;
+        let is_frame = Self::read(self, cells, &mut seconds)?;
+        *time = if seconds.is_nan() { Tick::None } else { Tick::Real(seconds) };
+        Ok(is_frame)
+    }
 }
 
 /// A whole recording in memory.
@@ -105,37 +206,69 @@ impl Readings {
 }
 
 impl ReadingsReader {
-    /// Opens a file; its kind follows from its extension.
+    /// Opens a file; its kind follows from its content, or its extension.
     ///
     /// # Errors
     /// If it cannot be read, is of another kind, does not say what its columns are, is empty, or its
-    /// arrays do not fit each other or the bytes that are there.
-    pub fn open(path: &Path, layout: ReadingsLayout) -> Result<Self, IoError> {
-        match file_kind(path).as_str() {
-            kind @ ("txt" | "csv") => {
-                let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
-                let long = if is_file { LongReadings::open(path, kind == "csv")? } else { None };
-                if let Some((long, about)) = long {
-                    return Ok(Self::of(Source::Long(long), about));
-                }
-                let file = File::open(path).map_err(cannot_read(path))?;
-                let (text, mut about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
-                if is_file {
-                    about.frames = Some(count_rows(path)?.saturating_sub(1));
-                }
-                Ok(Self::of(Source::Text(text), about))
-            }
-            "log" => {
-                let file = File::open(path).map_err(cannot_read(path))?;
-                let (text, about) = TextReadings::open_log(path, Box::new(file))?;
-                Ok(Self::of(Source::Text(text), about))
-            }
-            kind @ ("npy" | "npz") => {
-                let (arrays, about) = ArrayReadings::open(path, kind == "npz", layout)?;
-                Ok(Self::of(Source::Arrays(arrays), about))
-            }
-            _ => Err(IoError::UnknownKind { path: path.into(), known: ".txt, .log, .csv, .npy, .npz" }),
+    /// arrays do not fit each other or the bytes that are there; if it has several streams and none is chosen, or states
+    /// something else than the layout.
+    pub fn open(path: &Path, options: impl Into<ReadOptions>) -> Result<Self, IoError> {
+        let ReadOptions { axes, layout, stream } = &options.into();
+        let is_vendor = streams::is_vendor(path);
+        if layout.is_none() && stream.is_none() && !is_vendor {
+            let (source, about) = Source::open(path, *axes)?;
+            return Ok(Self::of(source, about));
         }
+        let wanted = Wanted { stream: stream.as_deref(), layout: layout.as_ref() };
+        let opened = if layout.is_some() || is_vendor { streams::open(path, wanted)? } else { None };
+        let opened = match opened {
+            Some(opened) => opened,
+            None => {
+                let (source, about) = Source::open(path, *axes)?;
+                let facts = about.facts();
+                wanted.choose(path, &[(String::new(), facts.cells.clone())])?;
+                OpenStream { facts, frames: about.frames, sheet: None, source: Box::new(source) }
+            }
+        };
+        let (laid, about) = LaidReadings::open(path, opened, layout.as_ref())?;
+        Ok(Self::of(Source::Laid(Box::new(laid)), about))
+    }
+
+    /// Whether a file is of a kind that is read here, by its content or its extension.
+    pub fn is_known(path: &Path) -> bool {
+        streams::is_vendor(path) || ["txt", "log", "csv", "npy", "npz"].contains(&file_kind(path).as_str())
+    }
+
+    /// What the file states of the stream, if it is read by a layout or as a recording of another program.
+    pub fn facts(&self) -> Option<&StreamFacts> {
+        if let Source::Laid(laid) = &self.source { Some(&laid.facts) } else { None }
+    }
+
+    /// The text of a layout of what a file states, with null where it states nothing.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn draft_layout(path: &Path, stream: Option<&str>) -> Result<String, IoError> {
+        let facts = match streams::open(path, Wanted { stream, layout: None })? {
+            Some(opened) => opened.facts,
+            None => Source::open(path, ReadingsLayout::default())?.1.facts(),
+        };
+        Ok(Layout::draft(path, &facts))
+    }
+
+    /// What is known about the readings, and by whom; reading adds to it.
+    pub fn statements(&self) -> Vec<Statement> {
+        if let Source::Laid(laid) = &self.source {
+            return laid.statements();
+        }
+        let state = |what: &str, value: &str| Statement::new(what, value, StatementSource::File);
+        let stated = |text: &str| if text.is_empty() { "none in the file" } else { text }.to_owned();
+        let mut all: Vec<Statement> =
+            self.channels.iter().map(|c| state(&format!("unit of {}", c.name), &stated(&c.unit))).collect();
+        all.push(state("time", if self.has_times { "as in the file, in s" } else { "none in the file" }));
+        let ids = if self.ids.is_some() { "by their ids" } else { "in the order of the map" };
+        all.push(state("taxels", ids));
+        all
     }
 
     fn of(source: Source, About { ids, channels, width, frames, has_times }: About) -> Self {
@@ -181,18 +314,6 @@ impl ReadingsReader {
     /// If the row has another number of cells, a cell is not a number, the file has ended too early,
     /// or there is no row at all. After an error about a line the next one may be read.
     pub fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        match &mut self.source {
-            Source::Text(text) => text.read(values, time),
-            Source::Long(long) => long.read(values, time),
-            Source::Arrays(arrays) => arrays.read(values, time),
-            Source::Memory(readings, next) => {
-                let Some(&at) = readings.times.get(*next) else { return Ok(false) };
-                let count = readings.channels.len() * readings.width;
-                values.clear();
-                values.extend_from_slice(&readings.values[*next * count..][..count]);
-                (*time, *next) = (at, *next + 1);
-                Ok(true)
-            }
-        }
+        self.source.read(values, time)
     }
 }

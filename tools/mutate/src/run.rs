@@ -25,6 +25,10 @@ pub(crate) fn commands_for(name: &str) -> &'static [&'static str] {
     match (stem, name.rsplit('.').next().unwrap_or_default()) {
         ("map", "glb") => &["plot {} -o -", "lookup {} contacts.csv -o -", "build {} -o out", "info {}"],
         ("contacts", _) => &["lookup map.glb {} -o -"],
+        ("readings", "jsonl") => &["render map.glb {} --layout xela.json -o -", "layout {}"],
+        ("readings", "asf" | "lst" | "asc") => {
+            &["render map.glb {} -o - --level 1", "convert {} out.ply", "layout {}"]
+        }
         ("readings", _) => &["render map.glb {} -o - --to 1 --level 1"],
         ("seams", _) => &["flatten cap.obj --cut {} -o out.npz"],
         ("observations", _) => &["calibrate {} -o out.csv --iterations 3 --keep"],

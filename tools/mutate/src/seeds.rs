@@ -42,6 +42,41 @@ const SEEDS: &[&str] = &[
     "readings.npz",
     "contacts.csv",
     "seams.csv",
+    "readings.asf",
+    "readings.lst",
+    "readings.asc",
+    "readings.jsonl",
+];
+
+/// Recordings of other programs.
+const RECORDINGS: [(&str, &str); 5] = [
+    (
+        "readings.asf",
+        "DATA_TYPE MOVIE\nROWS 2\nCOLS 3\nROW_SPACING 5 mm\nCOL_SPACING 5 mm\nSECONDS_PER_FRAME 0.1\nSTART_FRAME 1\nEND_FRAME \
+         2\nUNITS raw\nASCII_DATA @@\n\nFrame 1,0,,,Raw Sum=,,15\nB,1,2\n3,4,5\n\nFrame 2,0.1,,,Raw Sum=,,5\nB,1,1\n1,1,1\n@@\n",
+    ),
+    (
+        "readings.lst",
+        "\t\tPage 1\n\tSensor area: 1 cm2\tTime/picture:10.0 ms\n\tSensor size: 1.0x1.0 cm\n\tPict-No.: 1 \
+         x\n\t26\t27\tForce\n30\t1\t2\t0.3\nForce\t0.1\t0.2\t0.3\n\u{c}\tPage 2\n\tPict-No.: 2\n\t26\t27\tForce\n30\t0\t1\t0.1\n\
+         Force\t0\t0.1\t0.1\n",
+    ),
+    (
+        "readings.asc",
+        "file name: a\nmat type s\ntime per frame [secs]: 0.5 scanning rate [Hz]: 2\npressure values in kPa\ntime[secs] 4 9\n 5.0 1 \
+         2\n 5.5 0 1\n MPP 1 2\n time[secs] force[N] x y\n 5.0 0.5 0 0\n 5.5 0.2 0 0\nsensor 4 9\nx[c] 0 1\ny[c] 0 0\narea 1 2\n",
+    ),
+    (
+        "readings.jsonl",
+        "{\"message\": \"Welcome\"}\n{\"message\": 7, \"time\": 1.5, \"1\": {\"data\": \"8000,80FF,6000\", \"taxels\": 1, \"model\": \
+         \"XR\"}}\n{\"message\": 8, \"time\": 1.6, \"1\": {\"data\": \"8000,80FF,6009\", \"taxels\": 1, \"model\": \"XR\"}}\n",
+    ),
+    (
+        "xela.json",
+        "{\"dermatome_layout\": 1, \"axes\": [\"frame\", \"taxel\", \"component\"], \"time\": {\"unit\": \"s\"}, \"channels\": \
+         [{\"name\": \"normal\", \"unit\": \"count\", \"component\": 2}], \"press\": \"raises\", \"zero\": {\"first\": 1}, \
+         \"taxels\": {\"shape\": [1], \"first_id\": 0}}",
+    ),
 ];
 
 /// A robot of the project.
@@ -78,6 +113,9 @@ pub(crate) fn make_seeds(command: &Path, folder: &Path) -> Result<Vec<Seed>, Box
     fs::write(folder.join("arm.urdf"), ARM)?;
     fs::write(folder.join("part.dae"), PART)?;
     fs::write(folder.join("seams.csv"), "from,to\n40,41\n41,42\n")?;
+    for (name, text) in RECORDINGS {
+        fs::write(folder.join(name), text)?;
+    }
     for step in STEPS {
         let words: Vec<&str> = step.split(' ').collect();
         let run = Command::new(command).args(&words).current_dir(folder).output()?;

@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
@@ -15,6 +15,7 @@ mod matrix;
 mod bare_mesh;
 mod options;
 mod plot;
+mod recording_file;
 mod robot;
 mod signal;
 mod skin;
@@ -53,6 +54,7 @@ mod _dermatome {
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
         plot::PyPicture,
+        recording_file::PyRecordingFile,
         robot::PyRobot,
         run_command,
         signal::{

@@ -80,3 +80,21 @@ def test_zero_comes_from_another_stream_and_tables_from_the_folder(tmp_path):
     assert (draft["stream"], draft["time"], draft["press"]) == ("left", {"rate": 30.0}, None)
     with pytest.raises(dermatome.DataError, match="null"):
         Layout.parse(json.dumps(draft))
+
+
+def test_files_of_the_library_are_read_some_frames_at_a_time(tmp_path):
+    rows = "".join(f"Frame {k}\nB,{k},2\n3,4,5\n" for k in range(5))
+    head = "DATA_TYPE MOVIE\nROWS 2\nCOLS 3\nROW_SPACING 5 mm\nCOL_SPACING 5 mm\nSECONDS_PER_FRAME 0.5\nUNITS KPa\nASCII_DATA @@\n"
+    (tmp_path / "walk.asf").write_text(head + rows + "@@\n")
+    file = dermatome.RecordingFile(tmp_path / "walk.asf")
+    assert dermatome.RecordingFile.is_known(tmp_path / "walk.asf") and file.streams == {"": (2, 3)} and file.says["unit"] == "kPa"
+    assert (file.ids.tolist(), file.channels, file.units, file.frames) == ([2, 3, 4, 5, 6], ("pressure",), ("kPa",), None)
+    parts = []
+    while (part := file.next(2)) is not None:
+        parts.append(part)
+    assert [len(values) for values, _ in parts] == [2, 2, 1] and parts[2][1].tolist() == [2.0]
+    assert parts[1][0][:, 0, 0].tolist() == [2.0, 3.0] and ("unit", "kPa", "file") in file.statements
+    assert json.loads(file.draft())["channels"] == [{"name": "pressure", "unit": "kPa"}]
+    with pytest.raises(dermatome.DataError, match="no stream"):
+        dermatome.RecordingFile(tmp_path / "walk.asf", "left")
+    assert dermatome.Skin.read(tmp_path / "walk.asf").n_taxels == 5

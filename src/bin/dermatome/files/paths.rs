@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
-use crate::options::{BoundaryArg, CutArg, InPath, JointsArg, MayRead, OutFile, OutFolder};
+use crate::options::{BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder};
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -20,6 +20,7 @@ impl GivenPaths {
         inputs.extend(all_read::<CutArg>(given));
         inputs.extend(all_read::<BoundaryArg>(given));
         inputs.extend(all_read::<JointsArg>(given));
+        inputs.extend(all_read::<LayoutArg>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -41,7 +42,12 @@ fn all_read<T: MayRead>(given: &ArgMatches) -> impl Iterator<Item = PathBuf> {
 pub(crate) fn with_hints(command: Command) -> Command {
     let has_type = |arg: &Arg, types: &[TypeId]| types.iter().any(|t| arg.get_value_parser().type_id() == *t);
     let hinted = |arg: Arg| {
-        let files = [TypeId::of::<OutFile>(), TypeId::of::<CutArg>(), TypeId::of::<BoundaryArg>()];
+        let files = [
+            TypeId::of::<OutFile>(),
+            TypeId::of::<CutArg>(),
+            TypeId::of::<BoundaryArg>(),
+            TypeId::of::<LayoutArg>(),
+        ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)
         } else if has_type(&arg, &files) || has_type(&arg, &[TypeId::of::<JointsArg>()]) {

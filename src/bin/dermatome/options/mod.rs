@@ -17,7 +17,7 @@ use dermatome::io::Outputs;
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
-pub(crate) use paths::{InPath, MayRead, OutFile, OutFolder};
+pub(crate) use paths::{InPath, LayoutArg, MayRead, OutFile, OutFolder, layout_arg};
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};
 pub(crate) use values::{Choice, length, length_mm, number, one_of, side_mm, word_of};

@@ -5,6 +5,8 @@ use std::ffi::OsString;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
+use dermatome::io::{ReadingsLayout, file_kind};
+
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
         $(#[$doc])*
@@ -52,4 +54,27 @@ paths!(
 pub(crate) trait MayRead: Clone + Send + Sync + 'static {
     /// The file, if it is one.
     fn file(&self) -> Option<&Path>;
+}
+
+/// A layout of readings, or the order of the axes of an array of three.
+#[derive(Debug, Clone)]
+pub(crate) enum LayoutArg {
+    Axes(ReadingsLayout),
+    File(PathBuf),
+}
+
+/// A parser of [`LayoutArg`].
+pub(crate) fn layout_arg(text: &str) -> Result<LayoutArg, String> {
+    match text {
+        "tnc" => Ok(LayoutArg::Axes(ReadingsLayout::TaxelsFirst)),
+        "tcn" => Ok(LayoutArg::Axes(ReadingsLayout::ChannelsFirst)),
+        file if file_kind(Path::new(file)) == "json" => Ok(LayoutArg::File(file.into())),
+        _ => Err("needed: a file that ends in .json, tnc or tcn".into()),
+    }
+}
+
+impl MayRead for LayoutArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
 }

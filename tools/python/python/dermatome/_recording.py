@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import Layout, Map, Skin
+from dermatome._dermatome import Layout, Map, RecordingFile, Skin
 from dermatome._errors import DataError, FileError
 from dermatome._readings import Readings
 from dermatome.recordings import Container, Track, open_container
@@ -202,7 +202,7 @@ class Recording:
         """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""
         found: Skin | None = None
         if self._container is None:
-            found = self._core().skin()
+            found = Skin.read(self.path)
         else:
             first: Any = getattr(self._of(), "first", None)
             if first is not None and first.points is not None:
@@ -265,16 +265,16 @@ class Recording:
     def draft(self) -> str:
         """The text of a layout with what the file says, and null where nobody knows."""
         if self._container is None:
-            return str(self._core().draft())
+            return self._core().draft()
         track = self._of()
         return str(Layout.draft(self.path, track.cells, stream=track.stream, says=_stated(track, None)))
 
     def _remember(self, said: Any) -> None:
         self._said = tuple(tuple(map(str, each)) for each in said)  # type: ignore[misc]
 
-    def _core(self) -> Any:
+    def _core(self) -> RecordingFile:
         """A new reader of a file that the library reads itself."""
-        raise DataError(f"{self.path}: found no Zarr, LeRobot dataset, HDF5 or bag; needed: one of them, or Readings.read")
+        return RecordingFile(self.path, self._wanted, self.layout)
 
     def _needed(self) -> Any:
         if self.layout is None:

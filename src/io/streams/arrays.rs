@@ -1,0 +1,203 @@
+//! Arrays of numpy with any axes: one `.npy`, or one of an `.npz` whose times and zero are other arrays of it.
+
+use std::path::{Path, PathBuf};
+
+use crate::io::IoError;
+use crate::io::arrays::npy::ElementType;
+use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
+use crate::io::arrays::rows::{MAX_WHOLE, Rows};
+use crate::io::file::invalid;
+use crate::io::file::times::time_column;
+use crate::io::layout::{Layout, StreamFacts, TimeUnit};
+use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
+
+struct Arrays {
+    path: PathBuf,
+    values: Values,
+    times: Option<Rows>,
+    frame: usize,
+    bytes: Vec<u8>,
+}
+
+enum Values {
+    /// Frame after frame, as they are.
+    Rows(Rows),
+    /// All bytes: the last index is not the fastest, or frames are not the first axis.
+    Whole { bytes: Vec<u8>, elements: ElementType, frames: usize, frame_stride: usize, cells: Vec<usize> },
+}
+
+pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
+    let storage = Storage::disk(path);
+    let is_archive = !is_npy(path)?;
+    let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
+    let axes = wanted.layout.map(|layout| layout.axes().len());
+    let fits = |array: &&StoredArray| {
+        let shape = &array.header.shape;
+        array.header.elements.is_number() && (shape.len() > 1) && axes.is_none_or(|axes| shape.len() == axes)
+    };
+    let mut candidates: Vec<&StoredArray> = arrays.iter().filter(fits).collect();
+    if candidates.is_empty() {
+        // The decoder says what is wrong with the axes.
+        candidates = arrays.iter().filter(|array| array.header.elements.is_number()).collect();
+    }
+    let axis = wanted.layout.map_or(0, Layout::frame_axis);
+    let mut streams = Vec::new();
+    for array in &candidates {
+        let sides = array.header.shape.iter().map(|&side| usize::try_from(side).unwrap_or(usize::MAX));
+        let mut cells: Vec<usize> = sides.collect();
+        if axis < cells.len() {
+            cells.remove(axis);
+        }
+        streams.push((array.name.clone(), cells));
+    }
+    let place = wanted.choose(path, &streams)?;
+    let (array, (stream, cells)) = (candidates[place], streams.swap_remove(place));
+    let mut facts = StreamFacts { stream, cells, ..StreamFacts::default() };
+    let frames = array.header.shape.get(axis).copied().unwrap_or(0);
+    let named = |name: &str| arrays.iter().find(|other| other.name == name && other.name != array.name);
+    let times = times_of(path, &arrays, wanted.layout, array)?;
+    if let Some((times, unit)) = times {
+        if times.header.shape != [frames] {
+            let needed = format!("the shape ({frames},): one for each frame of {}", array.element());
+            return Err(invalid(path, times.element(), times.header.describe(), needed));
+        }
+        facts.time_names = vec![times.name.clone()];
+        facts.time_unit = unit;
+    }
+    if let Some(name) = wanted.layout.and_then(Layout::zero_stream) {
+        facts.zero = named(name).map(|array| read_zero(path, array, &facts.cells)).transpose()?;
+    }
+    if let Some(units) = named("units").filter(|units| !units.header.elements.is_number()) {
+        facts.units = Rows::open(path, units, units.header.shape.iter().product::<u64>().min(64) as usize)?
+            .texts(path)?;
+    }
+    let source = Arrays {
+        path: path.into(),
+        values: Values::open(path, array, axis)?,
+        times: times.map(|(times, _)| Rows::open(path, times, 1)).transpose()?,
+        frame: 0,
+        bytes: Vec::new(),
+    };
+    Ok(OpenStream { facts, frames: Some(frames), sheet: None, source: Box::new(source) })
+}
+
+fn is_npy(path: &Path) -> Result<bool, IoError> {
+    use std::io::Read;
+    let mut magic = [0; 1];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut magic));
+    read.map(|_| magic == *b"\x93").map_err(crate::io::file::cannot_read(path))
+}
+
+/// The array of times and the unit that it states: the one that the layout names, else one that is called a time.
+fn times_of<'a>(
+    path: &Path,
+    arrays: &'a [StoredArray],
+    layout: Option<&Layout>,
+    values: &StoredArray,
+) -> Result<Option<(&'a StoredArray, Option<TimeUnit>)>, IoError> {
+    let others =
+        || arrays.iter().filter(|array| array.name != values.name && array.header.elements.is_number());
+    let found = match layout.map(Layout::time) {
+        Some((_, Some(_))) => return Ok(None),
+        Some((Some(name), _)) => {
+            let names: Vec<&str> = others().map(|array| array.name.as_str()).collect();
+            let needed = || format!("one of {}, or a rate in the layout", names.join(", "));
+            let array = others().find(|array| array.name == name);
+            Some(array.ok_or_else(|| invalid(path, "times", format!("no array `{name}`"), needed()))?)
+        }
+        _ => others().find(|array| time_column(&array.name).is_some()),
+    };
+    Ok(found.map(|array| {
+        let of_name = time_column(&array.name).filter(|_| array.name.contains('[')).and_then(Result::ok);
+        let per_second = array.header.elements.dates_per_second().or(of_name);
+        (array, per_second.and_then(TimeUnit::of))
+    }))
+}
+
+/// The level at rest of each number of a frame: one for each, or the mean of several rows of them.
+fn read_zero(path: &Path, array: &StoredArray, cells: &[usize]) -> Result<Vec<f64>, IoError> {
+    let width: usize = cells.iter().product();
+    let count: u64 = array.header.shape.iter().product();
+    let fits =
+        array.header.elements.is_number() && width > 0 && count > 0 && count.is_multiple_of(width as u64);
+    if !fits || array.header.is_fortran {
+        let needed = format!("numbers of the shape {cells:?}, or rows of them, in C order");
+        return Err(invalid(path, array.element(), array.header.describe(), needed));
+    }
+    let mut rows = Rows::open(path, array, width)?;
+    let (mut sum, mut row, mut count) = (vec![0.0; width], vec![0.0; width], 0.0);
+    while rows.read(path, &mut row)? {
+        sum.iter_mut().zip(&row).for_each(|(sum, x)| *sum += x);
+        count += 1.0;
+    }
+    Ok(sum.iter().map(|sum| sum / count).collect())
+}
+
+impl Values {
+    fn open(path: &Path, array: &StoredArray, axis: usize) -> Result<Self, IoError> {
+        let header = &array.header;
+        let shape: Vec<usize> =
+            header.shape.iter().map(|&side| usize::try_from(side).unwrap_or(usize::MAX)).collect();
+        let frames = shape.get(axis).copied().unwrap_or(0);
+        // The product of the shape was compared with the bytes that are there.
+        let count: usize = shape.iter().product();
+        if count == 0 {
+            return Err(invalid(path, array.element(), header.describe(), "at least one number"));
+        }
+        if axis == 0 && !header.is_fortran {
+            return Ok(Self::Rows(Rows::open(path, array, count / frames)?));
+        }
+        let total = header.total_bytes().unwrap_or(u64::MAX);
+        if total > MAX_WHOLE {
+            let needed =
+                format!("at most {MAX_WHOLE} bytes, or C order with frames first: numpy.ascontiguousarray");
+            return Err(invalid(path, array.element(), format!("{total} bytes in another order"), needed));
+        }
+        let bytes = Rows::open_flat(path, array, count)?.into_bytes(path)?;
+        let mut strides = vec![1; shape.len()];
+        let order: Vec<usize> =
+            if header.is_fortran { (0..shape.len()).collect() } else { (0..shape.len()).rev().collect() };
+        for pair in order.windows(2) {
+            strides[pair[1]] = strides[pair[0]] * shape[pair[0]];
+        }
+        let mut cells = vec![0];
+        for k in (0..shape.len()).filter(|&k| k != axis) {
+            cells = cells
+                .iter()
+                .flat_map(|at| (0..shape[k]).map(move |i| (at, i)))
+                .map(|(at, i)| at + i * strides[k])
+                .collect();
+        }
+        Ok(Self::Whole { bytes, elements: header.elements, frames, frame_stride: strides[axis], cells })
+    }
+}
+
+impl Frames for Arrays {
+    fn read(&mut self, out: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        match &mut self.values {
+            Values::Rows(rows) => {
+                out.resize(rows.width(), f64::NAN);
+                if !rows.read(&self.path, out)? {
+                    return Ok(false);
+                }
+            }
+            Values::Whole { frames, .. } if self.frame == *frames => return Ok(false),
+            Values::Whole { bytes, elements, frame_stride, cells, .. } => {
+                let size = elements.size();
+                self.bytes.clear();
+                for cell in cells.iter() {
+                    let at = (cell + self.frame * *frame_stride) * size;
+                    self.bytes.extend_from_slice(&bytes[at..at + size]);
+                }
+                out.resize(cells.len(), f64::NAN);
+                elements.numbers(&self.bytes, out);
+            }
+        }
+        self.frame += 1;
+        *time = match &mut self.times {
+            Some(times) => times.read_tick(&self.path)?.map_or_else(Tick::Real, Tick::Whole),
+            None => Tick::None,
+        };
+        Ok(true)
+    }
+}

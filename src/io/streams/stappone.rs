@@ -1,0 +1,129 @@
+//! Stappone `.csv`: a row for each frame of a sole, with times in ms, pressures in no stated unit, and a flag for rows that
+//! are corrupt, which have no readings.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use crate::io::IoError;
+use crate::io::file::excerpt;
+use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
+use crate::io::streams::lines::{TextLines, cells as split};
+
+struct Stappone {
+    lines: TextLines,
+    columns: Columns,
+    sole: String,
+    corrupt: u64,
+}
+
+/// Where the columns are.
+#[derive(Debug, Clone, Default)]
+struct Columns {
+    count: usize,
+    pressures: Vec<usize>,
+    corrupt: Option<usize>,
+}
+
+/// The most soles of a file.
+const MOST_SOLES: usize = 100;
+
+pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
+    let mut lines = TextLines::open(path)?;
+    let columns = read_columns(&mut lines)?;
+    let (mut soles, mut rows): (BTreeSet<String>, Vec<String>) = (BTreeSet::new(), Vec::new());
+    let mut frames = std::collections::BTreeMap::<String, u64>::new();
+    while lines.advance_to_content()? {
+        let sole =
+            String::from_utf8_lossy(split(lines.bytes(), b',').next().unwrap_or_default()).into_owned();
+        *frames.entry(sole.clone()).or_default() += 1;
+        if soles.insert(sole.clone()) {
+            rows.push(sole);
+        }
+        if soles.len() > MOST_SOLES {
+            return Err(lines
+                .at()
+                .invalid(format!("{} soles", soles.len()), format!("at most {MOST_SOLES}")));
+        }
+    }
+    if rows.is_empty() {
+        return Err(lines.ended("at least one row below the names"));
+    }
+    let shape = vec![columns.pressures.len()];
+    let streams: Vec<_> = rows.iter().map(|sole| (format!("sole {sole}"), shape.clone())).collect();
+    let place = wanted.choose(path, &streams)?;
+    let sole = rows.swap_remove(place);
+    let facts = StreamFacts {
+        stream: streams[place].0.clone(),
+        cells: shape,
+        usual_axes: vec!["taxel"],
+        time_names: vec!["timestamp".into(), "time".into()],
+        time_unit: Some(TimeUnit::Milliseconds),
+        has_pressures: true,
+        notes: vec![Statement::new("sole", &sole, StatementSource::File)],
+        ..StreamFacts::default()
+    };
+    let mut lines = TextLines::open(path)?;
+    read_columns(&mut lines)?;
+    let frames = frames.get(&sole).copied();
+    let source = Stappone { lines, columns, sole, corrupt: 0 };
+    Ok(OpenStream { facts, frames, sheet: None, source: Box::new(source) })
+}
+
+fn read_columns(lines: &mut TextLines) -> Result<Columns, IoError> {
+    lines.advance_to_content()?;
+    let text = lines.text();
+    let names: Vec<&str> = text.split(',').map(str::trim).collect();
+    let places = names.iter().enumerate();
+    let pressures: Vec<usize> =
+        places.filter(|(_, name)| name.starts_with("pressure_")).map(|(k, _)| k).collect();
+    if pressures.is_empty() {
+        return Err(lines.at().invalid(excerpt(&text), "columns pressure_01, pressure_02, ..."));
+    }
+    Ok(Columns { count: names.len(), pressures, corrupt: names.iter().position(|name| *name == "corrupt") })
+}
+
+impl Frames for Stappone {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        loop {
+            if !self.lines.advance_to_content()? {
+                return Ok(false);
+            }
+            let (lines, row) = (&self.lines, split(self.lines.bytes(), b',').collect::<Vec<_>>());
+            if row.len() != self.columns.count {
+                let needed = format!("{}, as the first line has", self.columns.count);
+                return Err(lines.at().invalid(format!("{} cells", row.len()), needed));
+            }
+            if row[0] != self.sole.as_bytes() {
+                continue;
+            }
+            let ms = std::str::from_utf8(row[1]).ok().and_then(|word| word.parse().ok());
+            let ms = ms.ok_or_else(|| {
+                lines.at().invalid_part(
+                    "timestamp",
+                    excerpt(&String::from_utf8_lossy(row[1])),
+                    "a whole number of ms",
+                )
+            })?;
+            *time = Tick::Whole(ms);
+            let is_corrupt = self.columns.corrupt.is_some_and(|column| row[column] != b"0");
+            cells.clear();
+            for &column in &self.columns.pressures {
+                let value = match row[column] {
+                    _ if is_corrupt => f64::NAN,
+                    b"" => f64::NAN,
+                    cell => lines.number(cell, || format!("column {}", column + 1))?,
+                };
+                cells.push(value);
+            }
+            self.corrupt += u64::from(is_corrupt);
+            return Ok(true);
+        }
+    }
+
+    fn statements(&self) -> Vec<Statement> {
+        let value = format!("{} frames that the file calls corrupt; they have no readings", self.corrupt);
+        let stated = (self.corrupt > 0).then(|| Statement::new("corrupt", value, StatementSource::File));
+        stated.into_iter().collect()
+    }
+}

@@ -1,0 +1,259 @@
+//! Tekscan `.asf` and `.csv`: a header of keys, then frames of rows of cells between commas; `B` is a cell without a sensor.
+//! A file of raw counts may have the sum of each frame, which is compared.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::io::IoError;
+use crate::io::file::excerpt;
+use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+use crate::io::streams::lines::{TextLines, cells as split, number};
+use crate::io::streams::numbers::{is_sum, length, unit};
+
+/// Keys of the header that are stated as they are.
+const NOTES: [(&str, &str); 6] = [
+    ("SENSOR_TYPE", "sensor"),
+    ("SATURATION_PRESSURE", "saturates at"),
+    ("NOISE_THRESHOLD", "noise threshold"),
+    ("CALIBRATION_POINT_1", "calibration"),
+    ("SENSITIVITY", "sensitivity"),
+    ("TIME", "recorded"),
+];
+
+pub(super) struct Tekscan {
+    lines: TextLines,
+    shape: [usize; 2],
+    /// Whether there is a sensor in each cell; empty before the first frame.
+    sensors: Vec<bool>,
+    seconds_per_frame: f64,
+    /// Numbers of the first and the last frame, as the header has them.
+    numbers: Option<[u64; 2]>,
+    is_raw: bool,
+    /// The first frame, which is read at once.
+    first: Option<(Vec<f64>, Tick)>,
+    last: Option<u64>,
+    frames: u64,
+    sums: u64,
+    has_ended: bool,
+}
+
+type Header = BTreeMap<String, String>;
+
+pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
+    let mut lines = TextLines::open(path)?;
+    let header = read_header(&mut lines)?;
+    let need = |key: &str| {
+        let needed = format!("a line {key}");
+        header.get(key).map(String::as_str).ok_or_else(|| lines.at().invalid("the end of the header", needed))
+    };
+    let whole = |key: &str, most: usize| {
+        let text = need(key)?;
+        let number = text.parse().ok().filter(|n| (1..=most).contains(n));
+        number.ok_or_else(|| lines.at().invalid(format!("{key} {}", excerpt(text)), format!("1 to {most}")))
+    };
+    let shape = [whole("ROWS", 1 << 12)?, whole("COLS", 1 << 12)?];
+    wanted.choose(path, &[(String::new(), shape.to_vec())])?;
+    let pitch = [length(&lines, need("ROW_SPACING")?)?, length(&lines, need("COL_SPACING")?)?];
+    let unit = unit(need("UNITS")?);
+    let seconds_per_frame =
+        lines.number(need("SECONDS_PER_FRAME")?.as_bytes(), || "SECONDS_PER_FRAME".into())?;
+    if seconds_per_frame <= 0.0 {
+        return Err(lines.at().invalid(format!("SECONDS_PER_FRAME {seconds_per_frame}"), "a number above 0"));
+    }
+    let number = |key: &str| header.get(key).and_then(|text| text.parse::<u64>().ok());
+    let numbers = number("START_FRAME").zip(number("END_FRAME")).map(|(first, last)| [first, last]);
+    if let Some([first, last]) = numbers.filter(|[first, last]| first > last) {
+        let needed = "a last frame that is not before the first";
+        return Err(lines.at().invalid(format!("START_FRAME {first} and END_FRAME {last}"), needed));
+    }
+    let is_mirrored = |key: &str| header.get(key).is_some_and(|value| value != "0");
+    let notes = NOTES
+        .iter()
+        .filter_map(|(key, what)| Some(Statement::new(*what, header.get(*key)?, StatementSource::File)));
+    let mut notes: Vec<Statement> = notes.collect();
+    let pitch_mm = pitch.map(|side| 1e3 * side);
+    notes.push(Statement::new(
+        "pitch",
+        format!("{} x {} mm", pitch_mm[0], pitch_mm[1]),
+        StatementSource::File,
+    ));
+    let mut reader = Tekscan {
+        is_raw: unit == "raw",
+        lines,
+        shape,
+        sensors: Vec::new(),
+        seconds_per_frame,
+        numbers,
+        first: None,
+        last: None,
+        frames: 0,
+        sums: 0,
+        has_ended: false,
+    };
+    let (mut cells, mut time) = (Vec::new(), Tick::None);
+    if !reader.read_frame(&mut cells, &mut time)? {
+        return Err(reader.lines.ended("at least one frame"));
+    }
+    reader.sensors = cells.iter().map(|x| !x.is_nan()).collect();
+    let dead = reader.sensors.iter().filter(|sensor| !**sensor).count();
+    notes.push(Statement::new("cells without a sensor", dead.to_string(), StatementSource::File));
+    reader.first = Some((cells, time));
+    let facts = StreamFacts {
+        cells: shape.to_vec(),
+        usual_axes: vec!["row", "col"],
+        units: vec![unit],
+        rate_hz: Some(1.0 / seconds_per_frame),
+        time_names: vec!["frames".into(), "time".into()],
+        time_unit: Some(TimeUnit::Seconds),
+        sensors: reader.sensors.clone(),
+        has_pressures: true,
+        may_be_mirrored: is_mirrored("MIRROR_ROW") || is_mirrored("MIRROR_COL"),
+        notes,
+        ..StreamFacts::default()
+    };
+    Ok(OpenStream {
+        sheet: Some(Sheet::grid(shape, pitch, &reader.sensors)),
+        facts,
+        frames: numbers.map(|[first, last]| (last - first).saturating_add(1)),
+        source: Box::new(reader),
+    })
+}
+
+/// The keys of the header, up to the data.
+fn read_header(lines: &mut TextLines) -> Result<Header, IoError> {
+    let mut header = Header::new();
+    while lines.advance()? {
+        let text = lines.text();
+        if text.starts_with("ASCII_DATA") {
+            return Ok(header);
+        }
+        let (key, value) = text.split_once(char::is_whitespace).unwrap_or((&text, ""));
+        header.entry(key.trim_end_matches(':').into()).or_insert_with(|| value.trim().into());
+        lines.check_header("ASCII_DATA")?;
+    }
+    Err(lines.ended("a line ASCII_DATA"))
+}
+
+impl Tekscan {
+    /// Reads a frame from its title on; false at the end of the data.
+    fn read_frame(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        if self.has_ended || !self.lines.advance_to_content()? || self.lines.bytes().starts_with(b"@@") {
+            self.has_ended = true;
+            return self.check_count().map(|()| false);
+        }
+        let sum = self.read_title(time)?;
+        cells.clear();
+        for row in 0..self.shape[0] {
+            if !self.lines.advance()? {
+                return Err(self.lines.ended(&format!("row {row} of {} of the frame", self.shape[0])));
+            }
+            self.read_row(row, cells)?;
+        }
+        if let Some(stated) = sum.filter(|_| self.is_raw) {
+            let found: f64 = cells.iter().filter(|x| !x.is_nan()).sum();
+            if !is_sum(found, stated, 0.5, 0.0) {
+                let frame = self.last.unwrap_or_default();
+                let needed = format!("{stated}, the Raw Sum of the frame");
+                return Err(self.lines.at().invalid_part(
+                    format!("frame {frame}"),
+                    format!("cells of the sum {found}"),
+                    needed,
+                ));
+            }
+            self.sums += 1;
+        }
+        self.frames += 1;
+        Ok(true)
+    }
+
+    /// Reads `Frame 41, 4.04,, DATE,,,Raw Sum=,,823`, and gives the sum if there is one.
+    fn read_title(&mut self, time: &mut Tick) -> Result<Option<f64>, IoError> {
+        let (lines, line) = (&self.lines, self.lines.bytes());
+        let wrong = |needed: String| lines.at().invalid(excerpt(&String::from_utf8_lossy(line)), needed);
+        let mut parts = split(line, b',');
+        let title = parts.next().and_then(|title| title.strip_prefix(b"Frame"));
+        let frame = title.and_then(|title| std::str::from_utf8(title.trim_ascii()).ok()?.parse::<u64>().ok());
+        let frame = frame.ok_or_else(|| wrong("`Frame` and its number, or @@ at the end".into()))?;
+        let next = self.last.map(|last| last.saturating_add(1)).or(self.numbers.map(|[first, _]| first));
+        if next.is_some_and(|next| next != frame) {
+            return Err(wrong(format!("frame {}: none is left out", next.unwrap_or_default())));
+        }
+        self.last = Some(frame);
+        let stated = parts.next().and_then(number);
+        *time = Tick::Real(stated.unwrap_or(self.frames as f64 * self.seconds_per_frame));
+        let has_sum = line.windows(7).any(|part| part == b"Raw Sum");
+        let sum = split(line, b',').last().and_then(number);
+        if has_sum && sum.is_none() {
+            return Err(wrong("a number after Raw Sum".into()));
+        }
+        Ok(sum.filter(|_| has_sum))
+    }
+
+    fn read_row(&self, row: usize, cells: &mut Vec<f64>) -> Result<(), IoError> {
+        let (lines, cols, start) = (&self.lines, self.shape[1], cells.len());
+        if lines.bytes().trim_ascii().is_empty() || lines.bytes().starts_with(b"Frame") {
+            let needed = format!("{cols} cells in row {row} of {}", self.shape[0]);
+            return Err(lines.at().invalid("the end of a frame", needed));
+        }
+        for (k, cell) in split(lines.bytes(), b',').enumerate() {
+            if k >= cols {
+                if cell.is_empty() {
+                    continue;
+                }
+                let found = format!("more than {cols} cells in row {row}");
+                return Err(lines
+                    .at()
+                    .invalid(found, format!("{cols}, numbers with a decimal point between commas")));
+            }
+            let is_dead = cell == b"B";
+            let place = start + k;
+            let was_dead = self.sensors.get(place).map(|sensor| !sensor);
+            if was_dead.is_some_and(|was| was != is_dead) {
+                let found = format!("{} in column {}", excerpt(&String::from_utf8_lossy(cell)), k + 1);
+                return Err(lines.at().invalid(found, "a sensor or none in a cell, the same in all frames"));
+            }
+            cells.push(if is_dead {
+                f64::NAN
+            } else {
+                lines.number(cell, || format!("column {}", k + 1))?
+            });
+        }
+        match cells.len() - start {
+            found if found == cols => Ok(()),
+            found => {
+                let needed = format!("{cols} in row {row} of {}", self.shape[0]);
+                Err(lines.at().invalid(format!("{found} cells"), needed))
+            }
+        }
+    }
+
+    /// Refuses fewer frames than the header states.
+    fn check_count(&self) -> Result<(), IoError> {
+        let Some([first, last]) = self.numbers else { return Ok(()) };
+        let needed = (last - first).saturating_add(1);
+        if self.frames == needed {
+            return Ok(());
+        }
+        let needed = format!("{needed}, from START_FRAME {first} to END_FRAME {last}");
+        Err(self.lines.at().invalid(format!("{} frames", self.frames), needed))
+    }
+}
+
+impl Frames for Tekscan {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        match self.first.take() {
+            Some(first) => {
+                (*cells, *time) = first;
+                Ok(true)
+            }
+            None => self.read_frame(cells, time),
+        }
+    }
+
+    fn statements(&self) -> Vec<Statement> {
+        let value = format!("the Raw Sum of {} frames is that of their cells", self.sums);
+        let stated = (self.sums > 0).then(|| Statement::new("sums", value, StatementSource::Checked));
+        stated.into_iter().collect()
+    }
+}
