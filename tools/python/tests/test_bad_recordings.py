@@ -249,6 +249,12 @@ def test_hdf5_of_other_kinds(h5, tmp_path):
     two = h5("rates", times=np.cumsum(np.where(np.arange(40) < 20, 1 / 10, 1 / 20)))
     values, recording = read(two, layout=FILE_TIME)
     assert np.array_equal(values, ROWS)
+    both = h5("both", lambda h5py, file, group: [group.create_dataset(f"{side}_pressure", data=ROWS) for side in ("left", "right")])
+    refuse(both, "left_pressure and data/demo_0/right_pressure for", stream="data/*/*_pressure")
+    assert np.array_equal(read(both, stream="data/*/left_pressure")[0], ROWS)
+    for episode in (-1, "0", True):
+        with pytest.raises(dermatome.DataError, match="episode: found"):
+            Readings.open(both, episode=episode)
     frames_last = {**LAYOUT, "axes": ["taxel", "frame"]}
     assert np.array_equal(read(h5("turned", rows=np.ascontiguousarray(ROWS.T), times=np.arange(40) / 10), layout=frames_last)[0], ROWS)
 

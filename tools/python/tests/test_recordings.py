@@ -162,6 +162,51 @@ def test_json_in_mcap():
 
 
 @samples
+def test_files_that_the_library_reads(tmp_path):
+    truth = json.loads((DATA / "truth.json").read_text())
+    walk = Readings.open(DATA / "vendor/fscan_testL.asf", layout=DATA / "layouts/fscan.json")
+    read, about = walk.read(), truth["vendor/fscan_testL.asf"]
+    assert len(read) == 20 and read.values.shape[2] == 60 * 21 - about["no_sensor_cells"] == walk.skin().n_taxels
+    assert np.nanmax(read.values) == about["max"] and np.allclose(np.diff(read.timestamps), about["dt"])
+    forces = np.nansum(read.values[:3, 0], axis=1) * 1e3 * np.prod(about["pitch_mm"]) * 1e-6
+    assert np.allclose(forces, about["force_N"], atol=0.1) and ("unit", "kPa", "file") in walk.statements
+    mat = dermatome.build(walk.skin())
+    parts = list(walk.chunks(mat, frames=8))
+    assert [len(part) for part in parts] == [8, 8, 4] and {part.values.shape[2] for part in parts} == {mat.n_taxels}
+    rows = Readings.open(DATA / "numpy/pads.npy", layout=layout("pad_pair", zero=0))
+    assert np.array_equal(rows.read().values[:, 0], pads().reshape(48, -1)) and len(rows.episodes) in (0, 1)
+    finger = Readings.open(DATA / "xela/xr1944.jsonl", layout=DATA / "layouts/xela_xr1944.json").read()
+    assert finger.values.shape == (30, 3, 16) and finger.channels == ("shear.x", "shear.y", "normal")
+    assert np.allclose(np.diff(finger.values[10:, 2, 5], axis=0).mean(), 40, atol=5)
+    np.save(tmp_path / "a.npy", np.arange(24.0).reshape(2, 4, 3))
+    words = [Readings.open(tmp_path / "a.npy", layout=axes).read().values for axes in ("tnc", "tcn")]
+    assert np.array_equal(np.moveaxis(words[0], 1, 2), words[1])
+    with pytest.raises(dermatome.DataError, match="episode=1"):
+        Readings.open(tmp_path / "a.npy", layout="tnc", episode=1)
+    with pytest.raises(dermatome.DataError, match="'tnc'"):
+        opened("oxt/pad_pair.zarr.zip", layout="tnc")
+
+
+@samples
+def test_drafts_of_layouts(tmp_path):
+    from dermatome import Layout
+
+    for path, stream, axes in (("oxt/pad_pair.zarr.zip", None, 4), ("lerobot_v3", PAD_STREAM, 4), ("hdf5/opentouch_like.hdf5", "data/*/right_pressure", 3)):
+        draft = Layout.draft(opened(path, stream=stream))
+        draft.write(tmp_path / "draft.json")
+        made = json.loads((tmp_path / "draft.json").read_text())
+        assert len(made["axes"]) == axes and made["press"] is None and made["zero"] is None
+        with pytest.raises(dermatome.DataError, match="draft.json.*null"):
+            Readings.open(DATA / path, layout=tmp_path / "draft.json")
+    array = Readings.open(DATA / "numpy/pads.npy")
+    assert json.loads(Layout.draft(array))["press"] is None
+    with pytest.raises(dermatome.DataError, match="cells: found none"):
+        Layout.draft("a.npy")
+    with pytest.raises(dermatome.DataError, match="pads.npy"):
+        array.read()
+
+
+@samples
 def test_spoiled_files_are_refused_stated_or_read(tmp_path):
     for need in ("h5py", "zarr", "pyarrow", "numcodecs"):
         pytest.importorskip(need)

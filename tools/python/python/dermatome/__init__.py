@@ -35,6 +35,7 @@ from dermatome._dermatome import (
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
+from dermatome._recording import Recording
 from dermatome._touch import touch
 
 __all__ = [
@@ -58,6 +59,7 @@ __all__ = [
     "Patch",
     "Picture",
     "Readings",
+    "Recording",
     "RecordingFile",
     "Renderer",
     "Robot",

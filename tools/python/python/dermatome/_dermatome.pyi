@@ -1,9 +1,11 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, final
+from typing import Any, Literal, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from dermatome._recording import Draft, Recording
 
 __all__ = [
     "Calibration",
@@ -495,8 +497,21 @@ class Layout:
     def read(path: _Path) -> Layout: ...
     @staticmethod
     def parse(text: str, name: str = "layout", folder: _Path | None = None) -> Layout: ...
+    @overload
     @staticmethod
-    def draft(file: _Path, cells: Sequence[int], *, stream: str = "", says: dict[str, Any] | None = None) -> str: ...
+    def draft(
+        file: Recording, cells: None = None, *, stream: str = "", says: dict[str, Any] | None = None
+    ) -> Draft: ...
+    @overload
+    @staticmethod
+    def draft(
+        file: _Path, cells: Sequence[int], *, stream: str = "", says: dict[str, Any] | None = None
+    ) -> str: ...
+    @overload
+    @staticmethod
+    def draft(
+        file: RecordingFile, cells: None = None, *, stream: str = "", says: dict[str, Any] | None = None
+    ) -> str: ...
     def decoder(
         self,
         file: _Path,

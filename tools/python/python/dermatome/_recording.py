@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import Layout, Map, RecordingFile, Skin
+from dermatome._dermatome import Layout, Map, Skin
 from dermatome._errors import DataError, FileError
 from dermatome._readings import Readings
 from dermatome.recordings import Container, Track, open_container
 from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
+from dermatome.recordings.core import Arrays, Text, draft_of_array
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -24,6 +25,18 @@ TIMES = "timestamps"
 NANOSECONDS = {"s": 1e-9, "ms": 1e-6, "us": 1e-3, "ns": 1.0}
 
 
+class Draft(str):
+    """The text of a layout, with null where nobody knows."""
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file."""
+        try:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(self)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error}", "io") from error
+
+
 class Recording:
     """A recording in a file, of which nothing but headers was read: made by `Readings.open`.
 
@@ -32,7 +45,8 @@ class Recording:
     path : str
         The file or folder.
     streams : dict of str to tuple of int
-        What there is: the shape of each stream, the number of frames first. A `*` stands for the number of an episode.
+        What there is: the shape of each stream, the number of frames first, -1 where only reading all of them tells it.
+        A `*` stands for the number of an episode.
     layout : Layout or None
         What the file does not say.
     episode : int or None
@@ -41,11 +55,18 @@ class Recording:
 
     def __init__(self, path: str | os.PathLike[str], stream: str | None, layout: Any, episode: int | None) -> None:
         self.path = os.fspath(path)
-        self.layout = layout_of(layout)
+        if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
+            raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")
+        # The order of three axes of an array, as a word.
+        self._axes = layout if layout in ("tnc", "tcn") else None
+        self.layout = layout_of(None if self._axes else layout)
         self.episode = episode
+        self._given = stream
         self._wanted = stream if stream is not None else self.layout.stream if self.layout else None
         self._from = "argument" if stream is not None else "layout" if self._wanted else "file"
         self._container: Container | None = open_container(path)
+        if self._container is not None and self._axes:
+            raise DataError(f"{path}: found the layout {self._axes!r}; needed: a layout with axes, time, channels, press, zero and taxels")
         self._track: Track | None = None
         self._decoder: Any = None
         self._said: tuple[tuple[str, str, str], ...] = ()
@@ -54,10 +75,16 @@ class Recording:
             if self._wanted is not None or self.layout is not None:
                 self._decoder = self._new_decoder()
                 self._remember(self._decoder.statements if self._decoder else ())
-        else:
-            if episode not in (None, 0):
-                raise DataError(f"{path}: found episode={episode!r}; needed: 0: this file is one episode")
-            self.streams = dict(self._core().streams)
+            return
+        if episode not in (None, 0):
+            raise DataError(f"{path}: found episode={episode!r}; needed: 0: this file is one episode")
+        self._text: Text | None = None
+        self.streams = {}
+        # An array without a layout can be drafted: what is missing is told when it is read.
+        if self.layout is not None or self._axes or not Text.is_known(self.path) or self._opens():
+            self._text = self._core()
+            self.streams = dict(self._text.streams)
+            self._remember(self._text.statements)
 
     @property
     def stream(self) -> str:
@@ -67,14 +94,14 @@ class Recording:
     @property
     def says(self) -> dict[str, Any]:
         """dict: What the file states of the stream: unit, rate, axes, ids, area, sensor, pitch."""
-        return dict(self._of().says) if self._container is not None else dict(self._core().says)
+        return dict(self._of().says) if self._container is not None else self._opened().says
 
     @property
     def episodes(self) -> tuple[int, ...]:
         """tuple of int: The number of frames of each episode; empty where that is not known before the end."""
         if self._container is not None:
             return self._of().episodes
-        frames = self._core().frames
+        frames = self._opened().frames
         return () if frames is None else (frames,)
 
     @property
@@ -262,19 +289,32 @@ class Recording:
         shown = ", ".join(f"{name} {shape}" for name, shape in list(self.streams.items())[:3])
         return f"<Recording: {self.path}: {shown}{', ...' if len(self.streams) > 3 else ''}>"
 
-    def draft(self) -> str:
-        """The text of a layout with what the file says, and null where nobody knows."""
+    def draft(self) -> Draft:
+        """The text of a layout with what the file says, and null where nobody knows, for `Draft.write`."""
         if self._container is None:
-            return self._core().draft()
+            return Draft(self._text.draft() if self._text else draft_of_array(self.path))
         track = self._of()
-        return str(Layout.draft(self.path, track.cells, stream=track.stream, says=_stated(track, None)))
+        return Draft(Layout.draft(self.path, track.cells, stream=track.stream, says=_stated(track, None)))
 
     def _remember(self, said: Any) -> None:
         self._said = tuple(tuple(map(str, each)) for each in said)  # type: ignore[misc]
 
-    def _core(self) -> RecordingFile:
+    def _opened(self) -> Text:
+        """The reader of a file that the library reads itself; an error if it needs a layout."""
+        return self._text or self._core()
+
+    def _opens(self) -> bool:
+        try:
+            self._core()
+        except DataError:
+            return False
+        return True
+
+    def _core(self) -> Text:
         """A new reader of a file that the library reads itself."""
-        return RecordingFile(self.path, self._wanted, self.layout)
+        if self._axes:
+            return Arrays(self.path, self._axes)
+        return Text(self.path, self._given, self.layout)
 
     def _needed(self) -> Any:
         if self.layout is None:
@@ -331,4 +371,38 @@ def layout_of(given: Any) -> Any:
     raise DataError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
 
 
+_draft_of_cells = Layout.draft
+
+
+def _draft(
+    file: Any, cells: Sequence[int] | None = None, *, stream: str = "", says: dict[str, Any] | None = None
+) -> str:
+    """The text of a layout of what a file states, with null where it states nothing; `read` refuses null.
+
+    Parameters
+    ----------
+    file : Recording, RecordingFile, str or os.PathLike
+        A recording; or with `cells` the name of any file.
+    cells : sequence of int, optional
+        The shape of one frame.
+    stream : str
+        The name of the stream; with `cells`.
+    says : dict, optional
+        What the file states, as `decoder` takes it; with `cells`.
+
+    Returns
+    -------
+    str
+        The JSON; that of a `Recording` has a method `write(path)`.
+    """
+    if cells is None:
+        if not hasattr(file, "draft"):
+            raise DataError(f"cells: found none for {file}; needed: the shape of one frame, or a recording of Readings.open")
+        made: str = file.draft()
+        return made
+    return _draft_of_cells(file, cells, stream=stream, says=says)
+
+
+# The extension module knows no `Recording`.
+setattr(Layout, "draft", staticmethod(_draft))
 Recording.__module__ = "dermatome"

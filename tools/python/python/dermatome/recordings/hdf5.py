@@ -79,6 +79,12 @@ class Hdf5(Container):
         if stream in self.unread:
             raise self.unread[stream]
         hits = matching(self.path, list(self.datasets), stream)
+        # An episode is a group: two arrays of one are two streams.
+        groups: dict[str, str] = {}
+        for name in hits:
+            if groups.setdefault(name.rpartition("/")[0], name) != name:
+                found = f"{groups[name.rpartition('/')[0]]} and {name} for {stream!r}"
+                raise DataError(f"{self.path}: found {found}; needed: stream=, a pattern of one array of each episode")
         shapes: dict[tuple[int, ...], str] = {}
         for name in hits:
             dataset = self._checked(name)

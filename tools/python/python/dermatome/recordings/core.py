@@ -1,0 +1,85 @@
+"""Files that the library reads itself: text of vendors and loggers, arrays of numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dermatome._dermatome import Layout, RecordingFile
+from dermatome._errors import DataError
+
+
+class Text:
+    """A file that the library reads, from its first frame on."""
+
+    def __init__(self, path: str, stream: str | None, layout: Any) -> None:
+        self.path = path
+        self.file = RecordingFile(path, stream, layout)
+        self.ids, self.channels, self.units, self.frames = self.file.ids, self.file.channels, self.file.units, self.file.frames
+        # The number of frames is -1 where only reading all of them tells it.
+        unknown = () if self.frames is not None else (-1,)
+        self.streams = {name: (*unknown, *shape) for name, shape in self.file.streams.items()}
+
+    @property
+    def statements(self) -> list[tuple[str, str, str]]:
+        """What is known, and who says so."""
+        return self.file.statements
+
+    @property
+    def says(self) -> dict[str, Any]:
+        """What the file states."""
+        return self.file.says
+
+    def next(self, frames: int) -> Any:
+        """The next frames and their times, None at the end."""
+        return self.file.next(frames)
+
+    def draft(self) -> str:
+        """The text of a layout."""
+        return self.file.draft()
+
+    @staticmethod
+    def is_known(path: str) -> bool:
+        """Whether the library reads a file."""
+        return RecordingFile.is_known(path)
+
+
+class Arrays(Text):
+    """An array of three axes whose order is given by a word, "tnc" or "tcn"."""
+
+    def __init__(self, path: str, axes: str) -> None:
+        from dermatome._readings import Readings
+
+        self.path, self.at = path, 0
+        self.read: Any = Readings.read(path, layout=axes)  # type: ignore[arg-type]
+        self.ids, self.channels, self.units, self.frames = self.read.ids, self.read.channels, self.read.units, len(self.read)
+        self.streams = {"values": self.read.values.shape}
+
+    @property
+    def statements(self) -> list[tuple[str, str, str]]:
+        return [("unit", ", ".join(self.units), "file"), *(("remark", remark, "checked") for remark in self.read.remarks)]
+
+    @property
+    def says(self) -> dict[str, Any]:
+        return {}
+
+    def draft(self) -> str:
+        return draft_of_array(self.path)
+
+    def next(self, frames: int) -> Any:
+        part = slice(self.at, self.at + frames)
+        self.at += frames
+        values = self.read.values[part]
+        return (values, self.read.timestamps[part]) if len(values) else None
+
+
+def draft_of_array(path: str) -> str:
+    """The text of a layout of an array, which states nothing but its shape."""
+    import numpy as np
+
+    try:
+        array = np.load(path, mmap_mode="r")
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: found no array: {error}; needed: a layout") from error
+    if not isinstance(array, np.ndarray) or not array.ndim:
+        raise DataError(f"{path}: found several arrays; needed: a layout that names one as `stream`")
+    return Layout.draft(path, array.shape[1:])
