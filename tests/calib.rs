@@ -428,7 +428,10 @@ fn gauge_freedom_is_that_of_the_result() {
 #[test]
 fn an_overflowing_cost_is_not_converged() {
     let mut observations = observed(&small(Model::Positions));
-    offset(&mut observations, 3).0.x = 1e160;
+    for edge in 0..observations.edges.len() {
+        *offset(&mut observations, edge).1 = Information::diagonal([1e300; 3]);
+    }
+    *offset(&mut observations, 3).0 = DVec3::X * 1e9;
     let found = calibrate(&observations, &CalibOptions::default()).unwrap();
     assert_eq!(found.termination, Termination::Overflow);
 }
@@ -1077,6 +1080,7 @@ fn invalid_observations_are_refused() {
         ContactObservation { taxel: VertexId::new(taxel), measurement }
     };
     assert_eq!(kind(&|o| offset(o, 0).0.y = f64::NAN), "invalid_edge");
+    assert_eq!(kind(&|o| offset(o, 0).0.y = 1e160), "invalid_edge");
     assert_eq!(kind(&|o| offset(o, 0).1.0[1][1] = -1.0), "indefinite_edge");
     assert_eq!(kind(&|o| offset(o, 0).1.0[0][1] = 0.1), "asymmetric_edge");
     assert_eq!(kind(&|o| o.edges[edge].to = VertexId::new(99)), "dangling");
@@ -1096,6 +1100,8 @@ fn invalid_observations_are_refused() {
     let nan = Some(Pose { position: DVec3::NAN, ..Pose::default() });
     assert_eq!(kind(&|o| (o.taxels[five].initial, o.taxels[five].fixed) = (None, true)), "fixed_nowhere");
     assert_eq!(kind(&|o| o.taxels[five].initial = nan), "invalid_initial");
+    let far = Some(Pose { position: DVec3::X * 1e160, ..Pose::default() });
+    assert_eq!(kind(&|o| o.taxels[five].initial = far), "invalid_initial");
 }
 
 #[test]

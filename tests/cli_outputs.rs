@@ -140,6 +140,11 @@ fn outputs_appear_together_or_not_at_all() {
     outputs.add_input(&at("cap.obj"));
     assert!(outputs.has_files() && write_skin(outputs.file(at("cap.obj")), &skin).is_err());
     assert!(matches!(outputs.publish(), Err(IoError::ReplacesInput { .. })));
+    // A name that the system does not take is noticed before the other file is in its place.
+    let (long, outputs) = (format!("{}.obj", "n".repeat(300)), Outputs::default());
+    write_skin(outputs.file(at("first.obj")), &skin).unwrap();
+    assert!(write_skin(outputs.file(at(&long)), &skin).is_err());
+    assert!(!at("first.obj").exists());
     drop(outputs);
     assert_eq!((fs::read(at("cap.obj")).unwrap(), listing(folder.path())), (old, before));
 }

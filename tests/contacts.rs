@@ -544,6 +544,12 @@ fn regions_are_written_as_a_table() {
     assert_eq!(text.lines().next(), Some(columns));
     let events: Vec<_> = text.lines().skip(1).map(|row| row.split(',').nth(3).unwrap()).collect();
     assert_eq!(events, ["onset", "move", "release"]);
+    let mut writer = RegionWriter::create(&path, &map).unwrap();
+    let regions = tracker.track(&bells(&map, &[(DVec2::new(0.1, 0.1), 3000.0)]));
+    writer.write(0, f64::NAN, regions).unwrap();
+    writer.finish().unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains("\n0,,1,onset,"), "a time that is not known is an empty cell: {text}");
     assert!(RegionWriter::create(&folder.path().join("contacts.txt"), &map).is_err());
 }
 

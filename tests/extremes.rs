@@ -60,10 +60,13 @@ fn every_step(
             };
             let whole = bits(new().render(levels));
             assert!(bits(renderer.render(levels)) == whole, "{interpolation:?} {quantity:?}");
-            contrast.of(levels);
-            edges.of(levels);
+            assert!(!renderer.images().iter().any(|image| image.values.iter().any(|x| x.is_infinite())));
+            for of in [levels, contrast.of(levels), edges.of(levels)] {
+                let mut values = of.values.iter().flatten().flatten().flatten();
+                assert!(!values.any(|x| x.abs() > f64::from(f32::MAX)), "{quantity:?}");
+            }
             for region in trackers.iter_mut().flat_map(|tracker| tracker.track(frame)) {
-                assert!(!region.taxels.is_empty());
+                assert!(!region.taxels.is_empty() && region.major.is_finite() && !region.force.is_infinite());
             }
         }
         look(renderer.images());
@@ -116,8 +119,8 @@ fn canvases_may_be_tiny() {
     }
 }
 
-/// Negative readings are drawn as they are. Numbers beyond an f32 may become infinite or unknown, and do
-/// not spoil the frames after them.
+/// Negative readings are drawn as they are. Numbers beyond an f32 are unknown, on levels, in contrast and
+/// edges, and in images; they do not spoil the frames after them.
 #[test]
 fn readings_may_be_negative_and_huge() {
     let map = built(shapes::cap(150, 0.03, 0.9));
@@ -130,6 +133,7 @@ fn readings_may_be_negative_and_huge() {
         scaled(1e30),
         mixed(f64::MAX),
         mixed(1e300),
+        mixed(3.4e38),
         scaled(1e-320),
         mixed(f64::INFINITY),
         mixed(-0.0),

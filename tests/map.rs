@@ -102,7 +102,8 @@ fn every_broken_field_is_refused_by_name() {
     };
     // Links and patches.
     refused(&["link 1", "after its parent"], &|m| m.links[LinkId::new(1)].parent = Some(LinkId::new(1)));
-    for pose in [DAffine3::from_scale(DVec3::splat(1.001)), DAffine3::from_translation(DVec3::NAN)] {
+    let far = [DVec3::NAN, DVec3::X * 1e300].map(DAffine3::from_translation);
+    for pose in far.into_iter().chain([DAffine3::from_scale(DVec3::splat(1.001))]) {
         refused(&["link 0", "rigid"], &|m| m.links[LinkId::new(0)].pose = pose);
     }
     refused(&["\"palm\"", "link 5"], &|m| patch(m).link = LinkId::new(5));
@@ -137,7 +138,7 @@ fn every_broken_field_is_refused_by_name() {
     }
     // Levels.
     refused(&["palm/L1", "vertex 99"], &|m| level(m, 1).mesh.triangles[FaceId::new(0)][0] = v(99));
-    refused(&["palm/L0", "not finite"], &|m| level(m, 0).mesh.positions[v(0)] = DVec3::NAN);
+    refused(&["palm/L0", "finite coordinates"], &|m| level(m, 0).mesh.positions[v(0)] = DVec3::NAN);
     refused(&["palm/L1", "origins"], &|m| level(m, 1).origins = IdVec::default());
     refused(&["palm/L1", "vertex 2", "vertex 99 of level 0"], &|m| level(m, 1).origins[v(2)] = v(99));
     refused(&["palm/L0", "vertex 2", "vertex 1 of level 0"], &|m| level(m, 0).origins[v(2)] = v(1));

@@ -489,6 +489,16 @@ fn archives_whose_arrays_do_not_fit_are_refused() {
         (vec![values(), named("timestamps", "<f8", 3, &doubles([1.7e12; 3]))], "row 0: found 1700000000000"),
         (vec![values(), named("units", "<f8", 1, &doubles([1.0]))], "needed: strings"),
         (vec![other("a"), other("b")], "a (3, 4) f8, b (3, 4) f8"),
+        (vec![values(), values()], "2 entries, of which 1 have other names"),
+        (vec![values(), other("readings")], "array `readings`: found array `values` too"),
+        (
+            vec![
+                values(),
+                named("ids", "<f8", 4, &doubles([1.0; 4])),
+                named("taxel_ids", "<f8", 4, &doubles([1.0; 4])),
+            ],
+            "found array `ids` too",
+        ),
         (vec![], "arrays: found none"),
     ] {
         let found = message(read("a.npz", &npz(&arrays, false)));
@@ -509,6 +519,8 @@ fn archives_whose_arrays_do_not_fit_are_refused() {
 fn a_damaged_archive_is_refused() {
     let mut bytes = npz(&[("values", npy("<f8", &[3, 8], &doubles(numbers(false))))], false);
     assert!(read("a.npz", &bytes[..bytes.len() / 2]).is_err());
+    let late = message(read("a.npz", &[&bytes[..], &[0; 100_000]].concat()));
+    assert!(late.contains("end"), "the end of an archive is looked for at the end of the file: {late}");
     let at = bytes.windows(8).position(|w| w == value(1, 0, 0).to_le_bytes()).unwrap();
     bytes[at] ^= 1;
     let found = message(read("a.npz", &bytes));
@@ -739,6 +751,11 @@ fn gains_and_bounds_follow_the_baseline() {
     assert_eq!((found[2][0], found[2][1], found[2][10]), (2.0, 15.0, -1.5), "20 and -2 are clipped");
     assert_eq!((conditioner.report().clipped, conditioner.report().unknown_gains), (2, 1));
     let options = ConditionOptions { gains: vec![(TaxelId(2), 10.0)], ..ConditionOptions::default() };
+    // The fast part of a jump from one end of the range to the other is twice as large.
+    let split = ConditionOptions { split_hz: Some(1e-9), ..ConditionOptions::default() };
+    let (out, conditioner) = condition(&map, &split, &[(0.0, -3.3e38), (1.0, 3.3e38)]);
+    assert!(taxels(&out[1], 1).iter().all(|x| x.is_nan()) && taxels(&out[1], 0).iter().all(|x| *x < 0.0));
+    assert_eq!(conditioner.report().too_large, taxels(&out[1], 1).len() as u64);
     let (out, conditioner) = condition(&map, &options, &[(0.0, 1e38), (1.0, 3.5e38)]);
     let found: Vec<Vec<f64>> = out.iter().map(|f| taxels(f, 0)).collect();
     assert_eq!(

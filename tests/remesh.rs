@@ -157,6 +157,13 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
     assert_eq!(made.left_out, ["crumb"]);
     let ids: Vec<u32> = made.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
     assert!((1..).zip(&ids).all(|(k, id)| k == *id));
+    // Two edges are 1700 km long and at most a millimetre apart.
+    let needle = dermatome::mesh::TriMesh::from_arrays(
+        [[0.0, 0.0], [1.7e6, 0.0], [0.0, 1e-3]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec(),
+        &[[0, 1, 2]],
+    );
+    let error = remesh(&needle, 1.0).unwrap_err();
+    assert!(matches!(error, RemeshError::Needles { .. }), "{error}");
     for (spacing, is_expected) in [(0.0, true), (f64::NAN, true), (1e-7, false), (-1.0, true)] {
         let error = remesh(&ball.mesh, spacing).unwrap_err();
         assert_eq!(matches!(error, RemeshError::Spacing { .. }), is_expected, "{error}");

@@ -118,7 +118,7 @@ fn meshes_of_all_kinds_are_scaled_and_mirrored() {
     assert_eq!(names, ["a.1", "a.2"]);
 }
 
-/// A small file that uses one mesh many times is refused before its copies are made.
+/// A small file that uses one mesh many times, or has many shapes, is refused before they are made.
 #[test]
 fn triangles_of_all_uses_are_limited() {
     let mesh = "<visual><geometry><mesh filename='m.stl'/></geometry></visual>".repeat(400);
@@ -126,7 +126,11 @@ fn triangles_of_all_uses_are_limited() {
     let lattice = Skin::from_mesh("m", shapes::lattice(200, 200, 0.001));
     write_skin(&folder.path().join("m.stl"), &lattice).unwrap();
     let error = read_draft(&folder.path().join("r.urdf")).unwrap_err().to_string();
-    assert!(error.contains("30000000 triangles") && error.contains("line 2"), "{error}");
+    assert!(error.contains("20000000 triangles") && error.contains("line 2"), "{error}");
+    let shapes = format!("<visual><geometry>{BALL}</geometry></visual>").repeat(5001);
+    write_robot(folder.path(), &format!("<link name='a'>{shapes}</link>"));
+    let error = read_draft(&folder.path().join("r.urdf")).unwrap_err().to_string();
+    assert!(error.contains("20000000 triangles") && error.contains("line 2"), "{error}");
 }
 
 /// A COLLADA file of one mesh, used by these nodes; without any, by none.
@@ -370,8 +374,10 @@ fn bad_descriptions_are_refused_with_their_line() {
             &["line 2", "no folder of that name", "--package hand=DIR"],
         ),
         (link("a", "<mesh filename='package://hand/../../x.stl'/>"), &["line 2", "not above it"]),
+        (link("a", "<mesh filename='package://../x.stl'/>"), &["line 2", "not above it"]),
         (link("a", "<mesh filename='http://a.b/x.stl'/>"), &["package://NAME/PATH"]),
         (link("a", "<mesh filename='r.mesh'/>"), &["OGRE", "stl, obj, dae"]),
+        (link("a", "<cylinder radius='0.1' length='1e308'/>"), &["line 2", "a shape of finite size"]),
         (String::new(), &["no <link>"]),
         ("<link/>".into(), &["an attribute name"]),
         ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacrodoc"]),

@@ -28,11 +28,21 @@ pub(super) struct Mask {
 impl Mask {
     /// The mask of all levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels. A cell is
     /// covered if a triangle meets the rectangle around the centres of its pixels, or if it has the pixel that
-    /// stands for a level that may cover none.
-    pub(super) fn new(patch: &PatchMap, turns: u8, pixel: f64, cell: usize) -> Self {
+    /// stands for a level that may cover none. `None` if it is
+    /// larger than `most` cells: a long thin map can be larger than memory.
+    pub(super) fn new(
+        patch: &PatchMap,
+        turns: u8,
+        pixel: f64,
+        cell: usize,
+        most: [usize; 2],
+    ) -> Option<Self> {
         let Extent { lo, hi } = Extent::of(patch, turns);
         let frame = ImageFrame::around_box(lo, hi, pixel, 0);
         let size = frame.size_px.map(|n| (n as usize).div_ceil(cell));
+        if size[0] > most[0] || size[1] > most[1] {
+            return None;
+        }
         let words = size[0].div_ceil(64);
         let mut bits = vec![0_u64; words * size[1]];
         let range = |[low, high]: [f64; 2], count: usize| {
@@ -69,7 +79,7 @@ impl Mask {
         if rows.iter().all(Vec::is_empty) {
             rows[0] = vec![[0, 1]];
         }
-        Self { turns, frame, size, shows, rows }
+        Some(Self { turns, frame, size, shows, rows })
     }
 }
 

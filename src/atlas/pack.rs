@@ -188,7 +188,12 @@ impl<'a> Items<'a> {
         let masks: Vec<Vec<Mask>> = self
             .all
             .par_iter()
-            .map(|item| item.turns.iter().map(|&turns| Mask::new(item.patch, turns, pixel, cell)).collect())
+            .map(|item| {
+                item.turns
+                    .iter()
+                    .filter_map(|&turns| Mask::new(item.patch, turns, pixel, cell, cells))
+                    .collect()
+            })
             .collect();
         let mut grid = Grid::new(cells[0]);
         let column = COLUMN_COST * if height == usize::MAX { 1.0 } else { height as f64 / width as f64 };
@@ -201,8 +206,8 @@ impl<'a> Items<'a> {
             let lowest =
                 item.below.and_then(|link| middles.get(link)).map_or(0, |&row| to_count(floor * row as f64));
             let mut best: Option<(f64, [usize; 2], &Mask)> = None;
-            // A chart as small as a pixel may cover no pixel centre in some turns.
-            let any_shows = masks.iter().any(|mask| mask.shows);
+            // A chart as small as a pixel may cover no pixel centre in some turns; one that is too large covers some.
+            let any_shows = masks.len() < item.turns.len() || masks.iter().any(|mask| mask.shows);
             for mask in masks.iter().filter(|mask| mask.shows || !any_shows) {
                 let [w, h] = mask.size;
                 let below = best.as_ref().map_or(f64::INFINITY, |(cost, ..)| *cost);

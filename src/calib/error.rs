@@ -22,7 +22,7 @@ pub enum CalibError {
     #[error("edge {edge} joins taxel {id} to itself")]
     SelfEdge { edge: DisplacementId, id: TaxelId },
     #[error(
-        "edge {edge} ({from} to {to}) contains a number that is not finite or a quaternion that is not of unit length"
+        "edge {edge} ({from} to {to}) contains a number that is not finite, a length above 1e9 m or a quaternion that is not of unit length"
     )]
     InvalidEdge { edge: DisplacementId, from: TaxelId, to: TaxelId },
     #[error(
@@ -59,7 +59,7 @@ pub enum CalibError {
     #[error("taxel {id} is fixed, but has no initial value to be fixed at")]
     FixedNowhere { id: TaxelId },
     #[error(
-        "the initial value of taxel {id} contains a number that is not finite or a quaternion that is not of unit length"
+        "the initial value of taxel {id} contains a number that is not finite, a length above 1e9 m or a quaternion that is not of unit length"
     )]
     InvalidInitial { id: TaxelId },
     #[error("{option} is {}; needed: {needed}", plain(*.found))]

@@ -61,6 +61,7 @@ pub use observations::{
     TaxelVariable,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
+pub(crate) use pose::FARTHEST;
 pub use pose::Pose;
 pub use simulate::{SimulateOptions, Simulation, simulate};
 pub use skin::{CalibratedSkin, calibrated_skin};

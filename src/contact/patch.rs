@@ -5,12 +5,12 @@ use glam::{DAffine3, DVec3};
 
 use crate::bvh::{Aabb, PointTree, Refitting};
 use crate::contact::cell::PatchCells;
-use crate::contact::patch_bvh::{LARGEST, PatchBvh};
+use crate::contact::patch_bvh::PatchBvh;
 use crate::contact::posed_links::Links;
 use crate::contact::{ContactError, IndexOptions};
 use crate::id::{IdVec, VertexId};
 use crate::map::PatchMap;
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, is_within_reach};
 use crate::pyramid::LevelId;
 use crate::skin::{Joints, LinkId, PatchId, Presence, scaled_joints};
 
@@ -193,8 +193,7 @@ impl Blend {
         for (((vertex, position), rest), row) in moved.zip(rows.clone()) {
             let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_point3(*rest);
             *position = row.iter().map(part).sum();
-            // Also false for NaN.
-            if !position.abs().cmple(DVec3::splat(LARGEST)).all() {
+            if !is_within_reach(*position) {
                 return Err((VertexId::new(vertex), *position));
             }
         }

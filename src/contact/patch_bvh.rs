@@ -7,11 +7,8 @@ use glam::DVec3;
 use crate::bvh::{Aabb, Nearest, Ray, RayHit, Refitting, Start, TriangleTree};
 use crate::contact::ContactError;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Closest, Feature, TriMesh, VertexCorners, closest_point};
+use crate::mesh::{Closest, Feature, TriMesh, VertexCorners, closest_point, is_within_reach};
 use crate::skin::PatchId;
-
-/// Coordinates beyond this (in m) are refused.
-pub(super) const LARGEST: f64 = TriangleTree::LARGEST;
 
 #[derive(Debug, Clone)]
 pub(crate) struct PatchBvh {
@@ -87,7 +84,7 @@ impl PatchBvh {
         self.tree.refitting(self.mesh.positions.len(), corners(&self.mesh))
     }
 
-    /// Moves the vertices, one position (m, in the link's frame; finite, at most [`LARGEST`]) per vertex
+    /// Moves the vertices, one position (m, in the link's frame; finite, within 1e12) per vertex
     /// of the mesh, and fits the tree to them. Leaves the old positions in `positions`. Nothing is
     /// allocated.
     pub(super) fn refit(&mut self, positions: &mut IdVec<VertexId, DVec3>, refitting: &mut Refitting) {
@@ -207,9 +204,8 @@ fn corners(mesh: &TriMesh) -> impl Iterator<Item = [u32; 3]> + Clone + '_ {
 
 /// Whether all coordinates are finite and small enough.
 pub(super) fn check(patch: &str, positions: &IdVec<VertexId, DVec3>) -> Result<(), ContactError> {
-    // Also true for NaN.
-    let far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= LARGEST);
-    let Some((vertex, position)) = positions.enumerate().find(|(_, p)| far(p)) else { return Ok(()) };
+    let far = positions.enumerate().find(|(_, p)| !is_within_reach(**p));
+    let Some((vertex, position)) = far else { return Ok(()) };
     Err(ContactError::TooLarge { patch: patch.to_owned(), vertex, position: position.to_array() })
 }
 

@@ -2,11 +2,10 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::contact::patch_bvh::LARGEST;
 use crate::contact::{ContactError, Query};
 use crate::id::IdVec;
 use crate::map::SkinMap;
-use crate::mesh::is_rigid;
+use crate::mesh::{is_rigid, is_within_reach};
 use crate::skin::{LinkId, Motion, MotionFrame, PatchId};
 
 /// A pose that rotates and translates by at most 1e12 m; its axes are made exactly orthonormal, so
@@ -15,7 +14,7 @@ use crate::skin::{LinkId, Motion, MotionFrame, PatchId};
 /// # Errors
 /// If the pose of the link is not rigid or too far.
 fn rigid(name: &str, pose: &DAffine3) -> Result<DAffine3, ContactError> {
-    if !is_rigid(pose) || pose.translation.abs().max_element() > LARGEST {
+    if !is_rigid(pose) || !is_within_reach(pose.translation) {
         return Err(ContactError::NotRigid { name: name.to_owned() });
     }
     let rotation = DQuat::from_mat3(&pose.matrix3).normalize();
@@ -124,8 +123,7 @@ impl Links {
     #[inline]
     pub(super) fn check(&self, number: usize, query: &Query) -> Result<(), ContactError> {
         let Query { point, link, only_link } = *query;
-        // Also false for NaN.
-        if !(point.abs().max_element() <= LARGEST && point.is_finite()) {
+        if !is_within_reach(point) {
             return Err(ContactError::NotFinite { contact: number, point: point.to_array() });
         }
         let count = self.len();

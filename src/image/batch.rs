@@ -7,6 +7,7 @@
 use crate::image::layer::Layer;
 use crate::image::runs::{AT_ONCE, PlanesAtOnce};
 use crate::image::{Renderer, TactileImage, Tile};
+use crate::numeric::storable;
 use crate::pyramid::LevelId;
 use crate::signal::{Frame, Restrictor};
 
@@ -63,7 +64,7 @@ impl BatchRenderer {
             read(k, &mut self.frame);
             for ((tile, channel, _), readings) in layers(&self.renderer).zip(&mut self.readings) {
                 for (of_frames, &x) in readings.iter_mut().zip(&self.frame.values[tile.patch][channel]) {
-                    of_frames[k] = if x.is_finite() { x } else { f64::NAN };
+                    of_frames[k] = storable(x);
                 }
             }
         }

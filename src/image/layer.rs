@@ -3,8 +3,11 @@
 use crate::id::{IdVec, VertexId};
 use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};
 use crate::image::surface::{Pattern, PixelSurface};
-use crate::numeric::narrow;
+use crate::numeric::{narrow, storable};
 use crate::signal::Quantity;
+
+/// From larger values on, a pixel may be beyond 32-bit floats: it is then looked at, and NaN if it is.
+const LARGE: f64 = 1e30;
 
 /// The state of one channel of a chart.
 #[derive(Debug, Clone)]
@@ -46,8 +49,7 @@ impl Layer {
         let (mut is_same, mut masks_changed) = (true, false);
         assert_eq!(values.len(), self.last.len(), "one value per vertex");
         for ((&value, last), live) in values.iter().zip(&mut self.last).zip(&mut self.live) {
-            // A value that is not finite counts as unknown.
-            let value = if value.is_finite() { value } else { f64::NAN };
+            let value = storable(value);
             is_same &= value.to_bits() == last.to_bits();
             masks_changed |= value.is_nan() == *live;
             (*last, *live) = (value, !value.is_nan());
@@ -114,6 +116,12 @@ impl Layer {
                 cells.fill(&self.planes, pixels);
             }
         }
+        if self.scaled.iter().any(|x| x.abs() > LARGE) {
+            for run in &surface.runs.all {
+                let drawn = &mut pixels[run.at as usize..][..usize::from(run.length)];
+                drawn.iter_mut().filter(|x| x.is_infinite()).for_each(|x| *x = f32::NAN);
+            }
+        }
         self.add_unseen(surface, |v| self.last[v], pixels);
     }
 
@@ -121,7 +129,7 @@ impl Layer {
         for &(pixel, v) in &self.unseen {
             let pixel = &mut pixels[pixel as usize];
             let amount = value(v) / surface.pixel_area;
-            *pixel = narrow(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount });
+            *pixel = narrow(storable(if pixel.is_nan() { amount } else { f64::from(*pixel) + amount }));
         }
     }
 
@@ -130,12 +138,14 @@ impl Layer {
         matches!(self.pattern, Pattern::Faces)
     }
 
-    /// Whether it can draw sixteen frames at once: the same vertices have values as in the last drawn frame.
+    /// Whether it can draw sixteen frames at once: those vertices have values that had some when it drew last, none of them
+    /// [large](LARGE).
     pub(super) fn fits(&self, values: &[[f64; AT_ONCE]]) -> bool {
-        let fits = |(values, &live): (&[f64; AT_ONCE], &bool)| {
-            values.iter().fold(true, |fits, value| fits & (value.is_finite() == live))
+        let fits = |(values, (&live, &scale)): (&[f64; AT_ONCE], (&bool, &f64))| {
+            let fits = |value: &f64| (value.is_finite() == live) & (((value * scale).abs() <= LARGE) | !live);
+            values.iter().fold(true, |all, value| all & fits(value))
         };
-        self.has_planes() && values.iter().zip(&self.live).all(fits)
+        self.has_planes() && values.iter().zip(self.live.iter().zip(&self.scale)).all(fits)
     }
 
     /// Draws values of sixteen frames that [fit](Self::fits), into images that begin `stride` numbers apart.

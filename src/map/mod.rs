@@ -14,7 +14,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::cut::{CutMesh, PlaceId, seam_length};
 use crate::flatten::{Convergence, Distortion, distortion};
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{TriMesh, VertexCorners, signed_area};
+use crate::mesh::{FARTHEST, TriMesh, VertexCorners, signed_area};
 use crate::parallel::par_each;
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels};
 use crate::skin::{
@@ -25,9 +25,6 @@ pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
-
-/// Largest map coordinate, in m; contacts and skins have the same limit.
-const FARTHEST: f64 = 1e12;
 
 /// One level of a patch with its map.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,9 +1,21 @@
 //! Errors of this module.
 
+use glam::DVec3;
+
 use crate::id::{FaceId, VertexId};
 
 /// Most faces of a mesh: a [`crate::mesh::Halfedge`] packs its face with two bits for the side.
 pub(crate) const MAX_FACES: usize = 1 << 30;
+
+/// Largest coordinate of a skin, a pose, a contact or a map, in m.
+pub(crate) const FARTHEST: f64 = 1e12;
+
+/// Whether coordinates are finite and at most [`FARTHEST`].
+#[inline]
+pub(crate) fn is_within_reach(p: DVec3) -> bool {
+    // The largest one may pass over NaN.
+    p.is_finite() && p.abs().max_element() <= FARTHEST
+}
 
 /// The error of more vertices or faces than can be counted.
 pub(crate) fn too_many(vertices: usize, faces: usize) -> Option<MeshError> {
@@ -22,7 +34,7 @@ pub enum MeshError {
     CornerOutOfRange { face: FaceId, vertex: VertexId, vertices: usize },
     #[error("face {face} uses vertex {vertex} twice")]
     RepeatedCorner { face: FaceId, vertex: VertexId },
-    #[error("vertex {vertex} has a coordinate that is not finite: {position:?}")]
+    #[error("vertex {vertex} is at {position:?}; finite coordinates within 1e12 m are needed")]
     NotFinite { vertex: VertexId, position: [f64; 3] },
     /// More than two faces meet at an edge, or two of them run along it in the same direction.
     #[error(

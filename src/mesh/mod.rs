@@ -22,7 +22,7 @@ pub(crate) use connectivity::halfedge::Halfedge;
 pub(crate) use connectivity::halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals};
 pub(crate) use connectivity::topology::{Part, Topology, face_components, separate};
 pub use error::MeshError;
-pub(crate) use error::too_many;
+pub(crate) use error::{FARTHEST, is_within_reach, too_many};
 pub use fill_holes::FillHoles;
 #[cfg(feature = "robots")]
 pub(crate) use fill_holes::fill_shorter;

@@ -24,6 +24,12 @@ pub(crate) fn narrow(x: f64) -> f32 {
     x as f32
 }
 
+/// A number that files and images can store, else NaN.
+#[inline]
+pub(crate) fn storable(x: f64) -> f64 {
+    if x.abs() <= f64::from(f32::MAX) { x } else { f64::NAN }
+}
+
 /// The place value of the second digit of a positive `x`: 10 for 347, 1 for 34.
 #[cfg(feature = "plot")]
 pub(crate) fn second_digit(x: f64) -> f64 {

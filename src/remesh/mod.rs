@@ -52,7 +52,7 @@ const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const CRACK: f64 = 1e-3;
 
 /// Most taxels of a patch.
-const MAX_TAXELS: f64 = 4e6;
+const MAX_TAXELS: f64 = 1e6;
 
 /// Why a surface cannot be remeshed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
@@ -72,6 +72,12 @@ pub enum RemeshError {
     /// A spacing that is far too small for the surface.
     #[error("a spacing of {spacing} m makes some {taxels:.0} taxels; at most {MAX_TAXELS} are made")]
     TooFine { spacing: f64, taxels: f64 },
+    /// Edges far longer than the surface is wide.
+    #[error(
+        "a spacing of {spacing} m makes some {vertices:.0} vertices along edges, for {taxels:.0} taxels on the surface: \
+         faces are far longer than wide, as if a vertex were in a wrong place"
+    )]
+    Needles { spacing: f64, vertices: f64, taxels: f64 },
     /// Taxels that follow several links, whose weights a new mesh would not have.
     #[error("its taxels follow several links; those of a patch that is remeshed must follow one")]
     Joints,
@@ -133,15 +139,21 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     Ok(TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions })
 }
 
-/// Refuses a spacing that would make too many vertices, on the surface or along its edges.
+/// Refuses a spacing that would make too many vertices, on the surface or along its edges: all longer ones are split
+/// before faces are merged. Faces as long as wide have at most three times as many there as on the surface.
 fn check_count(mesh: &TriMesh, halfedges: &HalfedgeMesh, spacing: f64) -> Result<(), RemeshError> {
     // There are two triangles for each taxel.
-    let on_surface = mesh.area() / (0.75_f64.sqrt() * spacing * spacing);
+    let taxels = mesh.area() / (0.75_f64.sqrt() * spacing * spacing);
     let edges = halfedges.halfedges().filter(|&h| halfedges.is_edge(h));
     let length = |h: Halfedge| mesh.positions[h.start(mesh)].distance(mesh.positions[h.end(mesh)]);
-    let along_edges = edges.map(length).sum::<f64>() / spacing;
-    let taxels = on_surface.max(0.1 * along_edges);
-    if taxels <= MAX_TAXELS { Ok(()) } else { Err(RemeshError::TooFine { spacing, taxels }) }
+    let vertices = edges.map(length).filter(|length| *length > spacing).sum::<f64>() / spacing;
+    if taxels > MAX_TAXELS {
+        Err(RemeshError::TooFine { spacing, taxels })
+    } else if vertices > 4.0 * taxels + 0.1 * MAX_TAXELS {
+        Err(RemeshError::Needles { spacing, vertices, taxels })
+    } else {
+        Ok(())
+    }
 }
 
 /// Whether each halfedge is on a sharp edge or a rim.

@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 
 use crate::id::IdVec;
 use crate::map::SkinMap;
+use crate::numeric::storable;
 use crate::signal::zero::{ZeroReport, ZeroTracker};
 use crate::signal::{Channel, Frame, SignalError, Stage};
 use crate::skin::{PatchId, TaxelId};
@@ -247,12 +248,11 @@ impl Stage for Conditioner {
                         .for_each(|(((out, &x), gain), offset)| *out = gain * (x - offset)),
                     None => amplified.for_each(|((out, &x), gain)| *out = gain * x),
                 }
-                for (x, _) in
-                    out[0].iter_mut().zip(read).filter(|(x, read)| is_too_large(**x) && read.is_finite())
-                {
-                    *x = f64::NAN;
-                    self.report.too_large += 1;
-                }
+                let mut mask = |x: &mut f64| {
+                    self.report.too_large += u64::from(!x.is_nan() && storable(*x).is_nan());
+                    *x = storable(*x);
+                };
+                out[0].iter_mut().zip(read).filter(|(_, read)| read.is_finite()).for_each(|(x, _)| mask(x));
                 if let Some([low, high]) = self.clip {
                     for x in out[0].iter_mut().filter(|x| **x < low || **x > high) {
                         *x = x.clamp(low, high);
@@ -261,16 +261,12 @@ impl Stage for Conditioner {
                 }
                 if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
                     filter.split(range, frame.time, slow, fast);
+                    fast.iter_mut().for_each(mask);
                 }
             }
         }
         &self.out
     }
-}
-
-/// Whether a number is beyond the range of files and images.
-fn is_too_large(x: f64) -> bool {
-    x.abs() > f64::from(f32::MAX)
 }
 
 fn parts(channel: &Channel) -> [Channel; 2] {

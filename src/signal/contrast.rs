@@ -7,6 +7,7 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
+use crate::numeric::storable;
 use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
@@ -132,6 +133,6 @@ fn combine(
         if quantity == Quantity::Extensive {
             predicted *= areas[fine][vertex];
         }
-        *value += sign * predicted;
+        *value = storable(*value + sign * predicted);
     }
 }

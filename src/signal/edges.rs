@@ -14,6 +14,7 @@ use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, SkinMap};
 use crate::mesh::signed_area;
+use crate::numeric::storable;
 use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
@@ -125,7 +126,8 @@ impl Edges {
                         }
                     }
                     for ((u, v), &(rise, area)) in u[k].iter_mut().zip(v[k].iter_mut()).zip(&self.sums) {
-                        [*u, *v] = (if area > 0.0 { rise / area } else { DVec2::NAN }).to_array();
+                        [*u, *v] =
+                            (if area > 0.0 { rise / area } else { DVec2::NAN }).to_array().map(storable);
                     }
                 }
             }

@@ -11,7 +11,7 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
-use crate::numeric::Csr;
+use crate::numeric::{Csr, storable};
 use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, Frame, LevelFrame, Quantity};
 use crate::skin::PatchId;
@@ -163,7 +163,8 @@ impl Restrictor {
         Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels }
     }
 
-    /// The frame on all levels. Readings that are not finite count as missing.
+    /// The frame on all levels. Readings that are not finite, or beyond what 32-bit floats
+    /// hold, count as missing.
     ///
     /// # Panics
     /// If the frame does not have the patches, channels and taxels that the restrictor was made for.
@@ -231,14 +232,12 @@ impl Restrictor {
 
 /// The value of a field from its sums of amount and area.
 fn field_value(quantity: Quantity, sum: f64, area: f64) -> f64 {
-    let value = match quantity {
+    storable(match quantity {
         // 0 / 0 is NaN.
         Quantity::Intensive => sum / area,
         Quantity::Extensive if area > 0.0 => sum,
         Quantity::Extensive => f64::NAN,
-    };
-    // The range of images and arrays.
-    if value.abs() <= f64::from(f32::MAX) { value } else { f64::NAN }
+    })
 }
 
 struct ChannelOut<'a> {
@@ -258,7 +257,7 @@ impl ChannelOut<'_> {
         let mut masks_changed = false;
         let taken = values.iter_mut().zip(served).zip(self.amounts.iter_mut()).zip(areas);
         for (&x, (((value, served), amount), &area)) in read.iter().zip(taken) {
-            let is_live = x.is_finite();
+            let is_live = storable(x).is_finite();
             masks_changed |= is_live != (*served > 0.0);
             (*value, *served) = if is_live { (x, area) } else { (f64::NAN, 0.0) };
             *amount = match self.quantity {

@@ -54,7 +54,9 @@ pub enum SkinError {
     UnknownLink { patch: String, link: LinkId },
     #[error("link {link} does not come after its parent")]
     LinkOrder { link: LinkId },
-    #[error("the pose of link {link} is not rigid; a finite rotation and translation are needed")]
+    #[error(
+        "the pose of link {link} is not rigid or too far; a rotation and a translation of at most 1e12 m are needed"
+    )]
     LinkPose { link: LinkId },
     #[error("patch {patch:?} has no triangles, and taxels at {found} positions; 3 are needed to join them")]
     TooFewPlaces { patch: String, found: usize },

@@ -5,7 +5,7 @@ use std::{borrow::Cow, collections::HashSet};
 use glam::DAffine3;
 
 use crate::id::{IdVec, define_id};
-use crate::mesh::{Adjacency, TriMesh, is_rigid};
+use crate::mesh::{Adjacency, TriMesh, is_rigid, is_within_reach};
 use crate::skin::link::before_parents;
 use crate::skin::{Link, LinkId, Motion, SkinError, TaxelError, Taxels, world_pose};
 
@@ -139,7 +139,8 @@ pub(crate) fn check_links(links: &IdVec<LinkId, Link>) -> Result<(), SkinError> 
     if let Some(link) = before_parents(links).next() {
         return Err(SkinError::LinkOrder { link });
     }
-    match links.enumerate().find(|(_, link)| !is_rigid(&link.pose)) {
+    let is_valid = |pose: &DAffine3| is_rigid(pose) && is_within_reach(pose.translation);
+    match links.enumerate().find(|(_, link)| !is_valid(&link.pose)) {
         Some((link, _)) => Err(SkinError::LinkPose { link }),
         None => Ok(()),
     }

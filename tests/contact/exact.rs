@@ -606,7 +606,7 @@ fn broken_maps_are_refused_by_name() {
         bare.levels[LevelId::new(0)].level.mesh.triangles = IdVec::default();
         map.patches.push(bare);
     });
-    check("not finite", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::NAN);
+    check("finite coordinates", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::NAN);
     check("1e12", &|map| level(map, 0).level.mesh.positions[v(0)] = DVec3::X * 1e20);
     check("vertex 99", &|map| level(map, 0).level.mesh.triangles[FaceId::new(0)][0] = v(99));
     check("L1", &|map| level(map, 1).level.mesh.triangles[FaceId::new(0)][0] = v(99));

@@ -3,6 +3,7 @@
 
 use std::collections::HashSet;
 
+use crate::calib::pose::is_within_reach;
 use crate::calib::{
     CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Information, Model, ObservationId, Observations,
@@ -56,7 +57,7 @@ impl Observations {
         }
         let (fits, finite, (symmetric, definite)) = match &displacement.measurement {
             DisplacementMeasurement::Offset { offset, information } => {
-                (self.model == Model::Positions, offset.is_finite(), judged(information))
+                (self.model == Model::Positions, is_within_reach(*offset), judged(information))
             }
             DisplacementMeasurement::Relative(m) => {
                 (self.model == Model::Poses, m.pose.is_valid(), judged(&m.information))
@@ -91,12 +92,12 @@ impl Observations {
         let observation = ObservationId::Contact(contact);
         let id = self.check_index(observation, touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
-        const NOT_A_POSE: &str = "it contains a number that is not finite or a quaternion not of unit length";
+        const NOT_A_POSE: &str = "it contains a number that is not finite, a length above 1e9 m or a quaternion not of unit length";
         let (symmetric, definite) = match &touched.measurement {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
-                if !position.is_finite() {
-                    return invalid("its position is not finite");
+                if !is_within_reach(*position) {
+                    return invalid("its position is not finite or not within 1e9 m");
                 }
                 judged(information)
             }

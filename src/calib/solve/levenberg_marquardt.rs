@@ -173,6 +173,9 @@ impl Solver<'_> {
         if problem.moving() == 0 {
             return Ok((iterate, Termination::NothingToSolve));
         }
+        if !iterate.cost.is_finite() {
+            return Ok((iterate, Termination::Overflow));
+        }
         let mut control = StepControl { damping: 0.0, growth: FIRST_GROWTH };
         let mut convergence = Convergence::new(problem);
         for _ in 0..self.options.max_iterations {

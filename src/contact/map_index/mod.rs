@@ -11,13 +11,14 @@ use plane_grid::PlaneGrid;
 
 use crate::bvh::{Aabb, BoxTree};
 use crate::contact::cell::OwnFace;
-use crate::contact::patch_bvh::{Best, LARGEST, check};
+use crate::contact::patch_bvh::{Best, check};
 use crate::contact::{Cell, ContactError, ContactIndex};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, PixelGrid, SkinMap};
 use crate::mesh::{
-    Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, pseudo_normal, triangle_cross,
+    Closest, Feature, SurfacePoint, TriMesh, VertexCorners, closest_point, is_within_reach, pseudo_normal,
+    triangle_cross,
 };
 use crate::numeric::along_curve;
 use crate::parallel::par_map;
@@ -127,8 +128,7 @@ impl MapIndex {
         let known = self.patches.get(patch).and_then(|levels| levels.get(level));
         let map = known.ok_or(ContactError::NoMap { patch, level })?;
         let point = uv.extend(0.0);
-        // Also true for NaN.
-        if !(uv.is_finite() && uv.abs().max_element() <= LARGEST) {
+        if !is_within_reach(point) {
             return Err(ContactError::NotOnPlane { uv: uv.to_array() });
         }
         let first = found.len();

@@ -122,14 +122,23 @@ pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoE
 /// read, only the header is looked at.
 pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray>, IoError> {
     let path = storage.path;
-    let (file, length) = storage.open()?;
+    let (mut file, length) = storage.open()?;
     let broken = |error: zip::result::ZipError| match error {
         zip::result::ZipError::Io(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             IoError::Read { path: path.into(), source }
         }
         other => invalid(path, "file", other.to_string(), "an .npz: a whole zip archive of .npy arrays"),
     };
-    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(broken)?;
+    let listed = listed_entries(&mut file, length).map_err(cannot_read(path))?;
+    let mut archive = match listed {
+        Some(_) => ZipArchive::new(BufReader::new(file)).map_err(broken)?,
+        None => return Err(broken(zip::result::ZipError::InvalidArchive("no end of a zip archive".into()))),
+    };
+    // An archive has one entry for each name; of more than 65,534 the number is elsewhere.
+    if let Some(listed) = listed.map(usize::from).filter(|&n| n < 0xFFFF && n > archive.len()) {
+        let found = format!("{listed} entries, of which {} have other names", archive.len());
+        return Err(invalid(path, "file", found, "one entry for each name"));
+    }
     let mut arrays: Vec<StoredArray> = Vec::new();
     for k in 0..archive.len() {
         let entry = archive.by_index_raw(k).map_err(broken)?;
@@ -154,6 +163,29 @@ pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray
         arrays.push(array_at(storage, name, ByteRange { start, stored, size, packing })?);
     }
     Ok(arrays)
+}
+
+/// The number of entries that the end of a zip archive lists; `None` if the file has no such end. It is looked for where it
+/// can be alone, before a comment of at most 65,535 bytes: a file that is no archive may be large.
+fn listed_entries(file: &mut dyn ReadSeek, length: u64) -> io::Result<Option<u16>> {
+    let mut end = Vec::new();
+    file.seek(SeekFrom::Start(length.saturating_sub(22 + 0xFFFF)))?;
+    file.take(22 + 0xFFFF).read_to_end(&mut end)?;
+    let at = end.windows(22).rposition(|bytes| bytes.starts_with(b"PK\x05\x06"));
+    Ok(at.map(|at| u16::from_le_bytes([end[at + 10], end[at + 11]])))
+}
+
+/// The only one of some arrays, with their names, that mean the same.
+pub(in crate::io) fn only<'a, T>(
+    path: &Path,
+    mut arrays: impl Iterator<Item = (&'a String, T)>,
+) -> Result<Option<T>, IoError> {
+    match (arrays.next(), arrays.next()) {
+        (Some((first, _)), Some((second, _))) => {
+            Err(invalid(path, element(second), format!("{} too", element(first)), "one of the two"))
+        }
+        (first, _) => Ok(first.map(|(_, array)| array)),
+    }
 }
 
 /// The array in a part of a file, if the elements that its shape promises are there, no more and no fewer.

@@ -297,6 +297,12 @@ impl Replacement {
         if target.is_dir() {
             return Err(fail(io::ErrorKind::IsADirectory.into()));
         }
+        // A name may be too long for the system, but not that of the temporary file.
+        if let Err(error) = fs::symlink_metadata(&target)
+            && error.kind() != io::ErrorKind::NotFound
+        {
+            return Err(fail(error));
+        }
         let file = if target.exists() && !target.is_file() {
             Unpublished::Device(OpenOptions::new().write(true).open(&target).map_err(fail)?)
         } else {

@@ -194,6 +194,9 @@ fn read_level(
     }
     let attributes = Attributes::of(document, index, 0, primitive)?;
     let mesh = TriMesh::from_arrays(attributes.positions()?, &attributes.triangles(primitive)?);
+    if mesh.triangles.is_empty() {
+        return Err(document.invalid(name, "no triangles", "at least one"));
+    }
     let areas: IdVec<_, _> = attributes.need("_AREA")?.reals(|[area]| area)?.into();
     let no_map = || document.invalid(&name, "a level without a map", "a map, as on other levels");
     let frame = read_frame(extras.map.as_ref().ok_or_else(no_map)?);

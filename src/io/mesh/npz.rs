@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::io::IoError;
-use crate::io::arrays::read::{NumberArray, read_number_arrays};
+use crate::io::arrays::read::{NumberArray, only, read_number_arrays};
 use crate::io::file::{Source, invalid};
 use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Presence, Sheet, TaxelId};
@@ -20,14 +20,17 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     let names = ["V", "vertices", "positions", "F", "faces", "N", "normals", "ids", "taxel_ids", "tangents"];
     let names: Vec<&str> = names.into_iter().chain(["areas", "present", "patch_of"]).collect();
     let arrays = read_number_arrays(source, &names)?;
-    let find = |names: &[&str]| arrays.iter().find(|array| names.contains(&array.name.as_str()));
-    let Some(vertices) = find(&["V", "vertices", "positions"]) else {
+    let find = |names: &[&str]| {
+        let named = arrays.iter().map(|array| (&array.name, array));
+        only(path, named.filter(|(name, _)| names.contains(&name.as_str())))
+    };
+    let Some(vertices) = find(&["V", "vertices", "positions"])? else {
         return Err(invalid(path, "file", "no array V", "V of shape (n, 3), and F of shape (m, 3)"));
     };
     let mut sheet = Sheet { name: source.stem(), positions: vectors(path, vertices)?, ..Sheet::default() };
     let count = sheet.positions.len();
     let of_each = |names: &[&str]| {
-        let array = find(names);
+        let array = find(names)?;
         array.map(|array| fits(path, array, count).map(|()| array)).transpose()
     };
     sheet.normals = of_each(&["N", "normals"])?.map(|array| vectors(path, array)).transpose()?;
@@ -42,7 +45,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         let refuse = || invalid(path, "array `present`", "another number", needed);
         sheet.presence = Some(presence.ok_or_else(refuse)?);
     }
-    if let Some(faces) = find(&["F", "faces"]) {
+    if let Some(faces) = find(&["F", "faces"])? {
         let &[_, corners @ (3 | 4)] = faces.shape.as_slice() else {
             return Err(refused(path, faces, "a shape (m, 3) or (m, 4)"));
         };

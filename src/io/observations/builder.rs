@@ -8,17 +8,13 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-    Observations, Pose, TaxelVariable,
+    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, FARTHEST, Information,
+    Model, Observations, Pose, TaxelVariable,
 };
 use crate::id::VertexId;
 use crate::io::error::Result;
 use crate::io::file::{LineLocation, invalid};
 use crate::skin::TaxelId;
-
-/// Farthest that anything may be from the origin or from another taxel, in m: the whole Earth is
-/// smaller than 1e8 m, and from about 1e150 m on squares overflow.
-const FARTHEST: f64 = 1e9;
 
 /// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With
 /// [`FARTHEST`] a squared error stays below 1e38, so that sums are finite.

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
-use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
+use crate::io::arrays::npy::ElementType;
+use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays, only};
 use crate::io::arrays::rows::{MAX_WHOLE, Rows};
 use crate::io::file::times::{LATEST, time_column};
 use crate::io::file::{excerpt, invalid};
@@ -47,12 +48,14 @@ impl ArrayReadings {
         let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
         let values = find_values(path, &arrays)?;
         let (frames, width, channels) = check_shape(path, values, layout)?;
-        let about = |name: &str| arrays.iter().find(|a| a.name == name && a.name != values.name);
-        let ids = about("ids").or_else(|| about("taxel_ids"));
-        let ids = ids.map(|array| read_ids(path, array, values, width)).transpose()?;
-        let channels = read_channels(path, about("channels"), about("units"), channels)?;
-        let of_times = |array: &&StoredArray| time_column(&array.name).is_some() && array.name != values.name;
-        let times = arrays.iter().find(of_times).map(|array| {
+        let others =
+            || arrays.iter().map(|array| (&array.name, array)).filter(|(name, _)| **name != values.name);
+        let about = |names: &[&str]| only(path, others().filter(|(name, _)| names.contains(&name.as_str())));
+        let ids =
+            about(&["ids", "taxel_ids"])?.map(|array| read_ids(path, array, values, width)).transpose()?;
+        let channels = read_channels(path, about(&["channels"])?, about(&["units"])?, channels)?;
+        let times = only(path, others().filter(|(name, _)| time_column(name).is_some()))?;
+        let times = times.map(|array| {
             need_shape(path, array, frames, "one for each frame")?;
             if !array.header.elements.is_number() {
                 return Err(invalid(path, array.element(), array.header.describe(), "numbers or dates"));
@@ -111,7 +114,10 @@ impl ArrayReadings {
 /// The array of the readings: the one called `values` or `readings`, or the only one that can be.
 fn find_values<'a>(path: &Path, arrays: &'a [StoredArray]) -> Result<&'a StoredArray, IoError> {
     let fits = |a: &&StoredArray| a.header.elements.is_number() && [2, 3].contains(&a.header.shape.len());
-    if let Some(named) = arrays.iter().find(|a| ["values", "readings"].contains(&a.name.as_str())) {
+    let named = arrays.iter().map(|array| (&array.name, array));
+    if let Some(named) =
+        only(path, named.filter(|(name, _)| ["values", "readings"].contains(&name.as_str())))?
+    {
         return Some(named).filter(fits).ok_or_else(|| {
             let needed = "numbers of the shape (T, N), (T, N, C) or (T, C, N)";
             invalid(path, named.element(), named.header.describe(), needed)

@@ -32,7 +32,7 @@ pub enum RobotSurface {
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Most triangles of all shapes, each mesh as often as it is used.
-const MAX_TRIANGLES: usize = 30_000_000;
+const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Kinds of meshes that are read.
 const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
@@ -107,6 +107,15 @@ pub(in crate::io) fn draft_of(
         let name = if of_link[&shape.link] > 1 { format!("{name}.{number}") } else { name.clone() };
         let mut sheet = Welded::of(shape, &meshes).sheet;
         (sheet.name, sheet.link) = (name, Some(shape.link));
+        if let Some(p) = sheet.positions.iter().find(|p| !p.is_finite()) {
+            let needed = "a shape of finite size, scale and pose";
+            return Err(invalid(
+                path,
+                format!("line {}, a shape of {:?}", shape.line, sheet.name),
+                format!("a vertex at {p}"),
+                needed,
+            ));
+        }
         if sheet.triangles.is_empty() {
             let error = match &shape.geometry {
                 Geometry::Mesh { url, .. } => absent.get(url),
@@ -125,17 +134,24 @@ pub(in crate::io) fn draft_of(
     }
 }
 
-/// Refuses more triangles than any robot has: a mesh can be used many times.
+/// Triangles of a shape without a file, at most.
+const MOST_OF_SHAPE: usize = 4000;
+
+/// Refuses more triangles than any robot has: a mesh can be used many times, and a shape is a few words.
 fn check_size(path: &Path, shapes: &[&Shape], meshes: &BTreeMap<String, Draft>) -> Result<()> {
     let mut triangles = 0;
     for shape in shapes {
-        if let Geometry::Mesh { url, .. } = &shape.geometry {
-            let sheets = meshes.get(url).map_or(&[][..], |draft| &draft.sheets);
-            triangles += sheets.iter().map(|sheet| sheet.triangles.len()).sum::<usize>();
-        }
+        triangles += match &shape.geometry {
+            Geometry::Mesh { url, .. } => {
+                let sheets = meshes.get(url).map_or(&[][..], |draft| &draft.sheets);
+                sheets.iter().map(|sheet| sheet.triangles.len()).sum()
+            }
+            Geometry::Triangles { mesh } => mesh.triangles.len(),
+            _ => MOST_OF_SHAPE,
+        };
         if triangles > MAX_TRIANGLES {
             let needed = format!("at most {MAX_TRIANGLES} triangles of all shapes");
-            return Err(invalid(path, format!("line {}, <mesh>", shape.line), "more triangles", needed));
+            return Err(invalid(path, format!("line {}, a shape", shape.line), "more triangles", needed));
         }
     }
     Ok(())

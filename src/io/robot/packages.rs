@@ -72,7 +72,7 @@ impl Packages {
                 Component::CurDir => 0,
                 _ => -1,
             };
-            if depth < 0 {
+            if depth < 0 || [".", ".."].contains(&name) {
                 return Err(invalid(path, element, url, "a file of the package, not above it"));
             }
         }

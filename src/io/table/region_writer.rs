@@ -20,7 +20,8 @@ const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z
 /// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
 /// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
 /// says how the contact was in the frame before. SI units; decimals are the shortest that read back
-/// as the same `f64`. A force that does not follow from the unit of the channel is an empty cell.
+/// as the same `f64`. A force that does not follow from the unit of the channel, and a time that is not
+/// known, are empty cells.
 ///
 /// Nothing appears in the file's place before [`RegionWriter::finish`].
 pub struct RegionWriter {
@@ -53,7 +54,7 @@ impl RegionWriter {
         for region in regions {
             let patch = &map.patches[region.patch];
             table.whole(frame);
-            table.numbers([time]);
+            table.number_if_any(Some(time).filter(|time| time.is_finite()));
             table.whole(region.track);
             table.cell(match region.event {
                 ContactEvent::Onset => "onset",

@@ -3,6 +3,7 @@
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::VertexCorners;
+use crate::numeric::storable;
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::find::Finder;
@@ -165,12 +166,14 @@ impl ContactTracker {
 
     /// Finds and measures the regions of a frame, by patch and first taxel.
     fn find(&mut self, frame: &Frame, high: f64) {
+        // Smaller readings have no digits left for the centre of pressure.
+        let high = high.max(f64::from(f32::MIN_POSITIVE));
         let Self { patches, around, options, rest, values, finder, found, .. } = self;
         for (id, patch) in patches.enumerate() {
             let (mesh, read) =
                 (&patch.levels[LevelId::new(0)].level.mesh, &frame.values[id][options.channel]);
             assert_eq!(read.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
-            let beyond = read.iter().zip(&rest[id]).map(|(x, rest)| x - rest);
+            let beyond = read.iter().zip(&rest[id]).map(|(x, rest)| storable(x - rest));
             values[id].iter_mut().zip(beyond).for_each(|(value, x)| *value = x);
             let readings = PatchReadings { mesh, around: &around[id], values: &values[id], options, high };
             finder.find(id, &readings, found);
