@@ -7,7 +7,6 @@
 //! small as cutting it makes it, and the exit code is 1.
 #![warn(clippy::unwrap_used)]
 
-mod mutate;
 mod run;
 mod seeds;
 
@@ -20,8 +19,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+use mutate::{Random, damage, smaller};
+
 use crate::{
-    mutate::{Random, damage, smaller},
     run::{Run, commands_for},
     seeds::make_seeds,
 };

@@ -1,14 +1,18 @@
 //! Damage to files: bytes, numbers, lengths and order.
+#![warn(missing_docs, clippy::unwrap_used)]
 
 /// A small generator of random numbers (steele2014).
-pub(crate) struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
-    pub(crate) const fn new(seed: u64) -> Self {
+    /// The generator with this seed.
+    pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    fn next(&mut self) -> u64 {
+    /// The next 64 bits.
+    #[expect(clippy::should_implement_trait, reason = "the numbers never end")]
+    pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -16,8 +20,28 @@ impl Random {
     }
 
     /// A number below `bound`, which is above 0.
-    pub(crate) fn below(&mut self, bound: usize) -> usize {
+    pub fn below(&mut self, bound: usize) -> usize {
         usize::try_from(self.next() >> 33).unwrap_or(0) % bound
+    }
+
+    /// A number from 0 to 1, without 1.
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A number from -1 to 1, without 1.
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// Whether something of this probability happens.
+    pub fn chance(&mut self, probability: f64) -> bool {
+        self.unit() < probability
+    }
+
+    /// One of `all`, of which there is at least one.
+    pub fn pick<'a, T>(&mut self, all: &'a [T]) -> &'a T {
+        &all[self.below(all.len())]
     }
 }
 
@@ -41,7 +65,7 @@ const NUMBERS: [&str; 12] = [
 const WORDS: [u32; 7] = [0, 1, u32::MAX, 0x7fff_ffff, 0x7f80_0000, 0x7fc0_0000, 0x0001_0000];
 
 /// A copy of a file with one to four faults.
-pub(crate) fn damage(sound: &[u8], random: &mut Random) -> Vec<u8> {
+pub fn damage(sound: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = sound.to_vec();
     for _ in 0..=random.below(4) {
         if bytes.is_empty() {
@@ -77,7 +101,7 @@ fn replace_number(bytes: &mut Vec<u8>, at: usize, by: &str) {
 }
 
 /// A file that still `breaks` something, cut as far as some tries make it.
-pub(crate) fn smaller(
+pub fn smaller(
     mut bytes: Vec<u8>,
     random: &mut Random,
     tries: usize,
