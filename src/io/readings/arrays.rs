@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
-use crate::io::arrays::npy::ElementType;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays, only};
 use crate::io::arrays::rows::{MAX_WHOLE, Rows};
 use crate::io::file::times::{LATEST, time_column};
