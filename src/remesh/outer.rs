@@ -10,7 +10,7 @@ use crate::id::FaceId;
 use crate::mesh::triangle_cross;
 use crate::numeric::DisjointSets;
 use crate::remesh::SHARP;
-use crate::skin::{Draft, LinkId, Sheet};
+use crate::skin::{Draft, LinkId, Remark, RemarkKind, Sheet};
 
 /// Directions from which a point of a surface is viewed from far away.
 const DIRECTIONS: u32 = 64;
@@ -31,7 +31,8 @@ const ALL_POINTS: f64 = 1000.0;
 const RAY_OFFSET: f64 = 1e-5;
 
 /// Keeps the faces that can be seen from outside of their link, ignoring the other links; returns how many
-/// were dropped. Faces that are connected without crossing a sharp edge stay together.
+/// were dropped. Faces that are connected without crossing a sharp edge stay together. Sheets of files without
+/// links belong to one link; a remark names each sheet that is left out completely.
 ///
 /// Faces with a corner out of range or not finite are kept; they are refused when the sheet is assembled.
 pub fn keep_outer(draft: &mut Draft) -> usize {
@@ -49,6 +50,12 @@ pub fn keep_outer(draft: &mut Draft) -> usize {
     }
     let count = |draft: &Draft| draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum::<usize>();
     let all = count(draft);
+    for (sheet, _) in
+        draft.sheets.iter().zip(&kept).filter(|(_, kept)| !kept.is_empty() && !kept.contains(&true))
+    {
+        let kind = RemarkKind::PassedOver { what: "inside the rest of its link, and left out".into() };
+        draft.remarks.push(Remark { patch: sheet.title().to_owned(), kind });
+    }
     // Sheets without triangles are kept.
     let mut kept = kept.into_iter().flatten();
     draft.retain(|sheet, _| sheet.triangles.is_empty() || kept.next().unwrap_or(true));

@@ -64,29 +64,55 @@ impl Pool {
 
     /// Makes the pool idle after its job. One whose job was given up ends with it instead, as do those beyond the few that
     /// calls from several threads of Python need.
-    fn give_back(self) {
+    fn finish<T>(self, answer: Answer<T>) -> PyResult<T> {
         const MOST_IDLE: usize = 16;
-        let pools = &mut idle().pools;
-        if pools.len() < MOST_IDLE {
-            pools.push(self);
+        let stop = self.stop.clone();
+        if !stop.is_given_up.load(Ordering::Relaxed) {
+            let pools = &mut idle().pools;
+            if pools.len() < MOST_IDLE {
+                pools.push(self);
+            }
         }
+        stop.result(answer)
     }
 }
 
 /// Tells a job that it was given up.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Stop(Arc<AtomicBool>);
+pub(crate) struct Stop {
+    is_given_up: Arc<AtomicBool>,
+    /// What a function that the job called raised.
+    raised: Arc<Mutex<Option<PyErr>>>,
+}
 
 impl Stop {
     /// How the library runs for the job.
     pub(crate) fn run(&self) -> Run<'_> {
-        Run::default().cancelled_by(&self.0)
+        Run::default().cancelled_by(&self.is_given_up)
     }
 
     /// Ends the job at this place, by unwinding, if it was given up.
     pub(crate) fn check(&self) {
-        if self.0.load(Ordering::Relaxed) {
+        if self.is_given_up.load(Ordering::Relaxed) {
             resume_unwind(Box::new("given up"));
+        }
+    }
+
+    /// Ends the job; its caller raises the exception.
+    pub(crate) fn raise(&self, exception: PyErr) {
+        self.raised().get_or_insert(exception);
+        self.is_given_up.store(true, Ordering::Relaxed);
+    }
+
+    fn raised(&self) -> MutexGuard<'_, Option<PyErr>> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The result of a job, or what was raised in it.
+    fn result<T>(&self, answer: Answer<T>) -> PyResult<T> {
+        match self.raised().take() {
+            Some(exception) => Err(exception),
+            None => answer.or_else(|panic| resume_unwind(panic)),
         }
     }
 }
@@ -99,7 +125,7 @@ fn wait<T>(receive: &Receiver<Answer<T>>, stop: &Stop) -> PyResult<Answer<T>> {
         match receive.recv_timeout(HEARD_AFTER) {
             Ok(answer) => return Ok(answer),
             Err(RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())
-                .inspect_err(|_| stop.0.store(true, Ordering::Relaxed))?,
+                .inspect_err(|_| stop.is_given_up.store(true, Ordering::Relaxed))?,
             Err(RecvTimeoutError::Disconnected) => return Err(PyRuntimeError::new_err("the job was lost")),
         }
     }
@@ -119,7 +145,8 @@ pub(crate) fn run<T: Send + 'static>(
     job: impl FnOnce(&Stop) -> T + Send + 'static,
 ) -> PyResult<T> {
     if is_in_job() {
-        return Ok(py.detach(|| job(&Stop::default())));
+        let stop = Stop::default();
+        return stop.result(py.detach(|| catch_unwind(AssertUnwindSafe(|| job(&stop)))));
     }
     let (pool, (send, receive)) = (Pool::take(threads)?, channel());
     let stop = pool.stop.clone();
@@ -129,8 +156,7 @@ pub(crate) fn run<T: Send + 'static>(
     });
     let given_up = &pool.stop;
     let answer = py.detach(move || wait(&receive, given_up))?;
-    pool.give_back();
-    answer.or_else(|panic| resume_unwind(panic))
+    pool.finish(answer)
 }
 
 /// Runs a job that borrows, as [`run`]: Ctrl-C is heard when the job checks whether it was given up.
@@ -140,7 +166,8 @@ pub(crate) fn run_here<T: Send>(
     job: impl FnOnce(&Stop) -> T + Send,
 ) -> PyResult<T> {
     if is_in_job() {
-        return Ok(py.detach(|| job(&Stop::default())));
+        let stop = Stop::default();
+        return stop.result(py.detach(|| catch_unwind(AssertUnwindSafe(|| job(&stop)))));
     }
     let pool = Pool::take(threads)?;
     let answer = py.detach(|| {
@@ -152,6 +179,5 @@ pub(crate) fn run_here<T: Send>(
             wait(&receive, &pool.stop)
         })
     })?;
-    pool.give_back();
-    answer.or_else(|panic| resume_unwind(panic))
+    pool.finish(answer)
 }

@@ -616,6 +616,7 @@ impl Pooling<'_> {
                 for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
                     stop.check();
                     join.fill(values, frame);
+                    mask_too_large(frame);
                     let mut on_levels = restrictor.restrict(frame);
                     if let Some(contrast) = contrast {
                         on_levels = contrast.of(on_levels);
@@ -633,10 +634,20 @@ impl Pooling<'_> {
     }
 }
 
-/// A number of a result, in 32 bits.
+/// Masks readings beyond the range of 32-bit numbers, as `Readings.condition` does.
+pub(crate) fn mask_too_large(frame: &mut Frame) {
+    for x in frame.values.iter_mut().flatten().flat_map(|values| values.iter_mut()) {
+        if x.abs() > f64::from(f32::MAX) {
+            *x = f64::NAN;
+        }
+    }
+}
+
+/// A number of a result, in 32 bits; NaN beyond their range.
 #[expect(clippy::cast_possible_truncation, reason = "readings are given in fewer digits")]
-pub(crate) fn narrow(value: f64) -> f32 {
-    value as f32
+fn narrow(value: f64) -> f32 {
+    let value = value as f32;
+    if value.is_finite() { value } else { f32::NAN }
 }
 
 /// A value as the objects of Python that its JSON stands for.
@@ -904,7 +915,8 @@ impl PyLevel {
 /// threads : int
 ///     0 for one per processor. The result does not depend on it.
 /// progress : callable, optional
-///     Called with the stage ("coarsen" or "flatten"), the number of patches that are done and that of all.
+///     Called with the stage ("coarsen" or "flatten"), the number of patches that are done and that of all. What it raises
+///     ends the build.
 ///
 /// Returns
 /// -------
@@ -975,20 +987,20 @@ pub(crate) fn build(
         Some(acuity) => Arc::new(with_acuity(&skin, acuity)?),
         None => skin,
     };
-    let tell = move |told: Progress| {
-        let Some(progress) = &progress else { return };
+    if let Some(progress) = progress.as_ref().map(|progress| progress.bind(py)).filter(|f| !f.is_callable()) {
+        return Err(bad("progress", progress.get_type().name()?, "a function"));
+    }
+    let tell = move |told: Progress, stop: &Stop| {
+        let Some(progress) = progress.as_ref().filter(|_| !stop.run().is_cancelled()) else { return };
         let stage = match told.stage {
             Stage::Coarsen => "coarsen",
             Stage::Flatten => "flatten",
         };
-        Python::attach(|py| {
-            if let Err(e) = progress.call1(py, (stage, told.done, told.total)) {
-                e.write_unraisable(py, None);
-            }
-        });
+        let raised = Python::attach(|py| progress.call1(py, (stage, told.done, told.total)).err());
+        raised.into_iter().for_each(|exception| stop.raise(exception));
     };
     let map = run(py, count("threads", threads)?, move |stop| -> Result<PyMap, dermatome::Error> {
-        let built = build_with(&skin, &options, stop.run().telling(&tell))?;
+        let built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
         // What a file holds, so that a map is the same whether it was built, read or unpickled.
         Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
     })?;

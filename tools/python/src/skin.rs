@@ -160,7 +160,8 @@ impl PySkin {
     /// keep_going : bool
     ///     Leave out patches that cannot be repaired.
     /// outer : bool
-    ///     Keep what of each link can be touched: the outside of the shells of CAD.
+    ///     Keep what of each link can be touched: the outside of the shells of CAD. Files without links are one body: those
+    ///     that lie inside of others are left out, and `remarks` names them.
     /// spacing : float or dict of str to float, optional
     ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
     ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
@@ -196,7 +197,7 @@ impl PySkin {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
         let mut is_robot = patches.is_none() && matches!(&paths[..], [path] if is_robot(path));
-        let mut draft = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
+        let (mut draft, inner) = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
         // Taxels of sensors are the skin itself.
         is_robot &= draft.sheets.iter().all(|sheet| !sheet.triangles.is_empty());
         if outer && draft.sheets.is_empty() {
@@ -212,6 +213,10 @@ impl PySkin {
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
         draft.scale(metres);
         let mut skin = Self::assembled(py, draft, options)?;
+        if inner > 0 {
+            let faces = if inner == 1 { "1 face is".to_owned() } else { format!("{inner} faces are") };
+            skin.remarks.insert(0, format!("{faces} inside the body, left out"));
+        }
         if is_robot {
             skin = skin.without_crumbs(least_area, spacing)?;
         }
@@ -388,15 +393,13 @@ impl PySkin {
     }
 }
 
-/// What some files hold, as one draft.
-fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<Draft, IoError> {
+/// What some files hold, as one draft, and how many faces inside of it were left out.
+fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draft, usize), IoError> {
     let mut drafts = paths.iter().map(|path| read_draft_with(path, parts));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
-    if outer {
-        keep_outer(&mut draft);
-    }
-    Ok(draft)
+    let inner = if outer { keep_outer(&mut draft) } else { 0 };
+    Ok((draft, inner))
 }
 
 /// How far apart the taxels of each patch shall be, in m: a number, or one for names of links.

@@ -445,6 +445,19 @@ def test_several_files_are_one_skin(tmp_path):
     assert dermatome.Skin.read(tmp_path / "0.glb", outer=True).n_taxels == 256
 
 
+def test_what_outer_leaves_out_is_named(tmp_path):
+    files = []
+    for name, half in (("palm", 0.05), ("finger", 0.01)):
+        corners = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+        faces = [face for a, b, c, d in sides for face in ([a, b, c], [a, c, d])]
+        files.append(tmp_path / f"{name}.stl")
+        dermatome.Skin.from_arrays(corners, faces, patch=name).write(files[-1])
+    skin = dermatome.Skin.read(files, outer=True)
+    assert len(skin.patches) == 1 and skin.remarks[0] == "12 faces are inside the body, left out"
+    assert [r for r in skin.remarks if "finger" in r and "inside the rest of its link, and left out" in r]
+
+
 def test_fields_are_finer_where_the_acuity_is_larger():
     positions, faces = lattice(30, 30)
     acuity = np.where(positions[:, 0] < positions[:, 0].mean(), 3.0, 1.0)
@@ -464,6 +477,27 @@ def test_progress_is_told():
     told = []
     dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), progress=lambda *step: told.append(step))
     assert told == [("coarsen", 0, 1), ("coarsen", 1, 1), ("flatten", 0, 1), ("flatten", 1, 1)]
+
+
+def test_what_progress_raises_ends_the_build(dome_map):
+    skin, calls = dermatome.Skin.from_arrays(*lattice(8, 8)), []
+    for exception in (ValueError, KeyboardInterrupt, SystemExit):
+
+        def progress(*_, exception=exception):
+            calls.append(exception)
+            raise exception("enough")
+
+        def nested(*_, progress=progress):
+            dermatome.build(skin, progress=progress)
+
+        for stop in (progress, nested):
+            with pytest.raises(exception, match="enough"):
+                dermatome.build(skin, progress=stop)
+    assert len(calls) == 6
+    assert dermatome.build(skin).n_taxels == 64
+    for wrong in (3, "tqdm"):
+        with pytest.raises(dermatome.DataError, match="progress: found .*; needed: a function"):
+            dermatome.build(skin, progress=wrong)
 
 
 def test_progress_may_call_the_package(dome_map):

@@ -58,6 +58,25 @@ def test_forces_keep_their_total(dome_map):
     assert np.nansum(renderer(forces)) * np.prod(renderer.pixel) == pytest.approx(5.0, rel=1e-5)
 
 
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_numbers_beyond_32_bits_are_missing(dome_map, kind):
+    values = np.random.default_rng(5).random((20, 256)).astype(kind)
+    missing = values.copy()
+    missing[3:19, 70:90], missing[:, 9] = np.nan, np.nan
+    for huge in (1e300, -np.inf, 3.5e38):
+        given = values.copy()
+        with np.errstate(over="ignore"):
+            given[3:19, 70:90], given[:, 9] = huge, huge
+        for level in (0, 1):
+            assert np.array_equal(dome_map.pool(given, level), dome_map.pool(missing, level), equal_nan=True)
+            for options in ({}, {"interpolate": "nearest"}, {"extensive": True, "fill": -1.0}):
+                renderer = dome_map.renderer(level, size=(32, 32), **options)
+                assert np.array_equal(renderer(given), renderer(missing), equal_nan=True)
+    most = np.full((17, 256), 3e38)
+    assert not np.isinf(dome_map.renderer(extensive=True)(most)).any()
+    assert not np.isinf(dome_map.pool(most, 1, extensive=True)).any()
+
+
 def test_several_patches_are_packed_or_named():
     first = lattice(8, 8)[0]
     both = np.concatenate([first, first + [0.2, 0, 0]])
@@ -72,8 +91,10 @@ def test_several_patches_are_packed_or_named():
     assert map.patches[name].start == 64
     values[:, :64] = 7
     assert np.nanmax(map.renderer(0, patch=name)(values)) == 1
-    with pytest.raises(dermatome.DataError, match="patch"):
-        map.renderer(0)
+    for options in ({}, {"pack": True, "patch": name}, {"pack": "body", "patch": name}):
+        with pytest.raises(dermatome.DataError, match="patch: found"):
+            map.renderer(0, **options)
+    assert map.renderer(0, pack=False, patch=name).mask.any()
 
 
 def test_a_patch_without_the_level_answers_with_its_coarsest():
