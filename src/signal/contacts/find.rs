@@ -45,7 +45,7 @@ impl Finder {
         if self.room < self.largest {
             self.room = self.largest;
             let lists = found.iter_mut().chain(last).map(|region| &mut region.taxels);
-            lists.chain(&mut self.spare).for_each(|list| list.reserve(self.room - list.len()));
+            lists.chain(&mut self.spare).for_each(|list| list.reserve(self.room.saturating_sub(list.len())));
         }
     }
 

@@ -27,7 +27,7 @@ use crate::id::VertexId;
 use crate::signal::SignalError;
 use crate::skin::{LinkId, PatchId};
 
-pub use tracker::ContactTracker;
+pub use tracker::{ContactTracker, TrackerState};
 
 /// Criteria for a contact, and for the same contact in the next frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

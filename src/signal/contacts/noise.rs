@@ -53,6 +53,16 @@ impl Threshold {
         }
     }
 
+    /// The readings of the frames that were kept.
+    pub(super) fn kept(&self) -> &[f64] {
+        if let Self::Learning { kept } = self { kept } else { &[] }
+    }
+
+    /// Goes on from a threshold, or from frames that were kept.
+    pub(super) fn resume(&mut self, threshold: Option<f64>, kept: Vec<f64>) {
+        *self = threshold.map_or(Self::Learning { kept }, Self::Known);
+    }
+
     /// Keeps the readings of a frame; returns the number of frames kept.
     pub(super) fn learn(&mut self, frame: &Frame, channel: usize) -> usize {
         let Self::Learning { kept } = self else { return 0 };

@@ -188,6 +188,68 @@ impl ContactTracker {
     }
 }
 
+/// What a [`ContactTracker`] has learned and follows: another one of the same map, channel and options goes on with it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TrackerState {
+    /// The threshold, if it is known.
+    pub threshold: Option<f64>,
+    /// The readings of all taxels in the frames from which it is being estimated, one frame after the other.
+    pub learned: Vec<f64>,
+    /// The reading of each taxel at rest, patch after patch.
+    pub rest: Vec<f64>,
+    /// The contacts of the last frame that go on, also those that have not lasted long enough to be reported.
+    pub contacts: Vec<ContactRegion>,
+    /// Number of the next contact.
+    pub next: u64,
+}
+
+impl ContactTracker {
+    /// What it has learned and follows.
+    pub fn state(&self) -> TrackerState {
+        let goes_on = |region: &&ContactRegion| region.event != ContactEvent::Release;
+        TrackerState {
+            threshold: self.noise.known(),
+            learned: self.noise.kept().to_vec(),
+            rest: self.rest.iter().flat_map(|patch| patch.iter().copied()).collect(),
+            contacts: self.found.iter().filter(goes_on).cloned().collect(),
+            next: self.next,
+        }
+    }
+
+    /// Goes on with what another tracker has learned and followed.
+    ///
+    /// # Errors
+    /// [`SignalError::Option`] if it is not of a tracker of the same map.
+    pub fn resume(&mut self, state: TrackerState) -> Result<(), SignalError> {
+        let taxels: usize = self.rest.iter().map(|patch| patch.len()).sum();
+        let is_known = |region: &ContactRegion| {
+            let patch = self.patches.get(region.patch);
+            let count = patch.map_or(0, |patch| patch.taxels.ids.len());
+            let known = |taxel: &VertexId| taxel.index() < count;
+            patch.is_some_and(|patch| patch.link == region.link)
+                && region.taxels.iter().chain([&region.peak_taxel]).all(known)
+                && !region.taxels.is_empty()
+        };
+        let fits = state.rest.len() == taxels
+            && state.learned.len().is_multiple_of(taxels.max(1))
+            && state.contacts.iter().all(is_known);
+        if !fits {
+            let needed = "those of the map of this tracker,";
+            return Err(SignalError::option(
+                "the taxels of a state of contacts",
+                state.rest.len() as f64,
+                needed,
+            ));
+        }
+        let mut rest = state.rest.into_iter();
+        self.rest.iter_mut().flat_map(|patch| patch.iter_mut()).zip(&mut rest).for_each(|(to, x)| *to = x);
+        self.noise.resume(state.threshold, state.learned);
+        self.shown = state.contacts.iter().filter(|region| region.age >= self.options.lasting).count();
+        (self.found, self.next) = (state.contacts, state.next);
+        Ok(())
+    }
+}
+
 impl Stage for ContactTracker {
     /// The frames from which the threshold is estimated.
     fn frames_to_learn(&self) -> usize {
