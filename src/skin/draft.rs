@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, too_many};
 use crate::skin::columns::columns;
+use crate::skin::link::append_links;
 use crate::skin::{
     Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId,
 };
@@ -106,12 +107,7 @@ impl Draft {
     /// # Panics
     /// If the parent of a link, or the link of a sheet or joint, is not an earlier link of `other`.
     pub fn append(&mut self, other: Self) {
-        let mut links = IdVec::<LinkId, LinkId>::default();
-        for mut link in other.links {
-            link.parent = link.parent.map(|parent| links[parent]);
-            let known = self.links.enumerate().find(|(_, known)| **known == link).map(|(id, _)| id);
-            links.push(known.unwrap_or_else(|| self.links.push(link)));
-        }
+        let links = append_links(&mut self.links, &other.links);
         let materials = u32::try_from(self.materials.len()).unwrap_or(u32::MAX);
         self.sheets.extend(other.sheets.into_iter().map(|mut sheet| {
             sheet.link = sheet.link.map(|link| links[link]);

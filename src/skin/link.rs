@@ -49,6 +49,21 @@ pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
     links.enumerate().map(name).collect()
 }
 
+/// Adds links, and returns what each is among those that were there: the same link if name, parent and pose are equal.
+/// Panics if a parent is no earlier link.
+pub(super) fn append_links(
+    links: &mut IdVec<LinkId, Link>,
+    others: &IdVec<LinkId, Link>,
+) -> IdVec<LinkId, LinkId> {
+    let mut ids = IdVec::<LinkId, LinkId>::default();
+    for link in others {
+        let link = Link { parent: link.parent.map(|parent| ids[parent]), ..link.clone() };
+        let known = links.enumerate().find(|(_, known)| **known == link).map(|(id, _)| id);
+        ids.push(known.unwrap_or_else(|| links.push(link)));
+    }
+    ids
+}
+
 /// The links, with [`link_names`] as their names.
 pub(crate) fn named_links(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, Link> {
     links.iter().zip(link_names(links)).map(|(link, name)| Link { name, ..link.clone() }).collect()

@@ -6,8 +6,8 @@ use glam::DAffine3;
 
 use crate::id::{IdVec, define_id};
 use crate::mesh::{Adjacency, TriMesh, is_rigid, is_within_reach};
-use crate::skin::link::before_parents;
-use crate::skin::{Link, LinkId, Motion, SkinError, TaxelError, Taxels, world_pose};
+use crate::skin::link::{append_links, before_parents};
+use crate::skin::{Link, LinkId, Motion, Remark, RemarkKind, SkinError, TaxelError, Taxels, world_pose};
 
 define_id!(
     /// A patch of one skin.
@@ -92,6 +92,31 @@ impl Skin {
     pub(crate) fn in_world<'a>(&self, patch: &'a Patch) -> Cow<'a, Patch> {
         let pose = world_pose(&self.links, patch.link);
         if pose == DAffine3::IDENTITY { Cow::Borrowed(patch) } else { Cow::Owned(patch.posed(&pose)) }
+    }
+
+    /// Adds the patches of another valid skin. A link of a name, parent and pose that are there already is the same link.
+    /// A patch whose name is taken gets another one; the remarks say so.
+    pub fn append(&mut self, other: &Self) -> Vec<Remark> {
+        let links = append_links(&mut self.links, &other.links);
+        let mut taken: HashSet<String> = self.patches.iter().map(|patch| patch.name.clone()).collect();
+        let mut remarks = Vec::new();
+        for mut patch in other.patches.iter().cloned() {
+            patch.link = links[patch.link];
+            for (link, _) in patch.taxels.joints.iter_mut().flat_map(|joints| joints.iter_mut()).flatten() {
+                *link = links.get(*link).copied().unwrap_or(*link);
+            }
+            if !taken.insert(patch.name.clone()) {
+                let free =
+                    |name: &String| !taken.contains(name) && other.patches.iter().all(|p| p.name != *name);
+                let name = (1..).map(|k| format!("{}.{k}", patch.name)).find(free).unwrap_or_default();
+                taken.insert(name.clone());
+                let kind = RemarkKind::Renamed { name: name.clone() };
+                remarks.push(Remark { patch: std::mem::replace(&mut patch.name, name), kind });
+            }
+            self.patches.push(patch);
+        }
+        self.animations.extend(other.animations.iter().map(|motion| motion.of_links(&links)));
+        remarks
     }
 
     /// Checks every rule of [`Patch`] and of the links.
