@@ -85,8 +85,18 @@ impl Chart {
 
     /// The map position of a pixel's centre, in m; `column` and `row` are those of the image.
     pub fn centre(&self, column: u32, row: u32) -> DVec2 {
+        self.map_position(DVec2::new(column.into(), row.into()))
+    }
+
+    /// The map position, in m, of a point of the image: column and row, whole at the centres of pixels.
+    pub fn map_position(&self, at: DVec2) -> DVec2 {
         let [left, top] = self.corner_px.map(f64::from);
-        turned(self.centre_at(f64::from(column) - left, f64::from(row) - top), (TURNS - self.turns) % TURNS)
+        turned(self.centre_at(at.x - left, at.y - top), (TURNS - self.turns) % TURNS)
+    }
+
+    /// The point of the image, column and row, of a map position (m): the inverse of [`Self::map_position`].
+    pub fn image_position(&self, uv: DVec2) -> DVec2 {
+        self.pixel_position(uv) + DVec2::from(self.corner_px.map(f64::from)) - 0.5
     }
 
     /// The point of the mesh that a pixel of the image shows; `None` if it does not show this
@@ -131,20 +141,16 @@ impl Chart {
         self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
     }
 
-    /// The id of the vertex nearest to a point of a face: that of the taxel, above level 0 the index of the field.
-    pub(super) fn shown_id(
+    /// The vertex nearest to a point of a face.
+    pub(super) fn shown_vertex(
         &self,
         patch: &PatchMap,
         nearest: &NearestVertices,
         (face, weights): (FaceId, [f64; 3]),
         seen: &mut Vec<VertexId>,
-    ) -> u32 {
+    ) -> Option<VertexId> {
         let corners = patch.levels[self.level].level.mesh.triangles[face];
-        match nearest.find(corners, weights, |_| true, seen) {
-            Some(vertex) if self.level == LevelId::default() => patch.taxels.ids[vertex].0,
-            Some(vertex) => vertex.raw(),
-            None => u32::MAX,
-        }
+        nearest.find(corners, weights, |_| true, seen)
     }
 
     /// The position of a pixel's centre on the turned map; `column` and `row` are those of the chart.

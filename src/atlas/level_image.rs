@@ -8,6 +8,7 @@ use glam::DVec3;
 use crate::atlas::bound::check_map;
 use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::nearest::NearestVertices;
+use crate::atlas::shown_id;
 use crate::atlas::{AtlasError, AtlasPart, Chart, Stretch, face_stretch};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -145,7 +146,8 @@ impl ShadedChart {
             for (samples, value) in measures.iter_mut().zip(self.measures(level, face, weights, stretch)) {
                 samples[at] = narrow(value);
             }
-            let shown = [self.chart.shown_id(patch, &self.nearest, (face, weights), &mut seen), face.raw()];
+            let vertex = self.chart.shown_vertex(patch, &self.nearest, (face, weights), &mut seen);
+            let shown = [shown_id(patch, self.chart.level, vertex), face.raw()];
             ids.iter_mut().zip(shown).for_each(|(samples, id)| samples[at] = id);
         });
     }

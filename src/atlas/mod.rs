@@ -25,8 +25,10 @@ use glam::DVec2;
 
 use crate::atlas::bound::{check_size, check_total};
 use crate::atlas::layout::{ChartPosition, PartLayout, image_name, layout};
-use crate::map::{ImageFrame, SkinMap};
+use crate::id::VertexId;
+use crate::map::{ImageFrame, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
+use crate::skin::PatchId;
 
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
@@ -195,18 +197,42 @@ impl AtlasPart {
     /// If `map` is not the one that was rasterised.
     #[must_use]
     pub fn taxel_ids(&self, map: &SkinMap) -> Vec<u32> {
+        let id = |shown: Option<(PatchId, VertexId)>| {
+            let (patch, vertex) = shown?;
+            let patch = &map.patches[patch];
+            Some(shown_id(patch, patch.nearest_level(self.level), Some(vertex)))
+        };
+        self.vertices(map).into_iter().map(|shown| id(shown).unwrap_or(u32::MAX)).collect()
+    }
+
+    /// The patch that each pixel shows and the nearest vertex of its level, a taxel or a field; row by row from the top.
+    ///
+    /// # Panics
+    /// If `map` is not the one that was rasterised.
+    #[must_use]
+    pub fn vertices(&self, map: &SkinMap) -> Vec<Option<(PatchId, VertexId)>> {
         let [width, height] = self.frame.size_px.map(|n| n as usize);
-        let mut ids = vec![u32::MAX; width * height];
+        let mut vertices = vec![None; width * height];
         for chart in &self.charts {
             let patch = &map.patches[chart.patch];
             let level = &patch.levels[chart.level];
             let (nearest, mut seen) = (NearestVertices::new(&level.level.mesh), Vec::new());
             for ((start, _), row) in chart.rows(width).zip(0..) {
                 chart.each_in_row(level, row, |column, face, weights| {
-                    ids[start + column] = chart.shown_id(patch, &nearest, (face, weights), &mut seen);
+                    let vertex = chart.shown_vertex(patch, &nearest, (face, weights), &mut seen);
+                    vertices[start + column] = vertex.map(|vertex| (chart.patch, vertex));
                 });
             }
         }
-        ids
+        vertices
+    }
+}
+
+/// The id of a vertex in an image: the taxel's, above level 0 the index of the field.
+fn shown_id(patch: &PatchMap, level: LevelId, vertex: Option<VertexId>) -> u32 {
+    match vertex {
+        Some(vertex) if level == LevelId::default() => patch.taxels.ids[vertex].0,
+        Some(vertex) => vertex.raw(),
+        None => u32::MAX,
     }
 }

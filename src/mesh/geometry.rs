@@ -92,7 +92,7 @@ pub fn mean_edge_length(mesh: &TriMesh, adjacency: &Adjacency) -> f64 {
 }
 
 /// Whether a pose is finite and only rotates and translates.
-pub(crate) fn is_rigid(pose: &DAffine3) -> bool {
+pub fn is_rigid(pose: &DAffine3) -> bool {
     let axes = &pose.matrix3;
     pose.is_finite() && rotation_defect(axes) <= RIGID_TOLERANCE && axes.determinant() > 0.0
 }

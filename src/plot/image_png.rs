@@ -51,7 +51,6 @@ pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -
     if channel >= image.channels || !has_length {
         return Err(PlotError::Channel { channel, channels: image.channels, range: options.range });
     }
-    let scale = Scale::of_range(options.range);
     let size = image.frame.size_px.map(|n| n.saturating_mul(options.magnification.max(1)));
     if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
         return Err(PlotError::Size { width: size[0], height: size[1], least: 1, most: MAX_SIDE });
@@ -66,11 +65,21 @@ pub fn image_png(image: &TactileImage, channel: usize, options: &ImageOptions) -
             if image.coverage[at] == 0 {
                 continue;
             }
-            let value = f64::from(values[at]);
-            let colour = if value.is_nan() { hatch(x + y) } else { scale.at((value - low) / (high - low)) };
-            *pixel = [colour.0, colour.1, colour.2, 255];
+            let [red, green, blue] = value_colour(f64::from(values[at]), options.range, x + y);
+            *pixel = [red, green, blue, 255];
         }
     }
     write_labels(&mut pixels, size, &options.labels, f64::from(options.magnification.max(1)));
     Ok(encode_with_alpha(size, &pixels))
+}
+
+/// The colour of a value as red, green and blue, as [`image_png`] draws it; where it is NaN that of a hatch on this
+/// diagonal of the pixels, the sum of row and column.
+pub fn value_colour(value: f64, range: [f64; 2], diagonal: usize) -> [u8; 3] {
+    let [low, high] = range;
+    let colour = match value.is_nan() {
+        true => hatch(diagonal),
+        false => Scale::of_range(range).at((value - low) / (high - low)),
+    };
+    [colour.0, colour.1, colour.2]
 }

@@ -33,7 +33,7 @@ mod plot_map;
 use crate::pyramid::LevelId;
 
 pub use error::PlotError;
-pub use image_png::{ImageOptions, image_png};
+pub use image_png::{ImageOptions, image_png, value_colour};
 pub use picture::Picture;
 pub use plot_frame::{FramePlotter, plot_frame};
 pub use plot_map::{plot_map, plot_skin};

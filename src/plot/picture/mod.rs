@@ -31,6 +31,13 @@ pub struct Picture {
     pub(crate) groups: Vec<Vec<Shape>>,
 }
 
+impl Picture {
+    /// Width and height, in pixels.
+    pub fn size_px(&self) -> [u32; 2] {
+        self.size_px
+    }
+}
+
 /// An element of a picture; lengths are pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Shape {

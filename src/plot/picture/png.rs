@@ -18,6 +18,18 @@ impl Picture {
     /// # Errors
     /// If the picture has no pixels or more than fit into memory.
     pub fn to_png(&self) -> Result<Vec<u8>, PlotError> {
+        Ok(encode(self.size_px.map(|n| n as usize), &self.colours()?))
+    }
+
+    /// The pixels of the picture, red, green and blue, row by row from the top.
+    ///
+    /// # Errors
+    /// As [`Self::to_png`].
+    pub fn to_pixels(&self) -> Result<Vec<[u8; 3]>, PlotError> {
+        Ok(self.colours()?.into_iter().map(|c| [c.0, c.1, c.2]).collect())
+    }
+
+    fn colours(&self) -> Result<Vec<Colour>, PlotError> {
         let [width, height] = self.size_px;
         let pixels =
             Pixmap::new(width, height).ok_or(PlotError::Size { width, height, least: 1, most: MAX_SIDE })?;
@@ -25,8 +37,7 @@ impl Picture {
         canvas.pixels.fill(Color::WHITE);
         self.groups.iter().flatten().for_each(|shape| canvas.draw(shape));
         let colour = |p: &PremultipliedColorU8| Colour(p.red(), p.green(), p.blue());
-        let colours: Vec<Colour> = canvas.pixels.pixels().iter().map(colour).collect();
-        Ok(encode(self.size_px.map(|n| n as usize), &colours))
+        Ok(canvas.pixels.pixels().iter().map(colour).collect())
     }
 }
 
