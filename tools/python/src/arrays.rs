@@ -8,7 +8,11 @@ use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArrayMethods, ndarray::Dimension,
 };
-use pyo3::{prelude::*, types::PyTuple};
+use pyo3::{
+    PyClass,
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
 
 use crate::errors::bad;
 
@@ -186,3 +190,26 @@ where
 {
     PyArray1::from_vec(py, values).reshape(shape)
 }
+
+/// How an object of arrays is pickled: its class takes a namespace of them.
+pub(crate) fn reduced<'py, T: PyClass>(slf: &Bound<'py, T>, names: &[&str]) -> PyResult<Reduced<'py>> {
+    let py = slf.py();
+    let state = PyDict::new(py);
+    for name in names {
+        state.set_item(name, slf.as_any().getattr(*name)?)?;
+    }
+    let namespace = py.import("types")?.getattr("SimpleNamespace")?.call((), Some(&state))?;
+    Ok((py.get_type::<T>().getattr("_of")?, PyTuple::new(py, [namespace])?))
+}
+
+/// How an object that a map makes is pickled: a function of `dermatome._made` takes these.
+pub(crate) fn made_by<'py>(
+    py: Python<'py>,
+    function: &str,
+    arguments: impl IntoPyObject<'py, Target = PyTuple, Output = Bound<'py, PyTuple>, Error = PyErr>,
+) -> PyResult<Reduced<'py>> {
+    Ok((py.import("dermatome._made")?.getattr(function)?, arguments.into_pyobject(py)?))
+}
+
+/// A function, and its arguments.
+pub(crate) type Reduced<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);

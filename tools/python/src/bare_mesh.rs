@@ -10,15 +10,15 @@ use dermatome::{
     mesh::TriMesh,
     pipeline::{BuildOptions, build_finest},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen_with},
-    skin::{PatchId, Taxels},
+    skin::{PatchId, TaxelId, Taxels},
 };
 use glam::DVec3;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::{prelude::*, types::PyList};
 
 use crate::{
-    arrays::{matrix, points, triangles, vector},
-    errors::error,
+    arrays::{Reduced, matrix, points, reduced, triangles, vector},
+    errors::{bad, error},
     jobs::run,
     map::json,
     matrix::{PyMatrix, Rows},
@@ -27,7 +27,7 @@ use crate::{
 
 /// A mesh on the plane.
 #[pyclass(frozen, get_all, module = "dermatome", name = "Flattening")]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PyFlattening {
     /// (p, 2) float64 array: Where the places of the map lie, in m. Without a cut they are the vertices.
     uv: Py<PyArray2<f64>>,
@@ -39,6 +39,23 @@ pub(crate) struct PyFlattening {
     distortion: Py<PyAny>,
     /// bool or None: Whether the energy is at its minimum; None for methods without one.
     converged: Option<bool>,
+}
+
+#[pymethods]
+impl PyFlattening {
+    #[staticmethod]
+    fn _of(state: Self) -> Self {
+        state
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        reduced(slf, &["uv", "faces", "vertex_of_place", "distortion", "converged"])
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let (places, faces) = (self.uv.bind(py).shape()[0], self.faces.bind(py).shape()[0]);
+        format!("<dermatome.Flattening: {places} places, {faces} faces>")
+    }
 }
 
 /// A map before it becomes arrays.
@@ -64,8 +81,9 @@ fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Tr
 ///     Positions, in m.
 /// faces : (m, 3) array_like of int
 ///     Triangles, counter-clockwise from outside.
-/// cut : {"none", "auto", "all"} or (k, 2) array_like of int
-///     Where to cut first; pairs are vertices counted from 1. Meshes that are no disk with holes need a cut.
+/// cut : {"auto", "none", "all"} or (k, 2) array_like of int
+///     Where to cut first: "auto", the default, where that is needed or pays; pairs are vertices that an edge joins,
+///     counted from 0 as in `faces`.
 /// acuity : (n,) array_like, optional
 ///     How many times longer lengths on the map are at each vertex than elsewhere; 0.01 to 100.
 /// max_area_ratio, method, energy, angle, area, perimeter, magnify, overlap, boundary, threads
@@ -107,9 +125,17 @@ pub(crate) fn flatten(
     let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;
     let args = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
     let options = args.options()?;
-    let cut = match (cut, max_area_ratio) {
-        (None, None) => Cut::None,
-        (cut, ratio) => self::cut(cut, ratio)?,
+    // The taxels of a bare mesh have ids from 1 on.
+    let vertices = mesh.positions.len();
+    let id = |[a, b]: [TaxelId; 2]| match [a, b].into_iter().find(|v| v.0 as usize >= vertices) {
+        Some(wrong) => {
+            Err(bad("cut", format!("vertex {wrong}"), format!("0 to {}", vertices.saturating_sub(1))))
+        }
+        None => Ok([TaxelId(a.0 + 1), TaxelId(b.0 + 1)]),
+    };
+    let cut = match self::cut(cut, max_area_ratio)? {
+        Cut::Along(pairs) => Cut::Along(pairs.into_iter().map(id).collect::<PyResult<_>>()?),
+        cut => cut,
     };
     let flat = run(py, count("threads", threads)?, move |stop| -> Result<Flat, dermatome::Error> {
         mesh.validate()?;

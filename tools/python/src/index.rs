@@ -6,6 +6,7 @@ use dermatome::{
     SkinMap,
     contact::{Cell, ContactError, ContactIndex, FieldHit, Hit, Hits, IndexOptions, Query, Refine},
     id::FaceId,
+    mesh::is_rigid,
     pyramid::LevelId,
     signal::{Press, SignalError, Spreader},
     skin::{LinkId, Motion, MotionFrame, PatchId},
@@ -16,10 +17,12 @@ use pyo3::{prelude::*, types::PyDict};
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, one_each, points, rows, vector},
+    arrays::{
+        Reduced, bad_shape, floats, integers, made_by, matrix, one_each, points, reduced, rows, vector,
+    },
     errors::{bad, error},
     jobs::{Stop, run},
-    map::starts,
+    map::{PyMap, starts},
     matrix::{PyMatrix, Rows},
     options::{count, level},
 };
@@ -27,7 +30,7 @@ use crate::{
 /// A map made ready for contacts: what of the skin is near a point, and where that lies on the map.
 ///
 /// Points are in m, in the world unless `link` names the link in whose frame they are. Answers are the same one by
-/// one and in a batch, with any number of threads. An index never changes.
+/// one and in a batch, with any number of threads. An index never changes; it is pickled as its map and its poses.
 ///
 /// Examples
 /// --------
@@ -41,7 +44,10 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct PyIndex {
     index: Arc<ContactIndex>,
-    map: Arc<SkinMap>,
+    map: Py<PyMap>,
+    options: IndexOptions,
+    /// The links that were posed, and where.
+    posed: Vec<(LinkId, DAffine3)>,
 }
 
 /// The points of the skin that were found, one entry for each query in their order.
@@ -49,12 +55,12 @@ pub(crate) struct PyIndex {
 /// A query without an answer has the patch -1, and NaN in arrays of real numbers. What concerns the map is None if
 /// it was asked for without a level.
 #[pyclass(frozen, get_all, module = "dermatome", name = "Hits")]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PyHits {
     /// (k,) int32 array: Number of the patch.
-    patch: Py<PyArray1<i32>>,
+    pub(crate) patch: Py<PyArray1<i32>>,
     /// (k,) int32 array: Number of its link.
-    link: Py<PyArray1<i32>>,
+    pub(crate) link: Py<PyArray1<i32>>,
     /// (k,) int64 array: The face, on level 0 of the patch.
     face: Py<PyArray1<i64>>,
     /// (k, 3) float64 array: Barycentric coordinates in the face.
@@ -70,9 +76,9 @@ pub(crate) struct PyHits {
     /// (k,) float64 array or None: Of `Index.reactive`, at most how far the skin is, without sign, in m.
     most: Option<Py<PyArray1<f64>>>,
     /// (k,) int32 array or None: The level of what follows.
-    level: Option<Py<PyArray1<i32>>>,
+    pub(crate) level: Option<Py<PyArray1<i32>>>,
     /// (k, 2) float64 array or None: Place on the map of the level, in m.
-    uv: Option<Py<PyArray2<f64>>>,
+    pub(crate) uv: Option<Py<PyArray2<f64>>>,
     /// (k, 2) uint32 array or None: Row (from the top) and column of its pixel.
     pixel: Option<Py<PyArray2<u32>>>,
     /// (k,) int64 array or None: The receptive field with the largest weight, a vertex of the level; on level 0 a taxel.
@@ -89,6 +95,18 @@ impl PyHits {
         self.patch.bind(py).len()
     }
 
+    #[staticmethod]
+    fn _of(state: Self) -> Self {
+        state
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        let of_skin =
+            ["patch", "link", "face", "barycentric", "distance", "point", "normal", "least", "most"];
+        let of_map = ["level", "uv", "pixel", "field", "taxel_id", "fields"];
+        reduced(slf, &[&of_skin[..], &of_map[..]].concat())
+    }
+
     fn __repr__(&self, py: Python<'_>) -> String {
         format!("<dermatome.Hits: {} points>", self.__len__(py))
     }
@@ -98,12 +116,14 @@ impl PyHits {
 ///
 /// Those of query `i` are the entries `indptr[i]` to `indptr[i + 1]` of the other arrays.
 #[pyclass(frozen, get_all, module = "dermatome", name = "Fields")]
-#[derive(Debug)]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PyFields {
     /// (k + 1,) int64 array: Where the fields of each query begin, and the end of the last.
     indptr: Py<PyArray1<i64>>,
     /// (j,) int32 array: Number of the patch.
     patch: Py<PyArray1<i32>>,
+    /// (j,) int32 array: Its level.
+    level: Py<PyArray1<i32>>,
     /// (j,) int64 array: The field, a vertex of the level; on level 0 a taxel.
     field: Py<PyArray1<i64>>,
     /// (j,) uint32 array: Id of the taxel at its centre.
@@ -120,6 +140,15 @@ pub(crate) struct PyFields {
 impl PyFields {
     fn __len__(&self, py: Python<'_>) -> usize {
         self.indptr.bind(py).len() - 1
+    }
+
+    #[staticmethod]
+    fn _of(state: Self) -> Self {
+        state
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        reduced(slf, &["indptr", "patch", "level", "field", "taxel_id", "distance", "point", "normal"])
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
@@ -219,23 +248,21 @@ impl CellColumns {
 }
 
 impl PyIndex {
-    pub(crate) fn new(
-        py: Python<'_>,
-        map: &Arc<SkinMap>,
-        reactive: bool,
-        fields: bool,
-        threads: usize,
-    ) -> PyResult<Self> {
-        let of = Arc::clone(map);
-        let options = IndexOptions { reactive, fields };
-        let index = run(py, threads, move |_| ContactIndex::with_options(&of, &options))?.map_err(error)?;
-        Ok(Self { index: Arc::new(index), map: Arc::clone(map) })
+    pub(crate) fn new(map: &Bound<'_, PyMap>, options: IndexOptions, threads: usize) -> PyResult<Self> {
+        let of = Arc::clone(&map.get().map);
+        let index = run(map.py(), threads, move |_| ContactIndex::with_options(&of, &options))?;
+        let index = Arc::new(index.map_err(error)?);
+        Ok(Self { index, map: map.clone().unbind(), options, posed: Vec::new() })
+    }
+
+    fn map(&self) -> &Arc<SkinMap> {
+        &self.map.get().map
     }
 
     fn link_named(&self, argument: &str, name: &str) -> PyResult<LinkId> {
-        let known = self.map.links.enumerate().find(|(_, link)| link.name == name);
+        let known = self.map().links.enumerate().find(|(_, link)| link.name == name);
         known.map(|(id, _)| id).ok_or_else(|| {
-            let names: Vec<_> = self.map.links.iter().take(10).map(|link| link.name.as_str()).collect();
+            let names: Vec<_> = self.map().links.iter().take(10).map(|link| link.name.as_str()).collect();
             bad(argument, format!("{name:?}"), format!("one of {names:?}"))
         })
     }
@@ -245,19 +272,54 @@ impl PyIndex {
         name: &str,
         points: &Bound<'_, PyAny>,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<Query>> {
         let array = floats(name, points)?;
         let points = rows(name, &array)?;
-        let find =
-            |argument, name: Option<&str>| name.map(|name| self.link_named(argument, name)).transpose();
-        let (link, only_link) = (find("link", link)?, find("only_link", only_link)?);
-        let query = |&point: &[f64; 3]| Query { point: DVec3::from_array(point), link, only_link };
-        Ok(points.iter().map(query).collect())
+        let link = link.map(|name| self.link_named("link", name)).transpose()?;
+        let only_links = self.only_links(only_link, points.len())?;
+        let query = |(&point, only_link): (&[f64; 3], Option<LinkId>)| Query {
+            point: DVec3::from_array(point),
+            link,
+            only_link,
+        };
+        Ok(points.iter().zip(only_links).map(query).collect())
+    }
+
+    /// The link of each query whose patches alone are searched: one name for all, or for each a name or a number.
+    fn only_links(&self, value: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<Option<LinkId>>> {
+        let find = |name: &str| self.link_named("only_link", name);
+        let Some(value) = value else { return Ok(vec![None; count]) };
+        if let Ok(name) = value.extract::<String>() {
+            return Ok(vec![Some(find(&name)?); count]);
+        }
+        let links: Vec<Option<LinkId>> = match value.extract::<Vec<Option<String>>>() {
+            Ok(names) => {
+                names.iter().map(|name| name.as_deref().map(find).transpose()).collect::<PyResult<_>>()?
+            }
+            Err(_) => {
+                let (numbers, links) = (integers("only_link", value)?, self.map().links.len());
+                let link = |(k, &found): (usize, &i64)| match usize::try_from(found) {
+                    Ok(number) if number < links => Ok(Some(LinkId::new(number))),
+                    Err(_) if found == -1 => Ok(None),
+                    _ => Err(bad(
+                        &format!("only_link[{k}]"),
+                        found,
+                        format!("-1 to {}", links.saturating_sub(1)),
+                    )),
+                };
+                numbers.as_slice()?.iter().enumerate().map(link).collect::<PyResult<_>>()?
+            }
+        };
+        if links.len() == count {
+            Ok(links)
+        } else {
+            Err(bad("only_link", format!("{} links", links.len()), format!("one, or {count}")))
+        }
     }
 
     fn level(&self, found: i64) -> PyResult<LevelId> {
-        level("level", found, self.map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0))
+        level("level", found, self.map().patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0))
     }
 
     /// Finds answers, and makes arrays of them.
@@ -268,7 +330,7 @@ impl PyIndex {
         level: Option<LevelId>,
         find: impl FnOnce(&ContactIndex, &Stop) -> Result<Answers, ContactError> + Send + 'static,
     ) -> PyResult<PyHits> {
-        let (index, map) = (Arc::clone(&self.index), Arc::clone(&self.map));
+        let (index, map) = (Arc::clone(&self.index), Arc::clone(self.map()));
         let columns = run(py, count("threads", threads)?, move |stop| {
             let mut answers = find(&index, stop)?;
             answers.cells = level.map(|level| (level, cells(&index, &map, &answers, level)));
@@ -330,6 +392,7 @@ impl PyIndex {
         Ok(PyFields {
             indptr: vector(py, [0].into_iter().chain(ends)).unbind(),
             patch: vector(py, all().map(|hit| hit.patch.raw() as i32)).unbind(),
+            level: vector(py, all().map(|hit| hit.level.raw() as i32)).unbind(),
             field: vector(py, all().map(|hit| i64::from(hit.field.raw()))).unbind(),
             taxel_id: vector(py, all().map(|hit| hit.taxel.0)).unbind(),
             distance: vector(py, all().map(|hit| hit.distance)).unbind(),
@@ -344,6 +407,26 @@ pub(crate) fn pose_array<'py>(py: Python<'py>, pose: &DAffine3) -> PyResult<Boun
     let (turn, at) = (pose.matrix3, pose.translation);
     let row = |k: usize| [turn.col(0)[k], turn.col(1)[k], turn.col(2)[k], at[k]];
     matrix(py, [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])
+}
+
+/// A pose from a matrix of four rows, that of a rotation and a translation in m.
+pub(crate) fn pose_of(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
+    let array = floats(argument, value)?;
+    if array.shape() != [4, 4] {
+        return Err(bad_shape(argument, array.shape(), "shape (4, 4)"));
+    }
+    let rows: &[[f64; 4]] = array.as_slice()?.as_chunks().0;
+    let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+    let turn = DMat3::from_cols(column(0), column(1), column(2));
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(bad(argument, format!("a last row {:?}", rows[3]), "[0, 0, 0, 1]"));
+    }
+    let pose = DAffine3::from_mat3_translation(turn, column(3));
+    if is_rigid(&pose) {
+        Ok(pose)
+    } else {
+        Err(bad(argument, "no rigid pose", "a rotation and a finite translation"))
+    }
 }
 
 /// What the taxels read, and which contacts touch one.
@@ -388,8 +471,9 @@ impl PyIndex {
     ///     The points, in m.
     /// link : str, optional
     ///     The link in whose frame they and the answers are; by default the world.
-    /// only_link : str, optional
-    ///     The link whose patches alone are searched.
+    /// only_link : str, or (k,) sequence of str or int, optional
+    ///     The link whose patches alone are searched: one for all points, or for each its name (None: all links) or number
+    ///     (-1: all), as in `Hits.link`.
     /// level : int, optional
     ///     The level on whose map the points are found, of patches that do not reach up to it their coarsest; None for
     ///     the skin alone, which is quicker.
@@ -405,7 +489,7 @@ impl PyIndex {
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
         level: Option<i64>,
         threads: i64,
     ) -> PyResult<PyHits> {
@@ -441,7 +525,7 @@ impl PyIndex {
         directions: &Bound<'_, PyAny>,
         longest: Option<f64>,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
         level: Option<i64>,
         threads: i64,
     ) -> PyResult<PyHits> {
@@ -487,7 +571,7 @@ impl PyIndex {
         points: &Bound<'_, PyAny>,
         level: Option<i64>,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
@@ -519,7 +603,7 @@ impl PyIndex {
     /// count : int
     ///     How many for each of them, at most.
     /// level : int
-    ///     The level of the fields; 0 for taxels.
+    ///     The level of the fields, of patches that do not reach up to it their coarsest; 0 for taxels.
     /// link, only_link, threads
     ///     As in `locate`.
     ///
@@ -536,7 +620,7 @@ impl PyIndex {
         count: i64,
         level: i64,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyFields> {
         let queries = self.queries("points", points, link, only_link)?;
@@ -570,7 +654,7 @@ impl PyIndex {
         radius: f64,
         level: i64,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyFields> {
         let queries = self.queries("points", points, link, only_link)?;
@@ -623,7 +707,7 @@ impl PyIndex {
         taxel_radius: f64,
         max_distance: Option<f64>,
         link: Option<&str>,
-        only_link: Option<&str>,
+        only_link: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Felt<'py>> {
         let queries = self.queries("points", points, link, only_link)?;
         let forces = one_each("force", force, queries.len())?;
@@ -659,23 +743,13 @@ impl PyIndex {
     /// -------
     /// Index
     fn posed(&self, py: Python<'_>, poses: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let mut motion = Motion::default();
+        let (mut motion, mut moved) = (Motion::default(), Vec::new());
         for (name, value) in poses {
             let name: String =
                 name.extract().map_err(|_| bad("poses", "a key that is no str", "the name of a link"))?;
             let link = self.link_named("poses", &name)?;
-            let argument = format!("poses[{name:?}]");
-            let array = floats(&argument, &value)?;
-            if array.shape() != [4, 4] {
-                return Err(bad_shape(&argument, array.shape(), "shape (4, 4)"));
-            }
-            let rows: &[[f64; 4]] = array.as_slice()?.as_chunks().0;
-            let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
-            let turn = DMat3::from_cols(column(0), column(1), column(2));
-            let pose = DAffine3::from_mat3_translation(turn, column(3));
-            if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-                return Err(bad(&argument, format!("a last row {:?}", rows[3]), "[0, 0, 0, 1]"));
-            }
+            let pose = pose_of(&format!("poses[{name:?}]"), &value)?;
+            moved.push((link, pose));
             motion.set(link, MotionFrame::World, &[(0.0, pose)]).map_err(error)?;
         }
         let index = Arc::clone(&self.index);
@@ -683,20 +757,34 @@ impl PyIndex {
             let mut posed = ContactIndex::clone(&index);
             posed.set_motion(&motion, 0.0).map(|()| posed)
         })?;
-        Ok(Self { index: Arc::new(posed.map_err(error)?), map: Arc::clone(&self.map) })
+        let index = Arc::new(posed.map_err(error)?);
+        Ok(Self { index, map: self.map.clone_ref(py), options: self.options, posed: moved })
     }
 
     /// dict of str to (4, 4) float64 array: The frames of the links in the world.
     #[getter]
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let poses = PyDict::new(py);
-        for (link, pose) in self.map.links.iter().zip(&self.index.poses()) {
+        for (link, pose) in self.map().links.iter().zip(&self.index.poses()) {
             poses.set_item(&link.name, pose_array(py, pose)?)?;
         }
         Ok(poses)
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let poses = PyDict::new(py);
+        for (link, pose) in &self.posed {
+            poses.set_item(&self.map().links[*link].name, pose_array(py, pose)?)?;
+        }
+        let IndexOptions { reactive, fields } = self.options;
+        made_by(py, "index", (self.map.clone_ref(py), reactive, fields, poses))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     fn __repr__(&self) -> String {
-        format!("<dermatome.Index: {} patches>", self.map.patches.len())
+        format!("<dermatome.Index: {} patches>", self.map().patches.len())
     }
 }

@@ -53,7 +53,7 @@ mod _dermatome {
         layout::{PyDecoder, PyLayout},
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
-        plot::PyPicture,
+        plot::{PyPicture, colours},
         recording_file::PyRecordingFile,
         robot::PyRobot,
         run_command,

@@ -1,7 +1,7 @@
 //! `build`, `Map`, `Patch` and `Level`: the maps of a skin as arrays.
 
 use std::{
-    collections::hash_map::DefaultHasher,
+    collections::{BTreeSet, hash_map::DefaultHasher},
     fs,
     hash::{Hash, Hasher},
     io::Write,
@@ -11,7 +11,7 @@ use std::{
 
 use dermatome::{
     SkinMap,
-    contact::MapIndex,
+    contact::{IndexOptions, MapIndex},
     id::VertexId,
     io::{
         ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file,
@@ -33,11 +33,14 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{bad_shape, floats, matrix, one_each, places, vector, zeros},
+    arrays::{Reduced, bad_shape, floats, made_by, matrix, one_each, places, vector, zeros},
     errors::{bad, error},
+    index::PyIndex,
     jobs::{Stop, run, run_here},
     matrix::{PyMatrix, Rows},
-    options::{FlattenArgs, PackArg, acuities, channels, count, cut, direction, level, positive, word},
+    options::{
+        Extensive, FlattenArgs, PackArg, acuities, channels, count, cut, direction, level, positive, word,
+    },
     plot::{PlotArgs, PyPicture},
     signal::{PyRenderer, RenderArgs},
     skin::PySkin,
@@ -53,8 +56,8 @@ use crate::{
 /// --------
 /// >>> import dermatome
 /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
-/// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid, patch="palm"))
-/// >>> map.n_taxels, len(map.patches["palm"].levels)
+/// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid, patch="palm"))
+/// >>> skin_map.n_taxels, len(skin_map.patches["palm"].levels)
 /// (144, 2)
 #[pyclass(frozen, module = "dermatome", name = "Map")]
 #[derive(Debug)]
@@ -64,6 +67,9 @@ pub(crate) struct PyMap {
     file: Arc<[u8]>,
     back: OnceLock<Arc<MapIndex>>,
 }
+
+/// Patch, level and index of each field.
+type FieldArrays<'py> = (Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i64>>);
 
 /// The number of vertices of a level of a patch, or of its coarsest.
 fn size_of(patch: &PatchMap, level: LevelId) -> usize {
@@ -101,6 +107,16 @@ impl PyMap {
             let names: Vec<_> = self.map.patches.iter().take(10).map(|patch| patch.name.as_str()).collect();
             bad("patch", format!("{name:?}"), format!("one of {names:?}"))
         })
+    }
+
+    /// What finds places on the maps; made when it is first needed.
+    pub(crate) fn back(&self, py: Python<'_>) -> PyResult<Arc<MapIndex>> {
+        if let Some(back) = self.back.get() {
+            return Ok(Arc::clone(back));
+        }
+        let map = Arc::clone(&self.map);
+        let made = run(py, 0, move |_| MapIndex::new(&map))?.map_err(error)?;
+        Ok(Arc::clone(self.back.get_or_init(|| Arc::new(made))))
     }
 
     fn taxels<'a, T: 'a>(&'a self, of: impl Fn(PatchId, &'a PatchMap) -> Vec<T>) -> Vec<T> {
@@ -178,9 +194,9 @@ impl PyMap {
     /// --------
     /// >>> import dermatome, pathlib, tempfile
     /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
-    /// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid))
+    /// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid))
     /// >>> path = pathlib.Path(tempfile.mkdtemp(), "taxels.csv")
-    /// >>> map.export(path)
+    /// >>> skin_map.export(path)
     /// >>> path.read_text().splitlines()[0]
     /// 'patch,link,taxel_id,x,y,z,nx,ny,nz,tx,ty,tz,u,v,area,presence'
     #[pyo3(signature = (path, *, level=0, patch=None, robot=None))]
@@ -208,6 +224,14 @@ impl PyMap {
         Ok((py.get_type::<Self>().getattr("from_bytes")?, (slf.get().to_bytes(py),)))
     }
 
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<Py<PyAny>> {
+        Ok(slf.py().import("dermatome._shown")?.call_method1("table", (slf,))?.unbind())
+    }
+
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
         other.cast::<Self>().is_ok_and(|other| self.file == other.get().file)
     }
@@ -225,11 +249,11 @@ impl PyMap {
 
     /// dict of str to Patch: The patches by their names, in the order of the map.
     #[getter]
-    fn patches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let patches = PyDict::new(py);
-        let starts = starts(&self.map, LevelId::new(0));
-        for ((id, patch), start) in self.map.patches.enumerate().zip(starts) {
-            patches.set_item(&patch.name, PyPatch { map: Arc::clone(&self.map), id, start })?;
+    fn patches<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (patches, map) = (PyDict::new(slf.py()), &slf.get().map);
+        let starts = starts(map, LevelId::new(0));
+        for ((id, patch), start) in map.patches.enumerate().zip(starts) {
+            patches.set_item(&patch.name, PyPatch { map: slf.clone().unbind(), id, start })?;
         }
         Ok(patches)
     }
@@ -286,6 +310,60 @@ impl PyMap {
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let map = Arc::clone(&self.map);
         json(py, &run(py, 0, move |_| measure(&map))?)
+    }
+
+    /// The number of fields of a level of the whole map; on level 0 of taxels.
+    ///
+    /// Parameters
+    /// ----------
+    /// level : int
+    ///     The level; patches without it count those of their coarsest.
+    ///
+    /// Returns
+    /// -------
+    /// int
+    fn n_fields(&self, level: i64) -> PyResult<usize> {
+        let level = self::level("level", level, self.levels())?;
+        Ok(starts(&self.map, level).last().copied().unwrap_or(0))
+    }
+
+    /// Which fields a level of the whole map has, in the order in which `pool`, `pooling`, `Hits.fields`,
+    /// `Renderer.field` and `Renderer.matrix` have them: patch after patch.
+    ///
+    /// Parameters
+    /// ----------
+    /// level : int
+    ///     The level; patches without it have those of their coarsest.
+    ///
+    /// Returns
+    /// -------
+    /// patch : (n,) int32 array
+    ///     Number of the patch of each field.
+    /// level : (n,) int32 array
+    ///     The level that it is of, in that patch.
+    /// index : (n,) int64 array
+    ///     The vertex of that level.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> palm = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)])
+    /// >>> skin_map = dermatome.build(palm)
+    /// >>> patch, level, index = skin_map.fields(1)
+    /// >>> len(patch) == skin_map.n_fields(1) == len(skin_map.patches["skin"].levels[1].positions)
+    /// True
+    fn fields<'py>(&self, py: Python<'py>, level: i64) -> PyResult<FieldArrays<'py>> {
+        let level = self::level("level", level, self.levels())?;
+        let of_patch = |(id, patch): (PatchId, &PatchMap)| {
+            let on = patch.nearest_level(level).raw();
+            (0..size_of(patch, level)).map(move |index| (id.raw(), on, index))
+        };
+        let all: Vec<(u32, u32, usize)> = self.map.patches.enumerate().flat_map(of_patch).collect();
+        Ok((
+            vector(py, all.iter().map(|field| field.0 as i32)),
+            vector(py, all.iter().map(|field| field.1 as i32)),
+            vector(py, all.iter().map(|field| field.2 as i64)),
+        ))
     }
 
     /// How the taxels depend on the receptive fields of a level: the law of fields.
@@ -348,8 +426,8 @@ impl PyMap {
     /// --------
     /// >>> import dermatome, numpy as np
     /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
-    /// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid))
-    /// >>> pooled = map.pool(np.full((5, 144), 2.5), level=1)
+    /// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid))
+    /// >>> pooled = skin_map.pool(np.full((5, 144), 2.5), level=1)
     /// >>> len(pooled), bool(np.all(pooled == 2.5))
     /// (5, True)
     #[pyo3(signature = (values, level, *, extensive=false, contrast=false, threads=0))]
@@ -392,14 +470,8 @@ impl PyMap {
     /// -------
     /// Index
     #[pyo3(signature = (*, reactive=false, fields=false, threads=0))]
-    fn index(
-        &self,
-        py: Python<'_>,
-        reactive: bool,
-        fields: bool,
-        threads: i64,
-    ) -> PyResult<crate::index::PyIndex> {
-        crate::index::PyIndex::new(py, &self.map, reactive, fields, count("threads", threads)?)
+    fn index(slf: &Bound<'_, Self>, reactive: bool, fields: bool, threads: i64) -> PyResult<PyIndex> {
+        PyIndex::new(slf, IndexOptions { reactive, fields }, count("threads", threads)?)
     }
 
     /// Make what draws readings as tactile images of one level.
@@ -410,13 +482,13 @@ impl PyMap {
     ///     The level.
     /// patch : str, optional
     ///     The patch; needed if the map has several and they are not packed.
-    /// channels : int
-    ///     Number of channels of the readings, C.
+    /// channels : int, optional
+    ///     Number of channels of the readings, C; by default as many as `extensive` has, or any.
     /// extensive : bool, or a sequence of one for each channel
     ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
     /// interpolate : {"linear", "nearest"}
     ///     How values are drawn between the taxels.
-    /// size : tuple of int, optional
+    /// size : (2,) sequence of int, optional
     ///     Height and width of the images, in pixels.
     /// pixel : float, optional
     ///     Side of a pixel, in m on the map; by default that of the map.
@@ -425,29 +497,33 @@ impl PyMap {
     ///     body, distal ends up. By default each patch has its own.
     /// fill : float, optional
     ///     The value of pixels where nothing is known; by default NaN.
+    /// mask : bool
+    ///     Whether images have a channel more, the last: 1 where all others are known, 0 elsewhere.
     ///
     /// Returns
     /// -------
     /// Renderer
-    #[pyo3(signature = (level=0, *, patch=None, channels=1, extensive=None, interpolate="linear", size=None,
-        pixel=None, pack=None, fill=None))]
+    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, interpolate="linear", size=None,
+        pixel=None, pack=None, fill=None, mask=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
-        &self,
-        py: Python<'_>,
+        slf: &Bound<'_, Self>,
         level: i64,
-        patch: Option<&str>,
-        channels: i64,
+        patch: Option<String>,
+        channels: Option<i64>,
         extensive: Option<&Bound<'_, PyAny>>,
         interpolate: &str,
-        size: Option<(u32, u32)>,
+        size: Option<[u32; 2]>,
         pixel: Option<f64>,
         pack: Option<PackArg>,
         fill: Option<f32>,
+        mask: bool,
     ) -> PyResult<PyRenderer> {
-        let pack = pack.map(PackArg::read).transpose()?.flatten();
-        let args = RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill };
-        PyRenderer::new(py, self, &args)
+        let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
+        let interpolate = interpolate.to_owned();
+        let args =
+            RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill, mask };
+        PyRenderer::new(slf, args)
     }
 
     /// Draw the maps with their receptive fields, their distortion, or readings.
@@ -464,22 +540,24 @@ impl PyMap {
     ///     What the colours say.
     /// space : bool
     ///     Whether the skin in space is shown, too.
-    /// view : (2,) tuple of float, optional
+    /// view : (2,) sequence of float, optional
     ///     From where: the angle from x towards y and the angle above the xy plane, in degrees; by default from outside.
     /// unfold : sequence of float, optional
     ///     Draw the skin as it unfolds instead, at these times side by side: 0 is the skin in space, 1 its map.
-    /// range : (2,) tuple of float, optional
+    /// range : (2,) sequence of float, optional
     ///     Values at the ends of the scale of colours.
     /// width : int
     ///     Width of the picture, in pixels.
     /// extensive : bool
     ///     Whether readings are amounts, as forces.
+    /// ax : matplotlib.axes.Axes, optional
+    ///     Axes that show the picture, too.
     ///
     /// Returns
     /// -------
     /// Picture
     #[pyo3(signature = (values=None, *, patches=None, levels=None, show="fields", space=false, view=None, unfold=None,
-        range=None, width=1600, extensive=false))]
+        range=None, width=1600, extensive=false, ax=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn plot(
         &self,
@@ -491,17 +569,22 @@ impl PyMap {
         space: bool,
         view: Option<[f64; 2]>,
         unfold: Option<Vec<f64>>,
-        range: Option<(f64, f64)>,
+        range: Option<[f64; 2]>,
         width: u32,
         extensive: bool,
+        ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
         let level = |&found: &i64| self::level("levels", found, self.levels());
         let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
         let values = values.map(|values| one_each("values", values, self.n_taxels())).transpose()?;
-        let (patches, range) = (patches.unwrap_or_default(), range.map(<[f64; 2]>::from));
-        let unfold = unfold.unwrap_or_default();
+        let (patches, unfold) = (patches.unwrap_or_default(), unfold.unwrap_or_default());
         let args = PlotArgs { patches, levels, show, space, view, unfold, range, width, extensive };
-        PyPicture::new(py, &self.map, values, args)
+        let picture = PyPicture::new(py, &self.map, values, args)?;
+        if let Some(ax) = ax {
+            ax.call_method1("imshow", (picture.array(py)?,))?;
+            ax.call_method1("axis", ("off",))?;
+        }
+        Ok(picture)
     }
 
     /// Measure lookups on this map and this machine, as `dermatome bench`: times, error bounds and true errors of each
@@ -546,14 +629,7 @@ impl PyMap {
         let patch = self.patch_named(patch)?;
         let level = self::level("level", level, self.map.patches[patch].levels.len())?;
         let uv = places("uv", uv)?;
-        let back = match self.back.get() {
-            Some(back) => Arc::clone(back),
-            None => {
-                let map = Arc::clone(&self.map);
-                let made = run(py, 0, move |_| MapIndex::new(&map))?.map_err(error)?;
-                Arc::clone(self.back.get_or_init(|| Arc::new(made)))
-            }
-        };
+        let back = self.back(py)?;
         let found = run(py, 0, move |stop| {
             let mut found = Vec::new();
             let mut place = |uv| {
@@ -660,7 +736,7 @@ pub(crate) fn json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyRes
 #[pyclass(frozen, module = "dermatome", name = "Patch")]
 #[derive(Debug)]
 pub(crate) struct PyPatch {
-    map: Arc<SkinMap>,
+    map: Py<PyMap>,
     id: PatchId,
     /// int: The number of its first taxel among those of the map.
     #[pyo3(get)]
@@ -668,8 +744,12 @@ pub(crate) struct PyPatch {
 }
 
 impl PyPatch {
+    fn map(&self) -> &SkinMap {
+        &self.map.get().map
+    }
+
     fn patch(&self) -> &PatchMap {
-        &self.map.patches[self.id]
+        &self.map().patches[self.id]
     }
 }
 
@@ -684,7 +764,7 @@ impl PyPatch {
     /// str: The link it is fixed to.
     #[getter]
     fn link(&self) -> &str {
-        &self.map.links[self.patch().link].name
+        &self.map().links[self.patch().link].name
     }
 
     /// int: Number of its taxels.
@@ -702,7 +782,7 @@ impl PyPatch {
     /// tuple of Level: Its levels; 0 is the skin itself.
     #[getter]
     fn levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let level = |level: LevelId| PyLevel { map: Arc::clone(&self.map), patch: self.id, id: level };
+        let level = |level: LevelId| PyLevel { map: self.map.clone_ref(py), patch: self.id, id: level };
         PyTuple::new(
             py,
             self.patch()
@@ -712,6 +792,10 @@ impl PyPatch {
                 .map(|level| Py::new(py, level))
                 .collect::<PyResult<Vec<_>>>()?,
         )
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        made_by(py, "patch", (self.map.clone_ref(py), self.name()))
     }
 
     fn __repr__(&self) -> String {
@@ -731,14 +815,18 @@ impl PyPatch {
 #[pyclass(frozen, module = "dermatome", name = "Level")]
 #[derive(Debug)]
 pub(crate) struct PyLevel {
-    map: Arc<SkinMap>,
+    map: Py<PyMap>,
     patch: PatchId,
     id: LevelId,
 }
 
 impl PyLevel {
+    fn patch(&self) -> &PatchMap {
+        &self.map.get().map.patches[self.patch]
+    }
+
     fn of_map(&self) -> &MapLevel {
-        &self.map.patches[self.patch].levels[self.id]
+        &self.patch().levels[self.id]
     }
 
     fn mesh(&self) -> &Level {
@@ -771,14 +859,14 @@ impl PyLevel {
     /// (n, 3) float64 array: Outward unit normals of the taxels at the centres.
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let taxels = &self.map.patches[self.patch].taxels;
+        let taxels = &self.patch().taxels;
         self.vectors(py, |taxel| taxels.normals[taxel])
     }
 
     /// (n, 3) float64 array or None: Unit tangents of the taxels at the centres, the x axes of their frames.
     #[getter]
     fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let tangents = self.map.patches[self.patch].taxels.tangents.as_ref();
+        let tangents = self.patch().taxels.tangents.as_ref();
         tangents.map(|tangents| self.vectors(py, |taxel| tangents[taxel])).transpose()
     }
 
@@ -786,6 +874,15 @@ impl PyLevel {
     #[getter]
     fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         matrix(py, self.mesh().mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))
+    }
+
+    /// (e, 2) uint32 array: Pairs of vertices that a side of a face joins, each once, the smaller one first; sorted.
+    #[getter]
+    fn edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let corners = self.mesh().mesh.triangles.iter().map(|corners| corners.map(VertexId::raw));
+        let sides = corners.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let edges: BTreeSet<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        matrix(py, edges)
     }
 
     /// (n,) float64 array: Receptive areas, in m^2.
@@ -803,7 +900,7 @@ impl PyLevel {
     /// (n,) uint32 array: Ids of the taxels at the centres.
     #[getter]
     fn taxel_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let ids = &self.map.patches[self.patch].taxels.ids;
+        let ids = &self.patch().taxels.ids;
         vector(py, self.mesh().origins.iter().map(|&taxel| ids[taxel].0))
     }
 
@@ -833,10 +930,11 @@ impl PyLevel {
         self.of_map().frame.origin.into()
     }
 
-    /// tuple of float: Width and height of the image, in m.
+    /// tuple of float: Height and width of the image, in m.
     #[getter]
     fn size(&self) -> (f64, f64) {
-        self.of_map().frame.size.into()
+        let size = self.of_map().frame.size;
+        (size.y, size.x)
     }
 
     /// tuple of int: Height and width of the image, in pixels.
@@ -861,9 +959,13 @@ impl PyLevel {
         Some(rows.into_matrix(py, up.coarse_len))
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        made_by(py, "level", (self.map.clone_ref(py), &self.patch().name, self.number()))
+    }
+
     fn __repr__(&self) -> String {
         let Level { mesh, .. } = self.mesh();
-        let name = &self.map.patches[self.patch].name;
+        let name = &self.patch().name;
         format!(
             "<dermatome.Level {} of {name:?}: {} vertices, {} faces>",
             self.id,
@@ -926,8 +1028,8 @@ impl PyLevel {
 /// --------
 /// >>> import dermatome
 /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
-/// >>> map = dermatome.build(dermatome.Skin.from_arrays(grid), coarsest=10)
-/// >>> [level.positions.shape for level in map.patches["skin"].levels][0]
+/// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid), coarsest=10)
+/// >>> [level.positions.shape for level in skin_map.patches["skin"].levels][0]
 /// (144, 3)
 #[pyfunction]
 #[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,

@@ -3,25 +3,22 @@
 use numpy::{PyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::arrays::vector;
+use crate::arrays::{Reduced, reduced, vector};
 
 /// A sparse matrix by compressed rows (CSR).
 ///
-/// Row `i` has the entries `data[indptr[i]:indptr[i + 1]]` in the columns `indices[indptr[i]:indptr[i + 1]]`.
-#[pyclass(frozen, module = "dermatome", name = "Matrix")]
-#[derive(Debug)]
+/// Row `i` has the entries `data[indptr[i]:indptr[i + 1]]` in the columns `indices[indptr[i]:indptr[i + 1]]`. It can be
+/// pickled and copied.
+#[pyclass(frozen, get_all, module = "dermatome", name = "Matrix")]
+#[derive(Debug, FromPyObject)]
 pub(crate) struct PyMatrix {
     /// (rows + 1,) int64 array: Where each row begins, and the end of the last.
-    #[pyo3(get)]
     indptr: Py<PyArray1<i64>>,
     /// (nnz,) int64 array: Columns of the entries.
-    #[pyo3(get)]
     indices: Py<PyArray1<i64>>,
     /// (nnz,) float64 array: The entries.
-    #[pyo3(get)]
     data: Py<PyArray1<f64>>,
     /// tuple of int: Number of rows and of columns.
-    #[pyo3(get)]
     shape: (usize, usize),
 }
 
@@ -65,7 +62,19 @@ impl PyMatrix {
     /// scipy.sparse.csr_array
     fn scipy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let entries = (self.data.bind(py), self.indices.bind(py), self.indptr.bind(py));
-        py.import("scipy.sparse")?.getattr("csr_array")?.call1((entries, self.shape))
+        py.import("dermatome._adapter")?
+            .call_method1("need", ("scipy.sparse", "scipy"))?
+            .getattr("csr_array")?
+            .call1((entries, self.shape))
+    }
+
+    #[staticmethod]
+    fn _of(state: Self) -> Self {
+        state
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        reduced(slf, &["indptr", "indices", "data", "shape"])
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

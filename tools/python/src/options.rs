@@ -100,17 +100,28 @@ pub(crate) fn channels(extensive: impl IntoIterator<Item = bool>) -> Vec<Channel
     extensive.into_iter().map(channel).collect()
 }
 
-/// Whether each of some channels is an amount: one word for all, or one for each.
-pub(crate) fn extensive(value: Option<&Bound<'_, PyAny>>, channels: usize) -> PyResult<Vec<bool>> {
-    let Some(value) = value else { return Ok(vec![false; channels]) };
-    let of_each: Vec<bool> = match value.extract() {
-        Ok(one) => vec![one; channels],
-        Err(_) => value.extract()?,
-    };
-    if of_each.len() == channels {
-        Ok(of_each)
-    } else {
-        Err(bad("extensive", format!("{} words", of_each.len()), format!("one, or {channels}")))
+/// Whether channels are amounts: one word for all, or one for each.
+#[derive(Debug, Clone)]
+pub(crate) enum Extensive {
+    All(bool),
+    Each(Vec<bool>),
+}
+
+impl Extensive {
+    pub(crate) fn read(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Some(value) = value else { return Ok(Self::All(false)) };
+        value.extract().map(Self::All).or_else(|_| value.extract().map(Self::Each))
+    }
+
+    /// One for each of some channels; by default of as many as there are words.
+    pub(crate) fn of_channels(&self, channels: Option<usize>) -> PyResult<Vec<bool>> {
+        match (self, channels) {
+            (Self::All(one), count) => Ok(vec![*one; count.unwrap_or(1)]),
+            (Self::Each(all), Some(count)) if all.len() != count => {
+                Err(bad("extensive", format!("{} words", all.len()), format!("one, or {count}")))
+            }
+            (Self::Each(all), _) => Ok(all.clone()),
+        }
     }
 }
 

@@ -5,19 +5,28 @@ use std::{fs, path::PathBuf, sync::Arc};
 use dermatome::{
     SkinMap,
     io::{IoError, file_kind},
-    plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map},
+    plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, value_colour},
     pyramid::LevelId,
     signal::{Duplicates, Frame, Join, Restrictor},
 };
+use numpy::{PyArray3, PyArray4, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::{prelude::*, types::PyBytes};
 
 use crate::{
+    arrays::shaped,
     errors::{bad, error},
     jobs::run,
     options::{channels, word},
 };
 
 /// A picture; notebooks show it.
+///
+/// Examples
+/// --------
+/// >>> import dermatome
+/// >>> palm = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)])
+/// >>> dermatome.build(palm).plot(width=600).array().shape[1:]
+/// (600, 3)
 #[pyclass(frozen, module = "dermatome", name = "Picture")]
 pub(crate) struct PyPicture(Arc<Picture>);
 
@@ -97,6 +106,24 @@ impl PyPicture {
         Ok(PyBytes::new(py, &run(py, 0, move |_| picture.to_png())?.map_err(error)?))
     }
 
+    /// The picture as an array.
+    ///
+    /// Returns
+    /// -------
+    /// (H, W, 3) uint8 array
+    ///     Red, green and blue, the first row on top.
+    pub(crate) fn array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let picture = Arc::clone(&self.0);
+        let [width, height] = self.0.size_px();
+        let pixels = run(py, 0, move |_| picture.to_pixels())?.map_err(error)?;
+        shaped(py, [height as usize, width as usize, 3], pixels.into_flattened())
+    }
+
+    fn __repr__(&self) -> String {
+        let [width, height] = self.0.size_px();
+        format!("<dermatome.Picture: {height} x {width} pixels>")
+    }
+
     /// Write the picture to a file .svg or .png.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let picture = Arc::clone(&self.0);
@@ -107,4 +134,28 @@ impl PyPicture {
         };
         fs::write(&path, bytes).map_err(|source| error(IoError::Write { path, source }))
     }
+}
+
+/// Values (T, H, W) as colours (T, H, W, 3): white where `mask` (H, W) is False, a hatch where they are NaN.
+#[pyfunction]
+pub(crate) fn colours<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray3<'py, f32>,
+    mask: PyReadonlyArray2<'py, bool>,
+    range: [f64; 2],
+) -> PyResult<Bound<'py, PyArray4<u8>>> {
+    if !(range[0] < range[1] && range.iter().all(|x| x.is_finite())) {
+        return Err(bad("range", format!("{range:?}"), "two numbers, the lower one first"));
+    }
+    let (values, mask) = (values.as_array(), mask.as_array());
+    let (frames, height, width) = values.dim();
+    if mask.dim() != (height, width) {
+        return Err(bad("mask", format!("{:?}", mask.dim()), format!("shape ({height}, {width})")));
+    }
+    let colour = |((_, y, x), &value): ((usize, usize, usize), &f32)| match mask[(y, x)] {
+        true => value_colour(value.into(), range, x + y),
+        false => [255; 3],
+    };
+    let pixels: Vec<[u8; 3]> = values.indexed_iter().map(colour).collect();
+    shaped(py, [frames, height, width, 3], pixels.into_flattened())
 }

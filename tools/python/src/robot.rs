@@ -4,16 +4,19 @@ use std::path::PathBuf;
 
 use dermatome::{
     io::read_robot,
-    robot::{Joint, Robot},
+    robot::{Joint, JointKind, Mimic, Robot},
+    skin::{Link, LinkId},
 };
+use glam::DVec3;
 use pyo3::{
     prelude::*,
     types::{PyDict, PyTuple},
 };
 
 use crate::{
+    arrays::Reduced,
     errors::{bad, error},
-    index::pose_array,
+    index::{pose_array, pose_of},
     jobs::run,
 };
 
@@ -23,6 +26,22 @@ use crate::{
 pub(crate) struct PyRobot {
     robot: Robot,
 }
+
+/// Name, parent and pose of a link.
+type LinkState<'py> = (String, Option<usize>, Bound<'py, PyAny>);
+
+/// Name, link, kind, axis and anchor, limits of a joint, and the joint that it follows with factor and offset.
+type JointState = (String, usize, String, [[f64; 3]; 2], Option<[f64; 2]>, Option<(usize, f64, f64)>);
+
+const KINDS: [JointKind; 7] = [
+    JointKind::Fixed,
+    JointKind::Revolute,
+    JointKind::Continuous,
+    JointKind::Prismatic,
+    JointKind::Floating,
+    JointKind::Ball,
+    JointKind::Planar,
+];
 
 /// Whether a joint has a value of its own.
 fn is_free(joint: &Joint) -> bool {
@@ -81,6 +100,57 @@ impl PyRobot {
             poses.set_item(&link.name, pose_array(py, pose)?)?;
         }
         Ok(poses)
+    }
+
+    #[staticmethod]
+    fn _of(links: Vec<LinkState<'_>>, joints: Vec<JointState>) -> PyResult<Self> {
+        let refuse = || bad("state", "links and joints that do not fit", "those of a Robot");
+        let mut robot = Robot::default();
+        for (name, parent, pose) in links {
+            let parent = parent.map(LinkId::new);
+            if parent.is_some_and(|parent| parent.index() >= robot.links.len()) {
+                return Err(refuse());
+            }
+            robot.links.push(Link { name, parent, pose: pose_of("state", &pose)? });
+        }
+        let count = joints.len();
+        for (name, link, kind, [axis, anchor], limits, mimic) in joints {
+            let kind = KINDS.into_iter().find(|known| known.name() == kind).ok_or_else(refuse)?;
+            if link >= robot.links.len() || mimic.is_some_and(|(joint, ..)| joint >= count) {
+                return Err(refuse());
+            }
+            let mimic = mimic.map(|(joint, multiplier, offset)| Mimic { joint, multiplier, offset });
+            let (axis, anchor) = (DVec3::from(axis), DVec3::from(anchor));
+            robot.joints.push(Joint { name, link: LinkId::new(link), kind, axis, anchor, limits, mimic });
+        }
+        Ok(Self { robot })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        let (py, robot) = (slf.py(), &slf.get().robot);
+        let link = |link: &Link| {
+            let pose = pose_array(py, &link.pose)?.into_any();
+            Ok((link.name.clone(), link.parent.map(LinkId::index), pose))
+        };
+        let links: Vec<LinkState<'py>> = robot.links.iter().map(link).collect::<PyResult<_>>()?;
+        let joint = |joint: &Joint| {
+            let mimic = joint.mimic.as_ref().map(|mimic| (mimic.joint, mimic.multiplier, mimic.offset));
+            let vectors = [joint.axis, joint.anchor].map(|vector| vector.to_array());
+            (
+                joint.name.clone(),
+                joint.link.index(),
+                joint.kind.name().to_owned(),
+                vectors,
+                joint.limits,
+                mimic,
+            )
+        };
+        let joints: Vec<JointState> = robot.joints.iter().map(joint).collect();
+        Ok((py.get_type::<Self>().getattr("_of")?, (links, joints).into_pyobject(py)?))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     /// tuple of str: The links, each after the one it hangs from.

@@ -2,21 +2,25 @@
 
 use std::{
     path::PathBuf,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use dermatome::{
     SkinMap,
-    atlas::{Atlas, AtlasOptions, Pack, Resolution},
+    atlas::{Atlas, AtlasOptions, Chart, Pack, Resolution},
+    contact::{ContactError, MapPlace},
+    id::VertexId,
     image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
     io::{Readings, ReadingsLayout, ReadingsReader},
+    pyramid::LevelId,
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, Zero,
+        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState, Zero,
     },
-    skin::TaxelId,
+    skin::{PatchId, TaxelId},
 };
+use glam::DVec2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
     prelude::*,
@@ -25,19 +29,26 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{Reals, bad_shape, floats, matrix, one_each, one_number_each, reals, shaped, vector, zeros},
+    arrays::{
+        Reals, Reduced, bad_shape, floats, made_by, matrix, one_each, one_number_each, reals, shaped, vector,
+        zeros,
+    },
     errors::{bad, error},
+    index::PyHits,
     jobs::{Stop, run, run_here},
-    map::{PyMap, starts},
+    map::{PyMap, mask_too_large, starts},
     matrix::{PyMatrix, Rows},
-    options::{channels, count, extensive, level, positive, word},
+    options::{Extensive, channels, count, level, positive, word},
     skin::PySkin,
 };
 
-/// Draws frames of readings as tactile images of one level.
+/// Draws frames of readings as tactile images of one level: `renderer(values, threads=0)`.
 ///
-/// Made by `Map.renderer`. Images are the same as those of `dermatome render`, in any batch and with any number of
-/// threads.
+/// Made by `Map.renderer`. `values` are readings in the order of the map, NaN where there is none: (..., C, N), or (N,) and
+/// (T, N) of one channel. The images are a float32 array (..., C, H, W), or (1, H, W) and (T, 1, H, W), the first row on
+/// top; C + 1 channels with `mask`. They are `fill` (NaN by default) where nothing is known; amounts, as forces, are drawn
+/// per m^2 of the map. `threads` is 0 for one per processor. Images are those of `dermatome render`, in any batch and with
+/// any number of threads. A renderer never changes; it is pickled as its map and its options.
 ///
 /// Examples
 /// --------
@@ -51,6 +62,8 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct PyRenderer {
     plan: Arc<Plan>,
+    map: Py<PyMap>,
+    args: RenderArgs,
     /// tuple of int: Height and width of the images, in pixels.
     #[pyo3(get)]
     shape: (usize, usize),
@@ -67,32 +80,55 @@ struct Plan {
     renderer: Renderer,
     frame: Frame,
     taxels: usize,
+    /// Channels that are drawn at once.
     channels: usize,
     fill: f32,
+    has_mask: bool,
+    level: LevelId,
     /// Where the values of each patch begin among those of the level.
     starts: Vec<usize>,
-    /// The id that each pixel shows.
-    taxel_ids: Vec<u32>,
+    charts: Vec<Chart>,
+    /// What each pixel shows: a patch, and the nearest vertex of its level.
+    shown: Vec<Option<(PatchId, VertexId)>>,
 }
 
 impl Plan {
-    /// Draws frames of readings.
-    fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], stop: &Stop) {
-        let (size, width) = (self.renderer.images()[0].values.len(), self.channels * self.taxels);
+    /// Draws readings, `parts` frames of them for each image.
+    fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], parts: usize, stop: &Stop) {
+        let (pixels, width) = (self.shown.len(), self.channels * self.taxels);
+        let drawn = parts * self.channels * pixels;
+        let size = drawn + if self.has_mask { pixels } else { 0 };
+        if images.is_empty() || parts == 0 {
+            return;
+        }
         let share = (images.len() / size).div_ceil(4 * rayon::current_num_threads()).max(1);
-        images.par_chunks_mut(share * size).zip(values.par_chunks(share * width)).for_each_init(
+        images.par_chunks_mut(share * size).zip(values.par_chunks(share * parts * width)).for_each_init(
             || {
                 let Self { restrictor, renderer, frame, .. } = self;
-                BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone())
+                (BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone()), Vec::new())
             },
-            |batch, (images, values)| {
+            |(batch, bare), (images, values)| {
                 let fill = |k: usize, frame: &mut Frame| {
                     stop.check();
                     self.join.fill(&values[k * width..(k + 1) * width], frame);
+                    mask_too_large(frame);
                 };
-                batch.render(fill, images);
-                if !self.fill.is_nan() {
-                    images.iter_mut().for_each(|x| *x = if x.is_nan() { self.fill } else { *x });
+                // Infinite is what overflows.
+                let known = |x: f32| if x.is_finite() { x } else { self.fill };
+                if !self.has_mask {
+                    batch.render(fill, images);
+                    images.iter_mut().for_each(|x| *x = known(*x));
+                    return;
+                }
+                bare.resize(images.len() / size * drawn, 0.0);
+                batch.render(fill, bare);
+                for (image, bare) in images.chunks_mut(size).zip(bare.chunks(drawn)) {
+                    let (image, mask) = image.split_at_mut(drawn);
+                    image.iter_mut().zip(bare).for_each(|(x, &bare)| *x = known(bare));
+                    for (pixel, is_known) in mask.iter_mut().enumerate() {
+                        let all = bare.iter().skip(pixel).step_by(pixels).all(|x| x.is_finite());
+                        *is_known = f32::from(u8::from(all));
+                    }
                 }
             },
         );
@@ -103,22 +139,42 @@ impl Plan {
 const MOST_NUMBERS: usize = 1 << 28;
 
 /// How images are drawn, from arguments.
-pub(crate) struct RenderArgs<'a> {
+#[derive(Debug, Clone)]
+pub(crate) struct RenderArgs {
     pub(crate) level: i64,
-    pub(crate) patch: Option<&'a str>,
-    pub(crate) channels: i64,
-    pub(crate) extensive: Option<&'a Bound<'a, PyAny>>,
-    pub(crate) interpolate: &'a str,
-    pub(crate) size: Option<(u32, u32)>,
+    pub(crate) patch: Option<String>,
+    pub(crate) channels: Option<i64>,
+    pub(crate) extensive: Extensive,
+    pub(crate) interpolate: String,
+    pub(crate) size: Option<[u32; 2]>,
     pub(crate) pixel: Option<f64>,
     pub(crate) pack: Option<Pack>,
     pub(crate) fill: Option<f32>,
+    pub(crate) mask: bool,
+}
+
+impl RenderArgs {
+    /// How many channels readings have, if that is given.
+    fn channels(&self) -> PyResult<Option<usize>> {
+        let count = match (self.channels, &self.extensive) {
+            (Some(given), _) => self::count("channels", given)?,
+            (None, Extensive::Each(all)) => all.len(),
+            (None, Extensive::All(_)) => return Ok(None),
+        };
+        if (1..=MOST_NUMBERS).contains(&count) {
+            Ok(Some(count))
+        } else {
+            Err(bad("channels", count, "1 or more"))
+        }
+    }
 }
 
 impl PyRenderer {
-    pub(crate) fn new(py: Python<'_>, map: &PyMap, args: &RenderArgs<'_>) -> PyResult<Self> {
+    pub(crate) fn new(of: &Bound<'_, PyMap>, args: RenderArgs) -> PyResult<Self> {
+        let (py, map) = (of.py(), of.get());
         let level = level("level", args.level, map.levels())?;
-        let patch = match args.patch {
+        let patch = match &args.patch {
+            Some(_) if args.pack.is_some() => return Err(bad("patch", "patch and pack", "one of the two")),
             Some(name) => Some(map.patch_named(name)?),
             None if args.pack.is_some() || map.map.patches.len() == 1 => None,
             None => {
@@ -129,29 +185,26 @@ impl PyRenderer {
                 ));
             }
         };
-        let count = count("channels", args.channels)?;
-        if !(1..=MOST_NUMBERS).contains(&count) {
-            return Err(bad("channels", count, "1 or more"));
-        }
+        let extensive = args.extensive.of_channels(args.channels()?)?;
+        let count = extensive.len();
         let known = [("linear", Interpolation::Linear), ("nearest", Interpolation::Nearest)];
-        let interpolation = word("interpolate", args.interpolate, &known)?;
+        let interpolation = word("interpolate", &args.interpolate, &known)?;
         let resolution = match (args.size, args.pixel) {
             (None, None) => Resolution::Map,
-            (Some((height, width)), None) => Resolution::Canvas([height, width]),
+            (Some(size), None) => Resolution::Canvas(size),
             (None, Some(side)) => Resolution::Pixel(positive("pixel", side)?),
             (Some(_), Some(_)) => return Err(bad("pixel", "size and pixel", "one of the two")),
         };
         let options = AtlasOptions { resolution, pack: args.pack };
-        let (map, fill) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN));
-        let extensive = extensive(args.extensive, count)?;
+        let (map, fill, has_mask) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN), args.mask);
         let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {
             let mut atlas = Atlas::new(&map, &options)?;
-            let of_patch = |chart: &dermatome::atlas::Chart| patch.is_none_or(|patch| chart.patch == patch);
+            let of_patch = |chart: &Chart| patch.is_none_or(|patch| chart.patch == patch);
             atlas.parts.retain(|part| part.level == level && part.charts.iter().any(of_patch));
             let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
             let pixels = |[width, height]: [u32; 2]| width as usize * height as usize;
             let size = atlas.parts.first().map(|part| pixels(part.frame.size_px).max(taxels));
-            if size.is_none_or(|size| size * count > MOST_NUMBERS) {
+            if size.is_none_or(|size| size.saturating_mul(count) > MOST_NUMBERS) {
                 return Ok(None);
             }
             let channels = channels(extensive);
@@ -164,8 +217,11 @@ impl PyRenderer {
                 taxels,
                 channels: channels.len(),
                 fill,
+                has_mask,
+                level,
                 starts: starts(&map, level),
-                taxel_ids: atlas.parts[0].taxel_ids(&map),
+                shown: atlas.parts[0].vertices(&map),
+                charts: std::mem::take(&mut atlas.parts[0].charts),
             }))
         })?;
         let needed = "a level that the patch has, and images of less than 2^28 numbers";
@@ -174,26 +230,30 @@ impl PyRenderer {
         let frame = plan.renderer.images()[0].frame;
         let [width, height] = frame.size_px;
         let pixel = (frame.size.y / f64::from(height), frame.size.x / f64::from(width));
-        Ok(Self { plan: Arc::new(plan), shape: (height as usize, width as usize), pixel })
+        let shape = (height as usize, width as usize);
+        Ok(Self { plan: Arc::new(plan), map: of.clone().unbind(), args, shape, pixel })
+    }
+
+    fn map(&self) -> &SkinMap {
+        &self.map.get().map
+    }
+
+    /// An array (H, W) of what each pixel shows.
+    fn pixels<'py, T: numpy::Element + Clone>(
+        &self,
+        py: Python<'py>,
+        none: T,
+        of: impl Fn(PatchId, VertexId) -> T,
+    ) -> PyResult<Bound<'py, PyArray2<T>>> {
+        let all = self.plan.shown.iter();
+        let of = |shown: &Option<(PatchId, VertexId)>| shown.map_or_else(|| none.clone(), |(p, v)| of(p, v));
+        shaped(py, [self.shape.0, self.shape.1], all.map(of).collect())
     }
 }
 
 #[pymethods]
 impl PyRenderer {
     /// Draw frames of readings.
-    ///
-    /// Parameters
-    /// ----------
-    /// values : (T, C, N) or, with one channel, (T, N) array_like
-    ///     Readings in the order of the map; NaN where there is none.
-    /// threads : int
-    ///     0 for one per processor.
-    ///
-    /// Returns
-    /// -------
-    /// (T, C, H, W) float32 array
-    ///     The images, the first row on top; `fill` (NaN by default) where nothing is known. Forces are drawn per
-    ///     m^2 of the map.
     #[pyo3(signature = (values, *, threads=0))]
     fn __call__<'py>(
         &self,
@@ -201,24 +261,31 @@ impl PyRenderer {
         values: &Bound<'py, PyAny>,
         threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        let Plan { channels, taxels, .. } = *self.plan;
+        let Plan { taxels, channels: at_once, has_mask, .. } = *self.plan;
         let values = reals("values", values)?;
-        let frames = match *values.shape() {
-            [frames, c, n] if (c, n) == (channels, taxels) => frames,
-            [frames, n] if (1, n) == (channels, taxels) => frames,
-            ref shape => return Err(bad_shape("values", shape, format!("shape (T, {channels}, {taxels})"))),
+        let given = self.args.channels()?;
+        let (frames, channels) = match (values.shape(), given) {
+            (&[ref frames @ .., n], None | Some(1)) if frames.len() < 2 && n == taxels => (frames, 1),
+            (&[ref frames @ .., c, n], None) if n == taxels => (frames, c),
+            (&[ref frames @ .., c, n], Some(given)) if (c, n) == (given, taxels) => (frames, c),
+            (shape, given) => {
+                let channels = given.map_or("C".to_owned(), |given| given.to_string());
+                return Err(bad_shape("values", shape, format!("shape (..., {channels}, {taxels})")));
+            }
         };
-        let images = zeros(py, &[frames, channels, self.shape.0, self.shape.1])?;
-        let (mut drawn, threads) = (images.readwrite(), count("threads", threads)?);
+        let image = [channels + usize::from(has_mask), self.shape.0, self.shape.1];
+        let images = zeros(py, &[frames, &image].concat())?;
+        let (mut drawn, threads, parts) =
+            (images.readwrite(), count("threads", threads)?, channels / at_once);
         let drawn = drawn.as_slice_mut()?;
-        match values {
+        match &values {
             Reals::Single(values) => {
                 let values = values.as_slice()?;
-                run_here(py, threads, |stop| self.plan.draw(values, drawn, stop))?;
+                run_here(py, threads, |stop| self.plan.draw(values, drawn, parts, stop))?;
             }
             Reals::Double(values) => {
                 let values = values.as_slice()?;
-                run_here(py, threads, |stop| self.plan.draw(values, drawn, stop))?;
+                run_here(py, threads, |stop| self.plan.draw(values, drawn, parts, stop))?;
             }
         }
         Ok(images)
@@ -231,11 +298,214 @@ impl PyRenderer {
         shaped(py, [self.shape.0, self.shape.1], covered.collect())
     }
 
+    /// (H, W) int32 array: Number of the patch that each pixel shows; -1 where there is none.
+    #[getter]
+    fn patch<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
+        self.pixels(py, -1, |patch, _| patch.raw() as i32)
+    }
+
+    /// (H, W) int64 array: The field nearest to each pixel, a number among those of the level of the whole map
+    /// (`Map.fields`); on level 0 the taxel. -1 where there is none.
+    #[getter]
+    fn field<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        self.pixels(py, -1, |patch, vertex| (self.plan.starts[patch.index()] + vertex.index()) as i64)
+    }
+
     /// (H, W) uint32 array: Id of the taxel nearest to each pixel, above level 0 the number of the field in its patch;
     /// 4294967295 where there is none.
     #[getter]
     fn taxel_id<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        shaped(py, [self.shape.0, self.shape.1], self.plan.taxel_ids.clone())
+        self.pixels(py, u32::MAX, |patch, vertex| {
+            let patch = &self.map().patches[patch];
+            let is_taxel = patch.nearest_level(self.plan.level) == LevelId::default();
+            if is_taxel { patch.taxels.ids[vertex].0 } else { vertex.raw() }
+        })
+    }
+
+    /// list of dict: Where each patch lies in the image: `patch`, its name, and `level`; `corner`, row and column of its
+    /// upper left pixel, and `shape`, height and width in pixels; `origin`, the lower left corner of that rectangle in m
+    /// on the map turned by `angle` (rad, counter-clockwise), and `size`, height and width in m.
+    #[getter]
+    fn charts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let charts = PyList::empty(py);
+        for chart in &self.plan.charts {
+            let about = PyDict::new(py);
+            about.set_item("patch", &self.map().patches[chart.patch].name)?;
+            about.set_item("level", chart.level.index())?;
+            let ([column, row], [width, height]) = (chart.corner_px, chart.frame.size_px);
+            about.set_item("corner", (row, column))?;
+            about.set_item("shape", (height, width))?;
+            about.set_item("origin", (chart.frame.origin.x, chart.frame.origin.y))?;
+            about.set_item("size", (chart.frame.size.y, chart.frame.size.x))?;
+            about.set_item("angle", f64::from(chart.turns) * std::f64::consts::FRAC_PI_4)?;
+            charts.append(about)?;
+        }
+        Ok(charts)
+    }
+
+    /// Find where points of the skin are in the images.
+    ///
+    /// Parameters
+    /// ----------
+    /// hits : Hits
+    ///     The points, found with the level of this renderer: `index.locate(points, level=...)`.
+    ///
+    /// Returns
+    /// -------
+    /// (k, 2) float64 array
+    ///     Row and column, whole at the centres of pixels: `numpy.rint` gives the pixel. NaN for a query without an
+    ///     answer and for patches that are not drawn.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> palm = dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)])
+    /// >>> skin_map = dermatome.build(palm)
+    /// >>> renderer, hits = skin_map.renderer(size=(32, 32)), skin_map.index().locate(palm.positions[40:43])
+    /// >>> rows, columns = renderer.pixels(hits).T
+    /// >>> patch, points, normals, off_chart = renderer.to_skin(rows, columns)
+    /// >>> bool(abs(points - hits.point).max() < 1e-9)
+    /// True
+    #[pyo3(name = "pixels")]
+    fn pixels_of<'py>(
+        &self,
+        py: Python<'py>,
+        hits: &Bound<'py, PyHits>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (hits, wanted) = (hits.get(), self.plan.level.index());
+        let refuse =
+            |found: String| bad("hits", found, format!("hits on the map: locate(..., level={wanted})"));
+        let (Some(levels), Some(uv)) = (&hits.level, &hits.uv) else {
+            return Err(refuse("hits without places".into()));
+        };
+        let (patches, levels, uv) =
+            (hits.patch.bind(py).readonly(), levels.bind(py).readonly(), uv.bind(py).readonly());
+        let places = patches.as_slice()?.iter().zip(levels.as_slice()?).zip(uv.as_slice()?.as_chunks().0);
+        let mut found = Vec::with_capacity(patches.len());
+        for (k, ((&patch, &level), &at)) in places.enumerate() {
+            let charts = self.plan.charts.iter();
+            let chart = usize::try_from(patch)
+                .ok()
+                .and_then(|patch| charts.clone().find(|c| c.patch.index() == patch));
+            found.push(match chart {
+                Some(chart) if usize::try_from(level) != Ok(chart.level.index()) => {
+                    return Err(refuse(format!("level {level} of hit {k}")));
+                }
+                Some(chart) => {
+                    let at = chart.image_position(DVec2::from_array(at));
+                    [at.y, at.x]
+                }
+                None => [f64::NAN; 2],
+            });
+        }
+        matrix(py, found)
+    }
+
+    /// Find the points of the skin that are at places of the images.
+    ///
+    /// Parameters
+    /// ----------
+    /// rows, columns : (k,) array_like
+    ///     Row (from the top) and column of each place, whole at the centres of pixels.
+    ///
+    /// Returns
+    /// -------
+    /// patch : (k,) int32 array
+    ///     Number of the patch.
+    /// points : (k, 3) float64 array
+    ///     In m, in the frame of the patch's link: on level 0 of the skin, above on the mesh of the level.
+    /// normals : (k, 3) float64 array
+    ///     Outward unit normals there.
+    /// off_chart : (k,) float64 array
+    ///     How far outside of all maps the place is, in m; the point is then that of the nearest place of one.
+    fn to_skin<'py>(
+        &self,
+        py: Python<'py>,
+        rows: &Bound<'py, PyAny>,
+        columns: &Bound<'py, PyAny>,
+    ) -> PyResult<OnSkin<'py>> {
+        let rows = floats("rows", rows)?;
+        let rows = one_each("rows", rows.as_any(), rows.len())?;
+        let columns = one_each("columns", columns, rows.len())?;
+        for (name, all) in [("rows", &rows), ("columns", &columns)] {
+            if let Some(k) = all.iter().position(|x| x.is_nan() || x.abs() >= LARGEST_PLACE) {
+                return Err(bad(&format!("{name}[{k}]"), all[k], "a place near the image"));
+            }
+        }
+        let (plan, back, width) = (Arc::clone(&self.plan), self.map.get().back(py)?, self.shape.1);
+        let found = run(py, 0, move |stop| -> Result<Vec<MapPlace>, ContactError> {
+            let mut places = Vec::new();
+            let mut nearest = |(&row, &column): (&f64, &f64)| {
+                stop.check();
+                places.clear();
+                // On the image the chart that the pixel shows, elsewhere the nearest one.
+                let pixel = (row.round().max(-1.0), column.round().max(-1.0));
+                let is_inside = pixel.0 >= 0.0 && pixel.1 >= 0.0 && pixel.1 < width as f64;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "whole, 0 or more"
+                )]
+                let shown = is_inside.then(|| plan.shown.get(pixel.0 as usize * width + pixel.1 as usize));
+                let shown = shown.flatten().copied().flatten().map(|(patch, _)| patch);
+                for chart in plan.charts.iter().filter(|chart| shown.is_none_or(|shown| shown == chart.patch))
+                {
+                    back.places(
+                        chart.patch,
+                        chart.level,
+                        chart.map_position(DVec2::new(column, row)),
+                        &mut places,
+                    )?;
+                }
+                let first =
+                    places.iter().copied().reduce(|a, b| if b.off_chart < a.off_chart { b } else { a });
+                first.ok_or(ContactError::NoSkin)
+            };
+            rows.iter().zip(&columns).map(&mut nearest).collect()
+        })?;
+        let found = found.map_err(error)?;
+        Ok((
+            vector(py, found.iter().map(|place| place.patch.raw() as i32)),
+            matrix(py, found.iter().map(|place| place.position.to_array()))?,
+            matrix(py, found.iter().map(|place| place.normal.to_array()))?,
+            vector(py, found.iter().map(|place| place.off_chart)),
+        ))
+    }
+
+    /// Write a recording as a video or an animation. Needs the package imageio, for videos with ffmpeg.
+    ///
+    /// Parameters
+    /// ----------
+    /// values : (T, N) or (T, C, N) array_like
+    ///     Readings, as for the images.
+    /// path : str or os.PathLike
+    ///     `.mp4`, `.gif` or another kind that imageio writes.
+    /// channel : int
+    ///     The channel that is shown.
+    /// rate : float
+    ///     Frames per second.
+    /// range : (2,) sequence of float, optional
+    ///     Values at the ends of the scale of colours; by default the smallest and the largest, from 0 on if none is
+    ///     negative.
+    /// magnification : int
+    ///     Pixels of the video for each pixel of the images, in each direction.
+    #[pyo3(signature = (values, path, *, channel=0, rate=30.0, range=None, magnification=4))]
+    fn video(
+        slf: &Bound<'_, Self>,
+        values: &Bound<'_, PyAny>,
+        path: PathBuf,
+        channel: i64,
+        rate: f64,
+        range: Option<[f64; 2]>,
+        magnification: i64,
+    ) -> PyResult<()> {
+        let numbers = (
+            count("channel", channel)?,
+            positive("rate", rate)?,
+            count("magnification", magnification)?.max(1),
+        );
+        slf.py().import("dermatome._shown")?.call_method1("video", (slf, values, path, numbers, range))?;
+        Ok(())
     }
 
     /// The matrix that draws values of the level where none is missing: (H W, values of the level of the whole map).
@@ -256,10 +526,45 @@ impl PyRenderer {
         rows.into_matrix(py, starts.last().copied().unwrap_or(0))
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill, mask } =
+            &self.args;
+        let options = PyDict::new(py);
+        options.set_item("level", level)?;
+        options.set_item("patch", patch)?;
+        options.set_item("channels", channels)?;
+        match extensive {
+            Extensive::All(one) => options.set_item("extensive", one)?,
+            Extensive::Each(all) => options.set_item("extensive", all)?,
+        }
+        options.set_item("interpolate", interpolate)?;
+        options.set_item("size", size)?;
+        options.set_item("pixel", pixel)?;
+        options.set_item("pack", pack.map(|pack| if pack == Pack::Body { "body" } else { "tight" }))?;
+        options.set_item("fill", fill)?;
+        options.set_item("mask", mask)?;
+        made_by(py, "renderer", (self.map.clone_ref(py), options))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     fn __repr__(&self) -> String {
         format!("<dermatome.Renderer: {} x {} pixels>", self.shape.0, self.shape.1)
     }
 }
+
+/// Patches, points, normals and distances from the maps.
+type OnSkin<'py> = (
+    Bound<'py, PyArray1<i32>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+);
+
+/// Rows and columns are less, beyond any image.
+const LARGEST_PLACE: f64 = 1e9;
 
 /// Finds what touches the skin in frames of readings, and follows it from frame to frame.
 ///
@@ -286,13 +591,18 @@ impl PyRenderer {
 ///     How far a contact may move from a frame to the next, in m.
 /// lasting : int
 ///     How many frames a contact lasts at least.
+///
+/// Two taxels next to the same taxel without a reading (NaN) count as neighbours, so that a dead taxel does not cut a
+/// contact in two. A tracker that is pickled or copied goes on with what it has learned and follows.
 #[pyclass(frozen, module = "dermatome", name = "ContactTracker")]
 #[derive(Debug)]
 pub(crate) struct PyContactTracker {
     tracker: Mutex<(ContactTracker, Frame)>,
     join: Join,
     taxels: usize,
-    map: Arc<SkinMap>,
+    map: Py<PyMap>,
+    unit: String,
+    options: TrackerOptions,
 }
 
 #[pymethods]
@@ -313,7 +623,7 @@ impl PyContactTracker {
         reach: f64,
         lasting: i64,
     ) -> PyResult<Self> {
-        let map = &map.get().map;
+        let (of, map) = (map, &map.get().map);
         let options = TrackerOptions {
             channel: 0,
             threshold,
@@ -329,7 +639,8 @@ impl PyContactTracker {
         let tracker = ContactTracker::new(map, &channel, &options).map_err(error)?;
         let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
-        Ok(Self { tracker: Mutex::new((tracker, Frame::new(map, 1))), join, taxels, map: Arc::clone(map) })
+        let tracker = Mutex::new((tracker, Frame::new(map, 1)));
+        Ok(Self { tracker, join, taxels, map: of.clone().unbind(), unit: unit.to_owned(), options })
     }
 
     /// Find the contacts of the next frame.
@@ -352,7 +663,7 @@ impl PyContactTracker {
         }
         let values = values.as_slice()?.to_vec();
         let regions = py.detach(|| {
-            let (tracker, frame) = &mut *self.tracker.lock().unwrap_or_else(PoisonError::into_inner);
+            let (tracker, frame) = &mut *self.lock();
             self.join.fill(&values, frame);
             tracker.track(frame).to_vec()
         });
@@ -366,11 +677,108 @@ impl PyContactTracker {
     /// float or None: The threshold, given or estimated; None while it is not known.
     #[getter]
     fn threshold(&self) -> Option<f64> {
-        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).0.threshold()
+        self.lock().0.threshold()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let TrackerState { threshold, learned, rest, contacts, next } = self.lock().0.state();
+        let state = PyDict::new(py);
+        state.set_item("threshold", threshold)?;
+        state.set_item("learned", vector(py, learned))?;
+        state.set_item("rest", vector(py, rest))?;
+        let contacts =
+            contacts.iter().map(|region| self.contact(py, region)).collect::<PyResult<Vec<_>>>()?;
+        state.set_item("contacts", contacts)?;
+        state.set_item("next", next)?;
+        let TrackerOptions {
+            channel: _,
+            threshold,
+            low,
+            least,
+            prominence,
+            part,
+            noise_frames,
+            reach,
+            lasting,
+        } = self.options;
+        let options = PyDict::new(py);
+        options.set_item("unit", &self.unit)?;
+        options.set_item("threshold", threshold)?;
+        options.set_item("low", low)?;
+        options.set_item("least", least)?;
+        options.set_item("prominence", prominence)?;
+        options.set_item("part", part)?;
+        options.set_item("noise_frames", noise_frames)?;
+        options.set_item("reach", reach)?;
+        options.set_item("lasting", lasting)?;
+        made_by(py, "tracker", (self.map.clone_ref(py), options, state))
+    }
+
+    fn _resume(&self, state: &Bound<'_, PyDict>) -> PyResult<()> {
+        fn item<'py, T: FromPyObjectOwned<'py>>(of: &Bound<'py, PyDict>, name: &str) -> PyResult<T> {
+            let found = of
+                .get_item(name)?
+                .ok_or_else(|| bad("state", format!("no {name:?}"), "that of a tracker"))?;
+            found.extract().map_err(Into::into)
+        }
+        let numbers = |of: &Bound<'_, PyDict>, name| -> PyResult<Vec<f64>> {
+            let array: Bound<'_, PyAny> = item(of, name)?;
+            one_each(name, &array, array.len()?)
+        };
+        let vertices = |of: &Bound<'_, PyDict>| -> PyResult<Vec<VertexId>> {
+            Ok(item::<Vec<u32>>(of, "taxels")?.into_iter().map(VertexId::from).collect())
+        };
+        let map = self.map.get();
+        let region = |contact: &Bound<'_, PyDict>| -> PyResult<ContactRegion> {
+            let patch = map.patch_named(&item::<String>(contact, "patch")?)?;
+            let event: String = item(contact, "event")?;
+            Ok(ContactRegion {
+                track: item(contact, "track")?,
+                event: word(
+                    "event",
+                    &event,
+                    &[("onset", ContactEvent::Onset), ("move", ContactEvent::Move)],
+                )?,
+                age: item(contact, "age")?,
+                patch,
+                link: map.map.patches[patch].link,
+                taxels: vertices(contact)?,
+                area: item(contact, "area")?,
+                force: item(contact, "force")?,
+                centre: item::<[f64; 3]>(contact, "centre")?.into(),
+                normal: item::<[f64; 3]>(contact, "normal")?.into(),
+                map: item::<[f64; 2]>(contact, "uv")?.into(),
+                major: item(contact, "major")?,
+                minor: item(contact, "minor")?,
+                angle: item(contact, "angle")?,
+                peak_taxel: VertexId::from(item::<u32>(contact, "peak_taxel")?),
+                peak: item(contact, "peak")?,
+            })
+        };
+        let contacts: Vec<Bound<'_, PyDict>> = item(state, "contacts")?;
+        let state = TrackerState {
+            threshold: item(state, "threshold")?,
+            learned: numbers(state, "learned")?,
+            rest: numbers(state, "rest")?,
+            contacts: contacts.iter().map(region).collect::<PyResult<_>>()?,
+            next: item(state, "next")?,
+        };
+        self.lock().0.resume(state).map_err(error)
+    }
+
+    fn __repr__(&self) -> String {
+        let (tracker, _) = &*self.lock();
+        let threshold =
+            tracker.threshold().map_or("not known yet".to_owned(), |x| format!("{x} {}", self.unit));
+        format!("<dermatome.ContactTracker: {} contacts, threshold {threshold}>", tracker.contacts().len())
     }
 }
 
 impl PyContactTracker {
+    fn lock(&self) -> MutexGuard<'_, (ContactTracker, Frame)> {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn contact<'py>(&self, py: Python<'py>, region: &ContactRegion) -> PyResult<Bound<'py, PyDict>> {
         let contact = PyDict::new(py);
         let event = match region.event {
@@ -381,8 +789,9 @@ impl PyContactTracker {
         contact.set_item("track", region.track)?;
         contact.set_item("event", event)?;
         contact.set_item("age", region.age)?;
-        contact.set_item("patch", &self.map.patches[region.patch].name)?;
-        contact.set_item("link", &self.map.links[region.link].name)?;
+        let map = &self.map.get().map;
+        contact.set_item("patch", &map.patches[region.patch].name)?;
+        contact.set_item("link", &map.links[region.link].name)?;
         contact.set_item("taxels", vector(py, region.taxels.iter().map(|taxel| taxel.raw())))?;
         contact.set_item("area", region.area)?;
         contact.set_item("force", region.force)?;

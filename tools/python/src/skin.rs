@@ -1,13 +1,19 @@
 //! `Skin` and `check`: taxels from files and arrays.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    collections::{BTreeMap, HashMap, HashSet},
+    path::PathBuf,
+    sync::Arc,
+};
 
 use dermatome::{
     Skin,
+    id::IdVec,
     io::{IoError, ReadParts, draft_from_bytes, is_robot, read_draft_with, skin_to_bytes, write_skin},
     remesh::{drop_crumbs, keep_outer, remesh_skin},
     skin::{
-        AssembleOptions, Draft, Link, Patch, Presence, Remark, Sheet, TaxelId, assemble, check as findings_of,
+        AssembleOptions, Draft, Link, LinkId, Patch, Presence, Remark, Sheet, TaxelId, assemble,
+        check as findings_of,
     },
 };
 use glam::{DAffine3, DVec3};
@@ -20,6 +26,7 @@ use pyo3::{
 use crate::{
     arrays::{matrix, one_number_each, points, triangles, vector},
     errors::{bad, error},
+    index::pose_of,
     jobs::run,
     options::{direction, fill_holes, positive, unit, weld},
 };
@@ -247,7 +254,7 @@ impl PySkin {
         Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
     }
 
-    /// Make a skin of one patch from arrays.
+    /// Make a skin from arrays.
     ///
     /// Parameters
     /// ----------
@@ -261,8 +268,9 @@ impl PySkin {
     ///     Ids of the taxels; by default they count from 1.
     /// present : (n,) array_like of int, optional
     ///     1 a working taxel, 0 none, 2 a thermal pad.
-    /// link, patch : str
-    ///     Names of the link and of the patch.
+    /// link, patch : str, or (n,) sequence of str
+    ///     Names of the link and of the patch: of all taxels, or of each. Patches are in the order of their first taxels; a
+    ///     patch is on one link. Links have no parent; `join` poses them.
     /// gap, weld, repair, outside, fill_holes
     ///     As in `read`.
     ///
@@ -270,7 +278,7 @@ impl PySkin {
     /// -------
     /// Skin
     #[staticmethod]
-    #[pyo3(signature = (positions, faces=None, *, normals=None, ids=None, present=None, link="link", patch="skin",
+    #[pyo3(signature = (positions, faces=None, *, normals=None, ids=None, present=None, link=None, patch=None,
         gap=2.5, weld="auto", repair=false, outside=None, fill_holes=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn from_arrays(
@@ -280,8 +288,8 @@ impl PySkin {
         normals: Option<&Bound<'_, PyAny>>,
         ids: Option<&Bound<'_, PyAny>>,
         present: Option<&Bound<'_, PyAny>>,
-        link: &str,
-        patch: &str,
+        link: Option<&Bound<'_, PyAny>>,
+        patch: Option<&Bound<'_, PyAny>>,
         gap: f64,
         weld: &str,
         repair: bool,
@@ -292,7 +300,6 @@ impl PySkin {
         let mut draft = draft_of(positions, faces)?;
         let sheet = &mut draft.sheets[0];
         let count = sheet.positions.len();
-        sheet.name = patch.to_owned();
         if let Some(value) = normals {
             let normals = points("normals", value)?;
             if normals.len() != count {
@@ -303,9 +310,70 @@ impl PySkin {
         let ids = ids.map(|value| one_number_each("ids", value, count)).transpose()?;
         sheet.ids = ids.map(|ids| ids.into_iter().map(TaxelId).collect());
         sheet.presence = present.map(|value| presence("present", value, count)).transpose()?;
-        sheet.link =
-            Some(draft.links.push(Link { name: link.to_owned(), parent: None, pose: DAffine3::IDENTITY }));
+        let patches = names("patch", patch, "skin", count)?;
+        split(&mut draft, &patches, &names("link", link, "link", count)?)?;
         Self::assembled(py, draft, options)
+    }
+
+    /// Make one skin of several, as the parts of a robot.
+    ///
+    /// Parameters
+    /// ----------
+    /// skins : sequence of Skin
+    ///     The skins, whose taxels follow each other. A link of one name is one link; a patch whose name is taken gets another
+    ///     one, and `remarks` says so.
+    /// poses : dict of str to (4, 4) array_like, optional
+    ///     Of links by their names, the frame in the world: a rotation and a translation in m, as `Index.posed` and
+    ///     `Robot.poses` have it. Others keep the pose relative to their parent.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome, numpy as np
+    /// >>> grid = np.array([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)])
+    /// >>> palm, thumb = (dermatome.Skin.from_arrays(grid, patch=name, link=name) for name in ("palm", "thumb"))
+    /// >>> pose = np.eye(4)
+    /// >>> pose[0, 3] = 0.1
+    /// >>> hand = dermatome.Skin.join([palm, thumb], poses={"thumb": pose})
+    /// >>> hand.patches, hand.links, hand.n_taxels
+    /// (('palm', 'thumb'), ('palm', 'thumb'), 162)
+    #[staticmethod]
+    #[pyo3(signature = (skins, *, poses=None))]
+    fn join(skins: Vec<Bound<'_, Self>>, poses: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let mut given = Vec::new();
+        for (name, value) in poses.into_iter().flatten() {
+            let name: String =
+                name.extract().map_err(|_| bad("poses", "a key that is no str", "the name of a link"))?;
+            given.push((pose_of(&format!("poses[{name:?}]"), &value)?, name));
+        }
+        let (mut joined, mut remarks) = (Skin::default(), Vec::new());
+        for skin in &skins {
+            let mut skin = Skin::clone(&skin.get().skin);
+            set_poses(&mut skin, &given);
+            let renamed = joined.append(&skin);
+            remarks.extend(renamed.iter().map(ToString::to_string));
+        }
+        remarks.splice(0..0, skins.iter().flat_map(|skin| skin.get().remarks.iter().cloned()));
+        let mut names = HashSet::new();
+        if let Some(link) = joined.links.iter().find(|link| !names.insert(link.name.as_str())) {
+            let found = format!("two links {:?} with another parent or pose", link.name);
+            return Err(bad("skins", found, "other names, or poses of this link"));
+        }
+        if let Some((_, name)) = given.iter().find(|(_, name)| !names.contains(name.as_str())) {
+            return Err(bad("poses", format!("{name:?}"), "the names of links of the skins"));
+        }
+        joined.validate().map_err(error)?;
+        let ids = joined.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+        let mut counts = BTreeMap::new();
+        ids.for_each(|id| *counts.entry(id.0).or_insert(0_usize) += 1);
+        let shared = counts.values().filter(|count| **count > 1).count();
+        if shared > 0 {
+            remarks.push(format!("{shared} ids belong to several taxels, which share their readings"));
+        }
+        Ok(Self { skin: Arc::new(joined), remarks })
     }
 
     /// Write the skin to a file; its kind follows from its extension.
@@ -324,6 +392,10 @@ impl PySkin {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         let py = slf.py();
         Ok((py.get_type::<Self>().getattr("from_bytes")?, (slf.get().to_bytes(py, "glb")?,)))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
@@ -418,6 +490,98 @@ fn spacings(value: &Bound<'_, PyAny>, skin: &Skin) -> PyResult<Vec<f64>> {
         Err(bad("spacing", format!("no name of the link {name:?}"), "one, or \"*\" for all others"))
     };
     skin.patches.iter().map(of_patch).collect()
+}
+
+/// Gives links their frames in the world; others keep their pose relative to their parent.
+fn set_poses(skin: &mut Skin, poses: &[(DAffine3, String)]) {
+    let mut world: IdVec<LinkId, DAffine3> = IdVec::default();
+    for link in skin.links.iter_mut() {
+        let parent = link.parent.map_or(DAffine3::IDENTITY, |parent| world[parent]);
+        if let Some((pose, _)) = poses.iter().find(|(_, name)| *name == link.name) {
+            link.pose = if link.parent.is_some() { parent.inverse() * *pose } else { *pose };
+        }
+        world.push(parent * link.pose);
+    }
+}
+
+/// Names of `count` taxels: one for all, or one for each.
+fn names(
+    argument: &str,
+    value: Option<&Bound<'_, PyAny>>,
+    default: &str,
+    count: usize,
+) -> PyResult<Vec<String>> {
+    let Some(value) = value else { return Ok(vec![default.to_owned(); count]) };
+    if let Ok(name) = value.extract::<String>() {
+        return Ok(vec![name; count]);
+    }
+    let names: Vec<String> = value.extract().map_err(|_| {
+        bad(argument, value.get_type().name().map_or_else(|_| String::new(), |n| n.to_string()), "words")
+    })?;
+    if names.len() == count {
+        Ok(names)
+    } else {
+        Err(bad(argument, names.len(), format!("a word, or {count}")))
+    }
+}
+
+/// Splits the one sheet of a draft by the patches of its taxels, and gives each its link.
+fn split(draft: &mut Draft, patches: &[String], links: &[String]) -> PyResult<()> {
+    let link = |name: &String| Link { name: name.clone(), parent: None, pose: DAffine3::IDENTITY };
+    if patches.iter().zip(links).all(|(patch, link)| (patch, link) == (&patches[0], &links[0])) {
+        draft.sheets[0].name = patches.first().cloned().unwrap_or_default();
+        draft.sheets[0].link = links.first().map(|name| draft.links.push(link(name)));
+        return Ok(());
+    }
+    let whole = std::mem::take(&mut draft.sheets[0]);
+    let mut places: HashMap<&str, usize> = HashMap::new();
+    let (mut taxels, mut number): (Vec<Vec<usize>>, _) = (Vec::new(), Vec::new());
+    for (k, patch) in patches.iter().enumerate() {
+        let place = *places.entry(patch).or_insert(taxels.len());
+        if place == taxels.len() {
+            taxels.push(Vec::new());
+        }
+        number.push(u32::try_from(taxels[place].len()).unwrap_or(u32::MAX));
+        taxels[place].push(k);
+    }
+    let mut faces = vec![Vec::new(); taxels.len()];
+    for (k, corners) in whole.triangles.iter().enumerate() {
+        let [a, b, c] = corners.map(|v| &*patches[v as usize]);
+        if a != b || a != c {
+            return Err(bad(
+                &format!("faces[{k}]"),
+                format!("taxels of the patches {a:?}, {b:?} and {c:?}"),
+                "of one",
+            ));
+        }
+        faces[places[a]].push(corners.map(|v| number[v as usize]));
+    }
+    fn some<T: Clone>(all: Option<&Vec<T>>, taxels: &[usize]) -> Option<Vec<T>> {
+        all.map(|all| taxels.iter().map(|&k| all[k].clone()).collect())
+    }
+    // Ids count all taxels as they were given.
+    let ids = whole.ids.unwrap_or_else(|| (1..).take(patches.len()).map(TaxelId).collect());
+    draft.sheets = Vec::new();
+    for (taxels, triangles) in taxels.iter().zip(faces) {
+        let (name, of_first) = (&patches[taxels[0]], &links[taxels[0]]);
+        if let Some(&k) = taxels.iter().find(|&&k| links[k] != *of_first) {
+            let needed = format!("{of_first:?}, that of the other taxels of the patch {name:?}");
+            return Err(bad(&format!("link[{k}]"), format!("{:?}", links[k]), needed));
+        }
+        let known = draft.links.enumerate().find(|(_, known)| known.name == *of_first).map(|(id, _)| id);
+        let link = known.unwrap_or_else(|| draft.links.push(link(of_first)));
+        draft.sheets.push(Sheet {
+            name: name.clone(),
+            link: Some(link),
+            triangles,
+            positions: some(Some(&whole.positions), taxels).unwrap_or_default(),
+            ids: some(Some(&ids), taxels),
+            normals: some(whole.normals.as_ref(), taxels),
+            presence: some(whole.presence.as_ref(), taxels),
+            ..Sheet::default()
+        });
+    }
+    Ok(())
 }
 
 /// A draft of one sheet.

@@ -1,5 +1,6 @@
 """Skins, maps, levels, matrices and lookups: laws on small named shapes."""
 
+import copy
 import gc
 import multiprocessing
 import os
@@ -260,7 +261,7 @@ def test_flatten_and_coarsen():
     flat = dermatome.flatten(positions, faces, cut="all")
     assert len(flat.uv) > len(positions) and flat.distortion["qc_max"] < 1.01 and flat.converged
     assert np.array_equal(flat.vertex_of_place[flat.faces], faces)
-    ring = dermatome.flatten(positions, faces)
+    ring = dermatome.flatten(positions, faces, cut="none")
     assert ring.uv.shape == (720, 2) and ring.distortion["flips"] == 0
     levels = dermatome.coarsen(positions, faces)
     assert np.allclose(levels[1].pooling().scipy().sum(axis=1), 1)
@@ -509,3 +510,213 @@ def test_progress_may_call_the_package(dome_map):
 
     dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), threads=1, progress=progress)
     assert len(pooled) == 8
+
+
+SPAWNED = """
+import multiprocessing, sys
+import numpy as np
+import dermatome
+
+class Frames:
+    def __init__(self, renderer, index):
+        self.renderer, self.index = renderer, index
+
+    def __call__(self, seed):
+        values = np.random.default_rng(seed).random((2, self.renderer.matrix().shape[1]))
+        return self.renderer(values), self.index.locate([[0.01, 0.02, 0.1]]).point
+
+if __name__ == "__main__":
+    skin_map = dermatome.Map.read(sys.argv[1])
+    frames = Frames(skin_map.renderer(0, size=[16, 16], mask=True), skin_map.index().posed({"hand": np.eye(4)}))
+    for method in ("spawn", "forkserver"):
+        with multiprocessing.get_context(method).Pool(2) as pool:
+            for seed, (images, points) in enumerate(pool.map(frames, range(4))):
+                assert np.array_equal(images, frames(seed)[0], equal_nan=True) and np.array_equal(points, frames(seed)[1])
+    print("same")
+"""
+
+
+def test_objects_go_to_spawned_workers(dome_map, tmp_path):
+    dome_map.write(tmp_path / "map.glb")
+    (tmp_path / "spawned.py").write_text(SPAWNED)
+    said = subprocess.run([sys.executable, "spawned.py", "map.glb"], cwd=tmp_path, capture_output=True, text=True)
+    assert said.stdout == "same\n", said.stderr
+
+
+def copies(thing):
+    yield copy.copy(thing)
+    yield copy.deepcopy(thing)
+    for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1):
+        yield pickle.loads(pickle.dumps(thing, protocol))
+
+
+def same(one, other):
+    """Whether all attributes are equal."""
+    names = [name for name in dir(one) if not name.startswith("_") and not callable(getattr(one, name))]
+    for a, b in ((getattr(one, name), getattr(other, name)) for name in names):
+        if isinstance(a, (dermatome.Matrix, dermatome.Hits)):
+            assert same(a, b)
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+        elif not isinstance(a, (dermatome.Level, tuple)) or not a or not isinstance(a[0], dermatome.Level):
+            assert str(a) == str(b)
+    return bool(names)
+
+
+def test_every_result_is_pickled_and_copied(uneven_map, tmp_path):
+    index = uneven_map.index(reactive=True, fields=True)
+    points, coarsest = uneven_map.patches["skin"].levels[0].positions[:7] + 1e-3, uneven_map.n_levels - 1
+    turned = {uneven_map.links[0]: [[0, -1, 0, 0.1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
+    first, second = uneven_map.patches.values()
+    path = tmp_path / "arm.urdf"
+    path.write_text("""<robot name="arm"><link name="base"/><link name="tip"/><link name="thumb"/>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/><origin xyz="1 0 0" rpy="1 2 3"/>
+        <axis xyz="0 0 2"/><limit lower="-1" upper="1"/></joint>
+      <joint name="slide" type="prismatic"><parent link="tip"/><child link="thumb"/>
+        <mimic joint="turn" multiplier="2" offset="0.5"/></joint></robot>""")
+    robot = dermatome.Robot.read(path)
+    for thing in (
+        index.locate(points, level=1), index.reactive(points), index.ray(points, -points), index.within(points, 0.01),
+        uneven_map.pooling(1), uneven_map.renderer(coarsest, pack="body", size=[40, 30], extensive=[True], fill=2.0, mask=True),
+        uneven_map.renderer(0, patch=second.name, pixel=0.01), second, second.levels[1], index, index.posed(turned),
+        dermatome.flatten(*lattice(5, 5)), robot,
+    ):  # fmt: skip
+        for again in copies(thing):
+            assert type(again) is type(thing) and repr(again) == repr(thing) and same(thing, again)
+    values = np.random.default_rng(0).random((3, 1, 592))
+    renderer = uneven_map.renderer(coarsest, pack=True, size=(40, 30), channels=1, interpolate="nearest")
+    for again in copies(renderer):
+        assert np.array_equal(again(values), renderer(values), equal_nan=True)
+    for moved in copies(index.posed(turned)):
+        assert same(moved.locate(points), index.posed(turned).locate(points)) and same(moved.nearest(points, 3), index.posed(turned).nearest(points, 3))
+    for again in copies(robot):
+        assert all(np.array_equal(pose, robot.poses({"turn": 0.3})[name]) for name, pose in again.poses({"turn": 0.3}).items())
+    assert copy.deepcopy([renderer, uneven_map, index, robot]) == [renderer, uneven_map, index, robot], "what never changes is shared"
+    hits = index.locate(points)
+    copy.deepcopy(hits).distance[:] = 0
+    assert (hits.distance != 0).all()
+    with pytest.raises(dermatome.Error):
+        dermatome.Robot._of([("a", 7, np.eye(4))], [])
+
+
+def test_fields_of_the_whole_map_have_one_order(uneven_map):
+    index = uneven_map.index(fields=True)
+    for number in range(uneven_map.n_levels):
+        patch, level, place = uneven_map.fields(number)
+        count = uneven_map.n_fields(number)
+        assert len(patch) == count == uneven_map.pooling(number).shape[1] == uneven_map.pool(np.zeros(592), number).shape[0]
+        of_patches = list(uneven_map.patches.values())
+        assert level.tolist() == [min(number, len(of_patches[p].levels) - 1) for p in patch]
+        centres = np.array([of_patches[p].levels[n].positions[k] for p, n, k in zip(patch, level, place)])
+        near = index.locate(centres, level=number).fields.scipy()
+        assert near.shape == (count, count) and (near.diagonal() > 0.99).all()
+        nearest = index.nearest(centres + 1e-5, level=number)
+        assert np.array_equal(nearest.patch, patch) and np.array_equal(nearest.level, level) and np.array_equal(nearest.field, place)
+        assert np.array_equal(index.within(centres, 1e-6, level=number).field, place)
+    with pytest.raises(dermatome.DataError, match="level: found 9"):
+        uneven_map.fields(9)
+
+
+def test_edges_are_the_sides_of_faces(dome_map):
+    for level in dome_map.patches["dome"].levels:
+        sides = np.sort(np.concatenate([level.faces[:, [0, 1]], level.faces[:, [1, 2]], level.faces[:, [2, 0]]]), axis=1)
+        assert np.array_equal(level.edges, np.unique(sides, axis=0)) and level.edges.dtype == np.uint32
+
+
+def test_skins_of_several_links(tmp_path):
+    positions, faces = lattice(6, 5)
+    away = np.eye(4)
+    away[:3] = [[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, 0.3]]
+    palm = dermatome.Skin.from_arrays(positions, faces, patch="palm", link="base", ids=np.arange(30) + 100)
+    thumb = dermatome.Skin.from_arrays(positions, faces, patch="tip", link="thumb")
+    hand = dermatome.Skin.join([palm, thumb], poses={"thumb": away})
+    assert (hand.patches, hand.links, hand.remarks) == (("palm", "tip"), ("base", "thumb"), ())
+    assert np.array_equal(hand.positions, np.concatenate([positions] * 2)) and np.array_equal(hand.ids, [*range(100, 130), *range(1, 31)])
+    index = dermatome.build(hand).index()
+    world = positions @ away[:3, :3].T + away[:3, 3]
+    assert np.allclose(index.poses["thumb"], away) and abs(index.locate(world).distance).max() < 1e-9
+    assert (index.locate(world).link == 1).all()
+    # Links keep what hangs from them; the same skin twice is one link.
+    (tmp_path / "arm.urdf").write_text("""<robot name="arm"><link name="base"/><link name="tip"><visual><geometry><box size="0.1 0.1 0.1"/>
+      </geometry></visual></link><joint name="j" type="fixed"><parent link="base"/><child link="tip"/><origin xyz="0 0 1"/></joint></robot>""")
+    arm = dermatome.Skin.read(tmp_path / "arm.urdf", spacing=0.02)
+    moved = dermatome.build(dermatome.Skin.join([arm, palm], poses={"base": away})).index()
+    assert moved.poses["tip"][:3, 3] == pytest.approx([0.1, 0.2, 1.3]) and list(moved.poses) == ["base", "tip"]
+    twice = dermatome.Skin.join([palm, palm, thumb])
+    assert twice.patches == ("palm", "palm.1", "tip") and twice.links == ("base", "thumb")
+    assert twice.remarks == ("palm: the name is taken; this patch is now palm.1", "30 ids belong to several taxels, which share their readings")
+    assert dermatome.Skin.join([hand, palm]).links == ("base", "thumb")
+    for wrong, text in (
+        (lambda: dermatome.Skin.join([hand, thumb]), "skins: found two links \"thumb\" with another parent or pose"),
+        (lambda: dermatome.Skin.join([palm], poses={"thumb": away}), "poses: found \"thumb\""),
+        (lambda: dermatome.Skin.join([palm], poses={"base": 2 * away}), "last row"),
+        (lambda: dermatome.Skin.join([palm], poses={"base": np.diag([2, 1, 1, 1])}), "no rigid pose"),
+    ):
+        with pytest.raises(dermatome.DataError, match=text):
+            wrong()
+
+
+def test_taxels_of_several_patches_from_arrays():
+    positions, faces = lattice(6, 5)
+    both, two = np.concatenate([positions, positions + [0.2, 0, 0]]), np.concatenate([faces, faces + 30])
+    order = np.random.default_rng(0).permutation(60)
+    place = np.argsort(order)
+    names = np.array(["palm"] * 30 + ["tip"] * 30)
+    ids, normals = np.arange(60) + 500, np.tile([0.0, 0, 1], (60, 1))
+    for given in (names[order], names[order].tolist()):
+        skin = dermatome.Skin.from_arrays(
+            both[order], place[two], patch=given, link=np.where(names == "palm", "base", "finger")[order], ids=ids[order], normals=normals
+        )
+        at = np.argsort(skin.ids)
+        assert set(skin.patches) == {"palm", "tip"} and set(skin.links) == {"base", "finger"}
+        assert np.array_equal(skin.positions[at], both) and len(skin.faces) == len(two)
+    bare = dermatome.Skin.from_arrays(both[order], patch=names[order].tolist(), outside=(0, 0, 1))
+    assert bare.links == ("link",) and np.array_equal(bare.positions, both[order][bare.ids - 1])
+    for wrong, text in (
+        ({"patch": names[:9].tolist()}, "patch: found 9; needed: a word, or 60"),
+        ({"patch": 3}, "patch: found int"),
+        ({"patch": ["a"] * 59 + ["b"]}, r"faces\[.*\]: found taxels of the patches"),
+        ({"link": ["a"] * 59 + ["b"]}, r"link\[59\]: found \"b\"; needed: \"a\", that of the other taxels of the patch \"skin\""),
+    ):
+        with pytest.raises(dermatome.DataError, match=text):
+            dermatome.Skin.from_arrays(both, two, **wrong)
+
+
+def test_each_point_may_have_its_link():
+    flat = lattice(12, 12)[0]
+    names = ["a"] * 144 + ["b"] * 144
+    skin = dermatome.Skin.from_arrays(np.concatenate([flat, flat + [0, 0, 0.01]]), patch=names, link=names, outside=(0, 0, 1))
+    index = dermatome.build(skin).index(reactive=True, fields=True)
+    points = flat[[30, 40, 50, 60]] + [0, 0, 0.002]
+    for only, expected in (
+        (["a", "b", None, "b"], [0, 1, 0, 1]),
+        ([0, 1, -1, 1], [0, 1, 0, 1]),
+        (np.array([1, 1, 0, 0], dtype=np.uint8), [1, 1, 0, 0]),
+        (np.array(["b", "a", "a", "b"]), [1, 0, 0, 1]),
+        ("b", [1] * 4),
+    ):
+        assert index.locate(points, only_link=only).link.tolist() == expected
+        assert index.reactive(points, only_link=only).link.tolist() == expected
+        assert index.nearest(points, only_link=only).patch.tolist() == expected
+    readings, felt = index.readings(points, np.ones(4), only_link=["a", "a", "b", "b"])
+    assert felt.all() and np.allclose(readings.reshape(2, 144).sum(axis=1), 2)
+    for wrong, text in ((["a"], "found 1 links; needed: one, or 4"), ([0, 1, 2, 0], r"only_link\[2\]: found 2"), (["a", "b", "c", "a"], '"c"')):
+        with pytest.raises(dermatome.DataError, match=text):
+            index.locate(points, only_link=wrong)
+
+
+def test_flatten_cuts_as_build_does():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    box = [face for a, b, c, d in sides for face in ([a, b, c], [a, c, d])]
+    assert len(dermatome.flatten(corners, box).uv) > 8
+    with pytest.raises(dermatome.DataError):
+        dermatome.flatten(corners, box, cut="none")
+    positions, faces = dome()
+    assert np.array_equal(dermatome.flatten(positions, faces).faces, faces.astype(np.uint32)), "a disk is not cut"
+    around = tube()
+    seam = [[24 * k, 24 * (k + 1)] for k in range(29)]
+    cut = dermatome.flatten(*around, cut=seam)
+    assert len(cut.uv) == 720 + 30 and np.array_equal(np.unique(cut.vertex_of_place[720:] % 24), [0])
+    with pytest.raises(dermatome.DataError, match="cut: found vertex 720; needed: 0 to 719"):
+        dermatome.flatten(*around, cut=[[719, 720]])

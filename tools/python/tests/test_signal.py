@@ -1,13 +1,17 @@
 """Images, contacts, recordings, calibration and pictures."""
 
+import copy
+import pickle
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import dome, lattice
 
 import dermatome
+from dermatome import _dermatome
 
 
 def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, tmp_path):
@@ -49,6 +53,81 @@ def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level, siz
         covered = renderer.mask.ravel()
         assert np.allclose(drawn[:, covered], product[:, covered], atol=1e-5)
         assert (product[:, ~covered] == 0).all()
+
+
+def test_images_take_any_leading_axes(dome_map):
+    values = np.random.default_rng(8).random((2, 5, 3, 256))
+    values[0, 1, 2, 30:50] = np.nan
+    one, three = dome_map.renderer(size=[20, 16]), dome_map.renderer(size=[20, 16], channels=3)
+    expected = np.stack([three(part) for part in values])
+    assert expected.shape == (2, 5, 3, 20, 16)
+    for renderer in (one, three, dome_map.renderer(size=(20, 16), extensive=[False] * 3)):
+        assert np.array_equal(renderer(values), expected, equal_nan=True)
+        frame = expected[0, 1, :, None] if renderer is one else expected[0, 1]  # Without `channels` two axes are frames and taxels.
+        assert np.array_equal(renderer(values[0, 1]), frame, equal_nan=True)
+    assert np.array_equal(one(values[1, 0, 0]), expected[1, 0, :1], equal_nan=True)
+    assert np.array_equal(one(values[1, :, 0]), expected[1, :, :1], equal_nan=True)
+    single = dome_map.renderer(size=(20, 16), channels=1)
+    assert single(values[:, :, :1]).shape == (2, 5, 1, 20, 16) and single(values[0, 0, 0]).shape == (1, 20, 16)
+    assert one(np.zeros((2, 0, 256))).shape == (2, 0, 20, 16) and one(np.zeros((0, 256))).shape == (0, 1, 20, 16)
+    for renderer, wrong in ((single, values), (three, values[:, :, 0]), (one, values[..., :9]), (one, 3.0), (three, values[0, 0, 0])):
+        with pytest.raises(dermatome.DataError, match="values: found shape .*needed: shape .*256"):
+            renderer(wrong)
+    # The last channel of a mask: 1 where all others are known.
+    values[:, :, :, 100:130] = np.nan
+    for fill in (None, -2.0):
+        for interpolate in ("linear", "nearest"):
+            bare = dome_map.renderer(size=(20, 16), interpolate=interpolate)(values)
+            for channels in (None, 3):
+                masked = dome_map.renderer(size=(20, 16), interpolate=interpolate, channels=channels, fill=fill, mask=True)(values)
+                assert masked.shape == (2, 5, 4, 20, 16)
+                assert np.array_equal(masked[:, :, 3], np.isfinite(bare).all(axis=2))
+                filled = bare if fill is None else np.nan_to_num(bare, nan=fill)
+                assert np.array_equal(masked[:, :, :3], filled, equal_nan=True)
+
+
+@pytest.mark.parametrize("options", [{"pack": "tight", "size": [90, 70]}, {"pack": "body"}, {"patch": 1, "size": [40, 60]}, {"patch": 0}])
+def test_points_and_pixels_are_inverse(uneven_map, options):
+    names, index = list(uneven_map.patches), uneven_map.index()
+    options = {**options, "patch": names[options["patch"]]} if "patch" in options else options
+    for level in range(uneven_map.n_levels if "pack" in options else 1):
+        renderer = uneven_map.renderer(level, **options)
+        drawn = [names.index(chart["patch"]) for chart in renderer.charts]
+        patch, of_level, place = uneven_map.fields(level)
+        centres = np.array([uneven_map.patches[names[p]].levels[n].positions[k] for p, n, k in zip(patch, of_level, place)])
+        hits = index.locate(centres + [0, 0, 1e-4], level=level)
+        pixels = renderer.pixels(hits)
+        shown = np.isin(patch, drawn)
+        assert np.isfinite(pixels).all(axis=1).tolist() == shown.tolist()
+        back, points, normals, off_chart = renderer.to_skin(*pixels[shown].T)
+        assert np.array_equal(back, patch[shown]) and off_chart.max() < 1e-9
+        assert np.allclose(points, centres[shown], atol=1e-9) and np.allclose(normals, [0, 0, 1])
+        # A pixel shows the patch, the field and the place that it is of.
+        rows, columns = np.nonzero(renderer.mask)
+        back, points, _, off_chart = renderer.to_skin(rows, columns)
+        assert np.array_equal(back, renderer.patch[renderer.mask]) and off_chart.max() < 1e-7
+        assert (renderer.patch[~renderer.mask] == -1).all() and (renderer.field[~renderer.mask] == -1).all()
+        again = renderer.pixels(index.locate(points, level=0)) if level == 0 else None
+        assert again is None or np.allclose(again, np.stack([rows, columns], axis=1), atol=1e-6)
+        shown_by = renderer.field[rows, columns]
+        assert np.array_equal(patch[shown_by], back)
+        nearest = np.array([np.linalg.norm(centres[patch == p] - x, axis=1).min() for p, x in zip(back, points)])
+        assert np.linalg.norm(centres[shown_by] - points, axis=1) == pytest.approx(nearest, abs=1e-6)
+        for chart in renderer.charts:
+            (row, column), (height, width) = chart["corner"], chart["shape"]
+            inside = renderer.patch[row : row + height, column : column + width] == names.index(chart["patch"])
+            assert inside.sum() == (renderer.patch == names.index(chart["patch"])).sum()
+            assert chart["size"] == pytest.approx((height * renderer.pixel[0], width * renderer.pixel[1]))
+    far = renderer.to_skin([-5, 1000], [3, 3])
+    assert (far[3] > 0).all() and np.isfinite(far[1]).all()
+    for wrong, text in (
+        (lambda: renderer.pixels(index.locate(centres, level=None)), "hits without places"),
+        (lambda: renderer.to_skin([np.nan], [1]), r"rows\[0\]: found NaN"),
+        (lambda: renderer.to_skin([1, 2], [1]), "columns: found shape"),
+        (lambda: uneven_map.renderer(1, pack=True).pixels(index.locate(centres[-1:], level=0)), "level 0 of hit 0; needed: hits on the map: locate.*level=1"),
+    ):
+        with pytest.raises(dermatome.DataError, match=text):
+            wrong()
 
 
 def test_forces_keep_their_total(dome_map):
@@ -119,6 +198,30 @@ def test_a_contact_is_followed(dome_map):
         events += [(c["event"], sorted(c["taxels"].tolist()), c["track"]) for c in tracker.track(values)]
     assert events == [("onset", [100, 101, 116], 0), ("move", [101, 102, 117], 0), ("release", [101, 102, 117], 0)]
     assert tracker.threshold == 100.0
+
+
+@pytest.mark.parametrize("threshold", [None, 0.5])
+@pytest.mark.parametrize("lasting", [1, 3])
+def test_a_copied_tracker_goes_on(dome_map, threshold, lasting):
+    rng, options = np.random.default_rng(6), {"threshold": threshold, "lasting": lasting, "noise_frames": 4, "unit": "N"}
+    frames = rng.normal(0.1, 0.01, (30, 256))
+    for frame in range(6, 27):
+        frames[frame, [100 + frame // 4, 101 + frame // 4, 116 + frame // 4]] += 5
+        if frame % 9 < 5:
+            frames[frame, [200, 201, 185]] += 3
+    whole = dermatome.ContactTracker(dome_map, **options)
+    for frame, values in enumerate(frames):
+        tracked = [copy.deepcopy(whole), pickle.loads(pickle.dumps(whole)), dermatome.ContactTracker(dome_map, **options)]
+        expected = [str(contact) for contact in whole.track(values)]
+        for part in tracked[:2]:
+            assert [str(contact) for contact in part.track(values)] == expected and repr(part) == repr(whole), frame
+            for later in frames[frame + 1 : frame + 3]:
+                part.track(later)
+    assert whole.threshold is not None and "contacts, threshold" in repr(whole)
+    state = whole.__reduce__()[1][2]
+    for name, wrong in (("rest", np.zeros(3)), ("contacts", [{}]), ("next", -1)):
+        with pytest.raises((dermatome.DataError, OverflowError)):
+            whole._resume({**state, name: wrong})
 
 
 def test_touches_have_their_truth(dome_map):
@@ -215,6 +318,48 @@ def test_pictures(dome_map, tmp_path):
     assert "<svg" in dome_map.plot(unfold=[0, 0.5, 1], view=(30, 40), width=600).svg()
     dome_map.plot(np.arange(256.0), levels=[0], space=True).save(tmp_path / "readings.png")
     assert (tmp_path / "readings.png").read_bytes().startswith(b"\x89PNG")
+    pixels = picture.array()
+    assert pixels.dtype == np.uint8 and pixels.shape[1:] == (600, 3) and (pixels[0, 0] == 255).all() and pixels.min() < 100
+    assert repr(picture) == f"<dermatome.Picture: {pixels.shape[0]} x 600 pixels>"
+    shown = []
+    axes = SimpleNamespace(imshow=shown.append, axis=shown.append)
+    assert np.array_equal(dome_map.plot(width=600, ax=axes).array(), shown[0]) and shown[1] == "off"
+
+
+def test_a_map_shows_itself(uneven_map, tmp_path):
+    shown = uneven_map._repr_html_()
+    assert "<svg" in shown and shown.count("<tr>") == 1 + sum(len(patch.levels) for patch in uneven_map.patches.values())
+    skin = dermatome.Skin.from_arrays(*dome(), patch="<script>&", link="<b>")
+    assert "<script>" not in dermatome.build(skin)._repr_html_() and "&lt;script&gt;&amp;" in dermatome.build(skin)._repr_html_()
+
+
+@pytest.mark.parametrize("kind", ["gif", "mp4"])
+def test_videos_show_the_frames(dome_map, tmp_path, kind):
+    pytest.importorskip("imageio")
+    pytest.importorskip("imageio_ffmpeg" if kind == "mp4" else "PIL")
+    import imageio.v2 as imageio
+
+    values = np.zeros((300, 2, 256))
+    values[:, 1, 100:140] = np.linspace(0, 5, 300)[:, None]
+    values[7, 1, 30:90] = np.nan
+    renderer = dome_map.renderer(size=(21, 32))
+    renderer.video(values, tmp_path / f"skin.{kind}", channel=1, rate=25, magnification=3)
+    frames = imageio.mimread(tmp_path / f"skin.{kind}", memtest=False)
+    assert frames[0].shape[:2] == (64, 96) and (kind == "gif" or len(frames) == 300)
+    images = renderer(values)[:, 1]
+    for shown, image in ((frames[0], images[0]), (frames[-1], images[-1])):
+        wanted = _dermatome.colours(image[None], renderer.mask, [0, 5])[0].repeat(3, axis=0).repeat(3, axis=1)
+        assert abs(shown[:63, :, :3].astype(float) - wanted).mean() < 12
+    renderer.video(values[:3, 0], str(tmp_path / f"still.{kind}"), range=[-1, 1])
+    for wrong in ({"channel": 2}, {"range": [1, 1]}, {"rate": 0}, {"channel": -1}):
+        with pytest.raises(dermatome.DataError):
+            renderer.video(values[:2], tmp_path / f"no.{kind}", **wrong)
+
+
+def test_images_have_the_colours_of_the_command(dome_map):
+    values = np.array([[[0.0, 0.5], [1.0, np.nan]]], dtype=np.float32)
+    shown = _dermatome.colours(values, np.array([[True, True], [True, False]]), [0, 1])
+    assert shown[0].tolist() == [[[68, 1, 84], [33, 145, 140]], [[253, 231, 37], [255] * 3]]
 
 
 def test_findings_of_bad_arguments_name_them(dome_map):
