@@ -31,7 +31,7 @@ use crate::{
 /// ...     "taxels": {"shape": [1, 3], "first_id": 7}}''')
 /// >>> decoder = layout.decoder("pad.npy", (1, 3))
 /// >>> values, seconds = decoder.decode(np.array([[[90, 100, 100]], [[99, 100, 40]]], np.int16))
-/// >>> values[:, 0].tolist(), decoder.ids.tolist()
+/// >>> (values[:, 0] + 0.0).tolist(), decoder.ids.tolist()
 /// ([[10.0, 0.0, 0.0], [1.0, 0.0, 60.0]], [7, 8, 9])
 #[pyclass(frozen, module = "dermatome", name = "Layout")]
 #[derive(Debug)]
