@@ -63,7 +63,7 @@ pub use observations::{
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub(crate) use pose::FARTHEST;
 pub use pose::Pose;
-pub use simulate::{SimulateOptions, Simulation, simulate};
+pub use simulate::{SimulateOptions, Simulation, simulate, simulate_with};
 pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;
 pub use solve::levenberg_marquardt::{Iteration, Termination};

@@ -9,6 +9,7 @@ use crate::calib::{CalibError, Pose};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::numeric::Random;
+use crate::run::{Cancelled, Run};
 
 /// The centre of the disc of lattice points, in spacings: on no symmetry axis, so that no two points are
 /// equally far.
@@ -74,15 +75,16 @@ impl SensorLayout {
 
     /// `count` taxels far from each other: the lowest, then always the one farthest from those
     /// chosen.
-    pub(super) fn spread(&self, count: usize) -> Vec<VertexId> {
+    pub(super) fn spread(&self, count: usize, run: Run<'_>) -> Result<Vec<VertexId>, Cancelled> {
         if count == self.frames.len() {
-            return self.frames.ids().collect();
+            return Ok(self.frames.ids().collect());
         }
         let height = |v: &VertexId| self.frames[*v].position.z;
         let mut distances = self.frames.map(|_| f64::INFINITY);
         let mut chosen = Vec::with_capacity(count);
         let mut next = self.frames.ids().min_by(|a, b| height(a).total_cmp(&height(b)));
         while let Some(v) = next.filter(|_| chosen.len() < count) {
+            run.check()?;
             chosen.push(v);
             let here = self.frames[v].position;
             for (d, frame) in distances.iter_mut().zip(&self.frames) {
@@ -92,7 +94,7 @@ impl SensorLayout {
                 distances.enumerate().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(v, _)| v);
         }
         chosen.sort_unstable();
-        chosen
+        Ok(chosen)
     }
 
     pub(super) fn mesh(&self) -> TriMesh {

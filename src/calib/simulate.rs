@@ -13,6 +13,7 @@ use crate::calib::{
 use crate::id::{IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::numeric::Random;
+use crate::run::{Cancelled, Run};
 use crate::skin::TaxelId;
 
 /// Parameters of the experiment of the source paper's section IV.
@@ -153,6 +154,14 @@ mod stream {
 /// [`CalibError::BadOption`] for lengths below 1 um or above 1 km, noise that is negative or above
 /// 1 km, a chance outside 0 to 1.
 pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
+    simulate_with(options, Run::default())
+}
+
+/// As [`simulate`], in a [`Run`].
+///
+/// # Errors
+/// As [`simulate`], and if it is cancelled.
+pub fn simulate_with(options: &SimulateOptions, run: Run<'_>) -> Result<Simulation, CalibError> {
     options.validate()?;
     let layout = SensorLayout::new(options.taxels, options.spacing, options.radius)?;
     let indentation = options.indentation;
@@ -167,7 +176,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<Simulation, CalibError> {
         ..Observations::default()
     };
     let outliers = displacements(options, &layout, &mut observations);
-    contacts(options, &layout, &mut observations);
+    contacts(options, &layout, &mut observations, run)?;
 
     let first = VertexId::new(0);
     let known = match options.model {
@@ -234,11 +243,16 @@ fn displacements(
 }
 
 /// Adds an absolute contact for each of the anchors.
-fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut Observations) {
+fn contacts(
+    options: &SimulateOptions,
+    layout: &SensorLayout,
+    observations: &mut Observations,
+    run: Run<'_>,
+) -> Result<(), Cancelled> {
     let mut noise = Random::new(options.seed, stream::ANCHORS);
     let mut arm = Random::new(options.seed, stream::ARM);
     let information = Information::diagonal([information_of_noise(options.anchor_noise); 3]);
-    for taxel in layout.spread(options.anchors) {
+    for taxel in layout.spread(options.anchors, run)? {
         let frame = &layout.frames[taxel];
         let [touched, outward] = simulate_contact(options, frame.rotation * DVec3::Z, &mut arm);
         let position = touched + noise.vector(options.anchor_noise);
@@ -254,6 +268,7 @@ fn contacts(options: &SimulateOptions, layout: &SensorLayout, observations: &mut
         };
         observations.contacts.push(ContactObservation { taxel, measurement: touch });
     }
+    Ok(())
 }
 
 /// Touches the probe with the taxel of normal `n` from a random direction: the contact forward

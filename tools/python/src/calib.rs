@@ -6,7 +6,7 @@ use dermatome::{
     Error,
     calib::{
         CalibOptions, Calibration, Initialization, Loss, Model, ObservationDiagnostics, Observations,
-        ResidualConvention, SimulateOptions, calibrate_with, calibrated_skin, simulate as simulate_contacts,
+        ResidualConvention, SimulateOptions, calibrate_with, calibrated_skin, simulate_with,
     },
     id::VertexId,
     io::{read_observations, write_observations},
@@ -356,7 +356,8 @@ pub(crate) fn simulate<'py>(
         outliers,
         seed,
     };
-    let made = run(py, 0, move |_| simulate_contacts(&options))?.map_err(|e| error(Error::from(e)))?;
+    let made =
+        run(py, 0, move |stop| simulate_with(&options, stop.run()))?.map_err(|e| error(Error::from(e)))?;
     let truth = PyDict::new(py);
     truth
         .set_item("positions", matrix(py, made.truth.iter().map(|pose| DVec3::to_array(&pose.position)))?)?;

@@ -136,7 +136,7 @@ def test_remarks_are_what_the_command_says(uneven_map, tmp_path):
     readings.write(tmp_path / "a.npz")
     uneven_map.write(tmp_path / "map.glb")
     (tmp_path / "gain.csv").write_text(f"id,gain\n9999,2\n{ids[0]},1.5\n")
-    command = "render map.glb a.npz -o o.npz --values-only --baseline 99 --gain gain.csv --clip -0.3,0.3".split()
+    command = "render map.glb a.npz -o o.npz --values-only --zero first=99 --gain gain.csv --clip -0.3,0.3".split()
     said = subprocess.run([sys.executable, "-m", "dermatome", *command], capture_output=True, text=True, cwd=tmp_path)
     assert said.returncode == 0, said.stderr
     notes = [line.removeprefix("note: ").removeprefix("a.npz: ") for line in said.stderr.splitlines() if line.startswith("note: ")]

@@ -256,7 +256,7 @@ def test_readings_are_made_comparable_as_the_command_does(dome_map, tmp_path):
     readings.write(tmp_path / "values.npz")
     dome_map.write(tmp_path / "map.glb")
     (tmp_path / "gain.csv").write_text("id,gain\n7,2.5\n")
-    options = ["--baseline", "4", "--gain", "gain.csv", "--clip=-1,1", "--split", "5", "--layout", "tcn", "--values-only", "--quiet"]
+    options = ["--zero", "first=4", "--gain", "gain.csv", "--clip=-1,1", "--split", "5", "--layout", "tcn", "--values-only", "--quiet"]
     command = ["render", "map.glb", "values.npz", "-o", "out.npz", *options]
     subprocess.run([sys.executable, "-m", "dermatome", *command], check=True, cwd=tmp_path)
     written = np.load(tmp_path / "out.npz")

@@ -146,7 +146,7 @@ def tally(map: Map, values: Any, made: Any, missing: Any, served: Any, times: An
     first = min(int(options.baseline), frames) if is_number(options.baseline) else 0
     said, lacks_baseline, mean = [], np.zeros((count, taxels), dtype=bool), np.zeros((count, taxels))
     if is_number(options.baseline) and frames < options.baseline:
-        said.append(f"the baseline is the mean of {frames} frames, there are no {options.baseline}")
+        said.append(f"the zero is the mean of {frames} frames, there are no {options.baseline}")
     if first:
         found = np.isfinite(values[:first])
         lacks_baseline = ~found.any(axis=0)
@@ -179,7 +179,7 @@ def tally(map: Map, values: Any, made: Any, missing: Any, served: Any, times: An
         (clipped, "readings", "clipped"),
         (too_large, "readings", "beyond the range of 32-bit floats, and masked"),
         (backwards, "frames", "earlier than the frame before"),
-        (int(lacks_baseline[:, served].sum()), "readings", "without a baseline, and masked"),
+        (int(lacks_baseline[:, served].sum()), "readings", "without a zero, since none of the first frames has one, and masked"),
         (len(set(gain) - set(map.ids.tolist())) if isinstance(gain, Mapping) else 0, "gains", "of no taxel of the map"),
     )
     return said + [counted(number, things, how) for number, things, how in counts if number]

@@ -17,7 +17,7 @@ from dermatome.recordings import is_container
 # Arguments that are of this module, with their values.
 OWN = ("--layout", "--stream", "--episode")
 # What follows a frame from the one before it, and would join episodes.
-ONE_EPISODE = ("--split", "--contacts", "--baseline")
+ONE_EPISODE = ("--split", "--contacts", "--zero")
 OUTPUTS = ("-o", "--output")
 COMMAND = "import sys; from dermatome._dermatome import run_command; sys.exit(run_command(sys.argv[1:]))"
 
