@@ -2,7 +2,7 @@
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
 //! where it needs a seam, maps every level of it to the plane
-//! ([`flatten_pyramid`]) and returns the [`SkinMap`].
+//! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
 //!
 //! Every map is measured in the 32-bit numbers of `map.glb` (`written`). How a patch is cut depends on that
 //! patch alone (`cut_open`).
@@ -72,7 +72,7 @@ pub struct BuildOptions {
     pub keep_going: bool,
 }
 
-/// Which mean the densities of [`Method::Intrinsic`](crate::flatten::Method::Intrinsic) and the acuities of
+/// Which mean the densities of [`Method::Intrinsic`] and the acuities of
 /// taxels are relative to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MagnifyOver {
