@@ -130,7 +130,7 @@ fn ranges_are_round_and_hold_the_values() {
             assert!(svg.contains(&format!(">{end}</text>")), "{end} for {values:?}");
         }
     }
-    for x in [1.0, -1.0, 0.37, -1e-300, 1e300, 12.0] {
+    for x in [1.0, -1.0, 0.37, -1e-300, 3e38, 12.0] {
         let frame = on_levels(&map, &channel, |_| x);
         let svg = draw(&map, &frame, &channel, &options).unwrap().to_svg();
         assert!(!svg.contains("no reading"), "{x} is on the scale");

@@ -1,6 +1,6 @@
 //! What is done to a recording on its way to frames, and what was done.
 
-use crate::signal::{ConditionOptions, ConditionReport, Duplicates, JoinReport};
+use crate::signal::{ConditionOptions, ConditionReport, Duplicates, JoinReport, Zero};
 
 /// How readings are joined to a map and made comparable.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -90,4 +90,45 @@ pub struct RecordingReport {
     pub join: JoinReport,
     /// What was done to the readings.
     pub condition: ConditionReport,
+}
+
+impl RecordingReport {
+    /// What is not as it should be, but for [`JoinReport::remarks`], a sentence each. `zero` is the one that was
+    /// asked for.
+    pub fn remarks(&self, zero: Zero) -> Vec<String> {
+        let Self { read, missing, condition, .. } = self;
+        let mut remarks = Vec::new();
+        if let Zero::First(frames) = zero
+            && *read < frames
+        {
+            remarks.push(format!("the zero is the mean of {read} frames, there are no {frames}"));
+        }
+        // Masked taxels have none either, which is expected.
+        let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.channels);
+        let counts = [
+            (*missing as u64, "reading", "missing, NaN or infinite, and masked"),
+            (condition.clipped, "reading", "clipped"),
+            (condition.too_large, "reading", "beyond the range of 32-bit floats, and masked"),
+            (if self.has_times { condition.backwards } else { 0 }, "frame", "earlier than the frame before"),
+            (
+                unknown_baselines as u64,
+                "reading",
+                "without a zero, since none of the first frames has one, and masked",
+            ),
+            (condition.unknown_gains as u64, "gain", "of no taxel of the map"),
+            (condition.zero.retaken, "zero", "taken again, since it was taken in contact"),
+            (
+                condition.zero.replaced,
+                "module",
+                "replaced, since connected taxels jumped at once, and has zeros of its own",
+            ),
+        ];
+        remarks.extend(counts.into_iter().filter(|(count, ..)| *count > 0).map(|(count, thing, how)| {
+            match count {
+                1 => format!("1 {thing} is {how}"),
+                _ => format!("{count} {thing}s are {how}"),
+            }
+        }));
+        remarks
+    }
 }

@@ -34,6 +34,22 @@ pub struct JoinReport {
     pub duplicates: usize,
 }
 
+impl JoinReport {
+    /// What does not fit, a sentence each.
+    pub fn remarks(&self) -> Vec<String> {
+        let Self { unknown, first_unknown, shared, duplicates, masked, matched } = self;
+        let ids = first_unknown.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let more = if *unknown > first_unknown.len() { ", ..." } else { "" };
+        let all = [
+            (*unknown, format!("{unknown} columns are of no taxel of the map: {ids}{more}")),
+            (*masked, format!("{matched} taxels have readings, {masked} have none and are masked")),
+            (*shared, format!("{shared} ids belong to several taxels, which share the readings")),
+            (*duplicates, format!("{duplicates} columns have the id of an earlier one")),
+        ];
+        all.into_iter().filter(|(count, _)| *count > 0).map(|(_, remark)| remark).collect()
+    }
+}
+
 /// The assignment of columns of readings to the taxels of a map.
 ///
 /// ```

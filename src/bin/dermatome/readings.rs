@@ -7,10 +7,10 @@ use dermatome::Error;
 use dermatome::io::{IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
-use dermatome::signal::{ConditionOptions, Duplicates, JoinReport, Zero};
+use dermatome::signal::{ConditionOptions, Duplicates, Zero};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns, note_count};
+use crate::console::notes::{note, note_columns};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
 use crate::options::{Choice, Common, InPath, LayoutArg, layout_arg, number, one_of};
@@ -215,10 +215,6 @@ impl ReadingsArgs {
             }
         }
         let report = &recording.report();
-        let RecordingReport { read, missing, condition, .. } = report;
-        let unknown_baselines =
-            condition.without_baseline.saturating_sub(report.join.masked * report.channels);
-        let backwards = if report.has_times { condition.backwards } else { 0 };
         if !report.has_times {
             note!(common, "the frames have no times; --rate HZ gives them some");
         }
@@ -226,52 +222,12 @@ impl ReadingsArgs {
             let seconds = report.interval.unwrap_or_default();
             note!(common, "the frames are {seconds:.3} s apart; a column of times in ms is called time[ms]");
         }
-        if let Some(Zero::First(frames)) = self.zero.filter(|zero| matches!(zero, Zero::First(n) if read < n))
-        {
-            note!(common, "the zero is the mean of {read} frames, there are no {frames}");
-        }
-        let counts = [
-            (*missing as u64, "readings", "missing, NaN or infinite, and masked"),
-            (condition.clipped, "readings", "clipped"),
-            (condition.too_large, "readings", "beyond the range of 32-bit floats, and masked"),
-            (backwards, "frames", "earlier than the frame before"),
-            // Masked taxels have none either, which is expected.
-            (
-                unknown_baselines as u64,
-                "readings",
-                "without a zero, since none of the first frames has one, and masked",
-            ),
-            (condition.unknown_gains as u64, "gains", "of no taxel of the map"),
-            (condition.zero.retaken, "zeros", "taken in contact, and again when it ended"),
-            (
-                condition.zero.replaced,
-                "groups of taxels",
-                "that jumped at once, as those of a replaced module; their zeros were taken again",
-            ),
-        ];
-        for (count, things, how) in counts {
-            note_count(common, count, things, how);
-        }
+        report.remarks(self.zero.unwrap_or_default()).iter().for_each(|remark| note!(common, "{remark}"));
     }
 }
 
 /// Notes about columns of `path` and taxels that do not fit each other.
 pub(crate) fn remark_join(recording: &Recording, path: &Path, common: &Common) {
     let path = if is_stream(path) { "standard input".into() } else { path.display().to_string() };
-    let JoinReport { unknown, first_unknown, shared, duplicates, masked, matched } = recording.report().join;
-    if unknown > 0 {
-        let ids: Vec<String> = first_unknown.iter().map(ToString::to_string).collect();
-        let more = if unknown > ids.len() { ", ..." } else { "" };
-        let ids = ids.join(", ");
-        note!(common, "{path}: {unknown} columns are of no taxel of the map: {ids}{more}");
-    }
-    if masked > 0 {
-        note!(common, "{path}: {matched} taxels have readings, {masked} have none and are masked");
-    }
-    if shared > 0 {
-        note!(common, "{path}: {shared} ids belong to several taxels, which share the readings");
-    }
-    if duplicates > 0 {
-        note!(common, "{path}: {duplicates} columns have the id of an earlier one");
-    }
+    recording.report().join.remarks().iter().for_each(|remark| note!(common, "{path}: {remark}"));
 }

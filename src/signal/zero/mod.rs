@@ -16,7 +16,8 @@
 //!    connected taxels jump at once and some fall below their zero, a module was replaced: all of theirs are.
 //!
 //! *Heuristic*; measured on simulated recordings with a drift of 1 % of the full scale a minute: a force error of 2 %
-//! where the mean of the first frames has 40 %. A module whose readings all rise at once looks like a touch, and a taxel
+//! where the mean of the first frames has 40 %. A zero that drifts by more than `0.4 sigma` a second, or a
+//! module whose readings all rise at once, looks like a touch, and a taxel
 //! whose readings cannot fall below zero keeps a zero that was taken in contact.
 
 mod track;

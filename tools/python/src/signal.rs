@@ -1,6 +1,7 @@
 //! `Renderer`, `ContactTracker`, `read_readings` and `touch`: values on taxels, and images of them.
 
 use std::{
+    collections::HashSet,
     path::PathBuf,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
@@ -18,7 +19,7 @@ use dermatome::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
         Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState, Zero,
     },
-    skin::{PatchId, TaxelId},
+    skin::{PatchId, Presence, TaxelId},
 };
 use glam::DVec2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -834,14 +835,14 @@ pub(crate) fn read_readings<'py>(
     arrays(py, run(py, 0, read)?.map_err(error)?)
 }
 
-/// Readings of columns with these ids as readings of the taxels of a map: (T, C, n) to (T, C, N).
+/// Readings of columns with these ids as readings of the taxels of a map, (T, C, n) to (T, C, N), and how they fit.
 #[pyfunction]
 pub(crate) fn join_readings<'py>(
     py: Python<'py>,
     map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
     ids: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyAny>> {
+) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
     let values = floats("values", values)?;
     let &[frames, channels, width] = values.shape() else {
         return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
@@ -856,14 +857,15 @@ pub(crate) fn join_readings<'py>(
         join.fill(row, &mut frame);
         joined.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
     }
-    Ok(shaped(py, [frames, channels, taxels], joined)?.into_any())
+    Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), join.report().remarks()))
 }
 
-/// Readings (T, C, n) on the taxels of a map, made comparable: the arrays of a recording with values (T, C, N), and
-/// `measured`, which of these are readings and not filled.
+/// Readings (T, C, N) of the taxels of a map, made comparable: the arrays of a recording with values (T, C, N);
+/// `measured`, which of these are readings and not filled; and `remarks`. `ids` are those of the columns that the readings
+/// had before they were joined to the map: other taxels have none, which is no remark.
 #[pyfunction]
-#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, gains=Vec::new(), clip=None, split_hz=None,
-    rate_hz=None, fill="none"))]
+#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, zero=None, gains=Vec::new(), clip=None,
+    split_hz=None, fill="none"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
     py: Python<'py>,
@@ -874,35 +876,38 @@ pub(crate) fn condition_readings<'py>(
     channels: Vec<String>,
     units: Vec<String>,
     baseline: i64,
+    zero: Option<&str>,
     gains: Vec<(u32, f64)>,
     clip: Option<[f64; 2]>,
     split_hz: Option<f64>,
-    rate_hz: Option<f64>,
     fill: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
     let values = floats("values", values)?;
     let needed = [timestamps.len()?, channels.len(), units.len()];
     let &[frames, of_channels, width] = values.shape() else {
-        return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
+        return Err(bad_shape("values", values.shape(), "shape (T, C, N)"));
     };
     if [frames, of_channels, of_channels] != needed {
         let [frames, channels, _] = needed;
-        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, n)")));
+        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
     }
-    let ids = ids.map(|ids| one_number_each("ids", ids, width)).transpose()?;
+    let ids = ids.map(|ids| one_number_each("ids", ids, ids.len()?)).transpose()?;
     let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
     let readings = Readings {
-        ids: ids.map(|ids| ids.into_iter().map(TaxelId).collect()),
+        ids: None,
         channels: channels.into_iter().zip(units).map(channel).collect(),
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
     };
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
-    let condition =
-        ConditionOptions { zero: Zero::First(count("baseline", baseline)?), gains, clip, split_hz };
-    let options = RecordingOptions { rate_hz, condition, fill, ..RecordingOptions::default() };
+    let zero = match zero {
+        None => Zero::First(count("baseline", baseline)?),
+        Some(zero) => word("zero", zero, &[("follow", Zero::Follow)])?,
+    };
+    let condition = ConditionOptions { zero, gains, clip, split_hz };
+    let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording = Recording::open(&map, ReadingsReader::memory(readings)?, &options)?;
@@ -921,12 +926,24 @@ pub(crate) fn condition_readings<'py>(
                 }
             }
         }
-        Ok((out, measured))
+        let mut report = recording.report();
+        if let Some(ids) = ids {
+            let ids: HashSet<u32> = ids.into_iter().collect();
+            let has_none = |(id, presence): &(&TaxelId, &Presence)| {
+                **presence == Presence::Present && !ids.contains(&id.0)
+            };
+            let taxels = map.patches.iter().flat_map(|p| p.taxels.ids.iter().zip(&p.taxels.presence));
+            let without_column = taxels.filter(has_none).count();
+            report.join.masked += without_column;
+            report.missing = report.missing.saturating_sub(without_column * report.channels * report.read);
+        }
+        Ok((out, measured, report.remarks(zero)))
     })?;
-    let (readings, measured) = made.map_err(error)?;
+    let (readings, measured, remarks) = made.map_err(error)?;
     let measured = shaped(py, [readings.times.len(), readings.channels.len(), readings.width], measured)?;
     let conditioned = arrays(py, readings)?;
     conditioned.set_item("measured", measured)?;
+    conditioned.set_item("remarks", remarks)?;
     Ok(conditioned)
 }
 

@@ -250,6 +250,21 @@ def test_recordings_are_read_by_id(dome_map, tmp_path):
     assert some.units == ("Pa",) and some.values[1, 0, :2].tolist() == [6, 7] and np.isnan(some.values[0, 0, 1:]).all()
 
 
+def test_zeros_are_followed_or_given(dome_map):
+    rng, frames = np.random.default_rng(3), 1200
+    drift = np.linspace(0, 24, frames)[:, None, None]
+    values = 1000 + drift + rng.normal(0, 1, (frames, 1, 256))
+    readings = dermatome.Readings.from_arrays(values, ids=dome_map.ids, timestamps=np.arange(frames) / 10, units=("count",))
+    followed = readings.condition(dome_map, zero="follow").values
+    assert np.abs(followed).max() < 8 < 20 < np.abs(readings.condition(dome_map, baseline=10).values).max()
+    for zero in (1000, np.full(256, 1000.0)):
+        assert np.allclose(readings.condition(dome_map, zero=zero, gain=np.full(256, 2.0)).values, 2 * (readings.on(dome_map).values - 1000))
+    with pytest.raises(dermatome.DataError, match="one of the two"):
+        readings.condition(dome_map, zero="follow", baseline=3)
+    with pytest.raises(dermatome.DataError, match="follow"):
+        readings.condition(dome_map, zero="tracks")
+
+
 def test_readings_are_made_comparable_as_the_command_does(dome_map, tmp_path):
     values = np.random.default_rng(11).normal(5, 1, (30, 1, 256))
     readings = dermatome.Readings.from_arrays(values, ids=dome_map.ids, timestamps=np.arange(30) / 50, units=("N",))

@@ -624,20 +624,20 @@ class RecordingFile:
     def statements(self) -> list[tuple[str, str, str]]: ...
 
 def read_readings(path: _Path, layout: Literal["tnc", "tcn"] = "tnc") -> dict[str, Any]: ...
-def join_readings(map: Map, values: ArrayLike, ids: ArrayLike) -> _F64: ...
+def join_readings(map: Map, values: ArrayLike, ids: ArrayLike) -> tuple[_F64, list[str]]: ...
 def condition_readings(
     map: Map,
     values: ArrayLike,
-    ids: ArrayLike | None,
+    ids: _U32 | None,
     timestamps: ArrayLike,
     channels: Sequence[str],
     units: Sequence[str],
     *,
     baseline: int = 0,
+    zero: str | None = None,
     gains: Sequence[tuple[int, float]] = ...,
     clip: tuple[float, float] | None = None,
     split_hz: float | None = None,
-    rate_hz: float | None = None,
     fill: str = "none",
 ) -> dict[str, Any]: ...
 def is_extensive(name: str, unit: str) -> bool: ...

@@ -203,11 +203,10 @@ class Readings:
             if self.values.shape[2] != map.n_taxels:
                 raise DataError(f"map: found {map.n_taxels} taxels; needed: {self.values.shape[2]}, or readings with ids")
             return self
-        values = join_readings(map, self.values, self.ids)
+        values, said = join_readings(map, self.values, self.ids)
         measured = self.measured
         if measured is not None:
-            measured = join_readings(map, measured.astype(float), self.ids) == 1
-        said = _conditioning.joined(map, self.ids)
+            measured = join_readings(map, measured.astype(float), self.ids)[0] == 1
         return replace(self, values=values, ids=None, measured=measured, remarks=(*self.remarks, *said))
 
     @property
@@ -222,6 +221,7 @@ class Readings:
         scale: ArrayLike = 1.0,
         offset: ArrayLike = 0.0,
         baseline: ArrayLike = 0,
+        zero: str | ArrayLike | None = None,
         gain: Mapping[int, float] | ArrayLike | None = None,
         clip: Sequence[float] | None = None,
         split: float | None = None,
@@ -239,6 +239,8 @@ class Readings:
             What readings are multiplied by and what is then added to them, as from counts to Pa.
         baseline : int, (N,) or (C, N) array_like
             What is subtracted; a number: the mean of this many first frames.
+        zero : "follow" or float, (N,) or (C, N) array_like, optional
+            Instead of a baseline: the zero of each taxel is followed where nothing touches, or it is known.
         gain : (N,) or (C, N) array_like, or dict of int to float, optional
             What the readings of a taxel are multiplied by; in a dict by its id, and 1 for others.
         clip : (2,) sequence of float, optional
@@ -269,7 +271,7 @@ class Readings:
         ('mN',)
         """
         readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)))
-        options = _conditioning.Options(scale, offset, baseline, gain, clip, split, rate, fill)
+        options = _conditioning.Options(scale, offset, baseline, zero, gain, clip, split, rate, fill)
         return _conditioning.condition(readings, map, options)
 
     def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from dermatome import _conditioning
 from dermatome._dermatome import Map, join_readings
 from dermatome._errors import DataError
 from dermatome.recordings._track import Block
@@ -27,8 +26,8 @@ class Join:
             self.count = map.n_taxels
             return
         self.ids = None
-        self.remarks = tuple(_conditioning.joined(map, ids))
-        columns = join_readings(map, np.arange(len(ids), dtype=np.float64)[None, None], ids)[0, 0]
+        joined, said = join_readings(map, np.arange(len(ids), dtype=np.float64)[None, None], ids)
+        self.remarks, columns = tuple(said), joined[0, 0]
         missing = np.isnan(columns)
         order = np.where(missing, 0, columns).astype(np.int64)
         self.missing = missing if missing.any() else None
