@@ -438,7 +438,7 @@ fn a_recording_with_its_sensors_becomes_images() {
     let source =
         |what: &str| stated.iter().find(|s| s["what"] == what).map(|s| s["source"].as_str().unwrap());
     assert_eq!((source("unit"), source("zero")), (Some("file"), Some("layout")), "{stated:?}");
-    let plain = json(&dermatome(&folder, &format!("{with_layout} --baseline 1")).output().unwrap().stdout);
+    let plain = json(&dermatome(&folder, &format!("{with_layout} --zero first=1")).output().unwrap().stdout);
     let stated = plain["statements"].as_array().unwrap();
     assert!(stated.iter().any(|s| s["what"] == "zero" && s["source"] == "argument"), "{stated:?}");
 }

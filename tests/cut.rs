@@ -535,7 +535,7 @@ fn an_absurd_map_has_other_attempts() {
     let foot = assemble(&read_draft(&path).unwrap(), &options).unwrap().skin.patches[PatchId::new(0)].clone();
     let map = build_patch(foot, Cut::Auto, FlattenOptions::default()).unwrap();
     let distortion = map.patches[PatchId::new(0)].levels[LevelId::new(0)].distortion;
-    assert!(distortion.symmetric_dirichlet < 15.0, "{distortion:?}");
+    assert!(distortion.symmetric_dirichlet < 20.0, "{distortion:?}");
 }
 
 /// Slits in flat skin do not open on the map: both sides were nearer to each other than 32-bit numbers are,
