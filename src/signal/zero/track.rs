@@ -2,7 +2,7 @@
 
 use std::mem;
 
-use crate::numeric::Csr;
+use crate::numeric::{Csr, storable};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
 const ACTIVE: f64 = 5.0;
@@ -169,7 +169,8 @@ impl Track {
         let recovered = 1.0 - (-interval / RECOVERY_TIME_S).exp();
         self.active.clear();
         for (k, ((taxel, excess), c)) in (0..).zip(self.taxels.iter_mut().zip(&mut self.excess).zip(read)) {
-            if !c.is_finite() {
+            // What no file stores is no reading.
+            if !storable(c).is_finite() {
                 *excess = f64::NAN;
                 (taxel.is_active, taxel.has_jumped, taxel.has_shifted) = (false, false, false);
                 continue;
