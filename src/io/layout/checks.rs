@@ -107,7 +107,7 @@ impl Moves {
         others.iter().filter(|values| range_of(values) > least).count()
     }
 
-    /// Whether so many are no accident.
+    /// Whether this count is too high to be a coincidence.
     pub(super) const fn is_enough(count: usize) -> bool {
         count >= ENOUGH
     }
