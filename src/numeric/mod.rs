@@ -14,7 +14,7 @@ pub use covariance::Covariance;
 pub(crate) use csr::Csr;
 pub(crate) use disjoint_sets::{DisjointSets, Labels, Relation};
 pub(crate) use matrix6::{Matrix6, Twist, dot};
-pub(crate) use order::{along_curve, argsort, chains, median, morton, nth_smallest, order_by};
+pub(crate) use order::{along_curve, argsort, chains, median, median_of, morton, nth_smallest, order_by};
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 

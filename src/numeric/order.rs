@@ -45,9 +45,13 @@ pub(crate) fn nth_smallest(mut numbers: Vec<f64>, rank: usize) -> Option<f64> {
 
 /// The median, of an even number the upper one; `None` without numbers.
 pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> Option<f64> {
-    let numbers: Vec<f64> = numbers.collect();
+    median_of(&mut numbers.collect::<Vec<_>>())
+}
+
+/// The median of numbers in memory, which it sorts in part; see [`median`].
+pub(crate) fn median_of(numbers: &mut [f64]) -> Option<f64> {
     let middle = numbers.len() / 2;
-    nth_smallest(numbers, middle)
+    (middle < numbers.len()).then(|| *numbers.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Bits of each coordinate: three times as many fit into a word.

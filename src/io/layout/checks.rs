@@ -2,13 +2,15 @@
 //! the sign of 98.8 % is right and of none wrong; of recordings that begin under load up to a quarter is wrong. So it is a
 //! statement, and refused is only what contradicts a zero that the layout states).
 
+use crate::numeric::median_of;
+
 /// Frames from which it is judged.
 pub(super) const CHECKED_FRAMES: usize = 256;
 
 /// A channel has moved if it is this many times its noise away.
 const CLEAR: f64 = 20.0;
 
-/// This many channels are no accident.
+/// Channels that move, at least, for a statement: fewer may move by chance.
 const ENOUGH: usize = 6;
 
 /// A move is one of taxels if it is this share of the largest one of a taxel.
@@ -35,8 +37,7 @@ pub(super) struct Moves {
 }
 
 fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    median_of(values).unwrap_or_default()
 }
 
 fn range_of(values: &[f64]) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::mem;
 
-use crate::numeric::{Csr, storable};
+use crate::numeric::{Csr, median_of, storable};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
 const ACTIVE: f64 = 5.0;
@@ -222,11 +222,7 @@ impl Track {
     fn median_noise(&mut self) -> f64 {
         self.scratch.clear();
         self.scratch.extend(self.taxels.iter().map(|taxel| taxel.sigma).filter(|sigma| sigma.is_finite()));
-        let middle = self.scratch.len() / 2;
-        if self.scratch.is_empty() {
-            return f64::NAN;
-        }
-        *self.scratch.select_nth_unstable_by(middle, f64::total_cmp).1
+        median_of(&mut self.scratch).unwrap_or(f64::NAN)
     }
 
     /// Moves the zeros, after [`Self::see`].
