@@ -4,7 +4,12 @@ mod common;
 
 use std::{fs, path::Path};
 
-use dermatome::{io::write_skin, mesh::shapes, skin::Skin};
+use dermatome::{
+    io::{read_response, write_skin},
+    mesh::shapes,
+    signal::TaxelState,
+    skin::Skin,
+};
 use predicates::str::contains;
 
 fn touch(folder: &Path, arguments: &[&str]) -> assert_cmd::assert::Assert {
@@ -51,6 +56,9 @@ fn bad_numbers_are_refused() {
         (&["-o", "a.csv", "--rate-hz", "0"], "rate"),
         (&["-o", "a.csv", "--dead", "1"], "dead"),
         (&["-o", "a.csv", "--noise-kpa=-1"], "noise"),
+        (&["-o", "a.csv", "--faults", "broken=3"], "kinds are dead, silent"),
+        (&["-o", "a.csv", "--faults", "swapped=300"], "at most 219"),
+        (&["-o", "a.csv", "--gain-spread=-1"], "spread of the gains"),
         (&["-o", "a.g2o"], ".csv, .npz"),
         (&["-o", "cap.glb"], "input"),
     ] {
@@ -91,4 +99,22 @@ fn two_touches_at_once_are_two_contacts() {
     };
     assert_eq!(distinct(column("contacts.csv", "track")), 6);
     assert_eq!(distinct(column("truth.csv", "press")), 6);
+}
+
+/// The true response has a row for each taxel, with what was done to it; the same every time.
+#[test]
+fn faults_are_written_with_their_truth() {
+    let folder = folder_with_a_cap();
+    let faults = ["--faults", "dead=2,swapped=1,crosstalk=1", "--gain-spread", "0.4", "--rate-hz", "10"];
+    let run = |readings: &str, truth: &str| {
+        touch(folder.path(), &[&["-o", readings, "--true-response", truth], &faults[..]].concat()).success();
+    };
+    run("a.csv", "a_response.csv");
+    run("b.csv", "b_response.csv");
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!((read("a.csv"), read("a_response.csv")), (read("b.csv"), read("b_response.csv")));
+    let truth = read_response(&folder.path().join("a_response.csv")).unwrap().0;
+    let count = |state: TaxelState| truth.taxels.iter().filter(|known| known.state == state).count();
+    assert_eq!((truth.taxels.len(), count(TaxelState::Dead), count(TaxelState::Swapped)), (219, 2, 2));
+    assert_eq!((count(TaxelState::Crosstalk), count(TaxelState::Ok)), (1, 214));
 }

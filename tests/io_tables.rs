@@ -6,10 +6,14 @@ use std::{fs, io::Read, path::Path};
 use dermatome::{
     contact::{Cell, ContactIndex},
     id::{FaceId, VertexId},
-    io::{ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_motion},
+    io::{
+        ContactRow, IoError, LookupPlace, LookupRow, LookupWriter, read_contacts, read_draft, read_motion,
+        read_response, write_response,
+    },
     map::SkinMap,
     mesh::{SurfacePoint, shapes},
     pyramid::LevelId,
+    signal::{Response, Scale, TaxelResponse, TaxelState},
     skin::{Link, LinkId, Motion, PatchId, Presence, TaxelId},
 };
 use glam::{DAffine3, DVec2, DVec3};
@@ -311,4 +315,48 @@ fn invalid_poses_are_refused_with_their_line() {
     }
     assert!(read_links("link,x,y,z\na,0,0,0\n").unwrap_err().to_string().contains("qx"));
     assert!(read_links("").is_err());
+}
+
+/// What is written is read back; empty cells are not known, and no column but the id is needed alone.
+#[test]
+fn responses_are_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("response.csv");
+    let full = TaxelResponse {
+        taxel: TaxelId(7),
+        zero: Some(-3.5),
+        gain: Some(-0.25),
+        exponent: Some(0.85),
+        drift: Some(1.25),
+        sigma: Some(0.04),
+        state: TaxelState::Swapped,
+        other: Some(TaxelId(9)),
+    };
+    let taxels = vec![full, TaxelResponse::unknown(TaxelId(9))];
+    let response =
+        Response { unit: "count".into(), scale: Some(Scale::Relative), method: "presses".into(), taxels };
+    write_response(path.as_path(), &response).unwrap();
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains("# scale: relative\n") && text.ends_with("9,,,,,,untested,\n"), "{text}");
+    assert_eq!(read_response(&path).unwrap(), (response, vec![]));
+    fs::write(&path, "id;gain;note\n1;2;x\n").unwrap();
+    let (gains, unused) = read_response(&path).unwrap();
+    assert_eq!((gains.taxels[0].gain, gains.taxels[0].zero, gains.scale), (Some(2.0), None, None));
+    assert_eq!((gains.taxels[0].state, unused), (TaxelState::Untested, vec!["note".to_owned()]));
+    assert!(!TaxelState::Ok.is_fault() && !TaxelState::Untested.is_fault());
+    for (text, said) in [
+        ("taxel_id,gain\n1,0\n", "not 0"),
+        ("taxel_id,gain\n1,NaN\n", "a finite number"),
+        ("taxel_id,gain\n1,2\n1,2\n", "each taxel once"),
+        ("taxel_id,exponent\n1,-1\n", "a positive number"),
+        ("taxel_id,sigma\n1,-1\n", "from 0 on"),
+        ("taxel_id,state\n1,broken\n", "untested"),
+        ("taxel_id,colour\n1,2\n", "one of zero"),
+        ("gain\n1\n", "taxel_id"),
+        ("# scale: kg\ntaxel_id,gain\n1,2\n", "relative or Pa"),
+    ] {
+        fs::write(&path, text).unwrap();
+        let said_so = message(read_response(&path));
+        assert!(said_so.contains(said), "{text}: {said_so}");
+    }
 }

@@ -2,9 +2,13 @@
 
 use std::f64::consts::PI;
 
+use dermatome::id::VertexId;
 use dermatome::mesh::shapes;
-use dermatome::signal::{Frame, Quantity, SignalError, Touch, TouchOptions, TouchSimulation};
-use dermatome::skin::{PatchId, Presence, Skin};
+use dermatome::signal::{
+    FaultCounts, Frame, Quantity, ReadoutOptions, Scale, SignalError, TaxelState, Touch, TouchOptions,
+    TouchSimulation,
+};
+use dermatome::skin::{PatchId, Presence, Skin, TaxelId};
 use glam::DVec3;
 
 fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {
@@ -170,6 +174,12 @@ fn invalid_options_are_refused() {
         TouchOptions { presses: usize::MAX, ..d },
         TouchOptions { touches: 0, ..d },
         TouchOptions { touches: 101, ..d },
+        TouchOptions { readout: ReadoutOptions { gain_spread: -0.1, ..d.readout }, ..d },
+        TouchOptions { readout: ReadoutOptions { flicker: f64::NAN, ..d.readout }, ..d },
+        TouchOptions {
+            readout: ReadoutOptions { faults: d.readout.faults.with(TaxelState::Swapped, 3), ..d.readout },
+            ..d
+        },
     ] {
         let refused = TouchSimulation::new(&skin, &options);
         assert!(matches!(refused, Err(SignalError::Option { .. })), "{options:?}");
@@ -179,4 +189,104 @@ fn invalid_options_are_refused() {
         *presence = Presence::Absent;
     }
     assert!(matches!(TouchSimulation::new(&none, &d), Err(SignalError::NoTaxels)));
+}
+
+/// All readings of one taxel.
+fn readings_of(skin: &Skin, frames: &[(Frame, Option<Touch>)], id: TaxelId) -> Vec<f64> {
+    let patch = PatchId::new(0);
+    let at = skin.patches[patch].taxels.ids.iter().position(|other| *other == id).unwrap();
+    frames.iter().map(|(frame, _)| frame.values[patch][0][VertexId::new(at)]).collect()
+}
+
+/// The inverse of the true response of a taxel gives the pressure that it felt; presses stay where they are.
+#[test]
+fn readings_follow_the_true_response() {
+    let skin = Skin::from_mesh("skin", shapes::cap(400, 0.1, 1.0));
+    let quantity = Quantity::Intensive;
+    let plain = TouchOptions { rate: 20.0, quantity, ..TouchOptions::default() };
+    let readout = ReadoutOptions {
+        gain_spread: 0.4,
+        exponent_spread: 0.1,
+        is_inverted: true,
+        ..ReadoutOptions::default()
+    };
+    let spread = TouchOptions { readout, ..plain };
+    let (felt, read) = (record(&skin, &plain), record(&skin, &spread));
+    let truth = TouchSimulation::new(&skin, &spread).unwrap().response().clone();
+    let count = skin.patches[PatchId::new(0)].mesh.positions.len();
+    assert_eq!((truth.scale, truth.taxels.len()), (Some(Scale::Pascals), count));
+    let (mut touched, mut squares) = (0, 0.0);
+    for known in &truth.taxels {
+        let (gain, exponent) = (known.gain.unwrap(), known.exponent.unwrap());
+        assert!(gain < 0.0 && known.state == TaxelState::Ok, "{known:?}");
+        let pairs =
+            readings_of(&skin, &felt, known.taxel).into_iter().zip(readings_of(&skin, &read, known.taxel));
+        for (p, c) in pairs {
+            let found = gain.abs() * (gain.signum() * c).max(0.0).powf(exponent);
+            assert!((found - p).abs() <= 1e-9 * p, "{found} Pa of {p}");
+            touched += usize::from(p > 0.0);
+        }
+        squares += gain.abs().ln().powi(2) / count as f64;
+    }
+    assert!(touched > 100 && squares.sqrt() > 0.3, "{touched}, {squares}");
+}
+
+/// Each fault does what its name says, and is in the truth.
+#[test]
+fn faults_are_what_the_truth_says() {
+    let skin = Skin::from_mesh("skin", shapes::cap(400, 0.1, 1.0));
+    let plain = TouchOptions { rate: 20.0, presses: 60, noise: 100.0, seed: 3, ..TouchOptions::default() };
+    let faults = FaultCounts::kinds().iter().fold(FaultCounts::default(), |all, &kind| all.with(kind, 3));
+    let faulty = TouchOptions { readout: ReadoutOptions { faults, ..ReadoutOptions::default() }, ..plain };
+    let (clean, frames) = (record(&skin, &plain), record(&skin, &faulty));
+    let truth = TouchSimulation::new(&skin, &faulty).unwrap().response().clone();
+    let area = PI * plain.taxel_radius.powi(2);
+    let (press, sigma) = (area * plain.stiffness * plain.depth, area * plain.noise);
+    for kind in FaultCounts::kinds() {
+        let count = truth.taxels.iter().filter(|known| known.state == *kind).count();
+        let needed = match kind {
+            TaxelState::Swapped => 6,
+            TaxelState::ModuleStep => 36,
+            _ => 3,
+        };
+        assert_eq!(count, needed, "{kind}");
+    }
+    let correlation = |a: &[f64], b: &[f64]| {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        dot(a, b) / (dot(a, a) * dot(b, b)).sqrt()
+    };
+    for known in &truth.taxels {
+        let [own, was] = [&frames, &clean].map(|all| readings_of(&skin, all, known.taxel));
+        let most = own.iter().copied().fold(0.0, f64::max);
+        let same = own.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        let jumps = own.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > 0.7 * press).count();
+        let moved = own.iter().zip(&was).filter(|(x, y)| (*x - *y).abs() > 0.7 * press).count();
+        let rest = own.iter().map(|x| x.abs()).fold(f64::INFINITY, f64::min);
+        match known.state {
+            TaxelState::Dead => assert!(own.iter().all(|x| *x == 0.0)),
+            TaxelState::Stuck => assert!(same * 2 >= own.len() - 2, "{same}"),
+            TaxelState::Silent => assert!(most < 0.02 * press + 6.0 * sigma),
+            TaxelState::Saturated => assert!(most <= 0.5 * press),
+            TaxelState::Jumping => assert!(moved > 12 && (2..=24).contains(&jumps), "{moved} {jumps}"),
+            TaxelState::Chattering => assert!((60..=80).contains(&jumps) && moved <= 40, "{jumps} {moved}"),
+            TaxelState::ModuleStep => assert!(moved * 3 >= own.len(), "{moved}"),
+            TaxelState::Noisy => {
+                let quiet: Vec<_> = own.iter().zip(&was).filter(|(_, y)| y.abs() < 4.0 * sigma).collect();
+                let noise = (quiet.iter().map(|(x, _)| x.powi(2)).sum::<f64>() / quiet.len() as f64).sqrt();
+                assert!((4.0..6.0).contains(&(noise / sigma)), "{noise}");
+            }
+            TaxelState::Swapped => {
+                let other = readings_of(&skin, &clean, known.other.unwrap());
+                let is_touched = other.iter().any(|x| *x > 0.2 * press);
+                assert!(!is_touched || correlation(&own, &other) > 0.9, "{known:?}");
+            }
+            TaxelState::Crosstalk => {
+                let other = readings_of(&skin, &clean, known.other.unwrap());
+                let added: Vec<f64> = own.iter().zip(&was).map(|(x, y)| x - y).collect();
+                let is_touched = other.iter().any(|x| *x > 0.2 * press);
+                assert!(!is_touched || correlation(&added, &other) > 0.8, "{known:?}");
+            }
+            _ => assert!(rest < press),
+        }
+    }
 }

@@ -100,3 +100,4 @@ pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_motion};
 pub use table::region_writer::{RegionWriter, write_touches};
+pub use table::response::{read_response, write_response};

@@ -3,8 +3,10 @@
 use std::{collections::HashSet, process::ExitCode};
 
 use dermatome::Error;
-use dermatome::io::{ReadingsWriter, write_touches};
-use dermatome::signal::{Quantity, Touch, TouchOptions, TouchSimulation};
+use dermatome::io::{ReadingsWriter, write_response, write_touches};
+use dermatome::signal::{
+    FaultCounts, Quantity, ReadoutOptions, TaxelState, Touch, TouchOptions, TouchSimulation,
+};
 
 use crate::console::notes::note;
 use crate::files::input::{read_map_if_any, read_skin};
@@ -66,6 +68,28 @@ pub(crate) struct Args {
     /// Share of the taxels that are dead and read NaN
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     dead: f64,
+    /// Spread of the gains of the taxels: standard deviation of their logarithm
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    gain_spread: f64,
+    /// Spread of the exponents of their responses, whose median is 1
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    exponent_spread: f64,
+    /// Drift of all zeros with temperature, per second; each taxel has its own coefficient, 1 give or take 0.3
+    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
+    warming_kpa: f64,
+    /// 1/f noise of each zero: standard deviation in each decade of time
+    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
+    flicker_kpa: f64,
+    /// Pressure lowers readings
+    #[arg(long)]
+    inverted: bool,
+    /// Faulty taxels, as in dead=3,swapped=2: dead, silent, stuck, noisy, jumping, chattering or saturated ones,
+    /// swapped or crosstalk pairs, module-step groups of 12
+    #[arg(long, value_name = "KIND=N", value_delimiter = ',', value_parser = fault)]
+    faults: Vec<(TaxelState, usize)>,
+    /// File for what each taxel is: gain, exponent, drift and fault, a .csv as `response` writes
+    #[arg(long, value_name = "OUT.csv")]
+    true_response: Option<OutFile>,
     #[command(flatten)]
     read: ReadArgs,
     /// Seed of the random numbers
@@ -78,8 +102,21 @@ const READS: [Choice<Quantity>; 2] = [
     ("pressure", Quantity::Intensive, "The mean pressure on its disc, in Pa"),
 ];
 
+/// A parser of `kind=count`.
+fn fault(text: &str) -> Result<(TaxelState, usize), String> {
+    let parsed =
+        text.split_once('=').and_then(|(kind, count)| Some((kind.parse().ok()?, count.parse().ok()?)));
+    parsed.filter(|(kind, _)| FaultCounts::kinds().contains(kind)).ok_or_else(|| {
+        let kinds = FaultCounts::kinds().iter().map(ToString::to_string).collect::<Vec<_>>();
+        format!("needed: a kind and a count, as in dead=3; kinds are {}", kinds.join(", "))
+    })
+}
+
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    args.truth.as_deref().map_or(Ok(()), outputs::check_table)?;
+    [&args.truth, &args.true_response]
+        .into_iter()
+        .flatten()
+        .try_for_each(|path| outputs::check_table(path))?;
     let skin = match read_map_if_any(&args.skin)? {
         Some(map) => map.skin(),
         None => read_skin(
@@ -102,6 +139,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     writer.finish().map_err(Error::from)?;
     if let Some(path) = &args.truth {
         write_touches(common.outputs.file(path), &skin, &touches).map_err(Error::from)?;
+    }
+    if let Some(path) = &args.true_response {
+        write_response(common.outputs.file(path), simulation.response()).map_err(Error::from)?;
     }
     outputs::publish(common)?;
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
@@ -133,6 +173,14 @@ impl Args {
             noise: self.noise_kpa * 1e3,
             drift: self.drift_kpa * 1e3,
             dead: self.dead,
+            readout: ReadoutOptions {
+                gain_spread: self.gain_spread,
+                exponent_spread: self.exponent_spread,
+                warming: self.warming_kpa * 1e3,
+                flicker: self.flicker_kpa * 1e3,
+                is_inverted: self.inverted,
+                faults: self.faults.iter().fold(FaultCounts::default(), |all, &(kind, n)| all.with(kind, n)),
+            },
             seed: self.seed,
         }
     }

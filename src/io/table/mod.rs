@@ -12,6 +12,7 @@ pub(super) mod joints;
 pub(super) mod lookups;
 pub(super) mod motion;
 pub(super) mod region_writer;
+pub(super) mod response;
 pub(super) mod writer;
 
 use std::collections::HashSet;

@@ -3,17 +3,19 @@
 //! recording, whose truth is known, is for tests, examples and comparisons.
 //!
 //! In reading order: [`TouchOptions`], `sphere` (the contact model), `path` (where the sphere rolls),
-//! `simulation` (frames and their truth); `spreader` turns contacts with a force into readings.
+//! `simulation` (frames and their truth), `readout` (how taxels are read, and faults); `spreader` turns contacts with a force into readings.
 //!
 //! Not modelled: friction, and the deformation of the skin next to its contact.
 
 mod path;
+mod readout;
 mod simulation;
 mod sphere;
 mod spreader;
 
 use crate::signal::{Quantity, SignalError};
 
+pub use readout::{FaultCounts, ReadoutOptions};
 pub use simulation::{Touch, TouchSimulation};
 pub use spreader::{Press, Spreader};
 
@@ -52,6 +54,8 @@ pub struct TouchOptions {
     pub drift: f64,
     /// Share of the taxels that are dead: they read NaN.
     pub dead: f64,
+    /// How the readings of the taxels differ, and their faults.
+    pub readout: ReadoutOptions,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -75,6 +79,7 @@ impl Default for TouchOptions {
             noise: 0.0,
             drift: 0.0,
             dead: 0.0,
+            readout: ReadoutOptions::default(),
             seed: 0,
         }
     }
@@ -113,6 +118,7 @@ impl TouchOptions {
             ("the pause in s", self.pause),
             ("the noise in Pa", self.noise),
             ("the drift in Pa/s", self.drift),
+            ("the 1/f noise in Pa", self.readout.flicker),
         ] {
             if !(0.0..=1e9).contains(&number) {
                 return bad(option, number, "0 to 1e9");
@@ -120,6 +126,15 @@ impl TouchOptions {
         }
         if !(0.0..1.0).contains(&self.dead) {
             return bad("the share of dead taxels", self.dead, "0 to less than 1");
+        }
+        let spreads = [("gains", self.readout.gain_spread), ("exponents", self.readout.exponent_spread)];
+        for (what, spread) in spreads {
+            if !(0.0..=3.0).contains(&spread) {
+                return bad(&format!("the spread of the {what}"), spread, "0 to 3");
+            }
+        }
+        if !(-1e9..=1e9).contains(&self.readout.warming) {
+            return bad("the drift with temperature in Pa/s", self.readout.warming, "-1e9 to 1e9");
         }
         if !(1..=100).contains(&self.touches) {
             return bad("the number of spheres at once", self.touches as f64, "1 to 100");

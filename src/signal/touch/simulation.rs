@@ -7,9 +7,10 @@ use crate::mesh::Adjacency;
 use crate::numeric::Random;
 use crate::signal::touch::TouchOptions;
 use crate::signal::touch::path::Walker;
+use crate::signal::touch::readout::{Readout, stream};
 use crate::signal::touch::sphere::Sphere;
-use crate::signal::{Channel, Frame, Quantity, SignalError};
-use crate::skin::{Patch, PatchId, Presence, Skin, SkinError};
+use crate::signal::{Channel, Frame, Quantity, Response, SignalError};
+use crate::skin::{Patch, PatchId, Skin, SkinError};
 
 /// The truth of one press in a frame; in m, in the frame of the patch's link.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,9 +62,9 @@ pub struct TouchSimulation<'a> {
     skin: &'a Skin,
     options: TouchOptions,
     places: Random,
-    noise: Random,
-    /// The working taxels, and the drift of their pressure, in Pa/s.
-    live: IdVec<PatchId, Vec<(VertexId, f64)>>,
+    readout: Readout,
+    /// The working taxels.
+    live: IdVec<PatchId, Vec<VertexId>>,
     adjacency: IdVec<PatchId, Adjacency>,
     frame: Frame,
     next: usize,
@@ -83,14 +84,6 @@ struct Press {
     walker: Walker,
     /// How far the sphere has rolled, in m.
     rolled: f64,
-}
-
-/// Streams of random numbers: one for each source, so that noise does not change the positions.
-mod stream {
-    pub(crate) const PLACES: u64 = 0;
-    pub(crate) const DEAD: u64 = 1;
-    pub(crate) const DRIFT: u64 = 2;
-    pub(crate) const NOISE: u64 = 3;
 }
 
 /// Share of a press in which the sphere goes down, and in which it goes up.
@@ -117,17 +110,11 @@ impl<'a> TouchSimulation<'a> {
     pub fn new(skin: &'a Skin, options: &TouchOptions) -> Result<Self, SignalError> {
         options.validate()?;
         skin.validate()?;
-        let mut dead = Random::new(options.seed, stream::DEAD);
-        let mut drift = Random::new(options.seed, stream::DRIFT);
-        let mut live_of = |patch: &Patch| {
-            let present = patch.taxels.presence.enumerate().filter(|(_, p)| **p == Presence::Present);
-            let drifting = present.map(|(taxel, _)| (taxel, options.drift * drift.normal(), dead.uniform()));
-            drifting.filter(|(.., chance)| *chance >= options.dead).map(|(v, rate, _)| (v, rate)).collect()
-        };
-        let live: IdVec<PatchId, Vec<_>> = skin.patches.iter().map(&mut live_of).collect();
-        if live.iter().all(Vec::is_empty) {
-            return Err(SignalError::NoTaxels);
-        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
+        let frames = (options.seconds() * options.rate + 1e-9).floor() as usize;
+        let readout = Readout::new(skin, options, frames)?;
+        let mut live: IdVec<PatchId, Vec<_>> = skin.patches.map(|_| Vec::new());
+        readout.live().for_each(|(patch, taxel)| live[patch].push(taxel));
         let adjacency = |patch: &Patch| {
             Adjacency::new(&patch.mesh)
                 .map_err(|source| SkinError::Mesh { patch: patch.name.clone(), source })
@@ -138,15 +125,13 @@ impl<'a> TouchSimulation<'a> {
             Quantity::Extensive => ("force", "N", Quantity::Extensive),
             Quantity::Intensive => ("pressure", "Pa", Quantity::Intensive),
         };
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
-        let frames = (options.seconds() * options.rate + 1e-9).floor() as usize;
         Ok(Self {
             channel: Channel { name: name.into(), unit: unit.into(), quantity },
             frames,
             skin,
             options: *options,
             places: Random::new(options.seed, stream::PLACES),
-            noise: Random::new(options.seed, stream::NOISE),
+            readout,
             live,
             adjacency,
             frame: Frame { time: 0.0, values, ..Frame::default() },
@@ -169,6 +154,12 @@ impl<'a> TouchSimulation<'a> {
         self.frames
     }
 
+    /// How each taxel that is present is read, with its faults. Numbers of a taxel that is dead and reads NaN are not
+    /// known.
+    pub fn response(&self) -> &Response {
+        self.readout.truth()
+    }
+
     /// The next frame, NaN for taxels that are absent or dead, and its truth, press by press; `None` after
     /// the last.
     pub fn next_frame(&mut self) -> Option<(&Frame, &[Touch])> {
@@ -183,18 +174,17 @@ impl<'a> TouchSimulation<'a> {
             if self.options.quantity == Quantity::Extensive { self.options.taxel_area() } else { 1.0 };
         for (id, live) in self.live.enumerate() {
             let patch = &self.skin.patches[id];
-            for &(taxel, drift) in live {
+            for &taxel in live {
                 let mut felt = 0.0;
                 for (sphere, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
                     let pressure = pressure(sphere, patch, taxel, &self.options);
                     touch.taxels += usize::from(pressure > 0.0);
                     felt += pressure;
                 }
-                let noise =
-                    if self.options.noise > 0.0 { self.options.noise * self.noise.normal() } else { 0.0 };
-                self.frame.values[id][0][taxel] = reading * (felt + drift * time + noise);
+                self.frame.values[id][0][taxel] = reading * felt;
             }
         }
+        self.readout.read(frame, &mut self.frame);
         self.touches.clear();
         self.touches.extend(self.contacts.iter().map(|(_, touch)| *touch));
         Some((&self.frame, &self.touches))

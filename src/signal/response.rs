@@ -1,0 +1,101 @@
+//! What is known about each taxel: how its readings become pressures, and whether they can be trusted.
+
+use crate::skin::TaxelId;
+
+/// The taxels of a skin, as a file of them ([`crate::io::read_response`]) holds them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Response {
+    /// Unit of the readings that it is of, as `count`; empty if unknown.
+    pub unit: String,
+    /// What its gains are relative to; `None` where no gain is estimated, or nothing is stated.
+    pub scale: Option<Scale>,
+    /// How it was found, in words; empty if unknown.
+    pub method: String,
+    /// One entry for each taxel, in any order; no taxel has two.
+    pub taxels: Vec<TaxelResponse>,
+}
+
+/// What gains are relative to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumString)]
+pub enum Scale {
+    /// To each other: pressures have no unit.
+    #[strum(serialize = "relative")]
+    Relative,
+    /// Nothing: pressures are in Pa.
+    #[strum(serialize = "Pa")]
+    Pascals,
+}
+
+/// One taxel: its reading `c` is the pressure `|gain| max(s (c - zero), 0)^exponent`, with `s` the sign of
+/// `gain`. `None` is not known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TaxelResponse {
+    /// The taxel.
+    pub taxel: TaxelId,
+    /// Its reading where nothing touches.
+    pub zero: Option<f64>,
+    /// Pressure over reading to the exponent; not 0, negative where pressure lowers readings.
+    pub gain: Option<f64>,
+    /// The exponent, positive.
+    pub exponent: Option<f64>,
+    /// How its zero drifts over the mean drift of the skin, as [`ZeroTracker`](crate::signal::ZeroTracker) finds it.
+    pub drift: Option<f64>,
+    /// Standard deviation of the gain over the gain.
+    pub sigma: Option<f64>,
+    /// Whether it can be trusted.
+    pub state: TaxelState,
+    /// The taxel that the state names: the one whose place fits the signals of a swapped one, or the one whose signals
+    /// leak into it.
+    pub other: Option<TaxelId>,
+}
+
+impl TaxelResponse {
+    /// An entry in which nothing is known.
+    pub fn unknown(taxel: TaxelId) -> Self {
+        let state = TaxelState::Untested;
+        Self { taxel, zero: None, gain: None, exponent: None, drift: None, sigma: None, state, other: None }
+    }
+}
+
+/// Whether the readings of a taxel can be trusted, and otherwise its fault; in the order of their weight.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, strum::Display, strum::EnumString,
+)]
+#[strum(serialize_all = "kebab-case")]
+#[non_exhaustive]
+pub enum TaxelState {
+    /// Nothing shows whether it can.
+    #[default]
+    Untested,
+    /// It can.
+    Ok,
+    /// Its readings end at a largest value, below those of touches.
+    Saturated,
+    /// Its readings follow those of another taxel, far away, and have its own besides.
+    Crosstalk,
+    /// It jumps alone from one frame to the next, back and forth.
+    Chattering,
+    /// Contacts of its own begin with a jump, and nothing touches around it.
+    Jumping,
+    /// Its noise is much larger than that of the others.
+    Noisy,
+    /// All taxels of its module are offset.
+    ModuleStep,
+    /// Its module is turned: the signals fit the places of the other taxels of the module.
+    Turned,
+    /// Its signals belong to another place.
+    Swapped,
+    /// It does not react where all around it do.
+    Silent,
+    /// It repeats one reading for some time, and changes at others.
+    Stuck,
+    /// It has no reading, or always the same.
+    Dead,
+}
+
+impl TaxelState {
+    /// Whether its readings must not be used.
+    pub fn is_fault(self) -> bool {
+        self > Self::Ok
+    }
+}
