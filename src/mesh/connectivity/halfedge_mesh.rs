@@ -250,10 +250,11 @@ impl HalfedgeMesh {
         }
     }
 
-    /// Whether the inner edge of `h` can be flipped: its ends keep enough neighbours, and the new edge does not exist.
+    /// Whether the inner edge of `h` can be flipped: its ends keep enough neighbours, and the new edge joins two
+    /// vertices and does not exist. Two faces on the same corners have one apex.
     pub(crate) fn can_flip(&self, h: Halfedge) -> bool {
         let [a, b, c, d] = self.diamond(h);
-        self.degree[a] > 3 && self.degree[b] > 3 && !self.has_edge(c, d)
+        c != d && self.degree[a] > 3 && self.degree[b] > 3 && !self.has_edge(c, d)
     }
 
     /// Turns the inner edge of `h` in its two faces, so that it joins the other two corners.
@@ -295,8 +296,10 @@ impl HalfedgeMesh {
         }
         let apexes = [h, twin].map(|side| (side != Halfedge::NONE).then(|| self.apex(side)));
         let is_thin = |v: &VertexId| self.degree[*v] <= if self.on_boundary[*v] { 2 } else { 3 };
-        // Only the apexes may be neighbours of both.
+        // Only the apexes may be neighbours of both. A second edge between the ends, as where two faces on the same
+        // corners were split, would become a loop.
         !apexes.iter().flatten().any(is_thin)
+            && self.ring(a).filter(|&v| v == b).count() == 1
             && self.ring(a).all(|v| v == b || apexes.contains(&Some(v)) || !self.has_edge(v, b))
     }
 

@@ -1,4 +1,4 @@
-//! Arbitrary triangles through every room but remeshing: assembled, cut, coarsened, flattened, located, drawn, written.
+//! Arbitrary triangles through every room: assembled, remeshed, cut, coarsened, flattened, located, drawn, written.
 //!
 //! An input is the text of an OBJ file, so that it can be made smaller by lines; options follow from the seed.
 
@@ -13,6 +13,7 @@ use dermatome::io::{self, map_to_bytes};
 use dermatome::map::SkinMap;
 use dermatome::mesh::{Adjacency, FillHoles, TriMesh, shapes};
 use dermatome::pyramid::{CoarsenOptions, coarsen};
+use dermatome::run::Run;
 use dermatome::skin::{Patch, Sheet, TaxelId, Weld, check as check_draft, world_pose};
 use dermatome::unfold::Unfolding;
 use dermatome::{
@@ -219,9 +220,25 @@ pub(crate) fn check(_: &str, bytes: &[u8], random: &mut Random, counts: &mut Cou
     check_draft(&draft, &options).iter().for_each(|finding| drop(finding.message()));
     let Ok(assembled) = assemble(&draft, &options) else { return Ok(()) };
     *counts.entry("assembled").or_default() += 1;
-    let skin = assembled.skin;
+    let mut skin = assembled.skin;
     check_skin("assembled", &skin)?;
-    // Remeshing is not among the rooms: a soup of four faces can take it longer than an execution may.
+    if random.chance(0.05) {
+        let area: f64 = skin.patches.iter().map(|patch| patch.mesh.area()).sum();
+        let corners =
+            skin.patches.iter().flat_map(|p| p.mesh.triangles.ids().map(|face| p.mesh.corners(face)));
+        let longest = corners.map(|[a, b, c]| a.distance(b).max(b.distance(c))).fold(0.0, f64::max);
+        let spacing = (area / random.pick(&[3.0, 10.0, 40.0, 150.0])).sqrt();
+        // The edges of a needle take long, and show nothing new.
+        if longest <= 30.0 * spacing
+            && let Ok(remeshed) =
+                remesh::remesh_skin(&skin, &vec![spacing; skin.patches.len()], Run::default())
+            && !remeshed.skin.patches.is_empty()
+        {
+            *counts.entry("remeshed").or_default() += 1;
+            check_skin("remeshed", &remeshed.skin)?;
+            skin = remeshed.skin;
+        }
+    }
     let is_far = |patch: &Patch| patch.mesh.positions.iter().any(|p| p.abs().max_element() > FARTHEST);
     let triangles: usize = skin.patches.iter().map(|patch| patch.mesh.triangles.len()).sum();
     if triangles > MAX_TRIANGLES || skin.patches.iter().any(is_far) {
