@@ -1,10 +1,11 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
 
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
-use dermatome::remesh::{RemeshError, keep_outer, remesh, remesh_skin};
+use dermatome::remesh::{RemeshError, clip, keep_outer, remesh, remesh_skin};
 use dermatome::run::Run;
-use dermatome::skin::{Draft, Sheet, Skin};
-use glam::DVec3;
+use dermatome::skin::{Draft, PatchId, Sheet, Skin};
+use dermatome::{AssembleOptions, assemble};
+use glam::{DAffine3, DQuat, DVec3};
 
 /// The smallest angle of each triangle, in degrees, sorted.
 fn angles(mesh: &TriMesh) -> Vec<f64> {
@@ -174,6 +175,57 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
 fn sheet(mesh: &TriMesh) -> Sheet {
     let triangles = mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect();
     Sheet { positions: mesh.positions.to_vec(), triangles, ..Sheet::default() }
+}
+
+/// A block of two triangles a side, cut by a box in a turned frame: the rim of the new mesh lies in the sides of the
+/// box, and the area is that of the block within it, also where no two triangles share a vertex.
+#[test]
+fn a_box_cuts_a_straight_rim() {
+    let block = block();
+    let apart: Vec<DVec3> = block.triangles.ids().flat_map(|face| block.corners(face)).collect();
+    let own = (0..apart.len() as u32 / 3).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+    let apart = Sheet { positions: apart, triangles: own, ..Sheet::default() };
+    let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.5), DVec3::new(0.3, 0.0, 0.1));
+    let corners = [0.05, 0.13].map(|x| DVec3::new(x, (x - 0.09) * 25.0, (x - 0.09) * 25.0));
+    let to_box = |p: DVec3| pose.inverse().transform_point3(p);
+    for sheet in [sheet(&block), apart] {
+        let positions: Vec<DVec3> = sheet.positions.iter().map(|&p| pose.transform_point3(p)).collect();
+        let clipped = clip(&Sheet { positions, ..sheet }, pose.inverse(), corners);
+        let skin =
+            assemble(&Draft { sheets: vec![clipped], ..Draft::default() }, &AssembleOptions::default());
+        let mesh = skin.unwrap().skin.patches[PatchId::new(0)].mesh.clone();
+        assert!((mesh.area() - 0.08 * 2.0 * (0.1 + 0.05)).abs() < 1e-12, "{}", mesh.area());
+        let made = remesh(&mesh, 0.01).unwrap();
+        let rims = Adjacency::new(&made).unwrap().boundary_loops();
+        assert_eq!(rims.len(), 2);
+        for &v in rims.iter().flatten() {
+            let x = to_box(made.positions[v]).x;
+            assert!((x - 0.05).abs().min((x - 0.13).abs()) < 1e-9, "{x}");
+        }
+    }
+}
+
+/// Two faces on the same corners, wound one way and the other, are a surface as any: its two sides are remeshed.
+#[test]
+fn coincident_faces_end_with_few_taxels() {
+    let corners = [[0.0, 0.0], [2.2, 0.0], [0.6, 0.8]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+    let mesh = TriMesh::from_arrays(corners, &[[0, 1, 2], [1, 0, 2]]);
+    for spacing in [0.2, 0.1] {
+        let made = remesh(&mesh, spacing).unwrap();
+        let one_a_cell = 2.0 * 0.88 / (0.75_f64.sqrt() * spacing * spacing);
+        assert!((made.positions.len() as f64) < 4.0 * one_a_cell);
+    }
+}
+
+/// A square hole of one spacing has a rim of four edges, also in the new mesh: a pin-hole, which is closed as in a file.
+#[test]
+fn pin_holes_of_the_new_mesh_are_closed() {
+    let corner = |k: u32| DVec3::new(f64::from(k % 6), f64::from(k / 6), 0.0);
+    let cells = (0..25).filter(|&cell| cell != 12).map(|cell| cell / 5 * 6 + cell % 5);
+    let triangles: Vec<[u32; 3]> = cells.flat_map(|k| [[k, k + 1, k + 7], [k, k + 7, k + 6]]).collect();
+    let plate = TriMesh::from_arrays((0..36).map(corner).collect(), &triangles);
+    let made = remesh(&plate, 1.0).unwrap();
+    assert_eq!([&plate, &made].map(|mesh| Adjacency::new(mesh).unwrap().euler_characteristic()), [0, 1]);
 }
 
 /// Of a hollow body only the outer wall is kept, of a tube both ends of which are open too, and of a body in a

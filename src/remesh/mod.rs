@@ -8,7 +8,7 @@
 //!
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
-//! Holes too small to be surrounded by three taxels are closed; handles stay, however small they are.
+//! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles stay, however small they are.
 //!
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that
 //! walls keep their thickness where a surface bends too much for the spacing.
@@ -17,6 +17,7 @@
 //! `thin` (faces without height, see `faces`); `outer` finds the faces of a link that can be touched,
 //! `crumbs` its small pieces.
 
+mod clip;
 mod crumbs;
 mod faces;
 mod moves;
@@ -30,7 +31,9 @@ use rayon::prelude::*;
 
 use crate::bvh::BvhError;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_shorter, triangle_cross};
+use crate::mesh::{
+    FillHoles, Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_holes, fill_shorter, triangle_cross,
+};
 use crate::remesh::faces::{FLAT, Thin, height};
 use crate::remesh::moves::sharp_neighbours;
 use crate::remesh::rounds::{Freedom, Rounds};
@@ -38,6 +41,7 @@ use crate::remesh::surface::Surface;
 use crate::run::{Cancelled, Run};
 use crate::skin::{Patch, Skin, TaxelId};
 
+pub use clip::clip;
 pub use crumbs::drop_crumbs;
 pub use outer::keep_outer;
 
@@ -136,7 +140,10 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     rounds.lines = Surface::of_segments(&rounds.positions, &segments);
     rounds.freedom = freedoms(&rounds);
     rounds.run();
-    Ok(TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions })
+    let mut made = TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions };
+    // As of a mesh that is read from a file.
+    fill_holes(&mut made, FillHoles::PinHoles)?;
+    Ok(made)
 }
 
 /// Refuses a spacing that would make too many vertices, on the surface or along its edges: all longer ones are split

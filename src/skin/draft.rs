@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, too_many};
@@ -47,6 +47,8 @@ columns! {
         name: String,
         /// The link it is fixed to.
         link: Option<LinkId>,
+        /// As [`Taxels::binds`](crate::skin::Taxels::binds).
+        binds: Vec<(LinkId, DAffine3)>,
         /// Corner indices into `positions`.
         triangles: Vec<[u32; 3]>,
         /// Texture coordinates of the corners of each triangle, if requested.
@@ -91,6 +93,7 @@ impl Draft {
         for sheet in &mut self.sheets {
             let square = metres * metres;
             sheet.positions.iter_mut().for_each(|x| *x *= metres);
+            sheet.binds.iter_mut().for_each(|(_, bind)| bind.translation *= metres);
             sheet.areas.iter_mut().flatten().for_each(|a| *a *= square);
             sheet.densities.iter_mut().flatten().for_each(|d| *d /= square);
             sheet
@@ -113,6 +116,7 @@ impl Draft {
             sheet.link = sheet.link.map(|link| links[link]);
             let joints = sheet.joints.iter_mut().flatten().flatten();
             joints.for_each(|(link, _)| *link = links[*link]);
+            sheet.binds.iter_mut().for_each(|(link, _)| *link = links[*link]);
             let of_faces = sheet.materials.iter_mut().flatten();
             of_faces.for_each(|material| *material = material.saturating_add(materials));
             sheet
@@ -155,7 +159,7 @@ impl Sheet {
     }
 
     /// Refuses links, lengths, positions and corners out of range.
-    pub(super) fn validate(&self, links: usize) -> Result<(), SkinError> {
+    pub(crate) fn validate(&self, links: usize) -> Result<(), SkinError> {
         let patch = || self.title().to_owned();
         if let Some(link) = self.link.filter(|l| l.index() >= links) {
             return Err(SkinError::UnknownLink { patch: patch(), link });
@@ -197,7 +201,8 @@ impl Sheet {
 
     /// The taxels `kept`, in that order, without triangles.
     pub(crate) fn select(&self, kept: &[usize]) -> Self {
-        Self { name: self.name.clone(), link: self.link, ..self.selected(kept.iter().copied()) }
+        let (name, binds) = (self.name.clone(), self.binds.clone());
+        Self { name, link: self.link, binds, ..self.selected(kept.iter().copied()) }
     }
 
     /// The first optional array without one entry per vertex, and its length.

@@ -71,7 +71,7 @@ pub(crate) fn read_good_patches(
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     outputs::add_inputs(&draft.files, &common.outputs);
-    chosen.keep_faces(&mut draft, path)?;
+    chosen.keep_faces(&mut draft, read.spacing.is_some(), path)?;
     if read.outer {
         let dropped = keep_outer(&mut draft);
         note_count(common, dropped as u64, "faces", "inside the body, left out");

@@ -5,6 +5,7 @@ use std::path::Path;
 use dermatome::Error;
 use dermatome::id::IdVec;
 use dermatome::io::read_faces;
+use dermatome::remesh::clip;
 use dermatome::skin::{Draft, LinkId, Sheet, world_pose};
 use glam::{DAffine3, DVec3};
 use glob::Pattern;
@@ -31,7 +32,7 @@ pub(crate) struct PatchArgs {
     #[arg(long = "material", value_name = "NAME", value_parser = pattern)]
     materials: Vec<Pattern>,
     /// Take the faces, or bare taxels, whose centre lies in this box only: two corners in m, in the
-    /// world, or, as hand:X,..., in the frame of a link
+    /// world, or, as hand:X,..., in the frame of a link; with --spacing faces are cut along its sides
     #[arg(long = "box", value_name = "[LINK:]X,Y,Z,X,Y,Z", value_parser = corners, allow_hyphen_values = true)]
     bounds: Option<InFrame<[DVec3; 2]>>,
     /// Take only the faces, or bare taxels, whose normal is within some degrees of a direction (x, -x, y, -y, z, -z
@@ -85,10 +86,15 @@ impl PatchArgs {
         !self.materials.is_empty()
     }
 
-    /// Keeps the faces that are chosen.
+    /// Keeps the faces that are chosen; where the surface is meshed anew, its rim along a box is straight.
     /// Fails if the list of faces cannot be read or does not fit, a material is not there, or nothing is
     /// left.
-    pub(crate) fn keep_faces(&self, draft: &mut Draft, path: &Path) -> anyhow::Result<()> {
+    pub(crate) fn keep_faces(
+        &self,
+        draft: &mut Draft,
+        is_meshed_anew: bool,
+        path: &Path,
+    ) -> anyhow::Result<()> {
         let refuse = |what: String, help: &str| Err(advise(format!("{}: {what}", path.display()), help));
         if let Some(list) = &self.faces {
             let total: usize = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
@@ -123,7 +129,15 @@ impl PatchArgs {
         }
         if let Some(bounds) = &self.bounds {
             let (poses, [low, high]) = (bounds.poses(draft)?, bounds.value);
+            if is_meshed_anew {
+                for sheet in &mut draft.sheets {
+                    *sheet = clip(sheet, pose_of(sheet, &poses), bounds.value);
+                }
+            }
             draft.retain(|sheet, k| {
+                if is_meshed_anew && !sheet.triangles.is_empty() {
+                    return true;
+                }
                 let corners = corners_of(sheet, k);
                 let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
                 let centre = pose_of(sheet, &poses).transform_point3(centre);
