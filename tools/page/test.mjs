@@ -207,6 +207,35 @@ await test('arrows walk to a neighbour, and the address keeps the state', async 
   await close(again);
 });
 
+await test('what is chosen in the page is what its options take', async () => {
+  const page = await open(maps.forearm);
+  assert.ok(await page.isHidden('#options'));
+  const box = await page.locator('#map').boundingBox();
+  await page.keyboard.down('Control');
+  await page.mouse.move(box.x + 0.35 * box.width, box.y + 0.35 * box.height);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 0.6 * box.height, { steps: 4 });
+  await page.mouse.up();
+  await page.keyboard.up('Control');
+  const options = (await page.textContent('#options-text')).split(' ');
+  assert.equal(options[0], '--box');
+  const inside = await page.evaluate(() => { const d = window.dermatome, p = d.patches[0]; let n = 0; for (let t = 0; t < p.taxels; t++) n += d.isInBox(p, t); return n; });
+  assert.ok(inside > 20, `${inside} taxels`);
+  run('build', join(meshes, 'forearm.glb'), '-o', join(folder, 'chosen'), ...options);
+  const { json } = glb(readFileSync(join(folder, 'chosen', 'map.glb')));
+  const made = json.accessors[json.meshes[0].primitives[0].attributes._TAXEL_ID].count;
+  // The faces whose centre lies in the box have corners up to an edge outside of it.
+  assert.ok(made > 0.9 * inside && made < 2 * inside, `${made} of ${inside} taxels`);
+  await page.keyboard.press('Escape');
+  assert.ok(await page.isHidden('#options'));
+  await close(page);
+  const robot = await open(maps.robot);
+  const names = await robot.evaluate(() => window.dermatome.patches.map((p) => p.header.name));
+  await robot.locator('#tree input').first().uncheck();
+  assert.equal((await robot.textContent('#options-text')).match(/--patch/g).length, names.length - 1);
+  await close(robot);
+});
+
 await test('a recording plays, with its contacts', async () => {
   const page = await open(join(folder, 'recording.html'));
   assert.match(await page.textContent('#frame-text'), /contact/);

@@ -15,6 +15,8 @@ const text = (tag: string, content: string, className = ''): HTMLElement => {
 };
 
 interface Taxel { patch: number; taxel: number }
+/** A box in the frame of a link, by its lower and its upper corner, in m. */
+interface Box { link: number; low: number[]; high: number[] }
 interface LiveFrame { time: number; values: string; contacts: Contact[]; dropped: number }
 /** Frame of contacts by number: `[frame, track, event, patch, taxels, area, force, u, v, peak]`. */
 const [TRACK, EVENT, PATCH, TAXELS, AREA, FORCE, U, V, PEAK] = [1, 2, 3, 4, 5, 6, 7, 8, 9];
@@ -28,6 +30,9 @@ class Page {
   private paints: Paint;
   private hovered: Taxel | null = null;
   private pinned: Taxel | null = null;
+  private box: Box | null = null;
+  /** The rectangle that is drawn to choose taxels, in pixels of the stage. */
+  private frameDrawn: [number, number, number, number] | null = null;
   private level = 0;
   private frame = 0;
   private playing = false;
@@ -110,7 +115,7 @@ class Page {
     const lit = this.lit();
     this.patches.forEach((patch, k) => {
       const colours = this.view.colours(k);
-      for (let place = 0; place < patch.places; place++) colours[4 * place + 3] = 0;
+      for (let place = 0; place < patch.places; place++) colours[4 * place + 3] = this.isInBox(patch, place) ? 150 : 0;
       if (lit && lit.patch === k) for (const [taxel, w] of lit.members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
       this.view.coloursChanged(k);
     });
@@ -136,6 +141,10 @@ class Page {
     const [ink, accent, back] = ['--ink', '--accent', '--view'].map((name) => style.getPropertyValue(name).trim());
     this.scaleBar(c, ink);
     if (this.paints.name === 'recording') this.drawContacts(c, accent, back);
+    if (this.frameDrawn) {
+      const [left, top, right, bottom] = this.frameDrawn;
+      c.lineWidth = 1.5; c.strokeStyle = accent; c.strokeRect(left, top, right - left, bottom - top);
+    }
     const at = this.chosen;
     if (!at || !this.view.isShown(at.patch)) return;
     for (const isMap of [false, true]) for (const place of this.patches[at.patch].placesOf(at.taxel)) {
@@ -287,13 +296,76 @@ class Page {
       const item = document.createElement('li'), label = document.createElement('label'), box = document.createElement('input');
       box.type = 'checkbox';
       box.checked = true;
-      box.addEventListener('change', () => { this.view.show(k, box.checked); this.invalidate(); });
+      box.addEventListener('change', () => { this.view.show(k, box.checked); this.sayOptions(); this.invalidate(); });
       label.append(box, ` ${patch.header.name} `, text('small', `${patch.taxels}`));
       item.append(label);
       lists[patch.header.link].insertBefore(item, lists[patch.header.link].querySelector(':scope > .of-link'));
     });
     const total = (of: (p: Patch) => number): number => this.patches.reduce((sum, p) => sum + of(p), 0);
     byId('counts').textContent = `${this.patches.length} ${this.patches.length === 1 ? 'patch' : 'patches'}, ${total((p) => p.taxels)} taxels, ${total((p) => p.faces)} triangles, ${Math.max(...this.patches.map((p) => p.fields.length))} levels`;
+  }
+
+  // What is chosen
+
+  private isInBox(patch: Patch, place: number): boolean {
+    const { box } = this;
+    return !!box && patch.header.link === box.link && [0, 1, 2].every((a) => {
+      const x = patch.keys[0][3 * place + a];
+      return x >= box.low[a] && x <= box.high[a];
+    });
+  }
+
+  /** The box around the taxels of a link that are seen within a rectangle of a view, in its pixels. */
+  private choose(isMap: boolean, left: number, top: number, right: number, bottom: number): void {
+    const step = Math.max(2, (right - left) / 150, (bottom - top) / 150), found = new Set<string>();
+    let link: number | null = null;
+    const low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
+    for (let y = top; y <= bottom; y += step) for (let x = left; x <= right; x += step) {
+      const at = this.taxelAt(isMap, x, y);
+      if (!at || found.has(`${at.patch}:${at.taxel}`)) continue;
+      const patch = this.patches[at.patch];
+      link ??= patch.header.link;
+      if (patch.header.link !== link) continue;
+      found.add(`${at.patch}:${at.taxel}`);
+      // Tenths of a millimetre outwards, so that the numbers are short.
+      for (let a = 0; a < 3; a++) {
+        const place = 1e4 * patch.keys[0][3 * at.taxel + a];
+        low[a] = Math.min(low[a], Math.floor(place) / 1e4);
+        high[a] = Math.max(high[a], Math.ceil(place) / 1e4);
+      }
+    }
+    this.setBox(link === null ? null : { link, low, high });
+  }
+
+  private setBox(box: Box | null): void {
+    this.box = box;
+    this.isRelighting = true;
+    this.sayOptions();
+    this.invalidate();
+  }
+
+  /** The options of `dermatome build` that take what is chosen. */
+  private sayOptions(): void {
+    const word = (name: string): string => (/^[\w.+-]+$/.test(name) ? name : `'${name.replaceAll("'", "'\\''")}'`);
+    const pattern = (name: string): string => word(name.replace(/[*?[]/g, '[$&]'));
+    const shown = this.patches.filter((_, k) => this.view.isShown(k)), options: string[] = [];
+    if (shown.length < this.patches.length) options.push(...shown.map((p) => `--patch ${pattern(p.header.name)}`));
+    if (this.box) {
+      const { link, low, high } = this.box, pose = this.patches.find((p) => p.header.link === link)!.pose;
+      const isWorld = pose.equals(pose.clone().identity()), numbers = [...low, ...high].map((x) => `${+x.toFixed(4)}`).join();
+      options.push(`--box ${isWorld ? '' : `${word(this.data.header.links[link].name)}:`}${numbers}`);
+    }
+    byId('options').hidden = options.length === 0;
+    byId('options-text').textContent = options.join(' ');
+  }
+
+  private async copyOptions(): Promise<void> {
+    const said = byId('options-text');
+    // A page that is opened from a file may have no clipboard.
+    if (navigator.clipboard) await navigator.clipboard.writeText(said.textContent ?? '');
+    else { getSelection()!.selectAllChildren(said); document.execCommand('copy'); }
+    byId('copy').textContent = 'copied';
+    setTimeout(() => { byId('copy').textContent = 'copy'; }, 1200);
   }
 
   // Steering
@@ -553,6 +625,7 @@ class Page {
       byId('play').addEventListener('click', () => this.play(!this.playing));
     }
     byId('theme').addEventListener('click', () => this.setTheme(document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark'));
+    byId('copy').addEventListener('click', () => void this.copyOptions());
     byId('help-button').addEventListener('click', () => byId<HTMLDialogElement>('help').showModal());
     for (const isMap of [false, true]) this.pointers(byId(isMap ? 'map' : 'skin'), isMap);
     addEventListener('keydown', (e) => this.key(e));
@@ -569,7 +642,7 @@ class Page {
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
     else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
-    else if (e.key === 'Escape') { this.hovered = null; this.pin(null); }
+    else if (e.key === 'Escape') { this.hovered = null; this.setBox(null); this.pin(null); }
     else if (e.key === '?') byId<HTMLDialogElement>('help').showModal();
     else return;
     e.preventDefault();
@@ -577,7 +650,7 @@ class Page {
 
   private pointers(box: HTMLElement, isMap: boolean): void {
     const eye = isMap ? this.view.mapEye : this.view.skinEye, down = new Map<number, [number, number]>();
-    let moved = 0;
+    let moved = 0, corner: [number, number] | null = null;
     const local = (e: MouseEvent): [number, number] => { const r = box.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; };
     const zoom = (factor: number, [x, y]: [number, number]): void => {
       const r = isMap ? this.view.map : this.view.skin, before = this.view.metresPerPixel(isMap);
@@ -589,9 +662,23 @@ class Page {
       this.invalidate();
     };
     box.addEventListener('wheel', (e) => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY), local(e)); }, { passive: false });
-    box.addEventListener('pointerdown', (e) => { box.setPointerCapture(e.pointerId); down.set(e.pointerId, local(e)); moved = 0; });
+    /** The rectangle from where the drag began, in pixels of the view. */
+    const rectangle = ([x, y]: [number, number]): [number, number, number, number] =>
+      [Math.min(x, corner![0]), Math.min(y, corner![1]), Math.max(x, corner![0]), Math.max(y, corner![1])];
+    box.addEventListener('pointerdown', (e) => {
+      box.setPointerCapture(e.pointerId);
+      down.set(e.pointerId, local(e));
+      moved = 0;
+      if (e.ctrlKey || e.metaKey) corner = local(e);
+    });
     box.addEventListener('pointermove', (e) => {
       const at = local(e), before = down.get(e.pointerId);
+      if (corner) {
+        const r = isMap ? this.view.map : this.view.skin, [left, top, right, bottom] = rectangle(at);
+        this.frameDrawn = [r.x + left, r.y + top, r.x + right, r.y + bottom];
+        this.invalidate();
+        return;
+      }
       if (!before) { if (e.pointerType !== 'touch') this.hover(this.taxelAt(isMap, ...at)); return; }
       const [dx, dy] = [at[0] - before[0], at[1] - before[1]];
       moved += Math.abs(dx) + Math.abs(dy);
@@ -610,6 +697,12 @@ class Page {
       this.invalidate();
     });
     const up = (e: PointerEvent): void => {
+      if (corner) {
+        down.delete(e.pointerId);
+        if (e.type === 'pointerup') this.choose(isMap, ...rectangle(local(e)));
+        corner = this.frameDrawn = null;
+        return;
+      }
       if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) this.pin(this.taxelAt(isMap, ...local(e)));
       else this.keep();
     };
