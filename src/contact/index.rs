@@ -76,7 +76,11 @@ impl ContactIndex {
         let mut index = Self { links, patches, boxes: BoxTree::default(), options: *options, reactive: None };
         for (id, patch) in map.patches.enumerate() {
             if let Some(joints) = &patch.taxels.joints {
-                Arc::make_mut(&mut index.patches[id]).follow(id, joints, &index.links)?;
+                Arc::make_mut(&mut index.patches[id]).follow(
+                    id,
+                    (joints, &patch.taxels.binds),
+                    &index.links,
+                )?;
             }
         }
         if options.reactive {

@@ -12,7 +12,7 @@ use crate::id::{IdVec, VertexId};
 use crate::map::PatchMap;
 use crate::mesh::{TriMesh, is_within_reach};
 use crate::pyramid::LevelId;
-use crate::skin::{Joints, LinkId, PatchId, Presence, scaled_joints};
+use crate::skin::{Joints, LinkId, PatchId, Presence, bind_of, blended, scaled_joints};
 
 #[derive(Debug, Clone)]
 pub(super) struct IndexedPatch {
@@ -72,7 +72,7 @@ impl IndexedPatch {
     pub(super) fn follow(
         &mut self,
         id: PatchId,
-        joints: &IdVec<VertexId, Joints>,
+        (joints, binds): (&IdVec<VertexId, Joints>, &[(LinkId, DAffine3)]),
         links: &Links,
     ) -> Result<(), ContactError> {
         let mut scaled = joints.clone();
@@ -87,7 +87,8 @@ impl IndexedPatch {
         }
         let (rest, poses) = (self.tree.mesh.positions.clone(), links.poses());
         let to_joint = poses.map(|pose| pose.inverse() * poses[self.link]);
-        let blend = Blend::new(rest, self.normals.clone(), &scaled, to_joint, self.tree.refitting());
+        let blend =
+            Blend::new(&rest, self.normals.clone(), (&scaled, binds), to_joint, self.tree.refitting());
         self.blend = Some(Box::new(blend));
         Ok(())
     }
@@ -124,11 +125,9 @@ fn vertex_tree(mesh: &TriMesh) -> PointTree {
 /// How the vertices of a patch follow links.
 #[derive(Debug, Clone)]
 pub(super) struct Blend {
-    /// The vertices in the pose of the map, in m in the frame of the patch's link.
-    rest: IdVec<VertexId, DVec3>,
-    /// The links that each vertex follows and their weights, none of them 0, one vertex after the
-    /// other: fewer bytes to read than [`Joints`].
-    joints: Vec<(LinkId, f64)>,
+    /// The links that each vertex follows, their weights, none of them 0, and the points that they carry, in m in
+    /// the frame of the patch's link; one vertex after the other: fewer bytes to read than [`Joints`].
+    joints: Vec<(LinkId, f64, DVec3)>,
     /// Number of links that each vertex follows.
     counts: Vec<u8>,
     /// From the frame of the patch's link to that of each link, in the pose of the map.
@@ -148,19 +147,18 @@ impl Blend {
     /// A blend of vertices at `rest` and of normals, if there are any, by joints whose weights have the sum 1.
     #[expect(clippy::cast_possible_truncation, reason = "at most four")]
     fn new(
-        rest: IdVec<VertexId, DVec3>,
+        rest: &IdVec<VertexId, DVec3>,
         rest_normals: IdVec<VertexId, DVec3>,
-        joints: &IdVec<VertexId, Joints>,
+        (joints, binds): (&IdVec<VertexId, Joints>, &[(LinkId, DAffine3)]),
         to_joint: IdVec<LinkId, DAffine3>,
         refitting: Refitting,
     ) -> Self {
-        let weighty = |row: &Joints| row.iter().copied().filter(|joint| joint.1 > 0.0).collect::<Vec<_>>();
+        let count = |row: &Joints| row.iter().filter(|joint| joint.1 > 0.0).count() as u8;
         Self {
-            counts: joints.iter().map(|row| weighty(row).len() as u8).collect(),
-            joints: joints.iter().flat_map(weighty).collect(),
+            counts: joints.iter().map(count).collect(),
+            joints: joints.iter().zip(rest).flat_map(|(row, &rest)| carried(row, binds, rest)).collect(),
             carried: to_joint.map(|_| DAffine3::IDENTITY),
             positions: rest.clone(),
-            rest,
             normals: rest_normals.clone(),
             rest_normals,
             to_joint,
@@ -189,18 +187,37 @@ impl Blend {
             *left = others;
             Some(row)
         });
-        let moved = self.positions.iter_mut().enumerate().zip(&self.rest);
-        for (((vertex, position), rest), row) in moved.zip(rows.clone()) {
-            let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_point3(*rest);
+        for ((vertex, position), row) in self.positions.iter_mut().enumerate().zip(rows.clone()) {
+            let part = |&(joint, weight, rest): &(LinkId, f64, DVec3)| {
+                weight * carried[joint].transform_point3(rest)
+            };
             *position = row.iter().map(part).sum();
             if !is_within_reach(*position) {
                 return Err((VertexId::new(vertex), *position));
             }
         }
         for ((normal, rest), row) in self.normals.iter_mut().zip(&self.rest_normals).zip(rows) {
-            let part = |&(joint, weight): &(LinkId, f64)| weight * carried[joint].transform_vector3(*rest);
+            let part =
+                |&(joint, weight, _): &(LinkId, f64, DVec3)| weight * carried[joint].transform_vector3(*rest);
             *normal = row.iter().map(part).sum::<DVec3>().normalize_or(*rest);
         }
         Ok(())
     }
+}
+
+/// The links that a vertex at `rest` follows, their weights, and the points that they carry; see [`Joints`].
+fn carried(
+    row: &Joints,
+    binds: &[(LinkId, DAffine3)],
+    rest: DVec3,
+) -> impl Iterator<Item = (LinkId, f64, DVec3)> {
+    // Of one link it is the vertex itself, and a blend that is singular does not say where it was bound.
+    let is_one = row.iter().filter(|joint| joint.1 > 0.0).count() == 1;
+    let from_rest = blended(row, binds).inverse();
+    let bound =
+        (!binds.is_empty() && !is_one && from_rest.is_finite()).then(|| from_rest.transform_point3(rest));
+    row.iter().filter(|joint| joint.1 > 0.0).map(move |&(link, weight)| {
+        let point = bound.map_or(rest, |bound| bind_of(binds, link).transform_point3(bound));
+        (link, weight, point)
+    })
 }

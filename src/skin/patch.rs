@@ -105,6 +105,9 @@ impl Skin {
             for (link, _) in patch.taxels.joints.iter_mut().flat_map(|joints| joints.iter_mut()).flatten() {
                 *link = links.get(*link).copied().unwrap_or(*link);
             }
+            for (link, _) in &mut patch.taxels.binds {
+                *link = links.get(*link).copied().unwrap_or(*link);
+            }
             if !taken.insert(patch.name.clone()) {
                 let free =
                     |name: &String| !taken.contains(name) && other.patches.iter().all(|p| p.name != *name);

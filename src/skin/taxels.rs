@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, surface_normals};
@@ -87,7 +87,11 @@ impl Presence {
 
 columns! {
     /// The properties of the taxels of a patch.
-    Taxels {}
+    Taxels {
+        /// Where each link that taxels follow takes the patch as it was bound to them, in the frame of the patch's
+        /// link, if that is not where it lies; else empty. See [`Joints`].
+        binds: Vec<(LinkId, DAffine3)>,
+    }
     /// Vendor ids; not unique.
     ids: IdVec<VertexId, TaxelId>,
     /// Unit normals in the link's frame, outward.
@@ -119,7 +123,27 @@ columns! {
 /// Up to four links that a point follows, with weights: it moves to the weighted mean of the positions to
 /// which they move it (linear blend skinning). Weights are at least 0 with sum 1; a weight of 0 has no
 /// effect.
+///
+/// With [`Taxels::binds`] `S`, the point that lies at `x` was bound at `b = (sum of w S)^-1 x`, and each link
+/// carries `S b` instead of `x`.
 pub type Joints = [(LinkId, f64); 4];
+
+/// The [bind](Taxels::binds) of a link.
+pub(crate) fn bind_of(binds: &[(LinkId, DAffine3)], link: LinkId) -> DAffine3 {
+    binds.iter().find(|(of, _)| *of == link).map_or(DAffine3::IDENTITY, |found| found.1)
+}
+
+/// Where the links that a point follows take it from where it was bound: the weighted sum of their binds.
+pub(crate) fn blended(joints: &Joints, binds: &[(LinkId, DAffine3)]) -> DAffine3 {
+    let zero = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
+    joints.iter().filter(|joint| joint.1 > 0.0).fold(zero, |sum, &(link, weight)| {
+        let bind = bind_of(binds, link);
+        DAffine3 {
+            matrix3: sum.matrix3 + bind.matrix3 * weight,
+            translation: sum.translation + bind.translation * weight,
+        }
+    })
+}
 
 /// How far the sum of the weights of [`Joints`] may be from 1 before they are scaled to it: files store them
 /// in 8 bits.
@@ -180,6 +204,7 @@ impl Taxels {
             areas,
             covariances,
             joints,
+            binds,
             ids: _,
             presence: _,
             densities: _,
@@ -205,6 +230,9 @@ impl Taxels {
         let joints = joints.iter().flat_map(IdVec::enumerate);
         if let Some((vertex, found)) = first(joints, |all| scaled_joints(all).is_some()) {
             return Err(TaxelError::Joints { vertex, found });
+        }
+        if let Some(&(link, _)) = binds.iter().find(|(_, bind)| !bind.is_finite()) {
+            return Err(TaxelError::Bind { link });
         }
         match first(covariances.iter().flat_map(IdVec::enumerate), is_covariance) {
             Some((vertex, found)) => Err(TaxelError::Covariance { vertex, found }),
@@ -253,7 +281,7 @@ impl Taxels {
     /// Panics if one of them does not exist.
     #[must_use]
     pub(crate) fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
-        self.selected(origins.iter().map(|v| v.index()))
+        Self { binds: self.binds.clone(), ..self.selected(origins.iter().map(|v| v.index())) }
     }
 
     /// The taxels in another frame, transformed by a rigid pose.
@@ -266,6 +294,7 @@ impl Taxels {
             normals: self.normals.map(|&n| turn * n),
             tangents: self.tangents.as_ref().map(|all| all.map(|&t| turn * t)),
             covariances: self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&turn))),
+            binds: self.binds.iter().map(|&(link, bind)| (link, *pose * bind * pose.inverse())).collect(),
             ..self.clone()
         }
     }
@@ -330,6 +359,8 @@ pub enum TaxelError {
     Joints { vertex: VertexId, found: Joints },
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
     UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
+    #[error("the bind of link {link} is not finite; a finite affine map is needed")]
+    Bind { link: LinkId },
     #[error(
         "vertex {vertex} has the covariance {:?} m^2 (xx xy xz yy yz zz); it must be finite and positive \
          semidefinite",
@@ -351,7 +382,7 @@ impl TaxelError {
             | Self::Joints { vertex, .. }
             | Self::UnknownJoint { vertex, .. }
             | Self::Covariance { vertex, .. } => *vertex = number(*vertex),
-            Self::Length { .. } | Self::NoWeight { .. } => {}
+            Self::Length { .. } | Self::NoWeight { .. } | Self::Bind { .. } => {}
         }
         self
     }

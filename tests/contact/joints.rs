@@ -366,6 +366,35 @@ fn joints_away_from_the_bind_pose_move_the_mesh() {
     }
 }
 
+/// A file that shows its elbow bent: at every other angle, points lie where the matrices of the file take them.
+#[test]
+fn a_mesh_that_is_shown_off_its_bind_pose_bends_as_its_file_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let turn = DQuat::from_rotation_x(1.37);
+    let read = skin(&file(Stored::Floats).with("/nodes/1/rotation", json!(turn.to_array())), &folder);
+    let path = folder.path().join("again.glb");
+    write_skin(&path, &read).unwrap();
+    let again = assemble(&read_draft(&path).unwrap(), &AssembleOptions::default()).unwrap().skin;
+    for skin in [read, again] {
+        let map = map(&skin, &folder);
+        let mut index = ContactIndex::new(&map).unwrap();
+        for angle in [1.37, 0.9, 0.0, -0.4] {
+            let poses = turned(&map, angle);
+            index.set_motion(&posed(poses.enumerate().map(|(link, pose)| (link, *pose))), 0.0).unwrap();
+            let lower = poses[LinkId::new(1)] * DAffine3::from_translation(DVec3::Z * -0.1);
+            let shown = |p: &DVec3| p.lerp(lower.transform_point3(*p), share(p.z));
+            let truth = TriMesh { positions: tube().positions.map(shown), ..tube() };
+            for q in contacts() {
+                let hit = index.locate(Query::from(q)).unwrap();
+                assert!(
+                    (hit.distance.abs() - distance_to(&truth, q)).abs() < 1e-7,
+                    "bent by {angle}, from {q}"
+                );
+            }
+        }
+    }
+}
+
 /// A mesh goes where all of its joints go.
 #[test]
 fn joints_moved_by_the_same_move_the_mesh() {

@@ -3,20 +3,21 @@
 //! A skin of glTF lists its joints, which are nodes, and for each a matrix from the mesh as it was
 //! bound to the frame of the joint. Where the nodes stand as they did then, all joints agree where the
 //! mesh is, and it moves with its links from there. In a file that shows another pose, each vertex is
-//! moved to where the file shows it, and follows its links from there: for a blend of links that is nearly, not
-//! exactly, what the file says of other poses.
+//! moved to where the file shows it, and where each link took the mesh as it was bound is kept
+//! ([`Taxels::binds`](crate::skin::Taxels::binds)), so that it moves from there as the file says.
 //!
 //! Our own files name the link in whose frame the mesh is given; others put it on a link of its own.
 
 use glam::{DAffine3, DMat3, DMat4, DVec4};
+use gltf::json::extras::Extras;
 
-use crate::id::IdVec;
 use crate::io::error::Result;
+use crate::io::gltf::SkinExtras;
 use crate::io::gltf::document::Document;
 use crate::io::gltf::nodes::{Placement, Tree};
 use crate::io::gltf::primitive::Attributes;
 use crate::mesh::rotation_defect;
-use crate::skin::{Joints, LinkId, scaled_joints, world_pose};
+use crate::skin::{Joints, LinkId, blended, scaled_joints, world_pose};
 
 /// How far the places may be apart that two joints give the mesh, as rotations and in m: matrices of
 /// files are `f32`.
@@ -33,9 +34,11 @@ pub(super) struct Binding {
     joints: Vec<LinkId>,
     /// Where all joints see the frame of the mesh, in the world; `None` if the file says which link it is.
     pub(super) pose: Option<DAffine3>,
-    /// Where each link takes the mesh as it was bound, in the frame of the mesh's link; `None` if all
+    /// Where each link takes the mesh as it was bound, in the frame of the mesh's link; empty if all
     /// leave it where it is.
-    moves: Option<IdVec<LinkId, DAffine3>>,
+    pub(super) binds: Vec<(LinkId, DAffine3)>,
+    /// Whether the file has the mesh as it was bound: others than ours do.
+    is_bound: bool,
 }
 
 impl Binding {
@@ -87,28 +90,20 @@ impl Binding {
             let (_, turn, place) = pose.to_scale_rotation_translation();
             let rigid = DAffine3::from_rotation_translation(turn.normalize(), place);
             let pose = if is_origin { DAffine3::IDENTITY } else { rigid };
-            return Ok(Some(Self { joints, pose: placement.is_free.then_some(pose), moves: None }));
+            let binds = kept_binds(document, &element, &joints, &skin.extras)?;
+            let pose = placement.is_free.then_some(pose);
+            return Ok(Some(Self { joints, pose, binds, is_bound: false }));
         }
         let found = "joints that stand elsewhere than when the mesh was bound to them";
         let fault = document.invalid(element, found, "the pose of the inverse bind matrices");
-        let what = "vertices were moved to where the file shows them; from there those that follow several joints move \
-                    nearly, not exactly, as the file says: a file in the pose of its matrices keeps that";
-        document.notes.settle(fault, what)?;
-        let mut moves = IdVec::filled(DAffine3::IDENTITY, tree.links.len());
-        for (&link, seen) in joints.iter().zip(seen) {
-            moves[link] = own.inverse() * seen;
-        }
-        Ok(Some(Self { joints, pose: None, moves: Some(moves) }))
+        document.notes.settle(fault, "vertices were moved to where the file shows them")?;
+        let binds = joints.iter().zip(seen).map(|(&link, seen)| (link, own.inverse() * seen)).collect();
+        Ok(Some(Self { joints, pose: None, binds, is_bound: true }))
     }
 
     /// Where a vertex goes that follows its links to where the file shows it; `None` if all are there.
     pub(super) fn moved(&self, joints: &Joints) -> Option<DAffine3> {
-        let moves = self.moves.as_ref()?;
-        let zero = DAffine3 { matrix3: DMat3::ZERO, translation: glam::DVec3::ZERO };
-        Some(joints.iter().filter(|joint| joint.1 > 0.0).fold(zero, |sum, &(link, weight)| DAffine3 {
-            matrix3: sum.matrix3 + moves[link].matrix3 * weight,
-            translation: sum.translation + moves[link].translation * weight,
-        }))
+        self.is_bound.then(|| blended(joints, &self.binds))
     }
 
     /// The links that each vertex of a primitive follows.
@@ -151,4 +146,21 @@ impl Binding {
         }
         Ok(Some(rows))
     }
+}
+
+/// The binds that our own files keep beside the joints of a skin.
+fn kept_binds(
+    document: &Document,
+    element: &str,
+    joints: &[LinkId],
+    extras: &Extras,
+) -> Result<Vec<(LinkId, DAffine3)>> {
+    let Some(SkinExtras { binds }) = SkinExtras::of(extras) else { return Ok(Vec::new()) };
+    let is_affine = |m: &DMat4| m.is_finite() && m.row(3) == DVec4::W;
+    let binds: Vec<DMat4> = binds.iter().map(DMat4::from_cols_array).filter(is_affine).collect();
+    if binds.len() != joints.len() {
+        let found = format!("{} affine matrices in extras.dermatome.binds", binds.len());
+        return Err(document.invalid(element, found, format!("{}, one for each joint", joints.len())));
+    }
+    Ok(joints.iter().copied().zip(binds.into_iter().map(DAffine3::from_mat4)).collect())
 }

@@ -100,6 +100,13 @@ pub(super) struct RowsExtras {
     pub weights: usize,
 }
 
+/// `extras.dermatome` of a skin of glTF.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct SkinExtras {
+    /// [`Taxels::binds`](crate::skin::Taxels::binds) of each joint, as matrices in the order of their columns.
+    pub binds: Vec<[f64; 16]>,
+}
+
 /// `extras.dermatome` of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -114,6 +121,13 @@ impl LevelExtras {
     /// What a mesh says; `None` if it says nothing.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
         content(&mesh.extras).map(Self::deserialize)
+    }
+}
+
+impl SkinExtras {
+    /// What a skin says; `None` if it says nothing, or nothing known.
+    pub(super) fn of(extras: &Extras) -> Option<Self> {
+        Self::deserialize(content(extras)?).ok()
     }
 }
 

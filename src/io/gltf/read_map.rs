@@ -211,6 +211,7 @@ fn read_level(
         let presence = attributes.read("_PRESENT", read_presence)?;
         let joints = binding.map_or(Ok(None), |binding| binding.joints(&attributes))?;
         *taxels = Taxels {
+            binds: binding.map(|binding| binding.binds.clone()).unwrap_or_default(),
             ids: read_ids(attributes.need("_TAXEL_ID")?)?.into(),
             normals,
             tangents,

@@ -132,6 +132,9 @@ fn read_sheet(
         bake(&mut sheet, |_| stretch);
     }
     let moved = |joints: &Vec<Joints>| joints.iter().map(|row| binding?.moved(row)).collect();
+    if sheet.joints.is_some() {
+        sheet.binds = binding.map(|binding| binding.binds.clone()).unwrap_or_default();
+    }
     if let Some(moves) = sheet.joints.as_ref().and_then::<Vec<DAffine3>, _>(moved) {
         sheet.positions.iter_mut().zip(&moves).for_each(|(p, pose)| *p = pose.transform_point3(*p));
         bake(&mut sheet, |v| moves[v].matrix3);

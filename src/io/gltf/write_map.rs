@@ -145,7 +145,8 @@ fn write_levels(
                     link = links[at].parent;
                 }
             }
-            nodes.push(PatchNode { link: patch.link, node: node(level_name(patch, level), mesh), joints });
+            let (node, binds) = (node(level_name(patch, level), mesh), patch.taxels.binds.clone());
+            nodes.push(PatchNode { link: patch.link, node, joints, binds });
         }
         let name = Some(format!("level {level}"));
         writer.add_scene(name, links, &wanted, nodes)?;

@@ -38,7 +38,8 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         sheet.taxels(&patch.taxels, patch.mesh.positions.len(), Codes::Whole)?;
         let mesh = mesh(patch.name.clone(), sheet.finish());
         let node = node(patch.name.clone(), writer.root.push(mesh));
-        nodes.push(PatchNode { link: patch.link, node, joints: joints_of(&patch.taxels) });
+        let (joints, binds) = (joints_of(&patch.taxels), patch.taxels.binds.clone());
+        nodes.push(PatchNode { link: patch.link, node, joints, binds });
     }
     writer.add_scene(None, &skin.links, &skin.links.map(|_| true), nodes)?;
     writer.add_animations(&skin.animations)?;

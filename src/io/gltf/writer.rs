@@ -16,10 +16,10 @@ use crate::id::IdVec;
 use crate::io::error::Result;
 use crate::io::file::{cannot_write, unfit, write_to};
 use crate::io::gltf::nodes::RIGID;
-use crate::io::gltf::{GENERATOR, NodeExtras};
+use crate::io::gltf::{GENERATOR, NodeExtras, SkinExtras};
 use crate::mesh::rotation_defect;
 use crate::numeric::narrow;
-use crate::skin::{Link, LinkId, world_pose};
+use crate::skin::{Link, LinkId, bind_of, world_pose};
 
 /// Which of the two forms of glTF a file has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +60,8 @@ pub(super) struct PatchNode {
     /// The links that its vertices follow, in the order of their numbers in `JOINTS_0`; none if it is
     /// rigid.
     pub(super) joints: Vec<LinkId>,
+    /// As [`Taxels::binds`](crate::skin::Taxels::binds).
+    pub(super) binds: Vec<(LinkId, DAffine3)>,
 }
 
 /// A document that grows object by object, each array in a view of its own.
@@ -189,13 +191,13 @@ impl<'p> SceneWriter<'p> {
             let children = Some(std::mem::take(&mut roots));
             roots.push(self.root.push(Node { children, extras, ..Node::default() }));
         }
-        for (parent, PatchNode { link, mut node, joints }) in patches {
+        for (parent, PatchNode { link, mut node, joints, binds }) in patches {
             if joints.is_empty() {
                 let node = self.root.push(node);
                 self.adopt(parent, node);
                 continue;
             }
-            node.skin = Some(self.skin(links, link, &nodes, &joints)?);
+            node.skin = Some(self.skin(links, link, &nodes, &joints, &binds)?);
             node.extras = self.extras(&NodeExtras::Link(parent.value()))?;
             roots.push(self.root.push(node));
         }
@@ -210,7 +212,14 @@ impl<'p> SceneWriter<'p> {
         own: LinkId,
         nodes: &IdVec<LinkId, Option<Index<Node>>>,
         joints: &[LinkId],
+        binds: &[(LinkId, DAffine3)],
     ) -> Result<Index<Skin>> {
+        let bind = |&joint: &LinkId| DMat4::from(bind_of(binds, joint)).to_cols_array();
+        let extras = if binds.is_empty() {
+            None
+        } else {
+            self.extras(&SkinExtras { binds: joints.iter().map(bind).collect() })?
+        };
         let pose = world_pose(links, own);
         let inverse = joints.iter().map(|&joint| {
             let to_joint =
@@ -225,7 +234,7 @@ impl<'p> SceneWriter<'p> {
             skeleton: None,
             name: None,
             extensions: None,
-            extras: None,
+            extras,
         }))
     }
 

@@ -46,6 +46,7 @@ pub(super) fn patch_of(
     let in_file = vertices.map(|&v| components.in_file[v]);
     let file = components.sheet.select(&in_file.iter().map(|v| v.index()).collect::<Vec<_>>());
     let taxels = Taxels {
+        binds: file.binds,
         ids: file.ids.unwrap_or_else(|| in_file.iter().map(|_| count_on(next_id)).collect()).into(),
         normals,
         tangents,
