@@ -41,8 +41,9 @@ fn cut(sheet: &mut Sheet, height: impl Fn(DVec3) -> f64) {
         let mut polygon: Vec<u32> = Vec::with_capacity(4);
         let mut add = |ends: [u32; 2]| {
             let number = *numbers.entry(ends).or_insert_with(|| {
+                let number = u32::try_from(sheet.positions.len()).unwrap_or(u32::MAX);
                 sheet.positions.push(crossing(ends.map(|v| (old[v as usize], heights[v as usize]))));
-                sheet.positions.len() as u32 - 1
+                number
             });
             polygon.push(number);
         };
