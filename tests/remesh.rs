@@ -183,7 +183,7 @@ fn sheet(mesh: &TriMesh) -> Sheet {
 fn a_box_cuts_a_straight_rim() {
     let block = block();
     let apart: Vec<DVec3> = block.triangles.ids().flat_map(|face| block.corners(face)).collect();
-    let own = (0..apart.len() as u32 / 3).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+    let own = (0_u32..).step_by(3).take(apart.len() / 3).map(|first| [first, first + 1, first + 2]).collect();
     let apart = Sheet { positions: apart, triangles: own, ..Sheet::default() };
     let pose = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.5), DVec3::new(0.3, 0.0, 0.1));
     let corners = [0.05, 0.13].map(|x| DVec3::new(x, (x - 0.09) * 25.0, (x - 0.09) * 25.0));
