@@ -163,7 +163,7 @@ fn skin(name: &str, faces: usize) -> Skin {
 
 /// Every triangle divided in four.
 fn halved(mesh: &TriMesh) -> TriMesh {
-    let mut positions = mesh.positions.to_vec();
+    let mut positions = mesh.positions.as_slice().to_vec();
     let mut middles: BTreeMap<[VertexId; 2], u32> = BTreeMap::new();
     let mut triangles = Vec::new();
     for corners in &mesh.triangles {

@@ -10,7 +10,7 @@ use dermatome::{
 fn whole(mesh: &TriMesh) -> Draft {
     let sheet = Sheet {
         name: "cover".into(),
-        positions: mesh.positions.to_vec(),
+        positions: mesh.positions.as_slice().to_vec(),
         triangles: mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
         normals: Some(Taxels::from(mesh).normals.into()),
         ..Sheet::default()
@@ -28,7 +28,7 @@ fn soup(mesh: &TriMesh) -> Draft {
 
 /// The taxels of a cap alone: about as many as asked for.
 fn taxels(count: usize) -> Draft {
-    let positions = shapes::cap(2 * count, 0.1, 1.9).positions.to_vec();
+    let positions = shapes::cap(2 * count, 0.1, 1.9).positions.as_slice().to_vec();
     Draft { sheets: vec![Sheet { name: "cover".into(), positions, ..Sheet::default() }], ..Draft::default() }
 }
 

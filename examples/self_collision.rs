@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut motion = Motion::default();
     motion.set(arm, MotionFrame::Parent, &[turned(0.0), turned(0.5), turned(1.0)])?;
     let on_arm = skin.patches.iter().filter(|patch| patch.link == arm);
-    let taxels: Vec<DVec3> = on_arm.flat_map(|patch| patch.mesh.positions.to_vec()).collect();
+    let taxels: Vec<DVec3> = on_arm.flat_map(|patch| patch.mesh.positions.as_slice().to_vec()).collect();
     let mut others: Vec<_> =
         skin.patches.iter().map(|patch| patch.link).filter(|other| *other != arm).collect();
     others.dedup();

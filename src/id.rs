@@ -95,8 +95,7 @@ define_id!(
 );
 pub(crate) use define_id;
 
-/// A vector whose elements are indexed by one kind of [`Id`] alone; as a sequence it is the slice of
-/// its elements.
+/// A vector whose elements are indexed by one kind of [`Id`] alone.
 ///
 /// ```
 /// use dermatome::id::{IdVec, VertexId};
@@ -114,6 +113,12 @@ pub(crate) use define_id;
 /// # use dermatome::id::{IdVec, VertexId};
 /// # let heights: IdVec<VertexId, f64> = IdVec::from(vec![0.25, 0.5]);
 /// let height = heights[1];
+/// ```
+///
+/// ```compile_fail
+/// # use dermatome::id::{FaceId, IdVec, VertexId};
+/// # let heights: IdVec<VertexId, f64> = IdVec::from(vec![0.25, 0.5]);
+/// let of_faces: IdVec<FaceId, f64> = heights;
 /// ```
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub struct IdVec<I, T> {
@@ -148,6 +153,17 @@ impl<I: Id, T> IdVec<I, T> {
         self.raw.get(id.index())
     }
 
+    /// The element of `id`, to be changed, if it exists.
+    pub(crate) fn get_mut(&mut self, id: I) -> Option<&mut T> {
+        self.raw.get_mut(id.index())
+    }
+
+    /// The element of the first id.
+    #[inline]
+    pub fn first(&self) -> Option<&T> {
+        self.raw.first()
+    }
+
     /// The ids, in order.
     pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + Clone + use<I, T> {
         (0..self.raw.len()).map(I::new)
@@ -161,6 +177,50 @@ impl<I: Id, T> IdVec<I, T> {
     /// A vector with the same ids and `f` of each element.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> IdVec<I, U> {
         self.raw.iter().map(f).collect()
+    }
+}
+
+impl<I, T> IdVec<I, T> {
+    /// How many elements there are.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.raw.len()
+    }
+
+    /// Whether there are none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.raw.is_empty()
+    }
+
+    /// The elements, in the order of their ids.
+    #[inline]
+    pub fn iter(&self) -> std::slice::Iter<'_, T> {
+        self.raw.iter()
+    }
+
+    /// The elements, in the order of their ids, to be changed.
+    #[inline]
+    pub fn iter_mut(&mut self) -> std::slice::IterMut<'_, T> {
+        self.raw.iter_mut()
+    }
+
+    /// The elements without their ids.
+    #[inline]
+    pub fn as_slice(&self) -> &[T] {
+        &self.raw
+    }
+
+    /// The elements without their ids, to be changed.
+    #[inline]
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        &mut self.raw
+    }
+
+    /// The same elements, indexed by another kind of id.
+    #[inline]
+    pub fn reindexed<J>(self) -> IdVec<J, T> {
+        self.raw.into()
     }
 }
 
@@ -182,21 +242,6 @@ impl<I, T> From<IdVec<I, T>> for Vec<T> {
     }
 }
 
-impl<I, T> ops::Deref for IdVec<I, T> {
-    type Target = [T];
-    #[inline]
-    fn deref(&self) -> &[T] {
-        &self.raw
-    }
-}
-
-impl<I, T> ops::DerefMut for IdVec<I, T> {
-    #[inline]
-    fn deref_mut(&mut self) -> &mut [T] {
-        &mut self.raw
-    }
-}
-
 impl<I: Id, T> FromIterator<T> for IdVec<I, T> {
     fn from_iter<It: IntoIterator<Item = T>>(iter: It) -> Self {
         Vec::from_iter(iter).into()
@@ -211,11 +256,19 @@ impl<I: Id, T> IntoIterator for IdVec<I, T> {
     }
 }
 
-impl<'a, I: Id, T> IntoIterator for &'a IdVec<I, T> {
+impl<'a, I, T> IntoIterator for &'a IdVec<I, T> {
     type Item = &'a T;
     type IntoIter = std::slice::Iter<'a, T>;
     fn into_iter(self) -> Self::IntoIter {
         self.raw.iter()
+    }
+}
+
+impl<'a, I, T> IntoIterator for &'a mut IdVec<I, T> {
+    type Item = &'a mut T;
+    type IntoIter = std::slice::IterMut<'a, T>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.raw.iter_mut()
     }
 }
 

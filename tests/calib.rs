@@ -613,7 +613,7 @@ fn edges_that_join_sheets_are_not_rejected() {
         } else {
             assert!(bridges.iter().all(|&e| found.diagnostics.edges[e].weight > 1e-4));
         }
-        let mut sigmas = sigmas(&found).to_vec();
+        let mut sigmas = sigmas(&found).as_slice().to_vec();
         sigmas.sort_by(f64::total_cmp);
         let middle = sigmas[sigmas.len() / 2];
         assert!(middle < widest, "{middle} m");
@@ -997,7 +997,7 @@ fn given_triangles_that_are_inside_out_are_turned() {
     let simulation = simulate(&small(Model::Poses)).unwrap();
     let observations = &simulation.observations;
     let found = fit(observations);
-    let mut triangles = simulation.mesh.triangles.to_vec();
+    let mut triangles = simulation.mesh.triangles.as_slice().to_vec();
     let right = calibrated_skin(&found, observations, Some(&triangles)).unwrap();
     triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let turned = calibrated_skin(&found, observations, Some(&triangles)).unwrap();

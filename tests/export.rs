@@ -165,8 +165,8 @@ fn a_robot_gets_sensors_and_keeps_every_byte() {
         assert_eq!(sensors.len(), map.patches.len());
         for (sensor, patch) in sensors.iter().zip(&map.patches) {
             let (taxels, mesh) = (&patch.taxels, &patch.levels[LevelId::new(0)].level.mesh);
-            assert_eq!((&sensor.name, sensor.ids.as_deref()), (&patch.name, Some(&*taxels.ids)));
-            assert_eq!(sensor.positions, *mesh.positions);
+            assert_eq!((&sensor.name, sensor.ids.as_deref()), (&patch.name, Some(taxels.ids.as_slice())));
+            assert_eq!(sensor.positions, mesh.positions.as_slice());
             let read = [sensor.normals.as_ref().unwrap(), sensor.tangents.as_ref().unwrap()];
             for (read, known) in read.into_iter().zip([&taxels.normals, taxels.tangents.as_ref().unwrap()]) {
                 assert!(read.iter().zip(known).all(|(a, b)| a.abs_diff_eq(*b, 1e-6)));
@@ -258,8 +258,8 @@ fn exported_taxels_are_read_again() {
         notes(folder.path(), &format!("export map.glb -o {name}"), &[&format!("wrote {name}")]);
         let draft = read_draft(&folder.path().join(name)).unwrap();
         let [sheet] = &*draft.sheets else { panic!("{name}: {} sheets", draft.sheets.len()) };
-        assert_eq!(sheet.ids.as_deref(), Some(&*patch.taxels.ids), "{name}");
-        assert_eq!(sheet.presence.as_deref(), Some(&*patch.taxels.presence), "{name}");
-        assert_eq!(sheet.positions, *patch.levels[LevelId::new(0)].level.mesh.positions, "{name}");
+        assert_eq!(sheet.ids.as_deref(), Some(patch.taxels.ids.as_slice()), "{name}");
+        assert_eq!(sheet.presence.as_deref(), Some(patch.taxels.presence.as_slice()), "{name}");
+        assert_eq!(sheet.positions, patch.levels[LevelId::new(0)].level.mesh.positions.as_slice(), "{name}");
     }
 }

@@ -175,7 +175,7 @@ fn fitted(flat: &[DVec2], uv: &[DVec2]) -> Vec<f64> {
 /// The largest of them, from the places of a flat mesh.
 fn rigid_distance(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> f64 {
     let flat: Vec<DVec2> = mesh.positions.iter().map(|p| p.truncate()).collect();
-    fitted(&flat, uv).into_iter().fold(0.0, f64::max)
+    fitted(&flat, uv.as_slice()).into_iter().fold(0.0, f64::max)
 }
 
 #[test]

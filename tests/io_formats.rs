@@ -106,7 +106,7 @@ fn every_format_keeps_positions_and_triangles() {
         let [sheet] = draft.sheets.as_slice() else { panic!("{kind}: one sheet") };
         assert_eq!(sheet.positions, positions(patch, DAffine3::IDENTITY), "{kind}: to the last bit");
         assert_eq!(sheet.triangles, triangles(patch), "{kind}");
-        assert_eq!(sheet.normals.as_deref(), Some(&*patch.taxels.normals), "{kind}: normals");
+        assert_eq!(sheet.normals.as_deref(), Some(patch.taxels.normals.as_slice()), "{kind}: normals");
     }
 }
 
@@ -122,9 +122,9 @@ fn json_keeps_the_frame_of_its_link() {
         link: Some(LinkId::new(0)),
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.taxels.ids.to_vec()),
-        normals: Some(patch.taxels.normals.to_vec()),
-        presence: Some(patch.taxels.presence.to_vec()),
+        ids: Some(patch.taxels.ids.as_slice().to_vec()),
+        normals: Some(patch.taxels.normals.as_slice().to_vec()),
+        presence: Some(patch.taxels.presence.as_slice().to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet], "all but areas and densities");
@@ -154,10 +154,15 @@ fn tables_keep_patches_ids_and_link_names() {
         assert_eq!(sheet.name, patch.name);
         assert_eq!(sheet.positions, positions(patch, pose), "{}: in the world", patch.name);
         assert_eq!(sheet.triangles, triangles(patch), "{}", patch.name);
-        assert_eq!(sheet.ids.as_deref(), Some(&*patch.taxels.ids), "{}", patch.name);
-        assert_eq!(sheet.areas.as_deref(), Some(&*patch.taxels.areas), "{}", patch.name);
-        assert_eq!(sheet.presence.as_deref(), Some(&*patch.taxels.presence), "{}", patch.name);
-        assert_eq!(sheet.densities, patch.taxels.densities.as_ref().map(|d| d.to_vec()), "{}", patch.name);
+        assert_eq!(sheet.ids.as_deref(), Some(patch.taxels.ids.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.areas.as_deref(), Some(patch.taxels.areas.as_slice()), "{}", patch.name);
+        assert_eq!(sheet.presence.as_deref(), Some(patch.taxels.presence.as_slice()), "{}", patch.name);
+        assert_eq!(
+            sheet.densities,
+            patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
+            "{}",
+            patch.name
+        );
         let link = &draft.links[sheet.link.unwrap()];
         assert_eq!(link.name, skin.links[patch.link].name);
         assert_eq!(link.pose, DAffine3::IDENTITY, "the table knows no frames");
@@ -243,11 +248,11 @@ fn ply_keeps_all_numbers_of_a_vertex() {
         link: None,
         positions: positions(patch, DAffine3::IDENTITY),
         triangles: triangles(patch),
-        ids: Some(patch.taxels.ids.to_vec()),
-        normals: Some(patch.taxels.normals.to_vec()),
-        areas: Some(patch.taxels.areas.to_vec()),
-        densities: patch.taxels.densities.as_ref().map(|d| d.to_vec()),
-        presence: Some(patch.taxels.presence.to_vec()),
+        ids: Some(patch.taxels.ids.as_slice().to_vec()),
+        normals: Some(patch.taxels.normals.as_slice().to_vec()),
+        areas: Some(patch.taxels.areas.as_slice().to_vec()),
+        densities: patch.taxels.densities.as_ref().map(|d| d.as_slice().to_vec()),
+        presence: Some(patch.taxels.presence.as_slice().to_vec()),
         ..Sheet::default()
     };
     assert_eq!(draft.sheets, [sheet]);
@@ -756,7 +761,7 @@ fn flat_maps_read_back_as_they_were() {
 
     let path = folder.path().join("flat.obj");
     write_flat(&path, &mesh, &uv).unwrap();
-    assert_eq!(read_draft(&path).unwrap().sheets[0].positions, *mesh.positions);
+    assert_eq!(read_draft(&path).unwrap().sheets[0].positions, mesh.positions.as_slice());
     let text = fs::read_to_string(&path).unwrap();
     let found: Vec<DVec2> = text
         .lines()
@@ -764,7 +769,7 @@ fn flat_maps_read_back_as_they_were() {
         .map(|line| line.split_once(' ').unwrap())
         .map(|(u, v)| DVec2::new(u.parse().unwrap(), v.parse().unwrap()))
         .collect();
-    assert_eq!(found, *uv, "to the last bit");
+    assert_eq!(found, uv.as_slice(), "to the last bit");
     assert!(text.contains("f 1/1 2/2 3/3\n"));
     let short = IdVec::from(vec![DVec2::ZERO; 2]);
     assert!(write_flat(&path, &mesh, &short).unwrap_err().to_string().contains("2 positions"));

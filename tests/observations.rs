@@ -367,14 +367,14 @@ fn calibrated_taxels_go_into_tables_and_skins() {
     assert_eq!(text.lines().count(), 501);
 
     let triangles = &simulation.mesh.triangles;
-    write_triangles(&at("t.csv"), &found.ids, triangles).unwrap();
-    assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), triangles.to_vec());
+    write_triangles(&at("t.csv"), &found.ids, triangles.as_slice()).unwrap();
+    assert_eq!(read_triangles(&at("t.csv"), &found.ids).unwrap(), triangles.as_slice().to_vec());
     write_truth(&at("truth.csv"), &found.ids, &simulation.truth).unwrap();
     let truth = read_truth(&at("truth.csv")).unwrap();
     assert_eq!(truth[499].0, TaxelId(499));
     assert_eq!(truth[499].1.position, simulation.truth[VertexId::new(499)].position);
 
-    let given = calibrated_skin(&found, &simulation.observations, Some(triangles)).unwrap();
+    let given = calibrated_skin(&found, &simulation.observations, Some(triangles.as_slice())).unwrap();
     let meshed = calibrated_skin(&found, &simulation.observations, None).unwrap();
     for made in [&given, &meshed] {
         assert!(made.left_out.is_empty());

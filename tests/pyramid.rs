@@ -386,7 +386,7 @@ fn dense_skin_keeps_small_fields() {
 fn centres(mesh: TriMesh) -> Vec<VertexId> {
     let options = CoarsenOptions { levels: Some(1), ..CoarsenOptions::default() };
     let pyramid = coarsen_patch(&patch(mesh), &options).unwrap();
-    pyramid.levels[LevelId::new(1)].origins.to_vec()
+    pyramid.levels[LevelId::new(1)].origins.as_slice().to_vec()
 }
 
 /// No two centres are within 1.35 spacings of each other, and every other taxel is within that of
@@ -593,8 +593,8 @@ fn middle() -> Prolongation {
 #[test]
 fn values_are_blended_and_amounts_are_shared() {
     let p = middle();
-    assert_eq!(*p.apply(&vec![2.0, 7.0, 4.0].into()), [2.0, 3.0]);
-    assert_eq!(*p.restrict(&vec![1.0, 8.0].into()), [5.0, 0.0, 4.0]);
+    assert_eq!(p.apply(&vec![2.0, 7.0, 4.0].into()).as_slice(), [2.0, 3.0]);
+    assert_eq!(p.restrict(&vec![1.0, 8.0].into()).as_slice(), [5.0, 0.0, 4.0]);
     let row: Vec<_> = p.row(VertexId::new(1)).collect();
     assert_eq!(row, [(VertexId::new(0), 0.5), (VertexId::new(2), 0.5)], "unused slots are left out");
 }

@@ -110,7 +110,7 @@ fn small_holes_are_closed() {
     // A triangle, and two that share an edge.
     let kept = whole.triangles.enumerate().filter(|(face, _)| ![500, 1000, 1001].contains(&face.index()));
     let kept: Vec<[u32; 3]> = kept.map(|(_, t)| t.map(|v| v.raw())).collect();
-    let mesh = TriMesh::from_arrays(whole.positions.to_vec(), &kept);
+    let mesh = TriMesh::from_arrays(whole.positions.as_slice().to_vec(), &kept);
     let loops = |mesh: &TriMesh| Adjacency::new(mesh).unwrap().boundary_loops().len();
     let made = [0.0009, 0.0012, 0.002].map(|spacing| loops(&remesh(&mesh, spacing).unwrap()));
     assert_eq!((loops(&mesh), made), (3, [3, 2, 1]), "holes of 3 and 4 mm around");
@@ -174,7 +174,7 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
 
 fn sheet(mesh: &TriMesh) -> Sheet {
     let triangles = mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect();
-    Sheet { positions: mesh.positions.to_vec(), triangles, ..Sheet::default() }
+    Sheet { positions: mesh.positions.as_slice().to_vec(), triangles, ..Sheet::default() }
 }
 
 /// A block of two triangles a side, cut by a box in a turned frame: the rim of the new mesh lies in the sides of the

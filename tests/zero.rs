@@ -92,7 +92,7 @@ impl Scene {
             let noise = NOISE * self.random.normal();
             self.frame.values[patch()][0][VertexId::new(k)] = self.zeros[k] + self.pressed[k] + noise;
         }
-        self.tracker.apply(&self.frame).values[patch()][0].to_vec()
+        self.tracker.apply(&self.frame).values[patch()][0].as_slice().to_vec()
     }
 
     fn rest(&mut self, seconds: f64) {

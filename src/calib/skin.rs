@@ -132,7 +132,7 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
         name: "skin".into(),
         positions: calibration.poses.iter().map(|p| p.position).collect(),
         triangles: faces.iter().map(|f| f.map(VertexId::raw)).collect(),
-        ids: Some(ids.to_vec()),
+        ids: Some(ids.as_slice().to_vec()),
         covariances,
         ..Sheet::default()
     };

@@ -66,7 +66,8 @@ impl ContactIndex {
     /// As [`Self::new`].
     pub fn with_options(map: &SkinMap, options: &IndexOptions) -> Result<Self, ContactError> {
         map.validate()?;
-        let patches = par_map(&map.patches, |patch| IndexedPatch::new(patch, options).map(Arc::new));
+        let patches =
+            par_map(map.patches.as_slice(), |patch| IndexedPatch::new(patch, options).map(Arc::new));
         let patches: IdVec<PatchId, _> =
             patches.into_iter().collect::<Result<Vec<_>, ContactError>>()?.into();
         if patches.is_empty() {

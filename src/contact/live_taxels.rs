@@ -40,7 +40,7 @@ impl Taxels {
             return None;
         }
         let positions = patch.levels[LevelId::new(0)].level.mesh.positions.clone();
-        let tree = PointTree::new(&live.map(|&taxel| positions[taxel]), |_| DVec3::ZERO);
+        let tree = PointTree::new(live.map(|&taxel| positions[taxel]).as_slice(), |_| DVec3::ZERO);
         let origins = patch.levels.map(|map| map.level.origins.clone());
         Some(Self { presence, ids: patch.taxels.ids.clone(), positions, origins, tree, live })
     }

@@ -119,7 +119,7 @@ fn vertex_tree(mesh: &TriMesh) -> PointTree {
     for (face, corners) in mesh.triangles.enumerate() {
         corners.iter().for_each(|&v| normals[v] += mesh.face_cross(face));
     }
-    PointTree::new(&mesh.positions, |v| normals[VertexId::new(v)])
+    PointTree::new(mesh.positions.as_slice(), |v| normals[VertexId::new(v)])
 }
 
 /// How the vertices of a patch follow links.

@@ -74,7 +74,8 @@ impl PatchBvh {
             return Err(ContactError::TooManyFaces { patch: patch.to_owned(), faces, last });
         }
         check(patch, &mesh.positions)?;
-        let tree = TriangleTree::new(&mesh.positions, corners(mesh)).map_err(|_| ContactError::NoSkin)?;
+        let tree =
+            TriangleTree::new(mesh.positions.as_slice(), corners(mesh)).map_err(|_| ContactError::NoSkin)?;
         let around = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
         Ok(Self { mesh: mesh.clone(), corners: around, tree })
     }
@@ -90,7 +91,7 @@ impl PatchBvh {
     pub(super) fn refit(&mut self, positions: &mut IdVec<VertexId, DVec3>, refitting: &mut Refitting) {
         debug_assert_eq!(positions.len(), self.mesh.positions.len());
         std::mem::swap(&mut self.mesh.positions, positions);
-        self.tree.refit(&self.mesh.positions, refitting);
+        self.tree.refit(self.mesh.positions.as_slice(), refitting);
     }
 
     /// The box of its faces, in m in the link's frame.

@@ -14,6 +14,12 @@ define_id!(
 );
 
 impl PlaceId {
+    /// The first place of a vertex of the level: copies follow after all vertices.
+    #[inline]
+    pub fn first_of(vertex: VertexId) -> Self {
+        Self(vertex.raw())
+    }
+
     /// The place that a vertex of the mesh after the cut is.
     pub fn of_opened(vertex: VertexId) -> Self {
         Self(vertex.raw())
@@ -70,7 +76,7 @@ impl CutMesh {
                 unsplit.push(v)
             } else {
                 is_taken[v] = true;
-                PlaceId::of_opened(v)
+                PlaceId::first_of(v)
             };
         }
         Self { triangles: names, unsplit }
@@ -78,24 +84,29 @@ impl CutMesh {
 
     /// The cut of the same mesh along a curve. Places that are copies of vertices keep their numbers.
     pub(crate) fn along(&self, curve: &AlongCurve) -> Self {
-        let number = |v: VertexId| curve.numbers.get(v).copied().unwrap_or(v);
-        let place = |h: Halfedge| PlaceId::of_opened(number(self.triangles[h.face()][h.side()].opened()));
-        let given = |place: PlaceId| PlaceId::of_opened(curve.given(place.opened()));
+        let number = |v: VertexId| curve.numbers[v];
+        let corner = |h: Halfedge| self.moved(self.triangles[h.face()][h.side()], number);
+        let unsplit =
+            self.unsplit.enumerate().map(|(place, &v)| if is_first(place, v) { v } else { number(v) });
         Self {
-            triangles: curve.given_corners().map(|corners| corners.map(place)).collect(),
-            unsplit: self.unsplit.ids().map(|place| number(self.unsplit[given(place)])).collect(),
+            triangles: curve.given_corners().map(|corners| corners.map(corner)).collect(),
+            unsplit: unsplit.collect(),
         }
+    }
+
+    /// A place after the vertices of the uncut mesh have got other numbers; copies keep theirs.
+    pub(crate) fn moved(&self, place: PlaceId, number: impl Fn(VertexId) -> VertexId) -> PlaceId {
+        let v = self.unsplit[place];
+        if is_first(place, v) { PlaceId::first_of(number(v)) } else { place }
     }
 
     /// The cut mesh, with the positions of the vertices of the uncut one (m).
     pub(crate) fn mesh(&self, positions: &IdVec<VertexId, DVec3>) -> TriMesh {
-        let positions = self.unsplit.iter().map(|&v| positions[v]).collect();
-        TriMesh { positions, triangles: self.triangles.map(|corners| corners.map(PlaceId::opened)) }
-    }
-
-    /// The vertex of the uncut mesh that each vertex of the cut mesh is, by its number there.
-    pub(crate) fn opened_vertices(&self) -> IdVec<VertexId, VertexId> {
-        self.unsplit.iter().copied().collect()
+        let positions = self.unsplit.map(|&v| positions[v]);
+        TriMesh {
+            positions: positions.reindexed(),
+            triangles: self.triangles.map(|corners| corners.map(PlaceId::opened)),
+        }
     }
 
     /// A vertex of the cut mesh that breaks its rules; `None` if all are as they should be.
@@ -141,6 +152,11 @@ impl CutMesh {
         let at = |h: Halfedge| self.triangles[h.face()][h.side()];
         at(h) == at(twin.next()) && at(h.next()) == at(twin)
     }
+}
+
+/// Whether a place of a vertex is its first one, no copy.
+fn is_first(place: PlaceId, vertex: VertexId) -> bool {
+    place == PlaceId::first_of(vertex)
 }
 
 /// Length of edges of a mesh, in m.

@@ -51,7 +51,7 @@ pub(crate) fn cut_along(
     let mut seam = SeamEdges::new();
     for &[a, b] in edges {
         let [from, to] = [ids[a], ids[b]];
-        let found = graph.ends.binary_search(&[a.min(b), a.max(b)]);
+        let found = graph.ends.as_slice().binary_search(&[a.min(b), a.max(b)]);
         let edge = found.map(EdgeId::new).map_err(|_| CutError::NotAnEdge { from, to })?;
         if graph.is_free(edge) {
             return Err(CutError::OnBoundary { from, to });

@@ -217,7 +217,7 @@ impl<'m> SeamGraph<'m> {
 pub(crate) fn seam_costs(taxels: &Taxels, side: Option<DVec3>) -> Option<IdVec<VertexId, f64>> {
     let densities = taxels.wanted_densities();
     let of_density = densities.as_ref().map(|densities| {
-        let mut sorted = densities.to_vec();
+        let mut sorted = densities.as_slice().to_vec();
         sorted.sort_unstable_by(f64::total_cmp);
         let dense = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0) * DENSE;
         densities.map(|rho| (rho / dense).sqrt().max(1.0))

@@ -115,7 +115,7 @@ fn given_places(
 ) -> Result<Vec<DVec2>, FlattenError> {
     let mut left = given.clone();
     let mut take = |&vertex: &VertexId| {
-        let place = left.get_mut(vertex.index()).and_then(Option::take).filter(|place| place.is_finite());
+        let place = left.get_mut(vertex).and_then(Option::take).filter(|place| place.is_finite());
         place.ok_or(FlattenError::BoundaryPlace { vertex })
     };
     let places: Vec<DVec2> = walk.iter().map(&mut take).collect::<Result<_, _>>()?;

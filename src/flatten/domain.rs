@@ -59,7 +59,7 @@ impl<'m> FlattenDomain<'m> {
         let distance = |a: VertexId, b: VertexId| mesh.positions[a].distance(mesh.positions[b]) / unit;
         let boundary_edge =
             |[a, b]: [VertexId; 2]| BoundaryEdge { ends: [a, b], length: distance(a, b).max(LEAST_HEIGHT) };
-        let mut elements = ElementMesh::new(faces.into(), mesh.positions.to_vec());
+        let mut elements = ElementMesh::new(faces.into(), mesh.positions.as_slice().to_vec());
         elements.boundary = disk.boundary_edges().map(boundary_edge).collect();
         elements.mean_edge = mean_edge_length(mesh, &disk.adjacency) / unit;
         Ok(Self { mesh, disk, unit, elements, prescribed: Vec::new() })

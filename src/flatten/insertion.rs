@@ -59,7 +59,7 @@ impl<'l> Insertion<'l> {
         vertices.iter().for_each(|&v| present[v] = true);
         let mut insertion =
             Self { mesh: &level.mesh, removals, left: removals.len(), present, map, apex: HashMap::new() };
-        insertion.place(&vertices, uv, fillers);
+        insertion.place(vertices.as_slice(), uv, fillers);
         Ok(insertion)
     }
 

@@ -160,7 +160,7 @@ impl PixelSurface {
     /// The covered pixel whose centre is nearest to a vertex, of equally near ones the first; `None` without
     /// covered pixels.
     pub(super) fn nearest_pixel(&self, vertex: VertexId) -> Option<u32> {
-        let p = self.at[PlaceId::of_opened(vertex)];
+        let p = self.at[PlaceId::first_of(vertex)];
         let size = self.chart.frame.size_px;
         #[expect(
             clippy::cast_possible_truncation,

@@ -42,12 +42,12 @@ pub(crate) fn carried_rows(finest: &MapLevel, level: &MapLevel) -> Option<IdVec<
         }
     }
     // Propagates from neighbour to neighbour along the seam.
-    let opened = finest.level.mesh.triangles.ids().map(|face| finest.places(face).map(PlaceId::opened));
-    let sides = VertexCorners::new(opened, finest.uv.len());
+    let sides =
+        VertexCorners::new(finest.level.mesh.triangles.ids().map(|f| finest.places(f)), finest.uv.len());
     while !open.is_empty() {
         let mut decided = Vec::new();
         open.retain(|(place, several)| {
-            let around = sides.faces(place.opened()).flat_map(|face| finest.places(face));
+            let around = sides.faces(*place).flat_map(|face| finest.places(face));
             let known: Vec<DVec2> =
                 around.filter_map(|near| carried[near].as_ref().map(|row| mean_place(level, row))).collect();
             let middle = known.iter().sum::<DVec2>() / known.len() as f64;
@@ -63,7 +63,7 @@ pub(crate) fn carried_rows(finest: &MapLevel, level: &MapLevel) -> Option<IdVec<
     }
     let usual = |place| {
         let taxel = finest.vertex_of(place);
-        (rows.indices[taxel].map(PlaceId::of_opened), rows.weights[taxel])
+        (rows.indices[taxel].map(PlaceId::first_of), rows.weights[taxel])
     };
     Some(carried.enumerate().map(|(place, found)| found.unwrap_or_else(|| usual(place))).collect())
 }
@@ -108,7 +108,7 @@ impl<'m> Candidates<'m> {
                 continue;
             }
             let places = self.level.places(face);
-            let named = [0, 1, 2].map(|k| side[k].map_or(PlaceId::of_opened(corners[k]), |at| places[at]));
+            let named = [0, 1, 2].map(|k| side[k].map_or(PlaceId::first_of(corners[k]), |at| places[at]));
             if !is_on_seam && side.iter().all(Option::is_some) {
                 return vec![named];
             }

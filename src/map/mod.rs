@@ -78,7 +78,7 @@ impl MapLevel {
     pub fn places(&self, face: FaceId) -> [PlaceId; 3] {
         match &self.cut {
             Some(cut) => cut.triangles[face],
-            None => self.level.mesh.triangles[face].map(PlaceId::of_opened),
+            None => self.level.mesh.triangles[face].map(PlaceId::first_of),
         }
     }
 
@@ -108,7 +108,7 @@ impl MapLevel {
 
     /// Map positions of the vertices of [`Self::opened`], in m.
     pub fn opened_uv(&self) -> IdVec<VertexId, DVec2> {
-        self.uv.iter().copied().collect()
+        self.uv.clone().reindexed()
     }
 
     /// The mesh as it lies on the map: cut open.
@@ -195,8 +195,7 @@ impl PatchMap {
         pixel: f64,
     ) -> Self {
         let levels = levels.into_iter().zip(maps);
-        let levels =
-            levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv.into_iter().collect(), pixel));
+        let levels = levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv.reindexed(), pixel));
         let levels: IdVec<LevelId, MapLevel> = levels.collect();
         let mut taxels = patch.taxels.clone();
         if let Some(finest) = levels.iter().next()
@@ -357,7 +356,7 @@ impl SkinMap {
         let mut patch = PatchMap::new(&patch, pyramid, vec![uv.clone()].into(), pixel);
         if patch.levels.iter().any(MapLevel::is_mirrored) {
             for level in patch.levels.iter_mut() {
-                level.uv = uv.iter().map(|at| DVec2::new(-at.x, at.y)).collect();
+                level.uv = level.uv.map(|at| DVec2::new(-at.x, at.y));
                 level.set_pixel(pixel);
                 level.measure();
             }

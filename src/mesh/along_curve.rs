@@ -24,7 +24,7 @@ impl AlongCurve {
     /// Renumbers a valid mesh.
     pub(crate) fn new(mesh: &TriMesh) -> Self {
         let vertices: IdVec<VertexId, VertexId> =
-            along_curve(&mesh.positions).into_iter().map(VertexId::new).collect();
+            along_curve(mesh.positions.as_slice()).into_iter().map(VertexId::new).collect();
         let mut numbers = vertices.clone();
         vertices.enumerate().for_each(|(number, &v)| numbers[v] = number);
         let first = |face| {
@@ -35,8 +35,8 @@ impl AlongCurve {
         let mut firsts: Vec<_> = par_ids(mesh.triangles.len(), first).into();
         firsts.par_sort_unstable();
         let corners: IdVec<FaceId, Halfedge> = firsts.into_iter().map(|(_, _, h)| h).collect();
-        let positions = par_map(&vertices, |&v| mesh.positions[v]).into();
-        let triangles = par_map(&corners, |&h| around(h).map(|h| numbers[h.start(mesh)])).into();
+        let positions = par_map(vertices.as_slice(), |&v| mesh.positions[v]).into();
+        let triangles = par_map(corners.as_slice(), |&h| around(h).map(|h| numbers[h.start(mesh)])).into();
         Self { mesh: TriMesh { positions, triangles }, vertices, numbers, corners }
     }
 

@@ -34,7 +34,7 @@ pub(crate) fn loop_length(mesh: &TriMesh, walk: &[VertexId]) -> f64 {
 /// vertices.
 pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
     let mut normals = mesh.vertex_normals();
-    if !normals.contains(&DVec3::ZERO) {
+    if !normals.as_slice().contains(&DVec3::ZERO) {
         return normals;
     }
     // Where opposite faces cancel, and where squares of areas underflow, take any face.
@@ -46,7 +46,7 @@ pub(crate) fn surface_normals(mesh: &TriMesh) -> IdVec<VertexId, DVec3> {
         }
     }
     // In each pass the neighbours of vertices with a direction get one.
-    while normals.contains(&DVec3::ZERO) {
+    while normals.as_slice().contains(&DVec3::ZERO) {
         let mut around = IdVec::<VertexId, DVec3>::filled(DVec3::ZERO, normals.len());
         for corners in &mesh.triangles {
             let sum: DVec3 = corners.iter().map(|&v| normals[v]).sum();

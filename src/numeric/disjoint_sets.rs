@@ -166,7 +166,7 @@ mod tests {
         let roots: Vec<_> = (0..6).map(|k| sets.root(v(k)).index()).collect();
         assert_eq!(roots, [0, 0, 2, 3, 2, 2]);
         let labels = sets.labels();
-        assert_eq!((&*labels.of, labels.count), (&[0, 0, 1, 2, 1, 1][..], 3));
+        assert_eq!((labels.of.as_slice(), labels.count), (&[0, 0, 1, 2, 1, 1][..], 3));
         assert_eq!(labels.firsts(), [0, 2, 3].map(v));
     }
 

@@ -75,8 +75,8 @@ pub(super) fn pack_patch(
 ) -> PatchHeader {
     let finest = &patch.levels[LevelId::default()];
     let taxels = finest.level.mesh.positions.len();
-    let (positions, space) = packer.points(&[&finest.level.mesh.positions]);
-    let (places, of_map) = packer.places(&finest.uv);
+    let (positions, space) = packer.points(&[finest.level.mesh.positions.as_slice()]);
+    let (places, of_map) = packer.places(finest.uv.as_slice());
     let corner = |k: usize| finest.corners().iter().map(|c| c[k].raw()).collect();
     let triangles = packer.planes(&[corner(0), corner(1), corner(2)]);
     let unsplit = finest.unsplit().map(|all| all.iter().skip(taxels).map(|v| v.raw()).collect());
@@ -89,9 +89,9 @@ pub(super) fn pack_patch(
         Presence::ThermalPad => 2,
     });
     let presence = packer.planes(&[presence.collect()]);
-    let areas = packer.values("area", "m²", &of.areas);
+    let areas = packer.values("area", "m²", of.areas.as_slice());
     let [a, b, c] = &unfolding.keys;
-    let (keys, between) = packer.points(&[a, b, c]);
+    let (keys, between) = packer.points(&[a.as_slice(), b.as_slice(), c.as_slice()]);
     let most_turn = unfolding.turns.iter().map(|turn| turn.abs().max_element()).fold(1e-9, f64::max);
     let turn = |axis: usize| -> Vec<u32> {
         let of = |turn: &DVec3| share(turn[axis] + most_turn, 2.0 * most_turn);
@@ -109,7 +109,7 @@ pub(super) fn pack_patch(
         values.push(packer.values("density", "1/cm²", &per_cm2));
     }
     if let Some(acuities) = &of.acuities {
-        values.push(packer.values("acuity", "", acuities));
+        values.push(packer.values("acuity", "", acuities.as_slice()));
     }
     let levels: Vec<LevelHeader> = patch.levels.ids().map(|level| pack_level(packer, patch, level)).collect();
     let key_rows = match &unfolding.rows {

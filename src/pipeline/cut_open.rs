@@ -129,7 +129,7 @@ fn area_ratio(
     options: &FlattenOptions,
     run: Run<'_>,
 ) -> f64 {
-    let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.opened_vertices())));
+    let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.unsplit)));
     let (mesh, taxels) = opened.as_ref().map_or((mesh, taxels), |(mesh, taxels)| (mesh, taxels));
     let mut options = options.clone();
     if let Method::Intrinsic { magnify, .. } = &mut options.method {

@@ -231,7 +231,7 @@ fn enlarge_pixels(
 ) -> Result<Option<Enlarged>, Error> {
     let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
     let pixels = pixels_of(map);
-    map.patches.par_iter_mut().zip(left_out).try_for_each(|(patch, left_out)| {
+    map.patches.as_mut_slice().par_iter_mut().zip(left_out).try_for_each(|(patch, left_out)| {
         patch.levels.iter_mut().for_each(|level| level.set_pixel(1e-3 * pixel_mm));
         *left_out += keep_held(patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
         Ok::<_, Error>(())
@@ -351,7 +351,7 @@ fn map_patch(
         }
         Coarsened::Cut(pyramid) => {
             let CutPyramid { pyramid, opened, cuts } = *pyramid;
-            let taxels = cuts.iter().next().map(|cut| patch.taxels.select(&cut.opened_vertices()));
+            let taxels = cuts.iter().next().map(|cut| patch.taxels.select(&cut.unsplit));
             let maps = flatten_pyramid_with(&opened, taxels.as_ref(), &options.flatten, run)?;
             (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }

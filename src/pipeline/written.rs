@@ -34,18 +34,17 @@ pub(super) fn measure_as_written(level: &mut MapLevel) -> Result<(), MapError> {
 
 /// Moves boundaries apart that meet on the rounded map `uv`; the map is unchanged if that does not help.
 fn move_apart(level: &mut MapLevel, mesh: &TriMesh, edges: &[[VertexId; 2]], mut uv: IdVec<VertexId, DVec2>) {
-    let corners = VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len());
+    let corners = VertexCorners::new(level.corners().into_iter(), level.uv.len());
     let mut shifted = level.clone();
     for power in 1..=TRIES {
         let step = UNIT * level.frame.size.max_element() * f64::from(1 << power);
-        for v in crossing_vertices(edges, &uv) {
-            let place = PlaceId::of_opened(v);
-            let around = corners.faces(v).flat_map(|face| mesh.triangles[face]).map(PlaceId::of_opened);
+        for place in crossing_vertices(edges, &uv).into_iter().map(PlaceId::of_opened) {
+            let around = corners.faces(place).flat_map(|face| shifted.places(face));
             let inwards: DVec2 =
                 around.map(|other| (shifted.uv[other] - shifted.uv[place]).normalize_or_zero()).sum();
             let before = shifted.uv[place];
             shifted.uv[place] += step * inwards.normalize_or_zero();
-            let mut faces = corners.faces(v).map(|face| shifted.uv_of(face));
+            let mut faces = corners.faces(place).map(|face| shifted.uv_of(face));
             if faces.any(|[a, b, c]| (b - a).perp_dot(c - a) <= 0.0) {
                 shifted.uv[place] = before;
             }

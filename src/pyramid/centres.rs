@@ -104,6 +104,7 @@ pub(super) fn priorities(
     let is_counted = (most - least) as usize + 1 == taxels.ids.len();
     let before = if is_counted { least.saturating_sub(1) } else { 0 };
     let mut keyed: Vec<(u64, u64, VertexId)> = origins
+        .as_slice()
         .par_iter()
         .enumerate()
         .map(|(i, &taxel)| {

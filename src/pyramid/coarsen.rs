@@ -117,7 +117,7 @@ pub(crate) fn coarsen_cut(
     let mut removals = [IdVec::default(), IdVec::default()];
     // For each place of the next level its place of level 0.
     let mut origins: IdVec<PlaceId, PlaceId> =
-        cut.unsplit.ids().map(|place| PlaceId::of_opened(curve.given(place.opened()))).collect();
+        cut.unsplit.ids().map(|place| cut.moved(place, |v| curve.given(v))).collect();
     let mut all_origins = vec![cut.unsplit.ids().collect()];
     cuts.push(cut.clone());
     coarsener.run(rings, run, |level, log, seam| {
@@ -150,13 +150,13 @@ fn open_levels(
     let mut opened = IdVec::<LevelId, Level>::default();
     for ((level, cut), origins) in levels.iter().zip(cuts).zip(origins) {
         let to_finest = level.to_finest.as_ref().map(|rows| {
-            let mut indices: IdVec<VertexId, _> = finest.iter().map(|&v| rows.indices[v]).collect();
+            let mut indices = finest.map(|&v| rows.indices[v]);
             // A copy that is still a vertex is its own field.
-            for (place, origin) in origins.enumerate() {
-                indices[origin.opened()][0] = place.opened();
+            for (place, &origin) in origins.enumerate() {
+                indices[origin][0] = place.opened();
             }
-            let weights = finest.iter().map(|&v| rows.weights[v]).collect();
-            Prolongation { indices, weights, coarse_len: origins.len() }
+            let weights = finest.map(|&v| rows.weights[v]).reindexed();
+            Prolongation { indices: indices.reindexed(), weights, coarse_len: origins.len() }
         });
         if let (Some(rows), Some(finer)) = (&to_finest, opened.iter_mut().last()) {
             finer.from_coarser = Some(Prolongation {
@@ -165,11 +165,10 @@ fn open_levels(
                 coarse_len: rows.coarse_len,
             });
         }
-        let areas = cut.unsplit.iter().map(|&v| level.areas[v]).collect();
         opened.push(Level {
             mesh: cut.mesh(&level.mesh.positions),
-            origins: origins.iter().map(|place| place.opened()).collect(),
-            areas,
+            origins: origins.map(|place| place.opened()).reindexed(),
+            areas: cut.unsplit.map(|&v| level.areas[v]).reindexed(),
             from_coarser: None,
             to_finest,
         });

@@ -117,6 +117,6 @@ mod tests {
         let mut p =
             Prolongation { indices: IdVec::filled([0, 1, 2].map(VertexId::new), 2), weights, coarse_len: 3 };
         p.rescale();
-        assert_eq!(*p.weights, [[1.0, 0.0, 0.0], [0.5, 0.5, 0.5]]);
+        assert_eq!(p.weights.as_slice(), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.5]]);
     }
 }

@@ -21,7 +21,10 @@ pub(super) struct Projection {
 
 impl Surface {
     pub(super) fn new(mesh: TriMesh) -> Result<Self, BvhError> {
-        let tree = TriangleTree::new(&mesh.positions, mesh.triangles.iter().map(|t| t.map(VertexId::raw)))?;
+        let tree = TriangleTree::new(
+            mesh.positions.as_slice(),
+            mesh.triangles.iter().map(|t| t.map(VertexId::raw)),
+        )?;
         let normals = mesh.triangles.ids().map(|face| mesh.face_cross(face).normalize_or_zero()).collect();
         Ok(Self { mesh, normals, tree })
     }

@@ -260,7 +260,7 @@ impl Stage for Conditioner {
                     }
                 }
                 if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
-                    filter.split(range, frame.time, slow, fast);
+                    filter.split(range, frame.time, slow.as_mut_slice(), fast.as_mut_slice());
                     fast.iter_mut().for_each(mask);
                 }
             }

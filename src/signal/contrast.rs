@@ -60,7 +60,9 @@ impl Contrast {
         for (id, steps) in self.steps.enumerate() {
             for (channel, &quantity) in self.quantities.iter().enumerate() {
                 let copy = |from: &Levels, to: &mut Levels| {
-                    from.iter().zip(to.iter_mut()).for_each(|(from, to)| to.copy_from_slice(from));
+                    from.iter()
+                        .zip(to.iter_mut())
+                        .for_each(|(from, to)| to.as_mut_slice().copy_from_slice(from.as_slice()));
                 };
                 let (values, areas) = (&mut self.out.values[id][channel], &mut self.out.areas[id][channel]);
                 copy(&frame.values[id][channel], values);
@@ -111,7 +113,7 @@ fn combine(
     sign: f64,
 ) {
     let (fine, coarse) = (LevelId::new(k), LevelId::new(k + 1));
-    let (finer, coarser) = values.split_at_mut(k + 1);
+    let (finer, coarser) = values.as_mut_slice().split_at_mut(k + 1);
     let (finer, coarser) = (&mut finer[k], &coarser[0]);
     for (vertex, value) in finer.iter_mut().enumerate().filter(|(_, x)| !x.is_nan()) {
         let vertex = VertexId::new(vertex);

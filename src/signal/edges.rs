@@ -140,15 +140,16 @@ impl FlatLevel {
     fn new(level: &MapLevel) -> Self {
         let mesh = &level.level.mesh;
         let faces = mesh.triangles.enumerate().map(|(face, &corners)| {
-            let places = level.places(face).map(PlaceId::opened);
-            FlatFace { corners, uv: level.uv_of(face), counts: [0, 1, 2].map(|k| corners[k] == places[k]) }
+            let places = level.places(face);
+            let counts = [0, 1, 2].map(|k| places[k] == PlaceId::first_of(corners[k]));
+            FlatFace { corners, uv: level.uv_of(face), counts }
         });
         let vertices = mesh.positions.len();
         let to_finest = level.level.to_finest.clone();
         // Fields that have a taxel in a face at the seam.
         let mut is_on_seam = IdVec::<VertexId, bool>::filled(false, vertices);
         let places = level.unsplit().into_iter().flat_map(|unsplit| unsplit.enumerate());
-        places.filter(|(place, v)| place.opened() != **v).for_each(|(_, &v)| is_on_seam[v] = true);
+        places.filter(|(place, v)| *place != PlaceId::first_of(**v)).for_each(|(_, &v)| is_on_seam[v] = true);
         let mut is_whole = vec![true; vertices];
         for row in to_finest.iter().flat_map(|rows| &rows.indices) {
             if row.iter().any(|&v| is_on_seam[v]) {
@@ -195,7 +196,7 @@ impl Places {
         if self.served == *served {
             return;
         }
-        self.served.copy_from_slice(served);
+        self.served.as_mut_slice().copy_from_slice(served.as_slice());
         for ((k, level), offsets) in levels.enumerate().zip(self.offsets.iter_mut()) {
             let Some(rows) = &level.to_finest else { continue };
             offsets.fill(DVec2::ZERO);

@@ -72,7 +72,7 @@ impl Stage for Filler {
             assert_eq!(frame.values[patch].len(), out.values[patch].len(), "one array per channel");
             let of_channels = out.values[patch].iter_mut().zip(&mut out.filled[patch]);
             for ((values, filled), read) in of_channels.zip(&frame.values[patch]) {
-                values.copy_from_slice(read);
+                values.as_mut_slice().copy_from_slice(read.as_slice());
                 filled.clear();
                 is_seen.fill(false);
                 for seed in read.ids() {

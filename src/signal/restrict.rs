@@ -159,7 +159,7 @@ impl Restrictor {
         let mut levels = LevelFrame::new(map, channels.len());
         // There are no readings yet.
         let areas = levels.areas.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
-        areas.for_each(|areas| areas.fill(0.0));
+        areas.for_each(|areas| areas.as_mut_slice().fill(0.0));
         Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels }
     }
 
@@ -179,7 +179,7 @@ impl Restrictor {
                 self.quantities.iter().zip(&frame.values[id]).zip(out)
             {
                 let mut channel = ChannelOut { quantity, values, areas, amounts };
-                let masks_changed = channel.take(read, &patch.areas);
+                let masks_changed = channel.take(read.as_slice(), &patch.areas);
                 channel.collect(&patch.coarse, masks_changed);
             }
             // Frames that were not made by a `Filler` may have no lists.
@@ -252,7 +252,7 @@ impl ChannelOut<'_> {
     /// Stores the readings; returns whether the set of taxels with readings has changed.
     fn take(&mut self, read: &[f64], areas: &IdVec<VertexId, f64>) -> bool {
         let finest = LevelId::new(0);
-        let (values, served) = (&mut *self.values[finest], &mut *self.areas[finest]);
+        let (values, served) = (&mut self.values[finest], &mut self.areas[finest]);
         assert_eq!(read.len(), values.len(), "one reading per taxel");
         let mut masks_changed = false;
         let taken = values.iter_mut().zip(served).zip(self.amounts.iter_mut()).zip(areas);
@@ -273,13 +273,13 @@ impl ChannelOut<'_> {
     fn collect(&mut self, coarse: &[(LevelId, Fields)], masks_changed: bool) {
         for (level, fields) in coarse {
             if masks_changed {
-                let (served, collected) = self.areas.split_at_mut(level.index());
+                let (served, collected) = self.areas.as_mut_slice().split_at_mut(level.index());
                 let collected = collected[0].iter_mut().enumerate();
-                collected.for_each(|(field, area)| *area = fields.sum(field, &served[0]));
+                collected.for_each(|(field, area)| *area = fields.sum(field, served[0].as_slice()));
             }
             for (field, (value, &area)) in self.values[*level].iter_mut().zip(&self.areas[*level]).enumerate()
             {
-                *value = field_value(self.quantity, fields.sum(field, self.amounts), area);
+                *value = field_value(self.quantity, fields.sum(field, self.amounts.as_slice()), area);
             }
         }
     }

@@ -12,7 +12,7 @@
 //! };
 //!
 //! // The taxels of a lattice, without triangles.
-//! let taxels = shapes::lattice(8, 8, 0.005).positions.to_vec();
+//! let taxels = shapes::lattice(8, 8, 0.005).positions.as_slice().to_vec();
 //! let sheet = Sheet { name: "palm".into(), positions: taxels, ..Sheet::default() };
 //! let draft = Draft { sheets: vec![sheet], ..Draft::default() };
 //! let options = AssembleOptions { gap: 3.0, ..AssembleOptions::default() };

@@ -280,7 +280,7 @@ impl Taxels {
     /// The taxels `origins`, in that order.
     /// Panics if one of them does not exist.
     #[must_use]
-    pub(crate) fn select(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
+    pub(crate) fn select<I>(&self, origins: &IdVec<I, VertexId>) -> Self {
         Self { binds: self.binds.clone(), ..self.selected(origins.iter().map(|v| v.index())) }
     }
 

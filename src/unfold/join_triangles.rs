@@ -63,7 +63,7 @@ impl<'a> Joiner<'a> {
             *matrix.at(j, i) -= weight;
         }
         self.pins.iter().for_each(|pin| *matrix.at(pin.index(), pin.index()) += 1.0);
-        let cholesky = Cholesky::new(&pattern, self.space)?;
+        let cholesky = Cholesky::new(&pattern, self.space.as_slice())?;
         let factor = cholesky.factor(&matrix)?;
         let mut solved = [(); N].map(|()| IdVec::default());
         for (surface, time) in solved.iter_mut().zip(times) {

@@ -146,7 +146,7 @@ pub(crate) fn origins(finest: &MapLevel, level: &MapLevel) -> IdVec<PlaceId, Pla
         let taxel = level.level.origins[level.vertex_of(place)];
         let far = |at: &PlaceId| carried[*at].distance_squared(*uv);
         let nearest = places_of[taxel].iter().copied().min_by(|a, b| far(a).total_cmp(&far(b)));
-        nearest.unwrap_or(PlaceId::of_opened(taxel))
+        nearest.unwrap_or(PlaceId::first_of(taxel))
     };
     level.uv.enumerate().map(origin).collect()
 }

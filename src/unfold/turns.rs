@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 use crate::cut::PlaceId;
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::id::{FaceId, IdVec};
 use crate::mesh::{FlatTriangle, VertexCorners, triangle_cross};
 
 pub(super) struct Turns {
@@ -119,8 +119,7 @@ fn walk(
     corners: &IdVec<FaceId, [PlaceId; 3]>,
     plane: &IdVec<PlaceId, DVec2>,
 ) -> (Vec<(FaceId, Option<FaceId>)>, Vec<FaceId>) {
-    let opened = corners.iter().map(|c| c.map(PlaceId::opened));
-    let around = VertexCorners::new(opened, plane.len());
+    let around = VertexCorners::new(corners.iter().copied(), plane.len());
     let middle_of = |face: FaceId| corners[face].iter().map(|&p| plane[p]).sum::<DVec2>() / 3.0;
     let middle = corners.ids().map(middle_of).sum::<DVec2>() / corners.len().max(1) as f64;
     let far = |face: &FaceId| middle_of(*face).distance_squared(middle);
@@ -136,7 +135,7 @@ fn walk(
         let mut queue = VecDeque::from([(root, None)]);
         while let Some((face, from)) = queue.pop_front() {
             order.push((face, from));
-            for near in corners[face].into_iter().flat_map(|p| around.faces(VertexId::from(p.raw()))) {
+            for near in corners[face].into_iter().flat_map(|p| around.faces(p)) {
                 if !is_reached[near] && shared(&corners[face], &corners[near]) == 2 {
                     is_reached[near] = true;
                     queue.push_back((near, Some(face)));

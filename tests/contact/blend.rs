@@ -154,7 +154,7 @@ fn one_joint_is_a_rigid_pose() {
         let mut frame = spreader.frame(index, 0.0);
         let press = Press { at: centre.into(), radius: 0.02, force: 1.0 };
         assert!(spreader.add(index, &press, &mut frame).unwrap());
-        frame.values[PatchId::new(0)][0].to_vec()
+        frame.values[PatchId::new(0)][0].as_slice().to_vec()
     };
     let ball = rest[LinkId::new(1)].transform_point3(DVec3::new(0.01, 0.02, -0.112));
     let pressed = felt(&index, turned.transform_point3(ball));

@@ -66,7 +66,7 @@ proptest! {
         index.set_motion(&posed([(LinkId::new(1), pose)]), 0.0).unwrap();
         for (direction, exponent, vertex, patch, on_link) in aims {
             let link = map.patches[PatchId::new(patch)].link;
-            let at = *vertex.get(&finest(&map, patch).positions) + DVec3::from(direction) * 10_f64.powi(exponent);
+            let at = *vertex.get(finest(&map, patch).positions.as_slice()) + DVec3::from(direction) * 10_f64.powi(exponent);
             let query = if on_link { Query::on_link(link, at) } else { Query::from(index.poses()[link].transform_point3(at)) };
             let away = index.locate(query).unwrap().distance.abs();
             let answer = index.reactive(query).unwrap();

@@ -7,7 +7,7 @@ use super::*;
 fn rigid_error(flat: &[DVec2], uv: &IdVec<VertexId, DVec2>) -> f64 {
     let centre = flat.iter().sum::<DVec2>() / flat.len() as f64;
     let size = flat.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
-    fitted(flat, uv).into_iter().fold(0.0, f64::max) / size
+    fitted(flat, uv.as_slice()).into_iter().fold(0.0, f64::max) / size
 }
 
 /// Columns pushed against each other until the faces between them are needles of this aspect.

@@ -40,7 +40,7 @@ pub(crate) fn draft_of(sheet: Sheet) -> Draft {
 pub(crate) fn sheet_of(name: &str, mesh: &TriMesh) -> Sheet {
     Sheet {
         name: name.into(),
-        positions: mesh.positions.to_vec(),
+        positions: mesh.positions.as_slice().to_vec(),
         triangles: mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
         ..Sheet::default()
     }

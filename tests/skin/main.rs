@@ -384,7 +384,7 @@ fn missing_ids_are_counted_and_bad_areas_are_replaced() {
         assembled.skin.patches.iter().flat_map(|p| p.taxels.ids.iter().map(|id| id.0)).collect();
     assert_eq!(ids, (1..=8).collect::<Vec<_>>());
     let second = &assembled.skin.patches[PatchId::new(1)];
-    assert_eq!(*second.taxels.areas, [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
+    assert_eq!(second.taxels.areas.as_slice(), [0.5, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0]);
     assert_eq!(kinds(&assembled), ["AreasReplaced"].map(String::from).into());
     assert_eq!(elements(&draft, "area-not-positive"), [1, 2, 3]);
 }
@@ -532,7 +532,10 @@ fn a_component_that_is_left_out_leaves_no_trace() {
     sheet.weights = Some((0..8).map(|v| f64::from(u8::from(v > 3))).collect());
     let options = AssembleOptions { keep_going: true, ..AssembleOptions::default() };
     let kept = skin::assemble(&draft_of(sheet), &options).unwrap();
-    assert_eq!((&*only(&kept).name, &*only(&kept).taxels.ids), ("s", &[1, 2, 3, 4].map(TaxelId)[..]));
+    assert_eq!(
+        (&*only(&kept).name, only(&kept).taxels.ids.as_slice()),
+        ("s", &[1, 2, 3, 4].map(TaxelId)[..])
+    );
     assert_eq!(kinds(&kept), ["DoubtfulUnit", "PatchLeftOut"].map(String::from).into());
 }
 
@@ -809,9 +812,9 @@ proptest! {
         let Ok(first) = assemble(&draft_of(sheet)) else { return Ok(()) };
         let sheets = first.skin.patches.iter().map(|p| Sheet {
             link: Some(p.link),
-            ids: Some(p.taxels.ids.to_vec()),
-            normals: Some(p.taxels.normals.to_vec()),
-            areas: Some(p.taxels.areas.to_vec()),
+            ids: Some(p.taxels.ids.as_slice().to_vec()),
+            normals: Some(p.taxels.normals.as_slice().to_vec()),
+            areas: Some(p.taxels.areas.as_slice().to_vec()),
             ..sheet_of(&p.name, &p.mesh)
         });
         let again = assemble(&Draft { links: first.skin.links.clone(), sheets: sheets.collect(), ..Draft::default() }).unwrap();

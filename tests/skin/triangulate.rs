@@ -29,7 +29,7 @@ fn bare(positions: &[DVec3]) -> Sheet {
 }
 
 fn taxels_of(mesh: &TriMesh) -> Sheet {
-    bare(&mesh.positions)
+    bare(mesh.positions.as_slice())
 }
 
 fn with_normals(mesh: &TriMesh) -> Sheet {
@@ -254,7 +254,7 @@ fn taxels_at_one_place_are_merged_into_one_that_reads() {
 /// looks at.
 #[test]
 fn many_taxels_at_almost_one_place_are_merged() {
-    let mut positions = shapes::lattice(6, 6, 0.005).positions.to_vec();
+    let mut positions = shapes::lattice(6, 6, 0.005).positions.as_slice().to_vec();
     let noise = |k| 1e-10 * DVec3::new(scatter(k), scatter(k + 30), scatter(k + 60));
     let at = positions[14];
     positions.extend((0..30).map(|k| at + noise(k)));
@@ -407,7 +407,7 @@ fn a_thin_tube_with_normals_is_no_cloud() {
 fn a_taxel_almost_above_another_turns_no_face_over() {
     let mesh = shaken(&shapes::lattice(10, 10, 0.005), 0.0004);
     for corner in [0, 5, 44] {
-        let mut positions = mesh.positions.to_vec();
+        let mut positions = mesh.positions.as_slice().to_vec();
         positions.push(positions[corner] + DVec3::new(0.0011, 0.0004, 0.0024));
         let assembled = meshed(bare(&positions));
         let patch = only(&assembled);
@@ -574,7 +574,7 @@ fn a_sheet_of_one_taxel_is_left_out() {
 /// The resolution was a part of the box, and most taxels fell into one cell.
 #[test]
 fn sentinel_coordinates_merge_no_taxels() {
-    let mut positions = shapes::lattice(30, 30, 0.005).positions.to_vec();
+    let mut positions = shapes::lattice(30, 30, 0.005).positions.as_slice().to_vec();
     positions.push(DVec3::splat(1e10));
     let assembled = meshed(bare(&positions));
     assert_eq!(only(&assembled).mesh.positions.len(), 900);
@@ -668,7 +668,7 @@ proptest! {
             bent(20, 20, 0.0065, 0.03),
         ][which].clone();
         let beside = 10.0_f64.powf(decade) * [0.0105, 0.005, 0.0065][which] / 3.0_f64.sqrt();
-        let mut positions = mesh.positions.to_vec();
+        let mut positions = mesh.positions.as_slice().to_vec();
         let mut taken = BTreeMap::new();
         let mut count = 0;
         for &(k, x, y, z) in &copies {

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);
         coarsened.map_err(|source| Error::Patch { patch: patch.name.clone(), source: source.into() })
     };
-    let made: Vec<_> = skin.patches.par_iter().map(coarsen).collect();
+    let made: Vec<_> = skin.patches.as_slice().par_iter().map(coarsen).collect();
     let pyramids: Vec<Pyramid> = made.into_iter().collect::<Result<_, _>>()?;
     write_pyramids(common.outputs.file(&args.output), &skin, &pyramids).map_err(Error::from)?;
     outputs::publish(common)?;

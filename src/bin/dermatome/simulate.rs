@@ -108,7 +108,7 @@ impl Args {
             (observations.edges, observations.contacts) = (edges, IdVec::default());
         }
         if let Some(path) = &self.triangles {
-            write_triangles(file(path), ids, &simulation.mesh.triangles)?;
+            write_triangles(file(path), ids, simulation.mesh.triangles.as_slice())?;
         }
         if let Some(path) = &self.truth {
             write_truth(file(path), ids, &simulation.truth)?;

@@ -201,7 +201,7 @@ fn median_scale(dimensions: &PerObservation<usize>, chi2: &PerObservation) -> Sc
         let half = (observed.len().saturating_sub(1) / 2).max(usize::from(observed.len() > 1));
         nth_smallest(observed, half).unwrap_or(0.0)
     };
-    Scale { edges: median(&relative.edges), contacts: median(&relative.contacts) }
+    Scale { edges: median(relative.edges.as_slice()), contacts: median(relative.contacts.as_slice()) }
 }
 
 /// Whether the squared residual of an observation for which `suspects` is true exceeds `leverage * median

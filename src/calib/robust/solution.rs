@@ -96,6 +96,6 @@ impl Solution {
             let rejected = verdicts.iter().filter(|&&v| v != Verdict::Inlier).count();
             rejected as f64 <= share * verdicts.len() as f64
         };
-        few(&self.verdicts.edges) && few(&self.verdicts.contacts)
+        few(self.verdicts.edges.as_slice()) && few(self.verdicts.contacts.as_slice())
     }
 }

@@ -166,7 +166,7 @@ impl<'o> Problem<'o> {
         let Observations { edges, contacts, .. } = self.observations;
         let edge = |e: &Displacement| self.edge_chi2(e, poses);
         PerObservation {
-            edges: par_map(edges, edge).into(),
+            edges: par_map(edges.as_slice(), edge).into(),
             contacts: contacts.map(|c| self.contact_chi2(&c.measurement, &poses[c.taxel])),
         }
     }
@@ -211,7 +211,7 @@ impl<'o> Problem<'o> {
             layout: self.layout,
             rows: self.moving(),
         };
-        let edges = &*self.observations.edges;
+        let edges = self.observations.edges.as_slice();
         for (chunk, edges) in edges.chunks(EDGES_PER_CHUNK).enumerate() {
             let id = |k: usize| DisplacementId::new(chunk * EDGES_PER_CHUNK + k);
             if self.layout == BlockLayout::Pose {

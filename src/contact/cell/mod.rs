@@ -188,7 +188,7 @@ impl PatchCells {
         let corners = cells.triangles.get(face).filter(|corners| corners.contains(&field))?;
         let point = SurfacePoint { face, barycentric: corners.map(|v| f64::from(u8::from(v == field))) };
         let (weights, field) = FieldWeights::of_corners([field; 3], [1.0, 0.0, 0.0]);
-        let uv = cells.uv[PlaceId::of_opened(field)];
+        let uv = cells.uv[PlaceId::first_of(field)];
         let (pixel, taxel) = (self.positions.images[level].pixel(uv), cells.taxels[field]);
         Some(Cell { level, point, uv, pixel, field, taxel, weights })
     }

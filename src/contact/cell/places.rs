@@ -60,7 +60,7 @@ impl Positions {
     pub(super) fn corners(&self, face: FaceId, vertices: [VertexId; 3]) -> [PlaceId; 3] {
         match &self.places {
             Some(places) => places[face],
-            None => vertices.map(PlaceId::of_opened),
+            None => vertices.map(PlaceId::first_of),
         }
     }
 
@@ -94,7 +94,7 @@ impl Row {
     /// Its position on the map of its level, if that is not cut, in m.
     pub(super) fn position(&self, map: &MapLevel) -> DVec2 {
         let corners = map.level.mesh.triangles[self.face];
-        let places = corners.into_iter().map(PlaceId::of_opened);
+        let places = corners.into_iter().map(PlaceId::first_of);
         places.zip(self.weights).map(|(place, weight)| map.uv[place] * weight).sum()
     }
 }

@@ -257,7 +257,7 @@ mod tests {
         let mut random = Random::new(9, 0);
         let raw = |mesh: &TriMesh| mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect::<Vec<_>>();
         let cap = shapes::cap(4000, 0.08, 1.9);
-        let (positions, faces) = (cap.positions.to_vec(), raw(&cap));
+        let (positions, faces) = (cap.positions.as_slice().to_vec(), raw(&cap));
         let soup: Vec<DVec3> = (0..300)
             .flat_map(|_| {
                 let centre = random.vector(0.06);
@@ -280,7 +280,7 @@ mod tests {
         };
         let lattice = shapes::lattice(20, 20, 0.005);
         let sheet = u32::try_from(lattice.positions.len()).unwrap();
-        let sheets: Vec<DVec3> = (0..3).flat_map(|k| fan(k).to_vec()).collect();
+        let sheets: Vec<DVec3> = (0..3).flat_map(|k| fan(k).as_slice().to_vec()).collect();
         let mut sheet_faces: Vec<[u32; 3]> =
             (0..3).flat_map(|k| raw(&lattice).into_iter().map(move |t| t.map(|v| v + k * sheet))).collect();
         sheet_faces.extend((0..60).map(|k| [[k, k, k], [k, k + 1, k + 2], [k, k + 1, k]][k as usize % 3]));

@@ -111,7 +111,7 @@ impl ReactiveSkin {
                 let mesh = &patches[id].tree.mesh;
                 let before = VertexId::new(positions.len()).raw();
                 starts.push((id, FaceId::new(triangles.len()).raw()));
-                positions.extend_from_slice(&mesh.positions);
+                positions.extend_from_slice(mesh.positions.as_slice());
                 triangles.extend(mesh.triangles.iter().map(|corners| corners.map(|v| v.raw() + before)));
             }
             together = PatchBvh::new(&first.name, &TriMesh::from_arrays(positions, &triangles))?;

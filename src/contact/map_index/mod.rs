@@ -301,7 +301,7 @@ impl LevelMap {
 /// The triangles of a map at height 0, its places numbered along a curve, so that neighbours on the map are
 /// near in memory.
 fn plane(map: &MapLevel) -> TriMesh {
-    let order = along_curve(&map.opened_uv().map(|uv| uv.extend(0.0)));
+    let order = along_curve(map.uv.map(|uv| uv.extend(0.0)).as_slice());
     let mut ranks = IdVec::<PlaceId, VertexId>::filled(VertexId::new(0), order.len());
     for (rank, &place) in order.iter().enumerate() {
         ranks[PlaceId::new(place)] = VertexId::new(rank);

@@ -164,7 +164,7 @@ impl ElementMesh {
     /// The elements with rest shapes that the map `uv` stretches by `most` in each direction, at most (the progressive
     /// reference of `(liu2018)`); `None` where it stretches no face more.
     pub(crate) fn bounded(&self, uv: &Uv, most: f64) -> Option<Self> {
-        let bounded: Vec<Option<Element>> = par_map(&self.faces, |e| e.bounded(uv, most));
+        let bounded: Vec<Option<Element>> = par_map(self.faces.as_slice(), |e| e.bounded(uv, most));
         bounded.iter().any(Option::is_some).then(|| {
             let faces = self.faces.iter().zip(bounded).map(|(e, bounded)| bounded.unwrap_or(*e)).collect();
             Self { faces, ..self.clone() }

@@ -163,7 +163,7 @@ impl<'e> Objective<'e> {
         if !self.energy.has_barrier() {
             return 1.0;
         }
-        let faces: &[Element] = &self.elements.faces;
+        let faces: &[Element] = self.elements.faces.as_slice();
         let first =
             |part: Range<usize>| faces[part].iter().map(|e| collapse(e, uv, d)).fold(f64::INFINITY, f64::min);
         let parts = par_parts(faces.len(), first);

@@ -59,7 +59,8 @@ pub(crate) fn conformal_matrix<'s>(domain: &'s FlattenDomain<'_>) -> Matrix<'s, 
 /// of 1, so that the map does not depend on how densely the boundary is sampled.
 pub(crate) fn spectral_conformal(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "conformal", source };
-    let cholesky = Cholesky::new(domain.elements.pattern(), &domain.mesh.positions).map_err(failed)?;
+    let cholesky =
+        Cholesky::new(domain.elements.pattern(), domain.mesh.positions.as_slice()).map_err(failed)?;
     let mut matrix = conformal_matrix(domain);
     let mass = boundary_mass(domain);
     let (mut shift, mut added) = (SHIFT, 0.0);
@@ -137,7 +138,7 @@ fn inverse_iteration(
     let mut last = 0.0;
     for _ in 0..ITERATIONS {
         let mut next = weighted(&z);
-        solve(&mut next)?;
+        solve(next.as_mut_slice())?;
         z = next;
         // The norm tends to 1/mu.
         let growth = normalise(&mut z);

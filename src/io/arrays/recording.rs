@@ -237,7 +237,7 @@ impl RecordingWriter {
             all_valid.clear();
             for (channel, unmeasured) in frame.values[*patch].iter().zip(&frame.unmeasured[*patch]) {
                 let of_level = &channel[*level];
-                self.writer.push(*values, Elements::F64(of_level))?;
+                self.writer.push(*values, Elements::F64(of_level.as_slice()))?;
                 all_valid.resize(of_level.len(), 1);
                 all_valid.iter_mut().zip(of_level).for_each(|(valid, x)| *valid &= u8::from(!x.is_nan()));
                 unmeasured[*level].iter().for_each(|vertex| all_valid[vertex.index()] = 0);

@@ -50,7 +50,7 @@ impl Part<'_> {
             position: level.mesh.positions[v],
             normal: taxels.normals[taxel],
             tangent: self.tangents[taxel],
-            uv: self.at.uv[PlaceId::of_opened(v)],
+            uv: self.at.uv[PlaceId::first_of(v)],
             area: level.areas[v],
         })
     }

@@ -93,7 +93,7 @@ fn read_document(path: &Path, document: &Document) -> Result<SkinMap> {
     }
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
-        patch.levels.par_iter_mut().for_each(|map| {
+        patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
             map.measure();
         });
     }
@@ -279,7 +279,7 @@ impl Places {
             return Err(document.invalid(name, format!("no vertex {missing}"), "every vertex of the level"));
         }
         let first: IdVec<VertexId, VertexId> = first.into_iter().flatten().collect();
-        let mut place = given.map(|&v| PlaceId::of_opened(v));
+        let mut place = given.map(|&v| PlaceId::first_of(v));
         let mut unsplit: IdVec<PlaceId, VertexId> = first.ids().collect();
         for (at, &v) in given.enumerate() {
             if first[v] != at {
@@ -299,7 +299,7 @@ impl Places {
             triangles: triangles.map(|t| t.map(|v| unsplit[v])),
         };
         let mut uv = opened.uv.clone();
-        place.enumerate().for_each(|(v, &at)| uv[at] = opened.uv[PlaceId::of_opened(v)]);
+        place.iter().zip(&opened.uv).for_each(|(&at, &position)| uv[at] = position);
         MapLevel {
             level: Level { mesh: whole, areas: first.map(|&v| areas[v]), ..Level::default() },
             cut: Some(CutMesh { triangles, unsplit }),

@@ -171,14 +171,14 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         match unsplit {
             None => sheet.taxels(patch.taxels, count, Codes::Real)?,
             Some(at) => {
-                let opened = patch.taxels.select(&at.iter().copied().collect());
+                let opened = patch.taxels.select(at);
                 sheet.taxels(&opened, count, Codes::Real)?;
             }
         }
     } else {
         let taxel_of: IdVec<VertexId, VertexId> = match unsplit {
             None => level.origins.clone(),
-            Some(at) => at.iter().map(|&v| level.origins[v]).collect(),
+            Some(at) => at.map(|&v| level.origins[v]).reindexed(),
         };
         let of_level = |of_taxels: &IdVec<VertexId, DVec3>| taxel_of.map(|&taxel| of_taxels[taxel]);
         let tangents = patch.taxels.tangents.as_ref().map(of_level);
@@ -187,7 +187,7 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         sheet.positive("_AREA", areas.as_ref().unwrap_or(&level.areas))?;
         if let Some(joints) = &patch.taxels.joints {
             let rows = taxel_of.map(|&taxel| joints[taxel]);
-            sheet.joints(&joints_of(patch.taxels), &rows)?;
+            sheet.joints(&joints_of(patch.taxels), rows.as_slice())?;
         }
     }
     if let Some(map) = map {
@@ -263,7 +263,7 @@ fn on_map(map: &MapLevel, texture: [f32; 2]) -> DVec2 {
 /// A triangle that the map itself turns over, as a linear map may, is written as it is.
 fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, (String, String)> {
     let MapLevel { uv, frame, .. } = map;
-    let mut texture: Vec<_> = par_map(uv, |&at| frame.to_texture(at).to_array().map(narrow));
+    let mut texture: Vec<_> = par_map(uv.as_slice(), |&at| frame.to_texture(at).to_array().map(narrow));
     let is_upright = |face: FaceId| {
         let [a, b, c] = map.uv_of(face);
         (b - a).perp_dot(c - a) > 0.0

@@ -109,7 +109,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             return Err(unfit(writer.path, name, found, "a place that f32 can hold"));
         }
         let position = writer.positions(&positions);
-        let corners = mesh.triangles.as_flattened().iter().map(|v| [v.raw()]);
+        let corners = mesh.triangles.as_slice().as_flattened().iter().map(|v| [v.raw()]);
         let corners = writer.array(Some(Target::ElementArrayBuffer), corners);
         let mut attributes = BTreeMap::new();
         attributes.insert(Checked::Valid(Semantic::Positions), position);
@@ -163,7 +163,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             Codes::Real => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [f32::from(p.code())])),
         }
         if let Some(joints) = &taxels.joints {
-            self.joints(&joints_of(taxels), joints)?;
+            self.joints(&joints_of(taxels), joints.as_slice())?;
         }
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }

@@ -45,7 +45,7 @@ impl Rings {
         degrees: &IdVec<VertexId, u32>,
         fill: impl Fn(VertexId, &mut [VertexId]) + Sync,
     ) -> Self {
-        let neighbours = Csr::filled(degrees, |row, ring| fill(VertexId::new(row), ring));
+        let neighbours = Csr::filled(degrees.as_slice(), |row, ring| fill(VertexId::new(row), ring));
         Self { neighbours, on_boundary }
     }
 

@@ -2,7 +2,9 @@
 //! and the corners around each vertex. All connectivity starts here. Triangles need not be manifold, but
 //! their corners must exist.
 
-use crate::id::{FaceId, IdVec, VertexId};
+use std::marker::PhantomData;
+
+use crate::id::{FaceId, Id, IdVec, VertexId};
 use crate::mesh::{Halfedge, MeshError, TriMesh};
 use crate::numeric::{Csr, chains};
 
@@ -137,28 +139,28 @@ pub(crate) fn loops_of(edges: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
 }
 
 /// The corners around each vertex, in the order of their faces, for any set of triangles, manifold
-/// or not. A corner is named by the halfedge that leaves it.
+/// or not; or around each place of a map. A corner is named by the halfedge that leaves it.
 #[derive(Debug, Clone)]
-pub(crate) struct VertexCorners(Csr<Halfedge>);
+pub(crate) struct VertexCorners<V = VertexId>(Csr<Halfedge>, PhantomData<V>);
 
-impl VertexCorners {
+impl<V: Id> VertexCorners<V> {
     /// Lists the corners of the first `vertices` vertices; those of others are left out.
-    pub(crate) fn new(triangles: impl Iterator<Item = [VertexId; 3]> + Clone, vertices: usize) -> Self {
+    pub(crate) fn new(triangles: impl Iterator<Item = [V; 3]> + Clone, vertices: usize) -> Self {
         let corners = triangles.enumerate().flat_map(|(face, t)| {
             let face = FaceId::new(face);
             [0, 1, 2].map(|side| (t[side].index(), Halfedge::new(face, side)))
         });
-        Self(Csr::from_pairs(vertices, corners.filter(move |&(v, _)| v < vertices)))
+        Self(Csr::from_pairs(vertices, corners.filter(move |&(v, _)| v < vertices)), PhantomData)
     }
 
     #[inline]
-    pub(crate) fn of(&self, v: VertexId) -> &[Halfedge] {
+    pub(crate) fn of(&self, v: V) -> &[Halfedge] {
         &self.0[v.index()]
     }
 
     /// The faces around `v`, smallest id first.
     #[inline]
-    pub(crate) fn faces(&self, v: VertexId) -> impl Iterator<Item = FaceId> + Clone {
+    pub(crate) fn faces(&self, v: V) -> impl Iterator<Item = FaceId> + Clone {
         self.of(v).iter().map(|h| h.face())
     }
 }

@@ -41,7 +41,7 @@ pub(crate) fn draw_map(
             }
             Some(finest) => {
                 let mesh = finest.opened();
-                let places = carried_places(finest, level).into_iter().collect();
+                let places = carried_places(finest, level).reindexed();
                 let carried = lay_out(&mesh, &places, view);
                 areas(&carried, &on_places(&coloured.fill, finest.unsplit()), coloured.is_scale, view)
             }
@@ -59,10 +59,10 @@ pub(crate) fn draw_map(
     }
     shapes.push(boundary_line(boundary));
     if let (true, Some(radius)) = (coloured.has_dots, dot_radius(own.edge_px)) {
-        let dot = |place: PlaceId| {
-            (own.at(place.opened()), patch.is_live(level.level.origins[level.vertex_of(place)]))
+        let dot = |(place, &at): (PlaceId, &DVec2)| {
+            (view.to_pixels(at), patch.is_live(level.level.origins[level.vertex_of(place)]))
         };
-        shapes.extend(taxel_dots(level.uv.ids().map(dot), radius, &coloured.fill));
+        shapes.extend(taxel_dots(level.uv.enumerate().map(dot), radius, &coloured.fill));
     }
     shapes
 }
@@ -75,7 +75,7 @@ fn lay_out<'a>(mesh: &'a TriMesh, uv: &IdVec<VertexId, DVec2>, view: &View) -> D
 fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
     let Some(to_finest) = &level.level.to_finest else { return level.opened_uv() };
     let at = |(v, t): (VertexId, &[VertexId; 3])| {
-        let places = t.iter().map(|&field| PlaceId::of_opened(field));
+        let places = t.iter().map(|&field| PlaceId::first_of(field));
         places.zip(to_finest.weights[v]).map(|(place, w)| w * level.uv[place]).sum()
     };
     to_finest.indices.enumerate().map(at).collect()
@@ -85,14 +85,12 @@ fn carry(level: &MapLevel) -> IdVec<VertexId, DVec2> {
 pub(super) fn on_places<'a>(fill: &'a Fill, unsplit: Option<&IdVec<PlaceId, VertexId>>) -> Cow<'a, Fill> {
     match (fill, unsplit) {
         (Fill::Cells { groups, colours }, Some(unsplit)) => Cow::Owned(Fill::Cells {
-            groups: unsplit.iter().map(|&v| groups[v]).collect(),
+            groups: unsplit.map(|&v| groups[v]).reindexed(),
             colours: colours.clone(),
         }),
-        (&Fill::Values { ref values, scale, has_lines }, Some(unsplit)) => Cow::Owned(Fill::Values {
-            values: unsplit.iter().map(|&v| values[v]).collect(),
-            scale,
-            has_lines,
-        }),
+        (&Fill::Values { ref values, scale, has_lines }, Some(unsplit)) => {
+            Cow::Owned(Fill::Values { values: unsplit.map(|&v| values[v]).reindexed(), scale, has_lines })
+        }
         _ => Cow::Borrowed(fill),
     }
 }

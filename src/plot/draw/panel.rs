@@ -77,15 +77,14 @@ impl<'a> Panel<'a> {
         let ease = time * time * (3.0 - 2.0 * time);
         let facing = DQuat::from_mat3(&(camera.picture_plane() * unfolding.sheet.matrix3.transpose()));
         let turn = DQuat::IDENTITY.slerp(facing, ease);
-        let positions = unfolding.at(time).iter().map(|&p| turn * p).collect();
+        let positions = unfolding.at(time).map(|&p| turn * p).reindexed();
         let mesh = TriMesh { positions, triangles: finest.opened().triangles.clone() };
         let slot = Slot {
             bounds: rectangle_around(mesh.positions.iter().map(|&p| camera.project(p))),
             caption: caption_of_unfolding(patch, time),
         };
-        let taxels = map
-            .taxels
-            .select(&mesh.positions.ids().map(|v| finest.vertex_of(PlaceId::of_opened(v))).collect());
+        let vertices = finest.uv.ids().map(|place| finest.vertex_of(place));
+        let taxels = map.taxels.select(&IdVec::<PlaceId, _>::from_iter(vertices));
         let between = Between { mesh, taxels, finest, level: patch.level_at_most(level)? };
         Some(Self { patch, look: Look::Between(camera, Box::new(between)), slot })
     }
@@ -136,10 +135,12 @@ impl<'a> Panel<'a> {
                 coloured.mesh = mesh;
                 let is_shown = options.paint.has_dots() && finest.uv.len() <= FINE;
                 let is_centre = |place: &PlaceId| {
-                    options.paint != Paint::Fields || level.level.origins.contains(&finest.vertex_of(*place))
+                    options.paint != Paint::Fields
+                        || level.level.origins.as_slice().contains(&finest.vertex_of(*place))
                 };
-                let dots = finest.uv.ids().filter(|place| is_shown && is_centre(place));
-                let dots: Vec<VertexId> = dots.map(PlaceId::opened).collect();
+                let dots = mesh.positions.ids().zip(finest.uv.ids());
+                let dots = dots.filter(|(_, place)| is_shown && is_centre(place));
+                let dots: Vec<VertexId> = dots.map(|(v, _)| v).collect();
                 draw_in_space(&patch, &coloured, camera, view, Vec::new(), &dots)
             }
         })

@@ -138,7 +138,7 @@ impl SeamedLevel {
         parents.enumerate().for_each(|(v, &parent)| of_parent[parent] = v);
         let unsplit = places.map(|&place| of_parent[self.cut.unsplit[place]]);
         debug_assert!(
-            unsplit.enumerate().take(count).all(|(place, v)| place.opened() == *v),
+            unsplit.enumerate().take(count).all(|(place, v)| place == PlaceId::first_of(*v)),
             "the first ones"
         );
         let triangles = kept.iter().map(|t| t.map(|v| number[v].unwrap_or_default())).collect();

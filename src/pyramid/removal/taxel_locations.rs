@@ -112,8 +112,9 @@ impl TaxelLocations {
         taxels: &IdVec<VertexId, VertexId>,
         origins: &IdVec<VertexId, VertexId>,
     ) -> (IdVec<VertexId, [VertexId; 3]>, IdVec<VertexId, [f64; 3]>) {
-        let mut indices = IdVec::from(par_map(taxels, |&taxel| surface.corners(self.locations[taxel].face)));
-        let mut weights = IdVec::from(par_map(taxels, |&taxel| self.locations[taxel].weights));
+        let mut indices =
+            IdVec::from(par_map(taxels.as_slice(), |&taxel| surface.corners(self.locations[taxel].face)));
+        let mut weights = IdVec::from(par_map(taxels.as_slice(), |&taxel| self.locations[taxel].weights));
         for (v, &taxel) in origins.enumerate() {
             let side = surface.leaving[v];
             let corners = surface.corners(side.face());

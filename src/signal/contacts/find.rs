@@ -65,7 +65,7 @@ impl Finder {
         /// Taxels compared at once.
         const BLOCK: usize = 16;
         let PatchReadings { values, options, high, .. } = *readings;
-        for (block, of_block) in values.chunks(BLOCK).enumerate() {
+        for (block, of_block) in values.as_slice().chunks(BLOCK).enumerate() {
             if !of_block.iter().fold(false, |any, &x| any | (x > high)) {
                 continue;
             }

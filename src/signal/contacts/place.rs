@@ -52,7 +52,7 @@ impl Pressed<'_> {
                 (level.level.mesh.point(at), map, normal.unwrap_or(normals[peak_taxel]))
             }
             // A taxel without triangles.
-            None => (positions[peak_taxel], level.uv[PlaceId::of_opened(peak_taxel)], normals[peak_taxel]),
+            None => (positions[peak_taxel], level.uv[PlaceId::first_of(peak_taxel)], normals[peak_taxel]),
         };
         let along = self.axes(level, region, mean);
         region.angle = place.map_or(0.0, |at| angle_on_map(level, at.face, along));

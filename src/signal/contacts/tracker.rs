@@ -181,7 +181,7 @@ impl ContactTracker {
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {
             let (patch, around) = (&patches[region.patch], &around[region.patch]);
-            let values = &values[region.patch];
+            let values = values[region.patch].as_slice();
             Pressed { patch, around, values, quantity: self.quantity }.measure(region);
             region.force *= self.newtons;
         }

@@ -111,7 +111,7 @@ impl Stage for ZeroTracker {
             let read = |patch: PatchId| &frame.values[patch][channel];
             let Some(track) = track else {
                 for patch in frame.values.ids() {
-                    self.out.values[patch][channel].copy_from_slice(read(patch));
+                    self.out.values[patch][channel].as_mut_slice().copy_from_slice(read(patch).as_slice());
                 }
                 continue;
             };
@@ -121,7 +121,7 @@ impl Stage for ZeroTracker {
             for patch in frame.values.ids() {
                 let out: &mut IdVec<VertexId, f64> = &mut self.out.values[patch][channel];
                 let (own, others) = excess.split_at(out.len());
-                out.copy_from_slice(own);
+                out.as_mut_slice().copy_from_slice(own);
                 excess = others;
             }
         }

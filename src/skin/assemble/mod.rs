@@ -202,7 +202,7 @@ impl Assembly {
                 }
             }
         }
-        let renamed = renamed(sheet, &(*self.skin.patches)[first..]);
+        let renamed = renamed(sheet, &self.skin.patches.as_slice()[first..]);
         self.remark(sheet.title(), renamed);
     }
 

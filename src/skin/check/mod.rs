@@ -45,7 +45,7 @@ pub use finding::{Elements, Finding, FindingKind, Severity};
 /// let mesh = shapes::lattice(5, 5, 0.005);
 /// let triangles = mesh.triangles.iter().filter(|t| !t.contains(&12.into()) || !t.contains(&13.into()));
 /// let sheet = Sheet {
-///     positions: mesh.positions.to_vec(),
+///     positions: mesh.positions.as_slice().to_vec(),
 ///     triangles: triangles.map(|t| t.map(|v| v.raw())).collect(),
 ///     ..Sheet::default()
 /// };

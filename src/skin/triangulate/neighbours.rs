@@ -26,7 +26,7 @@ const MAX_NEIGHBOURS: f64 = 10.0;
 pub(super) type Neighbour = (VertexId, f64);
 
 pub(super) fn tree_of(positions: &IdVec<VertexId, DVec3>) -> PointTree {
-    PointTree::new(positions, |_| DVec3::ZERO)
+    PointTree::new(positions.as_slice(), |_| DVec3::ZERO)
 }
 
 /// Writes the `count` taxels nearest to `v` within `radius` into `found`, nearest first, ties by id.

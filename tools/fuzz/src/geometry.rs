@@ -61,7 +61,7 @@ pub(crate) fn generate(random: &mut Random) -> (String, Vec<u8>) {
 /// A named shape, a band with twists, two sheets that may share a vertex or an edge, a prism, or faces without order.
 fn shape(random: &mut Random) -> Soup {
     let of = |mesh: TriMesh| {
-        (mesh.positions.to_vec(), mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect())
+        (mesh.positions.as_slice().to_vec(), mesh.triangles.iter().map(|t| t.map(|v| v.raw())).collect())
     };
     let fine = random.unit();
     match random.below(12) {

@@ -58,10 +58,10 @@ fn nothing_is_found_wrong() {
         let sheet = |patch: &dermatome::skin::Patch| Sheet {
             name: patch.name.clone(),
             link: Some(patch.link),
-            positions: patch.mesh.positions.to_vec(),
+            positions: patch.mesh.positions.as_slice().to_vec(),
             triangles: patch.mesh.triangles.iter().map(|t| t.map(VertexId::raw)).collect(),
-            ids: Some(patch.taxels.ids.to_vec()),
-            normals: Some(patch.taxels.normals.to_vec()),
+            ids: Some(patch.taxels.ids.as_slice().to_vec()),
+            normals: Some(patch.taxels.normals.as_slice().to_vec()),
             ..Sheet::default()
         };
         let draft = Draft {

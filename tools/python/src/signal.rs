@@ -920,7 +920,7 @@ pub(crate) fn condition_readings<'py>(
             for channel in 0..out.channels.len() {
                 for (values, filled) in step.frame.values.iter().zip(&step.frame.filled) {
                     let first = measured.len();
-                    out.values.extend_from_slice(&values[channel]);
+                    out.values.extend_from_slice(values[channel].as_slice());
                     measured.extend(values[channel].iter().map(|x| x.is_finite()));
                     filled[channel].iter().for_each(|taxel| measured[first + taxel.index()] = false);
                 }

@@ -131,7 +131,7 @@ impl FlattenArgs {
         let Some(BoundaryArg::Table(path)) = &self.boundary else {
             return Ok(options);
         };
-        let [patch] = &*skin.patches else {
+        let [patch] = skin.patches.as_slice() else {
             let found = skin.patches.len();
             return Err(advise(
                 format!("the taxels of --boundary need a skin with one patch, not {found}"),
