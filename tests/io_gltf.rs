@@ -460,7 +460,7 @@ fn invalid_positions_and_indices_are_refused() {
     let indices = glb.bin.len() - 12;
     glb.bin[indices + 4..indices + 6].copy_from_slice(&7_u16.to_le_bytes());
     let error = refusal(&glb);
-    assert!(error.contains("accessor 1") && error.contains("index 7 at place 2"), "past the end: {error}");
+    assert!(error.contains("accessor 1") && error.contains("index 7 at row 2"), "past the end: {error}");
     glb.bin[indices + 4..indices + 6].copy_from_slice(&u16::MAX.to_le_bytes());
     assert!(refusal(&glb).contains("65535"), "primitive restart");
 }

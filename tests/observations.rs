@@ -197,7 +197,7 @@ fn columns_without_meaning_are_refused() {
         ("i,j,dx,dy,dz,sigma_n", "sigma_n"),
     ] {
         let found = refusal("a.csv", &format!("{header}\n"));
-        let needed = format!("line 1: found a column \"{column}\", which says nothing");
+        let needed = format!("line 1: found a column \"{column}\", which is redundant");
         assert!(found.contains(&needed), "{header}: {found}");
     }
 }
@@ -273,7 +273,7 @@ fn taxels_of_further_files_are_merged() {
     assert_eq!(taxel(2).initial, None);
 
     for (lines, needed) in [
-        ("VERTEX_TRACKXYZ 1 9 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1", "taxel 1: found another place"),
+        ("VERTEX_TRACKXYZ 1 9 0 0\nVERTEX_TRACKXYZ 2 8 0 0\nFIX 1", "taxel 1: found another fixed position"),
         ("VERTEX_TRACKXYZ 2 8 0 0\nVERTEX_TRACKXYZ 4 0 0 0\nFIX 4", "taxel 4"),
         ("VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1", "poses model; needed: positions"),
     ] {

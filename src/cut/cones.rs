@@ -2,8 +2,8 @@
 //!
 //! A conformal map has the conformal factor `u`, the logarithm of its stretch, with `L u = K`: the
 //! cotangent Laplacian and the Gauss curvature of each vertex. On a seam and at a boundary curvature
-//! is free, and `u` is zero. The vertex of the largest `|u|` is the next place for the seam to reach
-//! (`(benchen2008)`, with the seam in place of single cones).
+//! is free, and `u` is zero. The vertex of the largest `|u|` is what the seam reaches next
+//! (`(benchen2008)`, with the seam instead of single cones).
 
 use std::f64::consts::TAU;
 

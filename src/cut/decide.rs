@@ -22,7 +22,7 @@ const GOOD: f64 = 0.05;
 const WHOLE: f64 = 0.1;
 /// Excess at which no more cones are tried.
 const ENOUGH: f64 = 0.14;
-/// By this factor more seam must lower the excess for each length of the square root of the area.
+/// A seam longer by the square root of the area must divide the excess by at least this.
 const FALL: f64 = 3.0;
 /// As [`FALL`], where a surface has a map without any cut; it must fall by as much in any case.
 const FIRST_FALL: f64 = 4.0;
@@ -197,7 +197,7 @@ impl Search<'_, '_> {
         tried
     }
 
-    /// Lets a seam reach cones until no larger conformal factor than `left` is left; says whether it changed.
+    /// Adds cones to a seam until no conformal factor above `left` is left; returns whether it changed.
     fn add_cones(&self, seam: &mut Seam, left: f64) -> bool {
         let own = self.graph.mesh.positions.len();
         let before = seam.ends.len();

@@ -2,11 +2,11 @@
 
 use crate::{id::VertexId, mesh::MeshError, skin::TaxelId};
 
-/// Why a surface cannot be cut as asked.
+/// Why a surface cannot be cut as requested.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what is wrong")]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum CutError {
     #[error(transparent)]
     Mesh(#[from] MeshError),

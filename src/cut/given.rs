@@ -9,7 +9,7 @@ use crate::mesh::TriMesh;
 use crate::skin::{PatchId, TaxelId, Taxels};
 
 /// The vertices that pairs of taxels are, patch by patch.
-/// Fails if a taxel is not there or not the only one of its id, or a pair lies in two patches.
+/// Fails if a taxel is not there or not the only one of its id, or a pair is in two patches.
 pub(crate) fn pairs_by_patch<'a>(
     pairs: &[[TaxelId; 2]],
     patches: impl Iterator<Item = &'a Taxels>,

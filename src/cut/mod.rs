@@ -14,7 +14,7 @@
 //! 1. **handles are opened** along the tree-cotree loops: the edges in neither the shortest-path tree
 //!    of one vertex nor a spanning tree of the faces (`(erickson2004)`);
 //! 2. **loops are joined** to it, always the nearest by a shortest path (`(takahashi1980)`);
-//! 3. **cones are reached**: the conformal factor says where the skin must stretch most, and a shortest
+//! 3. **cones are reached**: the conformal factor shows where the skin must stretch most, and a shortest
 //!    path leads from there to the seam, again and again (`(benchen2008)`); a closed surface without
 //!    handles is cut between its first two cones;
 //! 4. **it is shortened**: each path between two branch vertices is replaced by the shortest one that
@@ -27,7 +27,7 @@
 //!
 //! What must be cut is cut. How many cones it reaches, and whether loops are joined, is what a trial map
 //! shows to pay (`decide`); a plain disk is cut where its map is poor without, as that of a fingertip, or where a
-//! limit of the area ratio asks for it. The trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
+//! limit of the area ratio requires it. The trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
 //! itself and shortened again (`recipe`).
 //!
 //! # Files, in reading order

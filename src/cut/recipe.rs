@@ -82,7 +82,7 @@ impl Recipe {
         }
     }
 
-    /// The recipe for a finer mesh, on which `origins` says where the vertices are.
+    /// The recipe for a finer mesh, with the vertices of this one at `origins`.
     pub(crate) fn on_finer(&self, origins: &IdVec<VertexId, VertexId>) -> Self {
         let map = |vertices: &[VertexId]| vertices.iter().map(|&v| origins[v]).collect();
         Self {

@@ -116,7 +116,7 @@ impl<'m> SeamGraph<'m> {
         VertexId::new(self.mesh.positions.len() + of_loop)
     }
 
-    /// The vertex that stands for the loop on which a vertex lies, if it lies on one.
+    /// The vertex that stands for the loop that a vertex is on, if it is on one.
     pub(super) fn apex_at(&self, v: VertexId) -> Option<VertexId> {
         self.loops.iter().position(|walk| walk.contains(&v)).map(|k| self.apex(k))
     }
@@ -342,7 +342,7 @@ impl Paths {
     }
 
     /// The shortest paths from `sources`, in order of their lengths, and the edges of those that became
-    /// sources too. `met` says what becomes of each vertex that is reached.
+    /// sources too. `met` decides what becomes of each vertex that is reached.
     fn search(
         &self,
         weights: &IdVec<EdgeId, u64>,

@@ -22,7 +22,7 @@ struct Chain {
 /// Vertices to `keep` stay on the seam. A seam of very many chains stays as it is.
 ///
 /// Without the chain the seam is two pieces, or the surface cut along the rest is an annulus: the
-/// shortest path between the pieces or across the annulus takes its place.
+/// shortest path between the pieces or across the annulus replaces it.
 pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSet<VertexId>) -> SeamEdges {
     let mut done: BTreeSet<Vec<EdgeId>> = BTreeSet::new();
     'changed: loop {
@@ -80,7 +80,7 @@ fn chains(graph: &SeamGraph<'_>, seam: &SeamEdges, keep: &BTreeSet<VertexId>) ->
     chains
 }
 
-/// The shortest path that, with the edges `other`, opens what `chain` opens with them.
+/// The shortest replacement of `chain` with which the edges `other` cut the surface into the same topology.
 fn replacement(graph: &SeamGraph<'_>, other: &SeamEdges, chain: &Chain) -> Option<Vec<EdgeId>> {
     let mut pieces = DisjointSets::<VertexId>::new(graph.closed.positions.len());
     other.iter().map(|&e| graph.ends[e]).for_each(|[a, b]| pieces.join(a, b));

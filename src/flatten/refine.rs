@@ -1,10 +1,10 @@
-//! From the map of a coarse level to that of the next finer one, with a way out wherever a step may
+//! From the map of a coarse level to that of the next finer one, with an alternative to each step that may
 //! fail.
 //!
 //! ```text
 //! step     | first                | what may be wrong                   | then
 //! ---------+----------------------+-------------------------------------+------------------------
-//! insert   | all vertices at once | one has no place without a flip     | in stages of 1.5 times
+//! insert   | all vertices at once | one has no position without a flip  | in stages of 1.5 times
 //!          |                      |                                     | the vertices, each relaxed
 //! unflip   | untangle around the  | flips or branch points are left     | inside a circle (Tutte)
 //!          | flipped faces        |                                     |
@@ -18,7 +18,7 @@
 //!
 //! The second and third row are [`relax`](super::relax), also for a map from scratch. In the fourth every attempt is
 //! judged alike: a map with a flip, a hole inside out or an unwanted overlap is not legal, and an attempt that fails
-//! costs nothing that another one has reached. The sizes are *heuristic*, measured on the skins of `meshes/` and on
+//! does not lose what another one has reached. The sizes are *heuristic*, measured on the skins of `meshes/` and on
 //! tubes.
 //!
 //! What each step earns: 31 runs of `tools/compare/ablate.py` (19 shapes, and 8 meshes of CAD and of `meshes/`) with
@@ -73,7 +73,7 @@ const RESTARTED: usize = 1500;
 /// Newton steps of such a map: enough to see whether it is better.
 const ANEW: NewtonLimits = NewtonLimits { rest: 1e-10, steps: 200, gain: 1e-3, most: f64::INFINITY };
 
-/// The map of the next coarser level on its way to a finer one.
+/// The map of the next coarser level, as the start of that of a finer one.
 pub(crate) struct Inherited<'a> {
     pub(crate) start: Insertion<'a>,
     pub(crate) scaffold: Scaffold,
@@ -178,7 +178,7 @@ impl Inherited<'_> {
 }
 
 /// All vertices of a level on the map (m) of the next coarser level: at once if every one has a
-/// place, else in stages.
+/// position without a flip, else in stages.
 fn insert(
     start: Insertion<'_>,
     scaffold: Scaffold,
@@ -235,7 +235,7 @@ mod tests {
     use crate::flatten::Energy;
     use crate::mesh::shapes;
 
-    /// An attempt that fails, or whose map is not legal, costs nothing that another one has reached.
+    /// An attempt that fails, or whose map is not legal, does not lose what another one has reached.
     #[test]
     fn the_best_legal_attempt_is_kept() {
         let mesh = shapes::lattice(4, 4, 0.01);

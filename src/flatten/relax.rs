@@ -36,7 +36,7 @@ const BAD_START: f64 = FAR;
 const POOR: f64 = 10.0;
 const COLLAPSED: f64 = 1000.0;
 
-/// How much a gradual descent lets the rest shape of a face be stretched, at most, its steps between new rest shapes,
+/// How much the rest shape of a face may be stretched in a gradual descent, at most, its steps between new rest shapes,
 /// and how often they are made at most.
 const GRADUAL: f64 = 2.0;
 const GRADUAL_STEPS: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 3, gain: ENOUGH, most: f64::INFINITY };
@@ -52,7 +52,7 @@ const ROUND: usize = 6;
 const FRAMED_ROUND: usize = 2;
 
 /// Relative decrease of the energy in a round at which the minimisation with fillers ends. Rims
-/// slide along each other for long after, by what is not visible: five long tubes that meet would end
+/// slide along each other for long after, invisibly: five long tubes that meet would end
 /// at 21.73 instead of 21.76, in a third more time.
 const ENOUGH: f64 = 1e-3;
 
@@ -218,14 +218,14 @@ struct Descent<'d> {
     run: Run<'d>,
 }
 
-/// Where a descent ended, and the last maps before it that kept what the end may not keep.
+/// Where a descent ended, and the last maps before it with holes and without overlap, which the end may have lost.
 struct Reached {
     relaxed: Relaxed,
     /// The last map whose holes were holes.
     kept: Option<Uv>,
     /// The last map that did not overlap itself, where that matters.
     apart: Option<Uv>,
-    /// Whether it ended because it cannot be of use.
+    /// Whether it ended because its map cannot be used.
     is_hopeless: bool,
 }
 

@@ -72,7 +72,7 @@ pub fn draft_from_bytes(name: &Path, bytes: Vec<u8>, parts: ReadParts) -> Result
     kind_of(name)?(Source::from_bytes(name, bytes)?, parts)
 }
 
-/// Whether a file is a robot description, as its extension says.
+/// Whether a file is a robot description, by its extension.
 #[cfg(feature = "robots")]
 pub fn is_robot(path: &Path) -> bool {
     matches!(file_kind(path).as_str(), "urdf" | "xml" | "mjcf")

@@ -11,7 +11,7 @@ pub(super) type Result<T, E = IoError> = std::result::Result<T, E>;
 #[derive(Debug, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what is wrong")]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum IoError {
     #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
@@ -39,7 +39,7 @@ pub enum IoError {
         url: String,
         /// The package that it names, if it does.
         package: Option<String>,
-        /// The places where it was looked for: folders of the package, or the file itself.
+        /// Where it was looked for: folders of the package, or the file itself.
         searched: Vec<PathBuf>,
     },
     /// The map that is to be written, or that was read, breaks a rule.

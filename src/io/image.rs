@@ -44,11 +44,11 @@ const MAX_SIDE: u32 = 1 << 24;
 ///
 /// Parts are named as the images (bytes beyond printable ASCII, and `%`, as `%` and two hexadecimal
 /// digits), channels are sorted by name, every data window starts at (0, 0), and all parts share a
-/// display window that holds the largest. The attribute `dermatome` of each part is a JSON text:
+/// display window of the largest. The attribute `dermatome` of each part is a JSON text:
 /// `version` of the program, `name` of the image and `map`, with `origin` and `size` in m as in
 /// `map.glb`.
 ///
-/// Rows are asked for and compressed block by block on the current threads; the bytes do not depend
+/// Rows are computed and compressed block by block on the current threads; the bytes do not depend
 /// on their number.
 ///
 /// # Errors
@@ -201,7 +201,7 @@ const EFFORT: Effort = Effort::new(1);
 
 /// The ZIP compression of OpenEXR for one block of little-endian samples: even bytes before odd
 /// ones, so that exponents stand beside exponents, then differences of neighbouring bytes, then
-/// zlib. A block that does not shrink stays as it is, as the format wants it.
+/// zlib. A block that does not shrink stays as it is, as the format requires.
 ///
 /// Written here because the exr crate's own deflate takes three times as long, and most of the time
 /// of an image.
@@ -222,7 +222,7 @@ fn compress(block: Vec<u8>) -> io::Result<Vec<u8>> {
     Ok(if packed.len() < block.len() { packed } else { block })
 }
 
-/// What a file says of a frame besides its pixels.
+/// The metadata of a frame in a file.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameContent<'a> {
     /// The channels of the image.
@@ -337,7 +337,7 @@ impl ImageRows for FrameRows<'_> {
 /// memory, and flushes it: whoever reads has the whole frame.
 ///
 /// # Errors
-/// Whatever `output` says.
+/// Errors of `output`.
 ///
 /// ```
 /// let mut pipe = Vec::new();

@@ -29,7 +29,7 @@
 //!
 //! What every writer keeps:
 //! - A file is replaced whole or not at all, several files together ([`Outputs`]).
-//! - What a format cannot hold is refused before anything is written ([`IoError::Unfit`]).
+//! - What a format cannot express is refused before anything is written ([`IoError::Unfit`]).
 //! - The same input gives the same bytes.
 //!
 //! ```

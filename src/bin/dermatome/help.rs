@@ -123,7 +123,7 @@ Words:
   level    a mesh: level 0 is the skin, every further one is coarser
   bound    what the error of an answer of the level alone cannot exceed; it comes with the answer
   error    how far the distance from the level is from the distance from the skin
-  decides  share of the contacts of which the answer tells for sure whether they are within 1, 2, 5
+  decides  share of the contacts for which the answer decides whether they are within 1, 2, 5
            or 10 mm of the skin";
 
 const OF_LEVELS: &str = "\
@@ -138,7 +138,7 @@ Words:
   loop     a closed chain of edges with one face each: the rim of a patch or of a hole
   euler    vertices - edges + faces: 1 for a disk, 2 for a closed surface, 0 for a sleeve or torus
   spacing  the mean length of the edges
-  present, absent, thermal   what a slot of the skin holds: a working taxel, none, a thermal pad";
+  present, absent, thermal   the content of a slot of the skin: a working taxel, none, a thermal pad";
 
 const OF_ANSWERS: &str = "\
 Words:

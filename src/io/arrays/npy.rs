@@ -80,7 +80,7 @@ impl NpyHeader {
         header.map_err(|needed| invalid(path, element, format!("the header {}", excerpt(&text)), needed))
     }
 
-    /// What the text of a header says, or what it ought to.
+    /// The text of a header: as found, or as needed.
     fn parse(text: &str, length: u64) -> Result<Self, &'static str> {
         let field = |key: &str| {
             let at = [format!("'{key}'"), format!("\"{key}\"")].iter().find_map(|k| text.find(k.as_str()))?;
@@ -190,7 +190,7 @@ impl ElementType {
         }
     }
 
-    /// The numbers that `bytes` hold, as `f64`; NaN if they are not numbers.
+    /// The numbers in `bytes`, as `f64`; NaN if they are not numbers.
     pub(in crate::io) fn numbers(self, bytes: &[u8], out: &mut [f64]) {
         let big = self.is_big_endian;
         match (self.kind, self.size) {
@@ -214,7 +214,7 @@ impl ElementType {
         }
     }
 
-    /// The first number that `bytes` hold, if they are whole numbers or dates; one beyond 63 bits as the largest of them.
+    /// The first number in `bytes`, if they are whole numbers or dates; one beyond 63 bits as the largest of them.
     pub(in crate::io) fn whole(self, bytes: &[u8]) -> Option<i64> {
         let is_signed = match self.kind {
             Kind::Signed | Kind::Dates { .. } => true,
@@ -239,7 +239,7 @@ impl ElementType {
         }
     }
 
-    /// The texts that `bytes` hold, without the zeros that fill them up.
+    /// The texts in `bytes`, without the zeros that fill them up.
     pub(in crate::io) fn texts(self, bytes: &[u8]) -> Vec<String> {
         let text = |element: &[u8]| -> String {
             let text: String = match self.kind {
@@ -282,7 +282,7 @@ pub(crate) enum Elements<'a> {
 }
 
 impl Elements<'_> {
-    /// The type that holds them.
+    /// Their element type.
     pub(crate) fn element_type(&self) -> ElementType {
         match self {
             Self::U8(_) => ElementType::U8,
@@ -308,7 +308,7 @@ impl Elements<'_> {
         }
     }
 
-    /// Appends the elements as an array of `to` holds them, little-endian. `f64` go into arrays of
+    /// Appends the elements in the type of `to`, little-endian. `f64` go into arrays of
     /// `f32` too; any other change of type is refused with `false`.
     #[must_use]
     pub(crate) fn append(&self, to: ElementType, bytes: &mut Vec<u8>) -> bool {
@@ -342,7 +342,7 @@ fn extend<T, const N: usize>(bytes: &mut Vec<u8>, elements: &[T], of: impl Fn(&T
 }
 
 /// The header of an array of this shape. With a `least` length it is filled with blanks up to that,
-/// so that it can take the place of an earlier one.
+/// so that it can overwrite an earlier one.
 pub(crate) fn header(elements: ElementType, shape: &[u64], least: usize) -> Vec<u8> {
     let lengths: Vec<String> = shape.iter().map(|n| format!("{n},")).collect();
     let lengths = lengths.join(" ");

@@ -111,14 +111,14 @@ impl ByteRange {
     }
 }
 
-/// The array of a `.npy`, which has no more and no fewer elements than its shape says.
+/// The array of a `.npy`, which has no more and no fewer elements than its shape.
 pub(in crate::io) fn find_array(storage: Storage<'_>) -> Result<StoredArray, IoError> {
     let (_, length) = storage.open()?;
     let range = ByteRange { start: 0, stored: length, size: length, packing: Packing::Alone };
     array_at(storage, String::new(), range)
 }
 
-/// The arrays of an `.npz`, of which none has more or fewer elements than its shape says. Of those of a type that is not
+/// The arrays of an `.npz`, of which none has more or fewer elements than its shape. Of those of a type that is not
 /// read, only the header is looked at.
 pub(in crate::io) fn list_arrays(storage: Storage<'_>) -> Result<Vec<StoredArray>, IoError> {
     let path = storage.path;
@@ -236,7 +236,7 @@ pub(in crate::io) struct NumberArray {
 }
 
 /// The arrays of an `.npz` whose names `wanted` has.
-/// Fails if the file is not an archive of arrays, or one of these holds no numbers or is larger than the file
+/// Fails if the file is not an archive of arrays, or one of these has no numbers or is larger than the file
 /// explains.
 pub(in crate::io) fn read_number_arrays(
     source: &Source,

@@ -14,7 +14,7 @@ use crate::pyramid::LevelId;
 use crate::signal::{Channel, LevelFrame};
 use crate::skin::PatchId;
 
-/// What a recording holds.
+/// The content of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordingLayout<'a> {
     /// The channels of the frames.
@@ -39,7 +39,7 @@ pub struct RecordingLayout<'a> {
 /// images are `Lk.image` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
 /// channels.
 ///
-/// Nothing appears in the file's place before [`RecordingWriter::finish`]; memory does not depend
+/// No file appears before [`RecordingWriter::finish`]; memory does not depend
 /// on the number of frames.
 ///
 /// ```
@@ -202,7 +202,7 @@ impl RecordingWriter {
                 "units": channels.iter().map(|c| &c.unit).collect::<Vec<_>>(),
             },
         });
-        // LeRobot wants no slash; patches that differ in it alone are numbered.
+        // LeRobot allows no slash; patches that differ in it alone are numbered.
         let name = format!("observation.tactile.{}", key.replace('/', "_"));
         let others = (2..).map(|number: usize| format!("{name}_{number}"));
         let free = std::iter::once(name.clone()).chain(others).find(|name| !self.features.contains_key(name));
@@ -247,9 +247,9 @@ impl RecordingWriter {
         self.writer.end_frame()
     }
 
-    /// Puts the file in its place, and next to an `.npz`, as `touch.npz`, its features, `touch.features.json`: the
+    /// Gives the file its name, and writes next to an `.npz`, as `touch.npz`, its features, `touch.features.json`: the
     /// values of each level as a vector, as datasets of `LeRobot` describe features. Such vectors are finite: a
-    /// value that is not known is 0 there, and `info.valid` is the array that says which are known.
+    /// value that is not known is 0 there, and the array `info.valid` marks those that are known.
     ///
     /// # Errors
     /// If the disk is full.

@@ -129,7 +129,7 @@ impl Rows {
 
     /// Reads `size` bytes.
     fn fetch(&mut self, path: &Path, size: usize) -> Result<(), IoError> {
-        // What an archive says of its sizes may be wrong: memory grows with what is there.
+        // The sizes in an archive may be wrong: memory grows with the bytes that are there.
         self.bytes.clear();
         let read = (&mut self.input).take(size as u64).read_to_end(&mut self.bytes);
         let element = || format!("{}, row {}", self.element, self.done);
@@ -137,7 +137,7 @@ impl Rows {
             Ok(count) if count == size => {}
             Ok(count) => {
                 let found = format!("an end after {count} of its {size} bytes");
-                return Err(invalid(path, element(), found, "as many rows as its header says"));
+                return Err(invalid(path, element(), found, "as many rows as its header states"));
             }
             Err(source) if matches!(source.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput) => {
                 return Err(invalid(path, element(), source.to_string(), "an archive without damage"));

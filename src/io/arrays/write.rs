@@ -175,7 +175,7 @@ impl ArrayWriter {
         Ok(())
     }
 
-    /// Puts the file in its place.
+    /// Gives the file its name.
     pub(crate) fn finish(self) -> Result<(), IoError> {
         let path = self.path.clone();
         self.finish_at(&path)

@@ -1,7 +1,7 @@
 //! MJCF: the tactile sensors of `MuJoCo`.
 //!
 //! A sensor needs a mesh with a frame at each vertex, a geom of that mesh, and a geom that collides on the same body:
-//! it feels what touches that one. The hull of the skin stands for the body that the file does not know.
+//! it feels what touches that one. The hull of the skin replaces the body, which the map does not contain.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! The way out of a map to simulators, robots and tables.
+//! Exports of a map to simulators, robots and tables.
 //!
 //! `part` is what every writer takes: one level of each patch, uncut, in the frame of its link. `mjcf`, `usd`,
 //! `table`, `probes` and `urdf` write one kind each.
@@ -28,7 +28,7 @@ pub struct ExportOptions {
     pub robot: Option<PathBuf>,
 }
 
-/// Writes one level of a map for another program; the extension says which.
+/// Writes one level of a map for another program, in the format of the extension.
 ///
 /// | extension | content |
 /// |---|---|

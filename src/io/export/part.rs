@@ -35,7 +35,7 @@ pub(super) struct Vertex {
     pub(super) position: DVec3,
     pub(super) normal: DVec3,
     pub(super) tangent: DVec3,
-    /// Its place on the map; on a seam, the first of its places.
+    /// Its position on the map (m); on a seam, that of its first place.
     pub(super) uv: DVec2,
     pub(super) area: f64,
 }
@@ -109,7 +109,7 @@ pub(super) fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
     names.into_iter().map(own).collect()
 }
 
-/// Coordinates as simulators hold them.
+/// Coordinates as simulators store them.
 pub(super) fn narrowed(v: DVec3) -> [f32; 3] {
     v.to_array().map(narrow)
 }

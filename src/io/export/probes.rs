@@ -75,7 +75,7 @@ fn patch<'a>(path: &Path, map: &SkinMap, part: &'a Part<'_>) -> Result<Patch<'a>
     })
 }
 
-/// The grid whose pixels have the side `pixel`; those outside of the map hold a probe that feels nothing.
+/// The grid whose pixels have the side `pixel`; those outside of the map have a probe that measures nothing.
 fn canvas(path: &Path, map: &SkinMap, part: &Part<'_>, pixel: f64, radius: f32) -> Result<Canvas> {
     let chart = Chart::of_level(map, part.id, part.level, pixel).map_err(|e| {
         let element = format!("the canvas of patch {:?}", part.patch.name);

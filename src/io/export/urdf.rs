@@ -27,7 +27,7 @@ pub(super) fn write(path: &OutPath, robot: &Path, parts: &[Part<'_>]) -> Result<
     let names: HashSet<&str> = parts.iter().map(|part| &*part.patch.name).collect();
     let is_taken = |name: Option<&str>| name.is_some_and(|name| names.contains(name));
     if let Some(sensor) = children(xml.root(), "sensor").find(|sensor| is_taken(sensor.attribute("name"))) {
-        let needed = "another name, or no such sensor: that of the patch takes its place";
+        let needed = "another name, or no such sensor: that of the patch replaces it";
         return Err(xml.invalid(sensor, "the name of a patch", needed));
     }
     let sensors: Vec<(String, String)> = parts

@@ -64,7 +64,7 @@ fn write_mesh(out: &mut dyn Write, part: &Part<'_>, name: &str) -> io::Result<()
     writeln!(out, "        }}")
 }
 
-/// Writes an attribute, with the way in which it is interpolated if it says so.
+/// Writes an attribute, with its interpolation if `interpolation` is not empty.
 fn array<T: Display>(
     out: &mut dyn Write,
     name: &str,

@@ -102,7 +102,7 @@ impl<R: BufRead> Lines<R> {
     /// Stands before the first line.
     pub(crate) fn new(input: R, path: &Path, comment: Option<u8>) -> Self {
         let (path, bytes) = (path.to_owned(), Vec::new());
-        // Numbers of an edge fill 775 bytes; a cell of a table may hold a text.
+        // Numbers of an edge fill 775 bytes; a cell of a table may be a text.
         let longest = if comment.is_some() { 1 << 16 } else { LONGEST };
         Self {
             input,

@@ -48,7 +48,7 @@ impl Source {
         }
         check_length(path, about.len())?;
         let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
-        // The limit holds for a file that grows meanwhile, too.
+        // The limit also applies to a file that grows meanwhile.
         File::open(path).and_then(|f| f.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
         Ok(Self { path: path.into(), bytes, is_file: true, decoded: Default::default() })
     }
@@ -216,7 +216,7 @@ pub(crate) fn percent_coded(name: &str, is_odd: impl Fn(char) -> bool) -> String
 /// A text as the value of an attribute, between double quotes, in a file that is about to be written.
 ///
 /// # Errors
-/// If it has a character that XML has no way to write.
+/// If it has a character that XML cannot contain.
 pub(crate) fn xml_attribute(path: &Path, text: &str) -> Result<String, IoError> {
     let mut value = String::new();
     for c in text.chars() {
@@ -224,7 +224,7 @@ pub(crate) fn xml_attribute(path: &Path, text: &str) -> Result<String, IoError> 
             '&' | '<' | '"' | '\t' | '\n' | '\r' => value.push_str(&format!("&#{};", u32::from(c))),
             '\0'..' ' | '\u{fffe}' | '\u{ffff}' => {
                 let element = format!("the name {}", excerpt(text));
-                return Err(unfit(path, element, "a control character", "a name that XML can hold"));
+                return Err(unfit(path, element, "a control character", "a name that XML can contain"));
             }
             c => value.push(c),
         }

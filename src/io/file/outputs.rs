@@ -13,7 +13,7 @@ use tempfile::NamedTempFile;
 
 use crate::io::IoError;
 
-/// Files that appear together, after the last of them is complete, and never in place of an input.
+/// Files that appear together, after the last of them is complete, and never replace an input.
 ///
 /// Each is written under a temporary name next to its own. [`Outputs::publish`] renames them; without it none
 /// of them appears, and the temporary files are removed with the last clone. Clones are the same transaction.
@@ -86,7 +86,7 @@ impl Outputs {
         lock(&self.known).check(&follow_links(path))
     }
 
-    /// Removes a file when the others are published; a file that is published in its place stays.
+    /// Removes a file when the others are published; a file that is published under its name stays.
     ///
     /// # Errors
     /// [`IoError::ReplacesInput`].
@@ -101,10 +101,10 @@ impl Outputs {
         !lock(&self.known).temporary.is_empty()
     }
 
-    /// Puts all complete files in their places; returns their paths.
+    /// Gives all complete files their names; returns their paths.
     ///
     /// # Errors
-    /// If a file cannot be renamed, or an older one removed: files before it are in their places then, the
+    /// If a file cannot be renamed, or an older one removed: files before it have their names then, the
     /// others are dropped.
     pub fn publish(&self) -> Result<Vec<PathBuf>, IoError> {
         let (mut files, stale) = {
@@ -114,7 +114,7 @@ impl Outputs {
         };
         // Files remove themselves from the list of temporary ones, after this lock of it.
         let (mut done, mut listed) = (Vec::new(), Vec::new());
-        // A signal waits until all are in their places.
+        // A signal waits until all have their names.
         let known = lock(&self.known);
         files.as_slice().iter().try_for_each(|file| known.check(&file.target))?;
         let mut targets = BTreeSet::new();
@@ -217,7 +217,7 @@ impl OutPath {
 /// pipe is written to as it is, since it cannot be replaced.
 ///
 /// # Errors
-/// Whatever `write` returns, and what the system says about the folder or the disk.
+/// Errors of `write`, and of the folder or the disk.
 pub fn replace_file(
     path: impl Into<OutPath>,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), IoError>,
@@ -252,7 +252,7 @@ pub(crate) fn cannot_write(path: &Path) -> impl Fn(io::Error) -> IoError + '_ {
     |source| IoError::Write { path: path.into(), source }
 }
 
-/// A file that is being written, and appears in its place when it is finished and published.
+/// A file that is being written, and appears under its name when it is finished and published.
 pub(crate) struct Replacement {
     to: OutPath,
     target: PathBuf,
@@ -270,7 +270,7 @@ struct Complete {
 
 #[derive(Debug)]
 enum Unpublished {
-    /// Next to its place, under another name.
+    /// In the same folder, under another name.
     Temporary(NamedTempFile, Listed),
     /// A device or a pipe, which cannot be replaced.
     Device(File),
@@ -374,7 +374,7 @@ fn folder_of(target: &Path) -> &Path {
 /// How the names of temporary files begin.
 const PREFIX: &str = ".dermatome-";
 
-/// The system's words about a temporary file, without its name, which users do not know.
+/// The message of the system about a temporary file, without its name, which users have not chosen.
 fn without_path(error: &io::Error) -> io::Error {
     let text = error.to_string();
     io::Error::new(error.kind(), text.split(" at path ").next().unwrap_or_default())

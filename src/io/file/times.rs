@@ -2,7 +2,7 @@
 
 use crate::io::file::lines::{POINT_NEEDED, finite, has_decimal_comma};
 
-/// How many of the units of a column of times are a second: `time` and `time[s]` 1, `time[ms]` 1000. An error says what
+/// How many of the units of a column of times are a second: `time` and `time[s]` 1, `time[ms]` 1000. An error states what
 /// unit is needed; `None` if the name is not one of times.
 pub(crate) fn time_column(name: &str) -> Option<Result<u32, &'static str>> {
     let (name, unit) = name.split_once('[').unwrap_or((name, "s"));
@@ -24,7 +24,7 @@ pub(crate) fn time_column(name: &str) -> Option<Result<u32, &'static str>> {
 /// More seconds than this are no time in s: 1e11 s after 1970 is the year 5138, 1e11 ms is 1973.
 pub(crate) const LATEST: f64 = 1e11;
 
-/// The time of a word, in s: a number, or a date and time of ISO 8601, from 1970 on. An error says what is needed.
+/// The time of a word, in s: a number, or a date and time of ISO 8601, from 1970 on. An error states what is needed.
 pub(crate) fn seconds(word: &str, per_second: u32) -> Result<f64, &'static str> {
     match finite(word).map(|number| number / f64::from(per_second)) {
         Some(time) if time.abs() <= LATEST => Ok(time),

@@ -1,7 +1,7 @@
 //! Accessors: typed rows in a view of a buffer, checked against the bytes that are really there,
 //! then decoded.
 //!
-//! The readers of the crate are not used: they know no quantized positions and no attributes of
+//! The readers of the crate are not used: they read no quantized positions and no attributes of
 //! other programs, and its iterators of rows, which do, take 1.7 times as long for a million
 //! triangles.
 
@@ -153,7 +153,7 @@ impl<'a> Accessor<'a> {
             }
         }
         if let Some(at) = (0..count).find(|&i| rows[i] >= total || (i > 0 && rows[i] <= rows[i - 1])) {
-            let found = format!("index {} at place {at}", rows[at]);
+            let found = format!("index {} at row {at}", rows[at]);
             let needed = format!("strictly increasing indices below {total}");
             return Err(self.document.invalid(element, found, needed));
         }

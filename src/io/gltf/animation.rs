@@ -260,7 +260,7 @@ fn curve<const N: usize, T: Copy>(
     })
 }
 
-/// Each value holds until the next time, where it jumps.
+/// Each value stays until the next time, where it jumps.
 fn steps<T: Copy>(times: &[f64], values: &[T]) -> Curve<T> {
     let starts = times.iter().copied().zip(values.iter().copied());
     let ends = times.iter().copied().skip(1).zip(values.iter().copied());

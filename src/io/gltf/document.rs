@@ -2,7 +2,7 @@
 //! buffers: the binary chunk, data URIs, and files next to the document.
 //!
 //! The GLB reader of the `gltf` crate is not used: it accepts a header whose length is too
-//! small, passes over bytes after the end, and does not say which chunk is broken. Neither is its
+//! small, passes over bytes after the end, and does not report which chunk is broken. Neither is its
 //! import, which follows URIs out of the folder, and decodes images.
 
 use std::cell::{Cell, OnceCell, RefCell};
@@ -27,7 +27,7 @@ const FREE_BYTES: u64 = 256 << 20;
 const GROWTH: u64 = 8;
 
 /// Most marks of structure (braces, brackets, commas, colons) of a JSON text: some hundred bytes of
-/// memory may stand behind each, so a file of ten megabytes could otherwise ask for gigabytes. A
+/// memory may stand behind each, so a file of ten megabytes could otherwise need gigabytes. A
 /// robot has some hundred nodes.
 const MAX_JSON_MARKS: usize = 1 << 21;
 
@@ -61,7 +61,7 @@ impl Deref for Document {
 }
 
 impl Document {
-    /// Reads the JSON of a file; buffers follow when they are asked for.
+    /// Reads the JSON of a file; buffers are loaded when they are first used.
     pub(super) fn new(source: Source, notes: Notes) -> Result<Self> {
         let (text, chunk) = split_chunks(&source, &notes)?;
         let text = &source.bytes()[text];
@@ -70,7 +70,7 @@ impl Document {
         check_extensions(&source, &root)?;
         if root.extensions_used.iter().any(|name| name == INSTANCING) {
             notes.add(format!(
-                "{INSTANCING}: the copies of meshes that it places are not read, each mesh is once"
+                "{INSTANCING}: its copies of meshes are not read, each mesh is read once"
             ));
         }
         Ok(Self {
@@ -87,7 +87,7 @@ impl Document {
         })
     }
 
-    /// The JSON, whose types say more than those of the crate.
+    /// The JSON, which has types that the crate lacks.
     pub(super) fn root(&self) -> &Root {
         self.gltf.as_json()
     }
@@ -111,7 +111,7 @@ impl Document {
         Ok(())
     }
 
-    /// The bytes of a buffer, exactly as many as it declares; loaded when first asked for.
+    /// The bytes of a buffer, exactly as many as it declares; loaded when first used.
     pub(super) fn buffer(&self, index: usize) -> Result<&[u8]> {
         let buffer = &self.root().buffers[index];
         let element = format!("buffer {index}");
@@ -249,7 +249,7 @@ fn check_marks(source: &Source, text: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a document that requires an extension which may say where its triangles are.
+/// Refuses a document that requires an extension which may define its triangles.
 fn check_extensions(source: &Source, root: &Root) -> Result<()> {
     match root.extensions_required.iter().find(|name| !is_harmless(name)) {
         Some(name) => Err(source.unsupported("extensionsRequired", Feature::Extension(name.clone()))),
@@ -260,7 +260,7 @@ fn check_extensions(source: &Source, root: &Root) -> Result<()> {
 /// Compressed primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Copies of a mesh in many places.
+/// Copies of a mesh at many positions.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that change how a surface looks, but not where it is; integer positions and normals are
@@ -329,7 +329,7 @@ pub(super) fn split_chunks(source: &Source, notes: &Notes) -> Result<(Range<usiz
     Ok((text.ok_or_else(|| source.invalid("GLB", "no chunk", "a JSON chunk"))?, bin))
 }
 
-/// The bytes of a GLB as long as its header says: more may follow, but none may be missing.
+/// The bytes of a GLB, of the length in its header: more may follow, but none may be missing.
 fn stated_bytes<'a>(source: &'a Source, notes: &Notes) -> Result<&'a [u8]> {
     let bytes = source.bytes();
     let invalid = |found: String, needed: &str| source.invalid("GLB header", found, needed);

@@ -2,7 +2,7 @@
 //!
 //! The types of the `gltf` crate serve both directions, and its validation judges the JSON. Reading
 //! never trusts a file: a [`document::Document`] hands out buffers and accessors only after it has
-//! checked them against the bytes that are there, and keeps a budget so that a small file cannot ask
+//! checked them against the bytes that are there, and keeps a budget so that a small file cannot use
 //! for much memory; node trees, attributes and triangles are checked where they are read. What is not
 //! read is not checked.
 //!
@@ -47,7 +47,7 @@ pub(super) use write_skin::write_skin;
 /// What `asset.generator` of our files begins with.
 const GENERATOR: &str = "dermatome";
 
-/// What a map says about a mesh besides its geometry: `extras.dermatome` of the mesh.
+/// The properties of a mesh besides its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelExtras {
     /// Name of the patch.
@@ -118,7 +118,7 @@ pub(super) enum NodeExtras {
 }
 
 impl LevelExtras {
-    /// What a mesh says; `None` if it says nothing.
+    /// The extras of a mesh; `None` without.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
         content(&mesh.extras).map(Self::deserialize)
     }
@@ -132,7 +132,7 @@ impl SkinExtras {
 }
 
 impl NodeExtras {
-    /// What a node says; `None` if it says nothing, or nothing known.
+    /// The extras of a node; `None` without, or if none is known.
     pub(super) fn of(node: &Node) -> Option<Self> {
         Self::deserialize(content(&node.extras)?).ok()
     }

@@ -14,7 +14,7 @@ use crate::io::gltf::json::Transform;
 use crate::skin::{Link, LinkId};
 
 /// A matrix whose columns are orthonormal to this much is taken for a rotation: f32 rounding leaves
-/// about 1e-7, and a quaternion holds no more.
+/// about 1e-7, and a quaternion is no more precise.
 pub(super) const RIGID: f64 = 1e-6;
 /// How far a quaternion may be from unit length; the Khronos validator allows as much.
 const UNIT_ROTATION: f64 = 5e-5;
@@ -34,7 +34,7 @@ pub(super) struct Placement {
     pub(super) stretch: Option<DMat3>,
     /// The skin that joins the mesh to its joints.
     pub(super) skin: Option<usize>,
-    /// Whether the link of a skinned mesh has been made for it, and stands where the skin says.
+    /// Whether the link of a skinned mesh has been made for it, at the pose of the skin.
     pub(super) is_free: bool,
 }
 
@@ -55,7 +55,7 @@ pub(super) struct Tree {
 /// without a transform of its own and not animated belongs to the link above it. (Cameras and lights
 /// at the ends are left out.) A link's pose is rigid; scale and mirrors go into the positions. A mesh that is
 /// skinned to joints ignores its node's transform, as glTF has it, and lies in its bind pose on a
-/// link of its own at the origin, unless [`Binding`](super::joints::Binding) knows better, or
+/// link of its own at the origin, unless [`Binding`](super::joints::Binding) has another pose, or
 /// [`NodeExtras`] name its link; its node is a second link only if it has children, is animated or is a
 /// joint.
 ///

@@ -207,7 +207,7 @@ impl Attributes<'_> {
         } else {
             "no primitive restart: a wider type of index".into()
         };
-        Err(accessor.invalid(format!("index {largest} at place {at}"), needed))
+        Err(accessor.invalid(format!("index {largest} at row {at}"), needed))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reads a map from glTF: the levels of each patch, with their maps and how they are joined.
 //!
 //! Only what cannot be turned into arrays is refused here; whether the arrays are a map is for
-//! [`SkinMap::validate`] to say.
+//! [`SkinMap::validate`] to decide.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -327,7 +327,7 @@ fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<Plac
     let outside = |t: &DVec2| t.min_element() < -OUTSIDE || t.max_element() > 1.0 + OUTSIDE;
     if let Some(v) = texture.iter().position(outside) {
         let found = format!("TEXCOORD_0 {} of vertex {v}", texture[v]);
-        return Err(accessor.invalid(found, "a place in the unit square"));
+        return Err(accessor.invalid(found, "a position in the unit square"));
     }
     Ok(texture.into_iter().map(|t| frame.map_position(t)).collect())
 }
@@ -351,7 +351,7 @@ fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usi
 }
 
 /// Refuses a vertex that is not where its taxel is: levels are nested, and both are rounded alike. (Whether
-/// the taxels exist is for [`SkinMap::validate`] to say.)
+/// the taxels exist is for [`SkinMap::validate`] to decide.)
 fn check_places(
     document: &Document,
     name: &str,
@@ -368,7 +368,7 @@ fn check_places(
         None => Ok(()),
         Some((v, at)) => {
             let found = format!("vertex {v} at {at}");
-            Err(document.invalid(name, found, format!("the place of its taxel, {}", finest[origins[v]])))
+            Err(document.invalid(name, found, format!("the position of its taxel, {}", finest[origins[v]])))
         }
     }
 }

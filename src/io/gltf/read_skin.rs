@@ -175,7 +175,7 @@ fn append_vertices(
     let joints = binding.map_or(Ok(None), |binding| binding.joints(attributes))?;
     all_or_none("JOINTS_0", join(&mut sheet.joints, joints, first))?;
 
-    // A primitive without normals is flat by the rules of glTF: its triangles say more than normals of vertices.
+    // A primitive without normals is flat by the rules of glTF: its triangles define it better than normals of vertices.
     for (all, part) in
         [(&mut sheet.normals, attributes.normals()?), (&mut sheet.tangents, attributes.tangents()?)]
     {
@@ -186,7 +186,7 @@ fn append_vertices(
     Ok(())
 }
 
-/// Appends an attribute that all primitives of a mesh have or none; else says which lacks it.
+/// Appends an attribute that all primitives of a mesh have or none; else the error names one that lacks it.
 fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Result<(), &'static str> {
     match (all.as_mut(), part) {
         (Some(all), Some(part)) => append(all, part),
@@ -207,7 +207,7 @@ pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec
 
 /// Vendor ids: whole scalars, or low and high halves.
 pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>> {
-    /// The first whole number that `f32` cannot tell from its successor.
+    /// The first whole number that is the same `f32` as its successor.
     const EXACT: f64 = 16_777_216.0;
     if accessor.gltf.dimensions() == Dimensions::Vec2 {
         let halves = accessor.integers::<2>()?;
@@ -240,7 +240,7 @@ pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>> {
     accessor.reals(|[x]| x)?.into_iter().enumerate().map(presence).collect()
 }
 
-/// Applies the linear part at each vertex of what a link's rigid frame cannot hold to all but the
+/// Applies the linear part at each vertex that a link's rigid frame cannot express to all but the
 /// positions. Areas and densities are in metres already and stay.
 fn bake(sheet: &mut Sheet, linear: impl Fn(usize) -> DMat3) {
     for (v, n) in sheet.normals.iter_mut().flatten().enumerate() {

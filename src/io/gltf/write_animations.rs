@@ -33,7 +33,7 @@ impl SceneWriter<'_> {
                     return Err(unfit("poses in the world", "poses relative to the link above"));
                 }
                 let (places, turns) = (&track.translation, &track.rotation);
-                let no_f32 = || unfit("a time", "times that f32 can hold");
+                let no_f32 = || unfit("a time", "times within the range of f32");
                 let input = self.add_times(&places.times).ok_or_else(no_f32)?;
                 let places =
                     (input, self.add_values(places, |p| p.to_array().map(narrow)), interpolation(places));
@@ -65,7 +65,7 @@ impl SceneWriter<'_> {
         Ok(())
     }
 
-    /// Adds times with their bounds; `None` if `f32` cannot hold one.
+    /// Adds times with their bounds; `None` if one is not an `f32`.
     fn add_times(&mut self, times: &[f64]) -> Option<Index<Accessor>> {
         let times = rising(times)?;
         let input = self.array(None, times.iter().map(|t| [*t]));

@@ -2,7 +2,7 @@
 //!
 //! Triangles of a map stay upright when positions are rounded to f32: a needle may be thinner than the
 //! spacing of f32 numbers. *Heuristic*: a corner of a triangle that rounding turned over moves by a few
-//! units of rounding, to the nearest place where all triangles around it are upright. A thin plate of CAD
+//! units of rounding, to the nearest position at which all triangles around it are upright. A thin plate of CAD
 //! with 3548 faces whose needles have aspects up to 2e7 could not be written for such a triangle, and can.
 
 use std::{borrow::Cow, io::Write, path::Path};
@@ -35,8 +35,8 @@ use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (f32, or where an id is 2^24 or larger VEC2 of u16:
 /// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
 /// are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
-/// nodes of the links; its nodes are roots, as glTF wants it, and `extras.dermatome` of each is
-/// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` holds the names of patch and level, the
+/// nodes of the links; its nodes are roots, as glTF requires, and `extras.dermatome` of each is
+/// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` has the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
 /// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
 /// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that
@@ -241,7 +241,7 @@ fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
     RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
-/// The mesh of a level, cut open, and its map (m), as a map file holds them; refuses one that loses a
+/// The mesh of a level, cut open, and its map (m), as a map file stores them; refuses one that loses a
 /// triangle there.
 pub(crate) fn as_in_map_file(map: &MapLevel) -> Result<(TriMesh, IdVec<VertexId, DVec2>), MapError> {
     let mut mesh = map.opened().into_owned();
@@ -288,7 +288,7 @@ fn texture_coordinates(map: &MapLevel, mesh: &TriMesh) -> Result<Vec<[f32; 2]>, 
     };
     let flipped = keep_upright(&mut texture, mesh, &stays);
     if let Some(v) = texture.iter().position(|t| !t.iter().all(|x| (0.0..=1.0).contains(x))) {
-        let needed = format!("a place in the rectangle of {} m at {}", frame.size, frame.origin);
+        let needed = format!("a position in the rectangle of {} m at {}", frame.size, frame.origin);
         return Err((format!("vertex {v} at {} on the map", uv[PlaceId::new(v)]), needed));
     }
     let collapsed = faces_that(mesh, |face| !has_area(&on_skin(face)) && mesh.face_area(face) > 0.0);
@@ -319,7 +319,7 @@ const UNIT: f32 = f32::EPSILON / 2.0;
 /// Units that a corner moves, at most, in both directions.
 const REACH: i16 = 6;
 
-/// Times that each triangle is tried: the neighbour of one may be in its way.
+/// Times that each triangle is tried: the neighbour of one may prevent a move.
 const PASSES: usize = 4;
 
 /// Moves corners of triangles that are not `upright` as little as it takes, where that helps; returns the

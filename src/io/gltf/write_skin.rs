@@ -87,7 +87,7 @@ pub(super) enum Codes {
     Real,
 }
 
-/// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot hold.
+/// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot express.
 pub(super) struct SheetWriter<'a, 'p> {
     writer: &'a mut SceneWriter<'p>,
     /// What it is called in errors.
@@ -106,7 +106,7 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array().map(narrow)).collect();
         if let Some(v) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             let found = format!("vertex {v} at {}", mesh.positions[VertexId::new(v)]);
-            return Err(unfit(writer.path, name, found, "a place that f32 can hold"));
+            return Err(unfit(writer.path, name, found, "a position within the range of f32"));
         }
         let position = writer.positions(&positions);
         let corners = mesh.triangles.as_slice().as_flattened().iter().map(|v| [v.raw()]);

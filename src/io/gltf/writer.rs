@@ -81,7 +81,7 @@ impl<'p> SceneWriter<'p> {
     }
 
     /// Adds rows for vertices, for triangles, or without a target for readers of `extras`. Rows of
-    /// vertices start at multiples of four bytes, as glTF wants it.
+    /// vertices start at multiples of four bytes, as glTF requires.
     pub(super) fn array<S: Stored, const N: usize>(
         &mut self,
         target: Option<Target>,
@@ -242,7 +242,7 @@ impl<'p> SceneWriter<'p> {
         self.root.nodes[parent.value()].children.get_or_insert_default().push(child);
     }
 
-    /// The node of a link: name, translation and rotation, each left out where it says nothing.
+    /// The node of a link: name, translation and rotation, each left out where it is the default.
     fn node_of(&self, link: LinkId, Link { name, pose, .. }: &Link) -> Result<Node> {
         let axes = pose.matrix3;
         if !pose.is_finite() || rotation_defect(&axes) > RIGID || axes.determinant() < 0.0 {

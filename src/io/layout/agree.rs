@@ -38,7 +38,7 @@ impl Layout {
         }
     }
 
-    /// What the layout states, or the file in its place; `taxels` says which cells are taxels.
+    /// What the layout states, or else the file; `taxels` are the cells that are taxels.
     pub(super) fn statements(&self, facts: &StreamFacts, taxels: String) -> Vec<Statement> {
         let origin = self.origin;
         let by_file = |is_stated: bool| if is_stated { StatementSource::File } else { origin };

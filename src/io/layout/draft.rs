@@ -14,7 +14,7 @@ impl Layout {
     pub fn draft(file: &Path, facts: &StreamFacts) -> String {
         let mut json = of_facts(facts);
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        json["about"] = format!("drafted from {name}; somebody who knows replaces each null").into();
+        json["about"] = format!("drafted from {name}; replace each null by the value of the sensor").into();
         let text = serde_json::to_string_pretty(&json).unwrap_or_default();
         text + "\n"
     }

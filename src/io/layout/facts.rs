@@ -64,7 +64,7 @@ pub struct StreamFacts {
     pub sensors: Vec<bool>,
     /// The level of each number of a frame at rest, where a layout takes it from another stream.
     pub zero: Option<Vec<f64>>,
-    /// Whether it holds pressures, so that pressing raises the numbers and zero is no pressure.
+    /// Whether its numbers are pressures, so that pressing raises the numbers and zero is no pressure.
     pub has_pressures: bool,
     /// Whether rows or columns may be stored mirrored: a layout has to state which are flipped.
     pub may_be_mirrored: bool,

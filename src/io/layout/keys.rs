@@ -220,7 +220,7 @@ fn checked_keys<'v>(name: &Path, json: &'v Value) -> Result<&'v Map<String, Valu
         return Err(invalid(name, *key, "none", needed));
     }
     if let Some(path) = first_null(json) {
-        let needed = "a value: a draft has null where the file does not state it, and somebody has to know";
+        let needed = "a value: a draft has null where the file does not state it; replace it";
         return Err(invalid(name, path, "null", needed));
     }
     Ok(keys)

@@ -2,7 +2,7 @@
 //!
 //! A [`Layout`] is a JSON file that names the axes, the time, the channels with unit and sign, whether pressing raises or
 //! lowers the number, the zero, and which cell is which taxel. [`Layout::draft`] makes one of what a file states
-//! ([`StreamFacts`]), with null where nobody knows. A [`Decoder`] turns the numbers of one stream into readings. Every
+//! ([`StreamFacts`]), with null where a value is unknown. A [`Decoder`] turns the numbers of one stream into readings. Every
 //! [`Statement`] about them has a source; what a file and a layout state differently is refused, not converted.
 //!
 //! In reading order: `facts` is what is known and by whom, `rules` are the values of the keys, `keys` reads a layout,
@@ -51,7 +51,7 @@ pub struct Decoder {
     width: usize,
     /// Of each channel: the numbers of each taxel.
     sources: Vec<Csr<Number>>,
-    /// Numbers of a frame that are no taxels, if that can be said.
+    /// Numbers of a frame that are no taxels, if known.
     others: Vec<usize>,
     /// Of the first channel that presses raise: its number, its sign and scale.
     pressed: (usize, f64),

@@ -189,7 +189,7 @@ impl TaxelRule {
     }
 }
 
-/// The value of a key as a type; `needed` is what an error asks for.
+/// The value of a key as a type; `needed` is what an error states as needed.
 pub(super) fn typed<T: DeserializeOwned>(
     name: &Path,
     key: &str,

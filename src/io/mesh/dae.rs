@@ -19,7 +19,7 @@ const MOST_TRIANGLES: usize = 50_000_000;
 const MAX_USES: usize = 1_000_000;
 
 /// Reads a COLLADA file: every use of a mesh in the scene becomes a sheet, in m by the unit that the file gives;
-/// without a scene, every mesh. Polygons become triangles, without their holes. Which way is up does not turn it: robot descriptions take
+/// without a scene, every mesh. Polygons become triangles, without their holes. Its `up_axis` does not turn it: robot descriptions take
 /// coordinates as they are. Normals, colours, lines and what animates are left out.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let xml = Xml::parse(source)?;
@@ -269,7 +269,7 @@ impl<'a, 'i> Scene<'a, 'i> {
         let chains: Option<Vec<_>> = counts.iter().map(|&count| cut(count)).collect();
         chains.ok_or_else(|| {
             let found = format!("{} corners", list.len());
-            self.xml.invalid(part, found, "as many corners as its <vcount> says")
+            self.xml.invalid(part, found, "as many corners as its <vcount> states")
         })
     }
 }

@@ -11,7 +11,7 @@ use crate::skin::{Draft, Presence, Remark, RemarkKind, Sheet, TaxelId};
 /// Slots of one module: a triangle of ten taxels and two thermal pads, a palm board, a fingertip.
 const SLOTS_PER_MODULE: u32 = 12;
 
-/// What `taxel2Repr` says of a slot without a pressure reading.
+/// The entry in `taxel2Repr` of a slot without a pressure reading.
 const ABSENT: i64 = -1;
 const THERMAL_PAD: i64 = -2;
 
@@ -23,7 +23,7 @@ const SECTION: &str = "[calibration]";
 /// number a slot: which slot reads for it, -1 for an absent one, -2 for a thermal pad. After it
 /// each slot has a row `x y z nx ny nz`, in m in the frame of the link; twelve rows are one module.
 /// Ids are the numbers of the slots, from 0. A row of zeros is an absent slot, whatever
-/// `taxel2Repr` says; a slot with a place but without a reading is a thermal pad. Normals are taken
+/// `taxel2Repr` defines; a slot with a position but without a reading is a thermal pad. Normals are taken
 /// as they are, placeholders too.
 ///
 /// A header line may stand there once. That rows end within a module, or `taxel2Repr` names slots

@@ -1,4 +1,4 @@
-//! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] say which
+//! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] list them
 //! extension is read and written, and what each format keeps.
 
 #[cfg(feature = "robots")]
@@ -30,7 +30,7 @@ use crate::skin::{Draft, Skin};
 
 pub(super) type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
 
-/// What reads a mesh of the kind that the name of a file says.
+/// The reader of the format that the extension of a file names.
 pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
     Ok(match file_kind(path).as_str() {
         "glb" | "gltf" => gltf::read_gltf,
@@ -60,7 +60,7 @@ pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
 /// Writes a skin in the format that the extension names; see [`crate::io::read_draft`] for what
 /// each keeps.
 ///
-/// OBJ, OFF, PLY, STL and CSV know no frames: positions are written in the world, and reading them gives
+/// OBJ, OFF, PLY, STL and CSV have no frames: positions are written in the world, and reading them gives
 /// one frame at the origin. JSON has one frame, which it keeps if all patches share a link.
 /// Decimals are the shortest that read back as the same `f64`; glTF rounds to `f32`.
 ///

@@ -133,7 +133,7 @@ impl Reader {
             "curv" | "curv2" | "surf" => {
                 return Err(source.unsupported(format!("line {}", at.line), "a free-form curve or surface"));
             }
-            // The format asks readers to pass over statements they do not know.
+            // The format requires readers to skip unknown statements.
             _ => {}
         }
         Ok(())
@@ -227,7 +227,7 @@ impl Reader {
         for (largest, index) in self.largest.iter_mut().zip(indices) {
             *largest = index.filter(|&i| i > largest.0).map_or(*largest, |index| (index, at.line));
         }
-        // An index that does not fit is past the end, which `check_indices` will say.
+        // An index that does not fit is past the end, which `check_indices` refuses.
         let narrow = |index: u64| u32::try_from(index - 1).unwrap_or(NONE);
         let or_none = |index: Option<u64>| index.map_or(NONE, narrow);
         Ok(Corner { position: narrow(position), texture: or_none(texture), normal: or_none(normal) })
@@ -249,7 +249,7 @@ impl Reader {
         Ok(())
     }
 
-    /// The groups that hold something; a vertex that no face uses stays where it was declared.
+    /// The groups that are not empty; a vertex that no face uses stays where it was declared.
     fn sheets(&self) -> Vec<Sheet> {
         let mut used = vec![false; self.positions.len()];
         for corner in self.groups.iter().flat_map(|g| g.triangles.iter().flatten()) {
@@ -259,7 +259,7 @@ impl Reader {
         for ((v, &group), _) in (0..).zip(&self.declared_in).zip(&used).filter(|(_, used)| !**used) {
             members[group].push(v);
         }
-        // Place of each vertex in the sheet at hand; overwritten for every vertex a sheet uses.
+        // Index of each vertex in the current sheet; overwritten for every vertex a sheet uses.
         let mut places = vec![0; self.positions.len()];
         let mut sheets = Vec::new();
         for (group, mut members) in self.groups.iter().zip(members) {

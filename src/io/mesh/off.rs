@@ -44,11 +44,11 @@ struct Words<'a, I> {
     row: &'a str,
 }
 
-/// Says which element is read, where the file ends.
+/// The error where the file ends in an element.
 type What<'w> = &'w dyn Fn() -> String;
 
 impl<'a, I: Iterator<Item = (LineLocation<'a>, &'a str)>> Words<'a, I> {
-    /// Goes to the next row that holds something.
+    /// Goes to the next row that is not empty.
     fn start_row(&mut self, what: What<'_>) -> Result<&'a str, IoError> {
         loop {
             let Some((at, row)) = self.rows.next() else {

@@ -15,11 +15,11 @@ use crate::io::mesh::parts::all_triangles;
 use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Presence, Sheet, Skin, TaxelId};
 
-/// What is known of a vertex; the place in this list is that in the numbers of a [`Row`].
+/// Properties of a vertex, by their index in the numbers of a [`Row`].
 const VERTEX_PROPERTIES: [&str; 10] =
     ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
 
-/// Places in [`VERTEX_PROPERTIES`] of what follows the position and the normal.
+/// Indices in [`VERTEX_PROPERTIES`] of what follows the position and the normal.
 const ID: usize = 6;
 const AREA: usize = 7;
 const DENSITY: usize = 8;
@@ -34,7 +34,7 @@ struct Row {
     corners: Option<Vec<u32>>,
 }
 
-/// The place of a vertex property, under any of its names.
+/// The index of a vertex property, under any of its names.
 fn vertex_slot(property: &str) -> Option<usize> {
     let property = if property == "id" { "taxel_id" } else { property };
     VERTEX_PROPERTIES.iter().position(|&name| name == property)
@@ -123,7 +123,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
 }
 
 fn parse_error(source: &Source, error: &ParseError) -> IoError {
-    // The crate says what is wrong in its first line, which may begin with the number of the line,
+    // The message of the crate is its first line, which may begin with the number of the line,
     // then quotes the text; what follows are the insides of its parser.
     let text = error.to_string();
     let (wrong, rest) = text.split_once('\n').unwrap_or((&text, ""));
@@ -170,7 +170,7 @@ fn check_header(source: &Source, header: &Header, header_len: usize) -> Result<(
             return Err(source.invalid(
                 format!("header, element {}", excerpt(&element.name)),
                 format!("{} of them, at least {least} bytes", element.count),
-                format!("as many as the {left} bytes that are left in the file can hold"),
+                format!("as many as the {left} bytes that are left in the file can encode"),
             ));
         }
         left = (left + slack).saturating_sub(least);
@@ -270,7 +270,7 @@ fn read_strips(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Resul
     Ok(())
 }
 
-/// Writes a PLY file, binary little endian, positions in the world, all else as [`read`] knows it.
+/// Writes a PLY file, binary little endian, positions in the world, all else as [`read`] reads it.
 /// Patch and link names are lost, and densities too unless every patch has them.
 pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<()> {
     let patches: Vec<_> = skin.patches.iter().map(|patch| skin.in_world(patch)).collect();

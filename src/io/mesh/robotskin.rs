@@ -86,7 +86,7 @@ fn presence_name(presence: Presence) -> &'static str {
     }
 }
 
-/// What a slot of this type holds; whatever senses neither pressure nor warmth counts as no taxel.
+/// The content of a slot of this type; whatever senses neither pressure nor warmth counts as no taxel.
 fn presence(kind: &str) -> Presence {
     match kind {
         "pressure" => Presence::Present,
@@ -97,7 +97,7 @@ fn presence(kind: &str) -> Presence {
 
 /// Reads a robotskinlib file: one sheet, named as the body is, on the first of its frames.
 ///
-/// Every frame becomes a link; taxels name none, so further frames only keep their place. Negative
+/// Every frame becomes a link; taxels name none, so further frames only count. Negative
 /// ids, the placeholder of some tools, become [`u32::MAX`]. The `tactile_maps` are left out: they
 /// are made anew here.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
@@ -154,7 +154,7 @@ fn check_counts(source: &Source, body: &Body<'_>) -> Result<()> {
     }
     for (k, face) in body.faces.iter().enumerate() {
         if let Some(corner) = face.iter().find(|&&v| v as usize >= body.taxels.len()) {
-            let needed = format!("the place of one of {} taxels, counted from 0", body.taxels.len());
+            let needed = format!("the index of one of {} taxels, counted from 0", body.taxels.len());
             return Err(source.invalid(format!("skin.faces[{k}]"), format!("taxel {corner}"), needed));
         }
     }

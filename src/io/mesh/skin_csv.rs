@@ -23,7 +23,7 @@ const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present
                        cxx,cxy,cxz,cyy,cyz,czz";
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
-/// would say that they are in the frame of that link.
+/// would mean that they are in the frame of that link.
 const ON_LINK: &str = "on_link";
 
 /// The same in tables from elsewhere.
@@ -64,7 +64,7 @@ struct ColumnIndices {
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
 /// all normals given are +z. Triangles: `row0,row1,row2`, the rows
-/// of taxels in their table, counted from 0, or `id0,id1,id2`, their ids. The tables know no frames: links lie at the origin.
+/// of taxels in their table, counted from 0, or `id0,id1,id2`, their ids. The tables have no frames: links are at the origin.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let (mut draft, homes) = read_taxels(source)?;
     let triangles = triangles_path(source.path());
@@ -115,11 +115,11 @@ struct Sheets {
     draft: Draft,
     by_name: HashMap<String, usize>,
     links: HashMap<String, LinkId>,
-    /// Sheet and place in it of every row.
+    /// Sheet and index in it of every row.
     homes: Vec<(usize, u32)>,
 }
 
-/// Reads the taxels; with the sheet, and the place in it, of every row.
+/// Reads the taxels; with the sheet, and the index in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     let known: Vec<&str> = COLUMNS.split(',').chain([LINK, SIGMA, PRESENCE]).chain(TANGENT).collect();
     let table = Table::of(source)?;
@@ -134,7 +134,7 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     Ok((sheets.draft, sheets.homes))
 }
 
-/// Drops frames that are all the identity: those of a calibration of positions alone say nothing,
+/// Drops frames that are all the identity: those of a calibration of positions alone are not known,
 /// unless normals of their own confirm them.
 fn drop_placeholders(sheet: &mut Sheet, has_normals: bool) {
     let all = |axes: &Option<Vec<DVec3>>, axis| axes.as_ref().is_some_and(|a| a.iter().all(|x| *x == axis));

@@ -17,8 +17,8 @@ const FACET: usize = 50;
 
 /// Reads an STL file: every solid becomes a sheet.
 ///
-/// The format shares no corners, so those at exactly the same place are one vertex. Facet normals
-/// are left out: the order of the corners says the same.
+/// The format shares no corners, so those at exactly the same position are one vertex. Facet normals
+/// are left out: the order of the corners defines them.
 ///
 /// Bytes after the triangles of a binary file and a last solid without `endsolid` are noted.
 pub(crate) fn read(source: &Source) -> Result<Draft> {
@@ -127,7 +127,7 @@ fn starts_with(line: &str, words: &str) -> bool {
     words.split(' ').all(|word| found.next().is_some_and(|found| found.eq_ignore_ascii_case(word)))
 }
 
-/// A sheet in the making: corners at the same place become one vertex.
+/// A sheet in the making: corners at the same position become one vertex.
 struct Solid {
     sheet: Sheet,
     vertices: HashMap<[u32; 3], u32>,
@@ -144,7 +144,7 @@ impl Solid {
     fn add_corner(&mut self, corner: [f32; 3]) -> Option<()> {
         let position = DVec3::from(corner.map(f64::from));
         let positions = &mut self.sheet.positions;
-        // Adding zero makes -0 and 0 the same place.
+        // Adding zero makes -0 and 0 equal.
         let bits = corner.map(|x| (x + 0.0).to_bits());
         self.corners.push(*self.vertices.entry(bits).or_insert_with(|| {
             positions.push(position);

@@ -1,4 +1,4 @@
-//! Observations while they are read: what they name, what is out of range, and what a user should know.
+//! Observations while they are read: what they name, what is out of range, and remarks.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -20,7 +20,7 @@ use crate::skin::TaxelId;
 /// [`FARTHEST`] a squared error stays below 1e38, so that sums are finite.
 const MOST_INFORMATION: f64 = 1e18;
 
-/// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest says
+/// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest means
 /// nothing of what is within [`FARTHEST`].
 pub(super) const SIGMA_RANGE: RangeInclusive<f64> = 1e-9..=1e9;
 
@@ -130,7 +130,7 @@ impl ObservationsBuilder {
     }
 
     pub(super) fn unknown_tag(&mut self, tag: &str) {
-        // A damaged file could hold a different tag in every line, and a line may be all one word.
+        // A damaged file could have a different tag in every line, and a line may be all one word.
         const MOST_TAGS: usize = 64;
         const LONGEST_TAG: usize = 60;
         if let Some(lines) = self.unknown_tags.get_mut(tag) {
@@ -183,7 +183,7 @@ impl ObservationsBuilder {
             if !declared {
                 let found = format!("FIX {id}{left_out}");
                 return Err(LineLocation { path: &path, line }
-                    .invalid(found, "a VERTEX line that says where it is fixed"));
+                    .invalid(found, "a VERTEX line with its fixed pose"));
             }
             observations.taxels[find(id, line)?].fixed = true;
         }
@@ -263,10 +263,10 @@ pub(super) fn information_of(sigma: f64) -> Option<f64> {
 /// Observations of a file, and what was changed, left out or assumed to read them.
 pub(super) type ReadObservations = (Observations, Vec<ObservationRemark>);
 
-/// Something about a file of observations that a user should know; `Display` is a sentence.
+/// A remark on a file of observations; `Display` is a sentence.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-#[expect(missing_docs, reason = "the messages say what the fields are")]
+#[expect(missing_docs, reason = "the messages explain the fields")]
 pub enum ObservationRemark {
     /// Lines of a kind that is not known here.
     UnknownTag { tag: String, lines: usize },

@@ -30,7 +30,7 @@ const SIGMA: &str = "sigma";
 const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
-/// What a table may hold, for messages.
+/// What a table may contain, for messages.
 const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
                       ixx,ixy,ixz,iyy,iyz,izz, separated by commas";
 
@@ -103,7 +103,7 @@ impl ColumnIndices {
         // Unknown columns are an error, so that a misspelt name is not silently ignored.
         used.retain(|name| columns.find(name).is_some());
         if let Some((_, name)) = columns.unknown(&used).next() {
-            let found = format!("a column {}, which says nothing next to {}", excerpt(name), used.join(","));
+            let found = format!("a column {}, which is redundant next to {}", excerpt(name), used.join(","));
             return Err(columns.at().invalid(found, TABLES));
         }
         Ok(Self { taxel, subject, uncertainty })
@@ -182,7 +182,7 @@ pub(super) fn write(observations: &Observations, path: &OutPath) -> Result<()> {
         return Err(unfit(path, element, "a contact among displacements", needed));
     }
     if let Some(fixed) = taxels.iter().find(|t| t.fixed) {
-        return Err(unfit(path, format!("taxel {}", fixed.id), "a fixed place", "a g2o file"));
+        return Err(unfit(path, format!("taxel {}", fixed.id), "a fixed position", "a g2o file"));
     }
     let header: Vec<&str> = ["i", "j"].into_iter().chain(OFFSET).chain(INFORMATION).collect();
     write_table(path, &header.join(","), |table| {

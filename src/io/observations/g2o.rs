@@ -219,7 +219,7 @@ pub(super) fn write(out: &mut dyn Write, observations: &Observations, path: &Pat
                 line(format_args!("EDGE_SE3_PRIOR {id} {k}"), &numbers)?;
             }
             ContactMeasurement::PositionNormal { .. } => {
-                let needed = "a place alone, or a table of contacts";
+                let needed = "a position alone, or a table of contacts";
                 return Err(unfit(path, format!("the contact of taxel {id}"), "a normal", needed));
             }
         }

@@ -1,4 +1,4 @@
-//! Observations for the calibration, g2o text or CSV tables: the extension of their file says which.
+//! Observations for the calibration, g2o text or CSV tables, by the extension of their file.
 
 pub(super) mod builder;
 mod csv;
@@ -40,7 +40,7 @@ const KINDS: &str = ".g2o, .csv";
 /// The first line that breaks a rule of its format, with its number; a further file that observes
 /// or fixes a taxel the first one does not have, or has another model. Lengths above 1e9 m,
 /// information above 1e18 and standard deviations outside 1e-9 to 1e9 are refused: their squares
-/// say nothing any more.
+/// are redundant then.
 pub fn read_observations(
     path: &Path,
     more: &[PathBuf],
@@ -146,7 +146,7 @@ fn append(into: &mut Observations, other: Observations, path: &Path) -> Result<(
             continue;
         };
         if taxel.fixed && here.fixed && here.initial != taxel.initial {
-            let (found, needed) = ("another place where it is fixed", "that of the other file");
+            let (found, needed) = ("another fixed position of it", "that of the other file");
             return Err(invalid(path, format!("taxel {}", taxel.id), found, needed));
         }
         // Where a taxel is fixed it is known; any other value is a guess, and the first one counts.

@@ -21,7 +21,7 @@ pub enum ReadingsLayout {
     ChannelsFirst,
 }
 
-/// Whether an array says something about the values.
+/// Whether an array is about the values.
 fn is_about(name: &str) -> bool {
     ["ids", "taxel_ids", "channels", "units"].contains(&name) || time_column(name).is_some()
 }

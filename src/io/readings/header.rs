@@ -24,11 +24,11 @@ pub(super) enum Cell {
     Time { per_second: u32 },
     /// A frame number, or another cell that is not read.
     Unused,
-    /// A reading, and its place in the frame: `channel * width + column`.
+    /// A reading, and its index in the frame: `channel * width + column`.
     Reading(usize),
 }
 
-/// What a file says of its readings before the first of them.
+/// The header of a file of readings.
 pub(super) struct About {
     pub(super) ids: Option<Vec<TaxelId>>,
     pub(super) channels: Vec<Channel>,

@@ -2,7 +2,7 @@
 //! length.
 //!
 //! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
-//! `header` says what their columns are; `arrays` reads recordings of numpy's arrays, `laid` those of any kind through a
+//! `header` finds what their columns are; `arrays` reads recordings of numpy's arrays, `laid` those of any kind through a
 //! [`Layout`]; [`ReadingsReader`] is
 //! the one type for all of them, and for those in memory ([`Readings`]). `writer` writes recordings that it reads.
 
@@ -35,11 +35,11 @@ use crate::skin::TaxelId;
 /// | `.log` | rows of `number time value...`, the taxels in the order of the map, as `yarpdatadumper` records |
 /// | `.csv` | a line of names between commas, semicolons or tabs: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `frame` and `time`, in s or as in `time[ms]` |
 /// | `.txt`, `.csv` | a long table, `time,taxel_id,value` or `time,taxel_id,value[UNIT]`, with a row for each reading |
-/// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)` as [`ReadingsLayout`] says |
+/// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)`, by [`ReadingsLayout`] |
 /// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` or `taxel_ids` `(N,)`, `timestamps` or `time` `(T,)`, in s, as dates or as in `time[ms]`, and the texts `channels` and `units` `(C,)` |
 ///
 /// A time may be a date of ISO 8601, then counted from 1970 on. An empty cell, NaN and infinities are readings that are missing. The unit and name of a channel
-/// say of what kind it is ([`Channel::new`]).
+/// determine its quantity ([`Channel::new`]).
 ///
 /// ```
 /// use std::path::Path;
@@ -60,7 +60,7 @@ pub struct ReadingsReader {
     /// The taxel that each column is of; `None`: all taxels in the order of the map. An id may come
     /// twice.
     pub ids: Option<Vec<TaxelId>>,
-    /// What is read of each taxel. A caller that knows better may give other names and units.
+    /// What is read of each taxel. A caller may give other names and units.
     pub channels: Vec<Channel>,
     /// Number of columns: taxels of a frame.
     pub width: usize,
@@ -209,7 +209,7 @@ impl ReadingsReader {
     /// Opens a file; its kind follows from its content, or its extension.
     ///
     /// # Errors
-    /// If it cannot be read, is of another kind, does not say what its columns are, is empty, or its
+    /// If it cannot be read, is of another kind, does not name its columns, is empty, or its
     /// arrays do not fit each other or the bytes that are there; if it has several streams and none is chosen, or states
     /// something else than the layout.
     pub fn open(path: &Path, options: impl Into<ReadOptions>) -> Result<Self, IoError> {

@@ -147,7 +147,7 @@ fn take_row<'t>(
     time: &mut f64,
 ) -> Result<(), IoError> {
     let wrong = |found: usize| {
-        at.invalid(format!("{found} cells"), format!("{}, as the first line asks for", cells.len()))
+        at.invalid(format!("{found} cells"), format!("{}, as in the first line", cells.len()))
     };
     for (k, cell) in cells.iter().enumerate() {
         let word = words.next().ok_or_else(|| wrong(k))?;
@@ -166,7 +166,7 @@ fn take_row<'t>(
     }
 }
 
-/// A reading, NaN where there is none; an error says what is needed.
+/// A reading, NaN where there is none; an error states what is needed.
 fn reading(word: &str) -> Result<f64, &'static str> {
     let needed = if has_decimal_comma(word) { POINT_NEEDED } else { "a number, NaN or nothing" };
     if word.is_empty() { Ok(f64::NAN) } else { word.parse().map_err(|_| needed) }
@@ -189,7 +189,7 @@ struct Reading {
 
 struct Rows {
     lines: TextLines,
-    /// Places of the columns, and what the time is counted in.
+    /// Indices of the columns, and the unit of time.
     time: usize,
     per_second: u32,
     id: usize,

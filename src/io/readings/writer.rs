@@ -20,7 +20,7 @@ use crate::skin::{PatchId, Presence, Taxels};
 /// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, `timestamps`
 /// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
 /// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
-/// Nothing appears in the file's place before [`ReadingsWriter::finish`]; memory does not depend on
+/// No file appears before [`ReadingsWriter::finish`]; memory does not depend on
 /// the number of frames.
 pub struct ReadingsWriter {
     taxels: Vec<(PatchId, VertexId)>,
@@ -111,7 +111,7 @@ impl ReadingsWriter {
         }
     }
 
-    /// Puts the file in its place.
+    /// Gives the file its name.
     ///
     /// # Errors
     /// If the disk is full.

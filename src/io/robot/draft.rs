@@ -38,7 +38,7 @@ const MAX_TRIANGLES: usize = 20_000_000;
 const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
 
 /// The skin of a robot that was read from the file `path`: a sheet for each shape of each link, with the vertices
-/// at one place as one. Shapes are called as their link, or, where it has several, with their number after it.
+/// at one position as one. Shapes are called as their link, or, where it has several, with their number after it.
 ///
 /// Coordinates of meshes are taken as they are, whatever direction a file calls up; a factor of scale that is
 /// negative turns the triangles over, so that they stay outside.
@@ -213,7 +213,7 @@ fn check(path: &Path, element: &str, file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The triangles of a shape in the frame of its link; vertices at exactly the same place of its mesh are one.
+/// The triangles of a shape in the frame of its link; vertices at exactly the same position of its mesh are one.
 #[derive(Default)]
 struct Welded {
     sheet: Sheet,
@@ -252,7 +252,7 @@ impl Welded {
         let is_mirrored = scale.x * scale.y * scale.z * pose.matrix3.determinant() < 0.0;
         let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
         let corners = corners.map(|p| {
-            // Adding zero makes -0 and 0 the same place.
+            // Adding zero makes -0 and 0 equal.
             let bits = p.to_array().map(|x| (x + 0.0).to_bits());
             *self.places.entry(bits).or_insert_with(|| {
                 self.sheet.positions.push(pose.transform_point3(p * scale));

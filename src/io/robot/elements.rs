@@ -9,7 +9,7 @@ use crate::io::file::xml::{Named, Xml, child, children};
 use crate::robot::{Geometry, JointKind, Mimic, Robot, Role, Shape, taxel_sheet};
 use crate::skin::{LinkId, Sheet, TaxelId};
 
-/// A joint whose links and leader are places in the file.
+/// A joint whose links and leader are indices in the file.
 pub(super) struct RawJoint {
     pub(super) parent: usize,
     pub(super) child: usize,
@@ -18,7 +18,7 @@ pub(super) struct RawJoint {
     pub(super) axis: DVec3,
     pub(super) limits: Option<[f64; 2]>,
     pub(super) mimic: Option<Mimic>,
-    /// What it says and is not read.
+    /// Its elements that are not read.
     pub(super) passed_over: Vec<String>,
 }
 
@@ -180,7 +180,7 @@ const MAX_TAXELS: f64 = 1e6;
 ///
 /// Either a list: `<taxel idx xyz rpy>`, poses in the frame of the sensor, whose z axis is the normal and whose x
 /// axis the tangent; or `<array rows cols order size spacing offset>`, a lattice in the plane of x (rows) and y
-/// (columns), as `urdf_tactile` of the tactile toolbox has them. Ids are the places in the message of the sensor.
+/// (columns), as `urdf_tactile` of the tactile toolbox has them. Ids are the indices in the message of the sensor.
 pub(super) fn read_sensor<'i>(
     xml: &Xml<'i>,
     node: Node<'_, 'i>,

@@ -27,10 +27,10 @@ impl Packages {
         Self { folders: Vec::new(), paths: found }
     }
 
-    /// The file that `url` names in the description `path`, where `element` says so.
+    /// The file that `url` in `element` of the description `path` names.
     ///
     /// # Errors
-    /// If it is not there, leaves its package, or is named in another way.
+    /// If it does not exist, is outside its package, or has a URL of another form.
     pub(super) fn find(&self, path: &Path, element: &str, url: &str) -> Result<PathBuf> {
         let file = match url.split_once("://") {
             // Without a folder it is a file beside the description.

@@ -37,7 +37,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     };
     let mut candidates: Vec<&StoredArray> = arrays.iter().filter(fits).collect();
     if candidates.is_empty() {
-        // The decoder says what is wrong with the axes.
+        // The decoder reports what is wrong with the axes.
         candidates = arrays.iter().filter(|array| array.header.elements.is_number()).collect();
     }
     let axis = wanted.layout.map_or(0, Layout::frame_axis);

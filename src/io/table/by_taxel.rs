@@ -1,4 +1,4 @@
-//! Tables of what a user says of single taxels: how sharp they are, how much their readings are
+//! Tables about single taxels: how sharp they are, how much their readings are
 //! multiplied, where they lie on the boundary of a map, and which edges between them are a seam.
 
 use std::collections::{HashMap, HashSet};
@@ -15,10 +15,10 @@ use crate::skin::{PatchId, Skin, TaxelId};
 /// needs.
 const FACTORS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// What a table says of taxels.
+/// A table about taxels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaxelTable<T> {
-    /// What each row says, in their order.
+    /// The values of the rows, in their order.
     pub rows: Vec<T>,
     /// Names of columns that are not used.
     pub unused: Vec<String>,

@@ -118,13 +118,13 @@ const MAP_COLUMNS: [&str; 7] = ["patch", "level", "u", "v", "px", "py", "time"];
 /// A place of a table, on the map of a level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapPlaceRow {
-    /// Name of the patch; empty if the table does not say.
+    /// Name of the patch; empty if the table does not name it.
     pub patch: String,
     /// The level.
     pub level: usize,
     /// Where on its map; `None`: nowhere, since the contact of this row of a lookup was off the skin.
     pub position: Option<MapCoordinates>,
-    /// When the robot is posed as asked, in s.
+    /// The time of the robot's pose, in s.
     pub time: Option<f64>,
     /// Line of the table it stands in, from 1.
     pub line: u64,

@@ -18,7 +18,7 @@ const SCALES: [&str; 4] = ["scale", "sx", "sy", "sz"];
 /// How far a scale may be from 1 by rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// How links move, as a file says it.
+/// A file of how links move.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MotionFile {
     /// The poses of the links.
@@ -41,7 +41,7 @@ pub struct MotionFile {
 /// # Errors
 /// If the file cannot be read, or several links have a name that it uses. Of an animation, if it is not
 /// there, breaks a rule of glTF 2.0, or does more than move links rigidly. Of a table, if an animation
-/// is asked for, a column is missing, there are no rows, a cell is not a finite number, a quaternion is
+/// is requested, a column is missing, there are no rows, a cell is not a finite number, a quaternion is
 /// not of unit length, a scale (`scale`, `sx`, `sy` or `sz`) is not 1, or a link is unknown or comes
 /// twice at one time.
 pub fn read_motion(

@@ -19,7 +19,7 @@ const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z
 /// `frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,peak_taxel_id,peak`:
 /// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
 /// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
-/// says how the contact was in the frame before. SI units; decimals are the shortest that read back
+/// gives the state of the contact in the frame before. SI units; decimals are the shortest that read back
 /// as the same `f64`. A force that does not follow from the unit of the channel, and a time that is not
 /// known, are empty cells.
 ///

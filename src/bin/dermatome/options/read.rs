@@ -70,7 +70,7 @@ const SEAMS: [Choice<Weld>; 1] = [("uv", Weld::Texture, "Seams of the texture")]
 
 impl ReadArgs {
     /// The options for a file. Those of CAD programs need repair more often than not (57 % of 110 robot
-    /// parts), and their formats have no other way to say which faces are one sheet.
+    /// parts), and their formats do not store which faces are one sheet.
     pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {
         let weld = self.seams.or(self.weld).unwrap_or_default();
         let is_cad =
@@ -137,7 +137,7 @@ impl Spacing {
     /// The spacing on each patch of a skin.
     ///
     /// # Errors
-    /// If a pattern fits no link, or a patch lies on a link that fits none and there is no other length.
+    /// If a pattern fits no link, or a patch is on a link that fits none and there is no other length.
     pub(crate) fn of_patches(&self, skin: &Skin) -> anyhow::Result<Vec<f64>> {
         let links = link_names(&skin.links);
         let fits = |pattern: &Pattern| links.iter().any(|name| pattern.matches(name));

@@ -36,7 +36,7 @@ fn length_in(text: &str, bare: f64) -> Option<f64> {
     number.trim_end().parse::<f64>().ok().filter(|x| !x.is_nan()).map(|x| unit * x)
 }
 
-/// A value of an option: its word, what it is to the library, and what the help says of it.
+/// A value of an option: its word, its value in the library, and its help.
 pub(crate) type Choice<T> = (&'static str, T, &'static str);
 
 /// A parser of the words of some choices.
