@@ -147,14 +147,14 @@ fn clamp(index: i64, bounds: &Range<usize>) -> usize {
 }
 
 /// An edge as the half-plane `step x + offset >= threshold` of each row, `x` the column.
-struct Edge {
+struct PixelEdge {
     from: Snapped,
     direction: Snapped,
     /// 0 if pixel centres on the edge belong to this face, 1 if they belong to the one across it.
     threshold: i64,
 }
 
-impl Edge {
+impl PixelEdge {
     fn new(from: Snapped, to: Snapped) -> Self {
         let direction = [to[0] - from[0], to[1] - from[1]];
         // The sign of the edge function at a point moved by (e, e^2), e > 0 however small.
@@ -179,7 +179,7 @@ impl Edge {
 
 /// Three edges with the inside on their positive side.
 struct Triangle {
-    edges: [Edge; 3],
+    edges: [PixelEdge; 3],
     ys: [i64; 3],
 }
 
@@ -188,7 +188,7 @@ impl Triangle {
     fn new([a, b, c]: [Snapped; 3]) -> Option<Self> {
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         let [b, c] = if area < 0 { [c, b] } else { [b, c] };
-        let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
+        let edges = [PixelEdge::new(a, b), PixelEdge::new(b, c), PixelEdge::new(c, a)];
         (area != 0).then_some(Self { edges, ys: [a[1], b[1], c[1]] })
     }
 

@@ -82,7 +82,7 @@ pub(crate) fn decide(
         let recipe = Recipe::new(&graph, &base.joined(&graph, all));
         return Ok(vec![Decision { recipe, area_ratio: 0.0 }]);
     }
-    let search = Search { graph: &graph, map, factor: ConformalFactor::new(mesh) };
+    let search = SeamSearch { graph: &graph, map, factor: ConformalFactor::new(mesh) };
     let found = if base.edges.is_empty() {
         let whole = search.tried(base, f64::INFINITY);
         if is_disk || whole.trial.excess <= WHOLE { whole } else { search.with_loops(whole) }
@@ -114,13 +114,13 @@ impl Found {
     }
 }
 
-struct Search<'a, 'm> {
+struct SeamSearch<'a, 'm> {
     graph: &'a SeamGraph<'m>,
     map: &'a TrialMap<'a>,
     factor: Option<ConformalFactor>,
 }
 
-impl Search<'_, '_> {
+impl SeamSearch<'_, '_> {
     /// The map of the surface cut along a seam. One that is likely to have more excess energy than `most`
     /// may be given up.
     fn tried(&self, seam: Seam, most: f64) -> Found {

@@ -262,14 +262,14 @@ enum Met {
 
 /// Shortest paths from a set of vertices to all others.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(super) struct PathTree {
     /// `u64::MAX` where there is no path.
     pub(super) distances: IdVec<VertexId, u64>,
     /// The last step of the path to each vertex; none at the sources.
     pub(super) parents: IdVec<VertexId, Option<(VertexId, EdgeId)>>,
 }
 
-impl Tree {
+impl PathTree {
     /// The edges of the path to a vertex, backwards.
     pub(super) fn path(&self, to: VertexId) -> impl Iterator<Item = EdgeId> + '_ {
         let mut at = to;
@@ -297,7 +297,11 @@ impl Paths {
     }
 
     /// The shortest paths from `sources` (Dijkstra).
-    pub(super) fn tree(&self, weights: &IdVec<EdgeId, u64>, sources: impl Iterator<Item = VertexId>) -> Tree {
+    pub(super) fn tree(
+        &self,
+        weights: &IdVec<EdgeId, u64>,
+        sources: impl Iterator<Item = VertexId>,
+    ) -> PathTree {
         self.search(weights, sources, |_| Met::Way).0
     }
 
@@ -348,10 +352,10 @@ impl Paths {
         weights: &IdVec<EdgeId, u64>,
         sources: impl Iterator<Item = VertexId>,
         mut met: impl FnMut(VertexId) -> Met,
-    ) -> (Tree, Vec<EdgeId>) {
+    ) -> (PathTree, Vec<EdgeId>) {
         let vertices = self.neighbours.len();
         let mut tree =
-            Tree { distances: IdVec::filled(u64::MAX, vertices), parents: IdVec::filled(None, vertices) };
+            PathTree { distances: IdVec::filled(u64::MAX, vertices), parents: IdVec::filled(None, vertices) };
         let (mut heap, mut edges) = (BinaryHeap::new(), Vec::new());
         for v in sources {
             tree.distances[v] = 0;

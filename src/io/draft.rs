@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::io::file::Source;
 #[cfg(feature = "robots")]
 use crate::io::file::file_kind;
-use crate::io::mesh::{Reader, reader_of};
+use crate::io::mesh::{MeshReader, reader_of};
 #[cfg(feature = "robots")]
 use crate::io::robot::{Packages, RobotSurface, draft_of, robot_of};
 use crate::io::streams::{Wanted, is_vendor, read_sheet};
@@ -78,7 +78,7 @@ pub fn is_robot(path: &Path) -> bool {
     matches!(file_kind(path).as_str(), "urdf" | "xml" | "mjcf")
 }
 
-fn kind_of(path: &Path) -> Result<Reader, IoError> {
+fn kind_of(path: &Path) -> Result<MeshReader, IoError> {
     #[cfg(feature = "robots")]
     if is_robot(path) {
         return Ok(|source, _| {

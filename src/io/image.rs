@@ -75,7 +75,7 @@ pub(super) fn write_parts(path: &OutPath, images: &[&dyn ImageRows], notes: &[St
         _ => IoError::Write { path: path.into(), source },
     };
     let parts: Vec<_> =
-        images.iter().map(|&image| Part::new(image)).collect::<Result<_, _>>().map_err(fail)?;
+        images.iter().map(|&image| ExrPart::new(image)).collect::<Result<_, _>>().map_err(fail)?;
     let display = parts.iter().fold(Vec2(1, 1), |Vec2(w, h), part| {
         let Vec2(x, y) = part.size();
         Vec2(w.max(x), h.max(y))
@@ -87,7 +87,7 @@ pub(super) fn write_parts(path: &OutPath, images: &[&dyn ImageRows], notes: &[St
     replace_file(path, |file: &mut io::BufWriter<&File>| {
         exr::block::write(file, headers, true, |meta, writer| {
             let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
-            let largest = parts.iter().map(Part::block_bytes).max().unwrap_or(1);
+            let largest = parts.iter().map(ExrPart::block_bytes).max().unwrap_or(1);
             let at_once = (IN_FLIGHT / largest).clamp(1, BLOCKS_PER_THREAD * rayon::current_num_threads());
             for batch in blocks.chunks(at_once) {
                 let compress =
@@ -104,14 +104,14 @@ pub(super) fn write_parts(path: &OutPath, images: &[&dyn ImageRows], notes: &[St
 }
 
 /// An image with its channels in the order of the file.
-struct Part<'a> {
+struct ExrPart<'a> {
     image: &'a dyn ImageRows,
     channels: Vec<(String, SampleType)>,
     /// Channels sorted by name, as positions in `channels`.
     order: Vec<usize>,
 }
 
-impl<'a> Part<'a> {
+impl<'a> ExrPart<'a> {
     fn new(image: &'a dyn ImageRows) -> io::Result<Self> {
         let size = image.frame().size_px;
         if !size.iter().all(|n| (1..=MAX_SIDE).contains(n)) {

@@ -65,7 +65,7 @@ pub struct Page<'m> {
 
 /// The header, which the page reads first.
 #[derive(Debug, Serialize)]
-struct Header<'a> {
+struct PageHeader<'a> {
     version: &'static str,
     title: &'a str,
     links: Vec<LinkHeader>,
@@ -164,7 +164,7 @@ fn html(
     let links = map.links.iter().zip(link_names(&map.links));
     let links =
         links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
-    let header = Header { version: env!("CARGO_PKG_VERSION"), title, links, patches, recording };
+    let header = PageHeader { version: env!("CARGO_PKG_VERSION"), title, links, patches, recording };
     let data = packer.finish(&header);
     let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
     let options = PlotOptions {

@@ -102,7 +102,11 @@ impl Packer {
 
     /// Rows of three indices with weights that add up to 1: the largest weight comes first and is not stored,
     /// the others are in units of `1 / whole`, and no weight above 0 becomes 0.
-    pub(super) fn rows(&mut self, rows: impl Iterator<Item = ([u32; 3], [f64; 3])>, whole: u32) -> Rows {
+    pub(super) fn rows(
+        &mut self,
+        rows: impl Iterator<Item = ([u32; 3], [f64; 3])>,
+        whole: u32,
+    ) -> PackedRows {
         let (mut indices, mut weights) = ([(); 3].map(|()| Vec::new()), [(); 2].map(|()| Vec::new()));
         for (named, shares) in rows {
             let mut order = [0, 1, 2];
@@ -120,7 +124,7 @@ impl Packer {
                 list.push(if shares[*k] > 0.0 { (units as u32).max(1) } else { 0 });
             }
         }
-        Rows { indices: self.planes(&indices), weights: self.planes(&weights) }
+        PackedRows { indices: self.planes(&indices), weights: self.planes(&weights) }
     }
 
     /// The text for the page: a header, which names the arrays, and the arrays.
@@ -152,7 +156,7 @@ pub(super) struct Values {
 
 /// Convex combinations of three entries.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Rows {
+pub(super) struct PackedRows {
     indices: usize,
     weights: usize,
 }

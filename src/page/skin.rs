@@ -7,7 +7,7 @@ use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::rectangle_around;
-use crate::page::pack::{Packer, Region, Rows, Values, share};
+use crate::page::pack::{PackedRows, Packer, Region, Values, share};
 use crate::pyramid::LevelId;
 use crate::skin::{Covariance, PatchId, Presence, world_pose};
 use crate::unfold::{Unfolding, origins};
@@ -51,7 +51,7 @@ pub(super) struct PatchHeader {
     keys: usize,
     turns: usize,
     key_origins: usize,
-    key_rows: Option<Rows>,
+    key_rows: Option<PackedRows>,
     values: Vec<Values>,
     levels: Vec<LevelHeader>,
 }
@@ -62,7 +62,7 @@ struct LevelHeader {
     /// Pairs of places of level 0.
     edges: usize,
     origins: usize,
-    direct: Option<Rows>,
+    direct: Option<PackedRows>,
 }
 
 /// Packs a patch; its map lies at `offset` on the sheet.

@@ -13,7 +13,7 @@ use crate::skin::{PatchId, Skin};
 use crate::unfold::Unfolding;
 
 /// The panels of a patch; a level that it lacks leaves its slot empty.
-type Row<'a> = Vec<Option<Panel<'a>>>;
+type PanelRow<'a> = Vec<Option<Panel<'a>>>;
 
 /// Number of levels drawn by default: as many as are legible side by side in a README.
 const LEVELS_SIDE_BY_SIDE: usize = 3;
@@ -62,7 +62,7 @@ pub fn plot_map(map: &SkinMap, options: &PlotOptions) -> Result<Picture, PlotErr
         let maps = levels.iter().map(|&level| Panel::on_map(view, level));
         in_space.into_iter().chain(maps).collect()
     };
-    let rows: Vec<Row<'_>> = views.iter().map(row).collect();
+    let rows: Vec<PanelRow<'_>> = views.iter().map(row).collect();
     draw(title("Somatosensory maps of", views.iter().map(|view| view.name)), &views, rows, options)
 }
 
@@ -74,7 +74,7 @@ fn unfolding_row<'a>(
     patch: &PatchMap,
     view: &'a PatchView<'a>,
     options: &PlotOptions,
-) -> Result<Row<'a>, PlotError> {
+) -> Result<PanelRow<'a>, PlotError> {
     if let Some(&time) = options.unfold.iter().find(|time| !(0.0..=1.0).contains(*time)) {
         return Err(PlotError::Time { time });
     }
@@ -119,7 +119,7 @@ pub fn plot_skin(skin: &Skin, options: &PlotOptions) -> Result<Picture, PlotErro
         }
     };
     let row = |view| vec![Some(Panel::in_space(view, LevelId::default(), viewpoint))];
-    let rows: Vec<Row<'_>> = views.iter().map(row).collect();
+    let rows: Vec<PanelRow<'_>> = views.iter().map(row).collect();
     draw(title, &views, rows, options)
 }
 
@@ -131,7 +131,7 @@ pub(super) fn title<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Str
 fn draw(
     title: String,
     patches: &[PatchView<'_>],
-    rows: Vec<Row<'_>>,
+    rows: Vec<PanelRow<'_>>,
     options: &PlotOptions,
 ) -> Result<Picture, PlotError> {
     let (rows, layout) = lay_out(rows, |panel| &panel.slot, options.width_px)?;

@@ -42,7 +42,7 @@ pub fn keep_outer(draft: &mut Draft) -> usize {
     }
     let mut kept: Vec<Vec<bool>> = draft.sheets.iter().map(|s| vec![true; s.triangles.len()]).collect();
     for sheets in links.into_values() {
-        let Some(body) = Body::new(sheets.iter().map(|&k| &draft.sheets[k])) else { continue };
+        let Some(body) = LinkBody::new(sheets.iter().map(|&k| &draft.sheets[k])) else { continue };
         let is_outer: Vec<Vec<bool>> = sheets.par_iter().map(|&k| body.outer(&draft.sheets[k])).collect();
         for (&k, is_outer) in sheets.iter().zip(is_outer) {
             kept[k] = is_outer;
@@ -63,7 +63,7 @@ pub fn keep_outer(draft: &mut Draft) -> usize {
 }
 
 /// All triangles of a link.
-struct Body {
+struct LinkBody {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     tree: TriangleTree,
@@ -71,7 +71,7 @@ struct Body {
     directions: Vec<DVec3>,
 }
 
-impl Body {
+impl LinkBody {
     /// `None` if there is nothing to search.
     fn new<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Option<Self> {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());

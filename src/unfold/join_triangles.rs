@@ -55,7 +55,7 @@ impl<'a> Joiner<'a> {
         let rows = self.space.len();
         let pattern = Pattern::new(rows, self.edges().map(|e| (e.from.index(), e.to.index())));
         let mut matrix = Matrix::zero(&pattern);
-        for Edge { from, to, weight, .. } in self.edges() {
+        for SharedEdge { from, to, weight, .. } in self.edges() {
             let (i, j) = (from.index(), to.index());
             *matrix.at(i, i) += weight;
             *matrix.at(j, j) += weight;
@@ -99,7 +99,7 @@ impl<'a> Joiner<'a> {
         factor: &Factor<'_, f64>,
     ) -> Result<IdVec<PlaceId, DVec3>, SparseError> {
         let mut sums = IdVec::filled(DVec3::ZERO, self.space.len());
-        for Edge { face, sides: [a, b], from, to, weight } in self.edges() {
+        for SharedEdge { face, sides: [a, b], from, to, weight } in self.edges() {
             let edge = weight * (ways[face] * (wanted[face][b] - wanted[face][a]).extend(0.0));
             sums[to] += edge;
             sums[from] -= edge;
@@ -113,18 +113,18 @@ impl<'a> Joiner<'a> {
         Ok(sums)
     }
 
-    fn edges(&self) -> impl Iterator<Item = Edge> {
+    fn edges(&self) -> impl Iterator<Item = SharedEdge> {
         self.corners.enumerate().flat_map(|(face, c)| {
             let weights = self.weights[face];
             [0, 1, 2].map(|k| {
                 let sides = [(k + 1) % 3, (k + 2) % 3];
-                Edge { face, sides, from: c[sides[0]], to: c[sides[1]], weight: weights[k] }
+                SharedEdge { face, sides, from: c[sides[0]], to: c[sides[1]], weight: weights[k] }
             })
         })
     }
 }
 
-struct Edge {
+struct SharedEdge {
     face: FaceId,
     /// Its ends among the corners of the face.
     sides: [usize; 2],

@@ -66,11 +66,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-type Row = [(&'static str, String); 4];
+type LevelRow = [(&'static str, String); 4];
 
 /// The patches as `report.json` lists them, with what is known without a map, and the levels as
 /// rows of a table.
-fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<Row>), Error> {
+fn summarise(skin: &Skin, pyramids: &[Pyramid]) -> Result<(Value, Vec<LevelRow>), Error> {
     let (mut patches, mut rows) = (Vec::new(), Vec::new());
     for (Patch { name, link, .. }, pyramid) in skin.patches.iter().zip(pyramids) {
         let mut levels = Vec::new();

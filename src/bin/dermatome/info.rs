@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let row = |patch: &Patch| row(&links[patch.link], patch);
     let rows = skin.patches.iter().map(row).collect::<Result<Vec<_>, Error>>()?;
     if args.json {
-        let object = |row: Row| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        let object = |row: PatchRow| row.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let animations: Vec<_> = skin.animations.iter().map(animation).collect();
         let patches: Vec<Value> = rows.into_iter().map(object).collect();
         let mut all = json!({ "patches": patches, "animations": animations });
@@ -146,9 +146,9 @@ fn joint_json(robot: &Robot, joint: &Joint) -> Value {
     })
 }
 
-type Row = [(&'static str, Value); 12];
+type PatchRow = [(&'static str, Value); 12];
 
-fn row(link: &str, patch: &Patch) -> Result<Row, Error> {
+fn row(link: &str, patch: &Patch) -> Result<PatchRow, Error> {
     let adjacency = Adjacency::new(&patch.mesh)?;
     let count = |what| patch.taxels.presence.iter().filter(|p| **p == what).count();
     let range = |[low, high]: [f64; 2], &x: &f64| [low.min(x), high.max(x)];

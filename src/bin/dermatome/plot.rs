@@ -90,7 +90,7 @@ const SHOWN: [Choice<Paint>; 4] = [
 ];
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum PictureKind {
     Svg,
     Png,
 }
@@ -126,8 +126,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
         let bytes = match kind {
-            Kind::Svg => picture.to_svg().into_bytes(),
-            Kind::Png => picture.to_png().map_err(Error::from)?,
+            PictureKind::Svg => picture.to_svg().into_bytes(),
+            PictureKind::Png => picture.to_png().map_err(Error::from)?,
         };
         write_bytes(&common.outputs.file(path), &bytes).map_err(Error::from)?;
     }
@@ -179,13 +179,13 @@ fn viewpoint(text: &str) -> Result<Viewpoint, String> {
 }
 
 /// The extension determines the format; standard output is SVG.
-fn kind(path: &Path) -> Result<Kind, IoError> {
+fn kind(path: &Path) -> Result<PictureKind, IoError> {
     if is_stream(path) {
-        return Ok(Kind::Svg);
+        return Ok(PictureKind::Svg);
     }
     match outputs::kind(path).as_str() {
-        "svg" => Ok(Kind::Svg),
-        "png" => Ok(Kind::Png),
+        "svg" => Ok(PictureKind::Svg),
+        "png" => Ok(PictureKind::Png),
         _ => Err(IoError::UnknownKind { path: path.to_owned(), known: ".svg, .png" }),
     }
 }

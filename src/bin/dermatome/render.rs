@@ -26,7 +26,7 @@ use crate::files::signals;
 use crate::options::{Choice, Common, InPath, OutFolder, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
-use crate::render::output::{Array, ColourArgs, Content, Kind, Output, Pictures};
+use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pictures};
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
 ///
@@ -95,7 +95,7 @@ struct ImageArgs {
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
     let map = Arc::new(read_map_first(&args.map)?);
-    let pack = if kind == Kind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
+    let pack = if kind == ImagesKind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
     let atlas = Atlas::new(&map, &args.pixels.atlas_options(pack)).map_err(Error::from)?;
     let level = args.images.level.map(LevelId::from);
     let drawn = |part: &&AtlasPart| level.is_none_or(|level| part.level == level);
@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let images = &args.images;
     recording.carry(images.carried(), level);
     let channels = recording.level_channels().to_vec();
-    if kind == Kind::Array(Array::Npy) {
+    if kind == ImagesKind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
     }
     if !images.values_only {
@@ -130,7 +130,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         has_static: images.is_static,
     };
     let mut colours = args.colours.clone();
-    if kind == Kind::Folder(Pictures::Png) && colours.range.is_none() {
+    if kind == ImagesKind::Folder(Pictures::Png) && colours.range.is_none() {
         let range = range_of_images(args, &map, &atlas, level, common)?;
         note!(
             common,
@@ -171,7 +171,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
-    if matches!(kind, Kind::Folder(_)) {
+    if matches!(kind, ImagesKind::Folder(_)) {
         outputs::wrote(&[(&args.output).into()], common);
     }
     outputs::publish(common)?;
@@ -227,9 +227,9 @@ fn range_of_images(
 impl Args {
     /// Refuses, before any work, options that contradict each other and files that cannot be written;
     /// returns the kind of the output.
-    fn check(&self) -> anyhow::Result<Kind> {
-        let kind = Kind::of(&self.output, self.colours.pictures)?;
-        if self.images.is_static && kind != Kind::Folder(Pictures::Exr) {
+    fn check(&self) -> anyhow::Result<ImagesKind> {
+        let kind = ImagesKind::of(&self.output, self.colours.pictures)?;
+        if self.images.is_static && kind != ImagesKind::Folder(Pictures::Exr) {
             return Err(advise(
                 "--static adds channels to OpenEXR files, and none is written",
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
@@ -237,7 +237,7 @@ impl Args {
         }
         self.colours.check(kind, is_stream(&self.readings))?;
         self.frames.range()?;
-        if self.images.values_only && kind != Kind::Array(Array::Npz) {
+        if self.images.values_only && kind != ImagesKind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));
         }
         Ok(kind)
@@ -308,15 +308,15 @@ struct Space {
 }
 
 impl Space {
-    fn new(args: &Args, kind: Kind, map: &SkinMap, atlas: &Atlas, channels: usize) -> Self {
+    fn new(args: &Args, kind: ImagesKind, map: &SkinMap, atlas: &Atlas, channels: usize) -> Self {
         let is_drawn = |k: LevelId| args.images.level.is_none_or(|level| k == LevelId::from(level));
         let parts = atlas.parts.iter().filter(|part| is_drawn(part.level) && !args.images.values_only);
         let pixels: u64 = parts.map(|part| part.frame.size_px.map(u64::from).iter().product::<u64>()).sum();
         let levels = map.patches.iter().flat_map(|patch| patch.levels.enumerate());
-        let values = levels.filter(|(k, _)| is_drawn(*k) && matches!(kind, Kind::Array(_)));
+        let values = levels.filter(|(k, _)| is_drawn(*k) && matches!(kind, ImagesKind::Array(_)));
         let values: u64 = values.map(|(_, level)| level.level.mesh.positions.len() as u64).sum();
         // The frames of a stream come in their own time, and a pipe takes no space.
-        let is_bounded = kind != Kind::Pipe && !is_stream(&args.readings);
+        let is_bounded = kind != ImagesKind::Pipe && !is_stream(&args.readings);
         let bytes_per_frame = if is_bounded { 4 * channels as u64 * (pixels + values) } else { 0 };
         Self { bytes_per_frame, max_mb: args.images.max_disk }
     }

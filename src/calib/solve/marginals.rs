@@ -32,7 +32,7 @@ pub struct Marginals {
 type Block = [DMat3; 2];
 
 /// Columns of six numbers, one for each free motion.
-type Columns = [Twist; 6];
+type TwistColumns = [Twist; 6];
 
 /// Covariances at `poses`, for observations of the given weights.
 pub(crate) fn marginals(
@@ -111,7 +111,7 @@ impl<'f> CentroidGauge<'f> {
     }
 
     /// A column of `G` for every free motion: the resulting motion of a taxel.
-    fn motions_of(&self, at: &Pose) -> Columns {
+    fn motions_of(&self, at: &Pose) -> TwistColumns {
         let mut columns = [[DVec3::ZERO; 2]; 6];
         for (column, motion) in columns.iter_mut().zip(&self.motions) {
             *column = induced_motion(self.model, self.pivot, self.body.length, at, motion);
@@ -120,7 +120,7 @@ impl<'f> CentroidGauge<'f> {
     }
 
     /// `A'`.
-    fn conditions(&self, at: &Pose) -> Columns {
+    fn conditions(&self, at: &Pose) -> TwistColumns {
         self.motions_of(at).map(|[u, w]| [u, self.weight * w])
     }
 
@@ -155,7 +155,7 @@ impl<'f> CentroidGauge<'f> {
     fn project(
         &self,
         poses: &Poses,
-        solution: impl Fn(VertexId) -> Columns,
+        solution: impl Fn(VertexId) -> TwistColumns,
         blocks: &mut IdVec<VertexId, Block>,
     ) {
         let count = self.motions.len();
@@ -174,7 +174,7 @@ impl<'f> CentroidGauge<'f> {
             let b = combined(count, &g, |l, k| self.inverse[l][k]);
             let b_ax = combined(count, &b, |l, k| ax[k][l]);
             for (part, block) in blocks[v][..parts].iter_mut().enumerate() {
-                let product = |m: &Columns, n: &Columns| {
+                let product = |m: &TwistColumns, n: &TwistColumns| {
                     m[..count].iter().zip(n).fold(DMat3::ZERO, |sum, (m, n)| sum + outer(m[part], n[part]))
                 };
                 let bx = product(&b, &x);
@@ -198,7 +198,7 @@ fn aligned(values: &[f64; 6]) -> impl Iterator<Item = usize> {
 }
 
 /// The first `count` columns of `M F`, for a matrix of as many columns.
-fn combined(count: usize, m: &Columns, factor: impl Fn(usize, usize) -> f64) -> Columns {
+fn combined(count: usize, m: &TwistColumns, factor: impl Fn(usize, usize) -> f64) -> TwistColumns {
     let mut product = [[DVec3::ZERO; 2]; 6];
     for (k, column) in product[..count].iter_mut().enumerate() {
         for (l, m) in m[..count].iter().enumerate() {

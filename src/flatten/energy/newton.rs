@@ -148,7 +148,7 @@ impl Objective<'_> {
         let mut kept = Kept::default();
         for _ in 0..limits.steps {
             let step = self.step(uv, &mut system, (energy, iterations), &mut kept);
-            let Step { downhill, d, .. } = match step {
+            let NewtonStep { downhill, d, .. } = match step {
                 // The curvature of a face that is nearly a line exceeds 64-bit numbers.
                 Err(SparseError::NotFinite { .. }) => return Ok(Ended::Short),
                 step => step?,
@@ -192,7 +192,7 @@ impl Objective<'_> {
         system: &mut System<'_>,
         (energy, iterations): (f64, usize),
         kept: &mut Kept,
-    ) -> Result<Step, SparseError> {
+    ) -> Result<NewtonStep, SparseError> {
         loop {
             let System { assembly, method } = system;
             let step = match method {
@@ -210,12 +210,12 @@ impl Objective<'_> {
                 }
             };
             match step {
-                Ok(Step { is_convex: false, .. }) | Err(SparseError::NotPositiveDefinite { .. })
+                Ok(NewtonStep { is_convex: false, .. }) | Err(SparseError::NotPositiveDefinite { .. })
                     if kept.is_on() =>
                 {
                     kept.pause();
                 }
-                Ok(Step { is_convex: false, .. }) if system.widen() => {}
+                Ok(NewtonStep { is_convex: false, .. }) if system.widen() => {}
                 step => return step,
             }
         }
@@ -285,7 +285,7 @@ impl<'e> System<'e> {
 }
 
 /// A Newton step.
-struct Step {
+struct NewtonStep {
     /// Minus the gradient.
     downhill: Vec<DVec2>,
     d: Vec<DVec2>,
@@ -352,7 +352,7 @@ fn factored_step(
     downhill: Vec<DVec2>,
     energy: f64,
     largest: f64,
-) -> Result<Step, SparseError> {
+) -> Result<NewtonStep, SparseError> {
     let (mut share, mut most) = (GAUGE, WELL_SHAPED * energy);
     loop {
         add_gauge(hessian, share, most);
@@ -360,7 +360,7 @@ fn factored_step(
             Ok(factor) => {
                 let mut d = downhill.clone();
                 factor.solve(&mut d)?;
-                return Ok(Step { downhill, d, is_convex: true });
+                return Ok(NewtonStep { downhill, d, is_convex: true });
             }
             Err(SparseError::NotPositiveDefinite { .. }) if share < largest => {
                 (share, most) = (share * GAUGE_GROWTH, f64::INFINITY);
@@ -372,13 +372,13 @@ fn factored_step(
 
 /// A step that lowers the model, by conjugate gradients. They start at zero and need no gauge: no component
 /// of the step moves or turns the whole map.
-fn iterated_step<B: Block>(hessian: &Matrix<'_, B>, downhill: Vec<DVec2>, iterations: usize) -> Step {
+fn iterated_step<B: Block>(hessian: &Matrix<'_, B>, downhill: Vec<DVec2>, iterations: usize) -> NewtonStep {
     let options = CgOptions { relative_residual: RESIDUAL, iterations };
     let (d, report) = conjugate_gradients(hessian, &downhill, options);
     // They end early along a direction of negative curvature.
     let ended = report.relative_residual <= RESIDUAL || report.iterations == iterations;
     let is_convex = ended && dot(&downhill, &d) > 0.0;
-    Step { downhill, d, is_convex }
+    NewtonStep { downhill, d, is_convex }
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
     let failed = |source| FlattenError::System { method: "convex", source };
     let net = Net::new(domain);
     let cholesky = Cholesky::new(&net.pattern, &net.coordinates).map_err(failed)?;
-    let mut best = Best { domain, map: None, worse: 0, collapsed: FaceId::default() };
+    let mut best = BestMap { domain, map: None, worse: 0, collapsed: FaceId::default() };
     let mut weights = vec![1.0; net.springs.len()];
     for _ in 0..MAX_SOLVES {
         let uv = net.solve(&cholesky, &weights).map_err(failed)?;
@@ -80,7 +80,7 @@ pub(crate) fn tutte(domain: &FlattenDomain<'_>) -> Result<Uv, FlattenError> {
 }
 
 /// The map of least energy so far.
-struct Best<'d> {
+struct BestMap<'d> {
     domain: &'d FlattenDomain<'d>,
     /// Its energy, and the map at its best scale.
     map: Option<(f64, Uv)>,
@@ -90,7 +90,7 @@ struct Best<'d> {
     collapsed: FaceId,
 }
 
-impl Best<'_> {
+impl BestMap<'_> {
     /// Keeps the map if it is better; returns whether all of its faces have areas.
     fn takes(&mut self, uv: Uv) -> bool {
         let elements = &self.domain.elements;

@@ -81,16 +81,16 @@ fn around(domain: &FlattenDomain<'_>, flipped: &[bool], rings: usize) -> IdVec<V
 
 /// Connected movable vertices, and the faces around them.
 #[derive(Debug, Default)]
-struct Part {
+struct LocalMesh {
     vertices: Vec<VertexId>,
     faces: Vec<FaceId>,
 }
 
 /// The connected regions of `movable` vertices, each in the order of a search from its smallest one.
-fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Part> {
+fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<LocalMesh> {
     const NONE: usize = usize::MAX;
     let mut part_of = IdVec::<VertexId, usize>::filled(NONE, movable.len());
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<LocalMesh> = Vec::new();
     for seed in movable.ids() {
         if !movable[seed] || part_of[seed] != NONE {
             continue;
@@ -107,7 +107,7 @@ fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Par
                 }
             }
         }
-        parts.push(Part { vertices, faces: Vec::new() });
+        parts.push(LocalMesh { vertices, faces: Vec::new() });
     }
     // Movable corners of one face are neighbours, so they are all in one region.
     for (face, e) in domain.elements.faces.enumerate() {
@@ -121,7 +121,7 @@ fn parts(domain: &FlattenDomain<'_>, movable: &IdVec<VertexId, bool>) -> Vec<Par
 
 /// Moves the vertices of `part` until no face around them is flipped; if that fails, they keep their old
 /// positions.
-fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), SparseError> {
+fn repair(domain: &FlattenDomain<'_>, part: &LocalMesh, uv: &mut Uv) -> Result<(), SparseError> {
     let (elements, ids) = elements_of(domain, part, uv);
     let mut local: Uv = ids.iter().map(|&v| uv[v]).collect();
     let worst = elements
@@ -150,7 +150,7 @@ fn repair(domain: &FlattenDomain<'_>, part: &Part, uv: &mut Uv) -> Result<(), Sp
 /// vertex.
 ///
 /// Faces are scaled so that their areas on the map are 1 on average: the region may be magnified or shrunk.
-fn elements_of(domain: &FlattenDomain<'_>, part: &Part, uv: &Uv) -> (ElementMesh, Vec<VertexId>) {
+fn elements_of(domain: &FlattenDomain<'_>, part: &LocalMesh, uv: &Uv) -> (ElementMesh, Vec<VertexId>) {
     let mut ids = part.vertices.clone();
     let mut number: HashMap<VertexId, VertexId> =
         ids.iter().enumerate().map(|(k, &v)| (v, VertexId::new(k))).collect();

@@ -17,13 +17,13 @@ const MAX_AXES: usize = 64;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::io) struct ElementType {
     is_big_endian: bool,
-    kind: Kind,
+    kind: Scalar,
     /// Bytes of an element.
     size: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum Scalar {
     Float,
     Signed,
     /// Truth values too.
@@ -92,7 +92,7 @@ impl NpyHeader {
         });
         field("descr").ok_or("a type of its elements, as 'descr': '<f4'")?;
         // Of an array that is not read the type does not matter.
-        let other = ElementType::little_endian(Kind::Other, 0);
+        let other = ElementType::little_endian(Scalar::Other, 0);
         let elements = descriptor.and_then(ElementType::parse).unwrap_or(other);
         let order = field("fortran_order").ok_or("'fortran_order': False")?;
         let shape = field("shape").and_then(|t| t.strip_prefix('(')?.split_once(')'));
@@ -119,13 +119,13 @@ impl NpyHeader {
 }
 
 impl ElementType {
-    pub(in crate::io) const U8: Self = Self::little_endian(Kind::Unsigned, 1);
-    pub(in crate::io) const U32: Self = Self::little_endian(Kind::Unsigned, 4);
-    pub(in crate::io) const I64: Self = Self::little_endian(Kind::Signed, 8);
-    pub(in crate::io) const F32: Self = Self::little_endian(Kind::Float, 4);
-    pub(in crate::io) const F64: Self = Self::little_endian(Kind::Float, 8);
+    pub(in crate::io) const U8: Self = Self::little_endian(Scalar::Unsigned, 1);
+    pub(in crate::io) const U32: Self = Self::little_endian(Scalar::Unsigned, 4);
+    pub(in crate::io) const I64: Self = Self::little_endian(Scalar::Signed, 8);
+    pub(in crate::io) const F32: Self = Self::little_endian(Scalar::Float, 4);
+    pub(in crate::io) const F64: Self = Self::little_endian(Scalar::Float, 8);
 
-    const fn little_endian(kind: Kind, size: usize) -> Self {
+    const fn little_endian(kind: Scalar, size: usize) -> Self {
         Self { is_big_endian: false, kind, size }
     }
 
@@ -141,15 +141,15 @@ impl ElementType {
                 "8[ns]" => 1_000_000_000,
                 _ => return None,
             };
-            return Some(Self { is_big_endian: order == '>', kind: Kind::Dates { per_second }, size: 8 });
+            return Some(Self { is_big_endian: order == '>', kind: Scalar::Dates { per_second }, size: 8 });
         }
         let size: usize = letters.as_str().parse().ok().filter(|n| *n <= MAX_HEADER)?;
         let (kind, bytes) = match (kind, size) {
-            ('f', 2 | 4 | 8) => (Kind::Float, size),
-            ('i', 1 | 2 | 4 | 8) => (Kind::Signed, size),
-            ('u', 1 | 2 | 4 | 8) | ('b', 1) => (Kind::Unsigned, size),
-            ('U', _) => (Kind::Unicode, 4 * size),
-            ('S', _) => (Kind::Bytes, size),
+            ('f', 2 | 4 | 8) => (Scalar::Float, size),
+            ('i', 1 | 2 | 4 | 8) => (Scalar::Signed, size),
+            ('u', 1 | 2 | 4 | 8) | ('b', 1) => (Scalar::Unsigned, size),
+            ('U', _) => (Scalar::Unicode, 4 * size),
+            ('S', _) => (Scalar::Bytes, size),
             _ => return None,
         };
         Some(Self { is_big_endian: order == '>', kind, size: bytes })
@@ -160,31 +160,31 @@ impl ElementType {
     }
 
     pub(in crate::io) const fn is_number(self) -> bool {
-        matches!(self.kind, Kind::Float | Kind::Signed | Kind::Unsigned | Kind::Dates { .. })
+        matches!(self.kind, Scalar::Float | Scalar::Signed | Scalar::Unsigned | Scalar::Dates { .. })
     }
 
     /// Whether its elements are read at all.
     pub(in crate::io) const fn is_read(self) -> bool {
-        !matches!(self.kind, Kind::Other)
+        !matches!(self.kind, Scalar::Other)
     }
 
     /// What numpy calls it, but for the order of its bytes.
     pub(in crate::io) fn describe(self) -> String {
         match self.kind {
-            Kind::Float => format!("f{}", self.size),
-            Kind::Signed => format!("i{}", self.size),
-            Kind::Unsigned => format!("u{}", self.size),
-            Kind::Unicode => "str".into(),
-            Kind::Bytes => "bytes".into(),
-            Kind::Dates { .. } => "dates".into(),
-            Kind::Other => "of a type that is not read".into(),
+            Scalar::Float => format!("f{}", self.size),
+            Scalar::Signed => format!("i{}", self.size),
+            Scalar::Unsigned => format!("u{}", self.size),
+            Scalar::Unicode => "str".into(),
+            Scalar::Bytes => "bytes".into(),
+            Scalar::Dates { .. } => "dates".into(),
+            Scalar::Other => "of a type that is not read".into(),
         }
     }
 
     /// Its name in the header of an array that is written.
     fn descriptor(self) -> String {
         match (self.kind, self.size) {
-            (Kind::Unicode, bytes) => format!("<U{}", bytes / 4),
+            (Scalar::Unicode, bytes) => format!("<U{}", bytes / 4),
             (_, 1) => format!("|{}", self.describe()),
             _ => format!("<{}", self.describe()),
         }
@@ -194,22 +194,22 @@ impl ElementType {
     pub(in crate::io) fn numbers(self, bytes: &[u8], out: &mut [f64]) {
         let big = self.is_big_endian;
         match (self.kind, self.size) {
-            (Kind::Float, 2) => fill(bytes, out, big, |b| f16::from_le_bytes(b).to_f64()),
-            (Kind::Float, 4) => fill(bytes, out, big, |b| f64::from(f32::from_le_bytes(b))),
-            (Kind::Float, 8) => fill(bytes, out, big, f64::from_le_bytes),
-            (Kind::Signed, 1) => fill(bytes, out, big, |b| f64::from(i8::from_le_bytes(b))),
-            (Kind::Signed, 2) => fill(bytes, out, big, |b| f64::from(i16::from_le_bytes(b))),
-            (Kind::Signed, 4) => fill(bytes, out, big, |b| f64::from(i32::from_le_bytes(b))),
-            (Kind::Signed, 8) => fill(bytes, out, big, |b| i64::from_le_bytes(b) as f64),
-            (Kind::Dates { per_second }, _) => fill(bytes, out, big, |b| match i64::from_le_bytes(b) {
+            (Scalar::Float, 2) => fill(bytes, out, big, |b| f16::from_le_bytes(b).to_f64()),
+            (Scalar::Float, 4) => fill(bytes, out, big, |b| f64::from(f32::from_le_bytes(b))),
+            (Scalar::Float, 8) => fill(bytes, out, big, f64::from_le_bytes),
+            (Scalar::Signed, 1) => fill(bytes, out, big, |b| f64::from(i8::from_le_bytes(b))),
+            (Scalar::Signed, 2) => fill(bytes, out, big, |b| f64::from(i16::from_le_bytes(b))),
+            (Scalar::Signed, 4) => fill(bytes, out, big, |b| f64::from(i32::from_le_bytes(b))),
+            (Scalar::Signed, 8) => fill(bytes, out, big, |b| i64::from_le_bytes(b) as f64),
+            (Scalar::Dates { per_second }, _) => fill(bytes, out, big, |b| match i64::from_le_bytes(b) {
                 // Not a time.
                 i64::MIN => f64::NAN,
                 date => date as f64 / f64::from(per_second),
             }),
-            (Kind::Unsigned, 1) => fill(bytes, out, big, |[b]| f64::from(b)),
-            (Kind::Unsigned, 2) => fill(bytes, out, big, |b| f64::from(u16::from_le_bytes(b))),
-            (Kind::Unsigned, 4) => fill(bytes, out, big, |b| f64::from(u32::from_le_bytes(b))),
-            (Kind::Unsigned, 8) => fill(bytes, out, big, |b| u64::from_le_bytes(b) as f64),
+            (Scalar::Unsigned, 1) => fill(bytes, out, big, |[b]| f64::from(b)),
+            (Scalar::Unsigned, 2) => fill(bytes, out, big, |b| f64::from(u16::from_le_bytes(b))),
+            (Scalar::Unsigned, 4) => fill(bytes, out, big, |b| f64::from(u32::from_le_bytes(b))),
+            (Scalar::Unsigned, 8) => fill(bytes, out, big, |b| u64::from_le_bytes(b) as f64),
             _ => out.fill(f64::NAN),
         }
     }
@@ -217,8 +217,8 @@ impl ElementType {
     /// The first number in `bytes`, if they are whole numbers or dates; one beyond 63 bits as the largest of them.
     pub(in crate::io) fn whole(self, bytes: &[u8]) -> Option<i64> {
         let is_signed = match self.kind {
-            Kind::Signed | Kind::Dates { .. } => true,
-            Kind::Unsigned => false,
+            Scalar::Signed | Scalar::Dates { .. } => true,
+            Scalar::Unsigned => false,
             _ => return None,
         };
         let mut number = bytes.get(..self.size)?.to_vec();
@@ -234,7 +234,7 @@ impl ElementType {
     /// How many of the unit of dates are a second.
     pub(in crate::io) const fn dates_per_second(self) -> Option<u32> {
         match self.kind {
-            Kind::Dates { per_second } => Some(per_second),
+            Scalar::Dates { per_second } => Some(per_second),
             _ => None,
         }
     }
@@ -243,7 +243,7 @@ impl ElementType {
     pub(in crate::io) fn texts(self, bytes: &[u8]) -> Vec<String> {
         let text = |element: &[u8]| -> String {
             let text: String = match self.kind {
-                Kind::Unicode => {
+                Scalar::Unicode => {
                     let code = |b: &[u8; 4]| match self.is_big_endian {
                         true => u32::from_be_bytes(*b),
                         false => u32::from_le_bytes(*b),
@@ -292,7 +292,7 @@ impl Elements<'_> {
             Self::F64(_) => ElementType::F64,
             Self::Text(texts) => {
                 let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
-                ElementType::little_endian(Kind::Unicode, 4 * longest)
+                ElementType::little_endian(Scalar::Unicode, 4 * longest)
             }
         }
     }
@@ -319,7 +319,7 @@ impl Elements<'_> {
             (Self::F32(x), ElementType::F32) => extend(bytes, x, |x| x.to_le_bytes()),
             (Self::F64(x), ElementType::F64) => extend(bytes, x, |x| x.to_le_bytes()),
             (Self::F64(x), ElementType::F32) => extend(bytes, x, |&x| narrow(x).to_le_bytes()),
-            (Self::Text(texts), ElementType { kind: Kind::Unicode, size, .. }) => {
+            (Self::Text(texts), ElementType { kind: Scalar::Unicode, size, .. }) => {
                 for text in texts {
                     let letters = text.chars().map(u32::from).chain(std::iter::repeat(0));
                     bytes.extend(letters.take(size / 4).flat_map(u32::to_le_bytes));
@@ -418,7 +418,7 @@ mod tests {
         let text = String::from_utf8_lossy(&bytes[10..]);
         assert!(text.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }"), "{text}");
         let text = String::from_utf8(
-            header(ElementType::little_endian(Kind::Unicode, 16), &[3, 5], 0)[10..].to_vec(),
+            header(ElementType::little_endian(Scalar::Unicode, 16), &[3, 5], 0)[10..].to_vec(),
         )
         .unwrap();
         assert!(text.contains("'<U4'") && text.contains("(3, 5), }"), "{text}");
@@ -439,8 +439,8 @@ mod tests {
         let texts = ["ab".to_owned(), "\u{e9}".into()];
         let elements = Elements::Text(&texts);
         let mut bytes = Vec::new();
-        assert_eq!(elements.element_type(), ElementType::little_endian(Kind::Unicode, 8));
-        assert!(elements.append(ElementType::little_endian(Kind::Unicode, 8), &mut bytes));
+        assert_eq!(elements.element_type(), ElementType::little_endian(Scalar::Unicode, 8));
+        assert!(elements.append(ElementType::little_endian(Scalar::Unicode, 8), &mut bytes));
         assert_eq!(bytes, [97, 0, 0, 0, 98, 0, 0, 0, 0xe9, 0, 0, 0, 0, 0, 0, 0]);
         assert!(!elements.append(ElementType::F32, &mut bytes), "a text is not a number");
     }

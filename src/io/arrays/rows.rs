@@ -12,7 +12,7 @@ use crate::io::file::invalid;
 pub(in crate::io) const MAX_WHOLE: u64 = 1 << 30;
 
 /// An array that is read row by row.
-pub(in crate::io) struct Rows {
+pub(in crate::io) struct ArrayRows {
     element: String,
     input: Box<dyn Read + Send>,
     elements: ElementType,
@@ -24,7 +24,7 @@ pub(in crate::io) struct Rows {
     columns: Option<Vec<u8>>,
 }
 
-impl Rows {
+impl ArrayRows {
     /// Rows of `row` elements.
     pub(in crate::io) fn open(path: &Path, array: &StoredArray, row: usize) -> Result<Self, IoError> {
         let elements = array.header.elements;

@@ -27,7 +27,7 @@ const COPY_BYTES: usize = 1 << 20;
 /// Writes growing arrays, and in an `.npz` others that do not grow.
 pub(crate) struct ArrayWriter {
     path: OutPath,
-    target: Target,
+    target: Sink,
     arrays: Vec<Array>,
     frames: u64,
     /// Frames of a full block, known after the first one.
@@ -36,7 +36,7 @@ pub(crate) struct ArrayWriter {
     blocks: u64,
 }
 
-enum Target {
+enum Sink {
     Npy { file: Replacement, header_bytes: usize },
     Npz { spool: Option<File> },
 }
@@ -60,8 +60,8 @@ impl ArrayWriter {
     /// Starts a `.npy` or an `.npz`.
     pub(crate) fn create(path: &OutPath) -> Result<Self, IoError> {
         let target = match file_kind(path).as_str() {
-            "npy" => Target::Npy { file: Replacement::open(path)?, header_bytes: 0 },
-            "npz" => Target::Npz { spool: None },
+            "npy" => Sink::Npy { file: Replacement::open(path)?, header_bytes: 0 },
+            "npz" => Sink::Npz { spool: None },
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".npy, .npz" }),
         };
         Ok(Self {
@@ -83,7 +83,7 @@ impl ArrayWriter {
         row: &[usize],
     ) -> Result<ArrayId, IoError> {
         let row_bytes = count(&self.path, name, row)? * elements.size();
-        if let Target::Npy { file, header_bytes } = &mut self.target {
+        if let Sink::Npy { file, header_bytes } = &mut self.target {
             // The longest that the header can become.
             let blank = header(elements, &shape_of(u64::MAX, row), 0);
             *header_bytes = blank.len();
@@ -162,9 +162,9 @@ impl ArrayWriter {
     fn write_block(&mut self) -> Result<(), IoError> {
         let fail = cannot_write(&self.path);
         let mut out = match &mut self.target {
-            Target::Npy { file, .. } => file.file(),
-            Target::Npz { spool: Some(spool) } => spool,
-            Target::Npz { spool } => spool.insert(spool_for(&self.path).map_err(|e| fail(e.kind().into()))?),
+            Sink::Npy { file, .. } => file.file(),
+            Sink::Npz { spool: Some(spool) } => spool,
+            Sink::Npz { spool } => spool.insert(spool_for(&self.path).map_err(|e| fail(e.kind().into()))?),
         };
         for array in self.arrays.iter_mut().filter(|a| a.row_bytes.is_some()) {
             out.write_all(&array.bytes).map_err(&fail)?;
@@ -183,13 +183,13 @@ impl ArrayWriter {
 
     /// As [`Self::finish`]; an `.npz` goes to `path`.
     pub(crate) fn finish_at(mut self, path: &OutPath) -> Result<(), IoError> {
-        if matches!(self.target, Target::Npy { .. }) {
+        if matches!(self.target, Sink::Npy { .. }) {
             self.write_block()?;
         }
         let Self { target, arrays, frames, blocks, block_frames, .. } = self;
         let fail = cannot_write(path);
         match target {
-            Target::Npy { file, header_bytes } => {
+            Sink::Npy { file, header_bytes } => {
                 let Some(Array { elements, shape, .. }) = arrays.first() else {
                     return Err(unfit(path, "the file", "no array", "one array"));
                 };
@@ -198,7 +198,7 @@ impl ArrayWriter {
                 out.seek(SeekFrom::Start(0)).and_then(|_| out.write_all(&final_header)).map_err(&fail)?;
                 file.finish()
             }
-            Target::Npz { spool } => {
+            Sink::Npz { spool } => {
                 let gather =
                     Gather { arrays: &arrays, frames, blocks, block_frames: block_frames.unwrap_or(1) };
                 write_archive(path, |archive| gather.write(archive, spool.as_ref()))

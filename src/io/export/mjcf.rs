@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use glam::{DQuat, DVec3};
 
 use crate::io::error::Result;
-use crate::io::export::part::{Part, by_link, distinct, narrowed};
+use crate::io::export::part::{ExportPart, by_link, distinct, narrowed};
 use crate::io::file::{OutPath, unfit, write_file, xml_attribute};
 
 /// `MuJoCo` refuses meshes of fewer.
@@ -28,7 +28,7 @@ const NOTE: &str = "
   first geom of each patch into the body of the robot and leave out its hull.
 ";
 
-pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, parts: &[ExportPart<'_>]) -> Result<()> {
     for part in parts {
         let count = part.vertices().len();
         if count < LEAST_VERTICES {
@@ -79,7 +79,7 @@ pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
 }
 
 /// The mesh of a sensor. Robots set a scale for all meshes that have none of their own.
-fn write_mesh(out: &mut dyn Write, part: &Part<'_>, name: &str) -> io::Result<()> {
+fn write_mesh(out: &mut dyn Write, part: &ExportPart<'_>, name: &str) -> io::Result<()> {
     write!(out, "    <mesh name=\"{name}\" scale=\"1 1 1\" inertia=\"shell\" vertex=\"")?;
     rows(out, part.vertices().map(|v| narrowed(v.position)))?;
     write!(out, "\" normal=\"")?;
@@ -96,7 +96,7 @@ fn write_mesh(out: &mut dyn Write, part: &Part<'_>, name: &str) -> io::Result<()
 }
 
 /// The convex hull of the vertices, and of a point below their middle: those of a flat patch have none.
-fn write_hull(out: &mut dyn Write, part: &Part<'_>, name: &str) -> io::Result<()> {
+fn write_hull(out: &mut dyn Write, part: &ExportPart<'_>, name: &str) -> io::Result<()> {
     let count = part.vertices().len() as f64;
     let middle = part.vertices().map(|v| v.position).sum::<DVec3>() / count;
     let inwards = -part.vertices().map(|v| v.normal).sum::<DVec3>().normalize_or_zero();

@@ -16,7 +16,7 @@ use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId, Presence, TaxelId, link_names, world_pose};
 
 /// One level of a patch.
-pub(super) struct Part<'a> {
+pub(super) struct ExportPart<'a> {
     pub(super) id: PatchId,
     pub(super) patch: &'a PatchMap,
     /// The name of its link, which no other link has.
@@ -40,7 +40,7 @@ pub(super) struct Vertex {
     pub(super) area: f64,
 }
 
-impl Part<'_> {
+impl ExportPart<'_> {
     /// Its vertices in the order of the level.
     pub(super) fn vertices(&self) -> impl ExactSizeIterator<Item = Vertex> {
         let (level, taxels) = (&self.at.level, &self.patch.taxels);
@@ -62,7 +62,7 @@ impl Part<'_> {
 }
 
 /// The parts of a valid map on one level, or of a patch without it on its coarsest; errors are about the file `path`.
-pub(super) fn parts_of<'a>(path: &Path, map: &'a SkinMap, level: LevelId) -> Result<Vec<Part<'a>>> {
+pub(super) fn parts_of<'a>(path: &Path, map: &'a SkinMap, level: LevelId) -> Result<Vec<ExportPart<'a>>> {
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     if map.patches.is_empty() {
         return Err(unfit(path, "the map", "no patch", "at least one"));
@@ -80,14 +80,14 @@ pub(super) fn parts_of<'a>(path: &Path, map: &'a SkinMap, level: LevelId) -> Res
         let tangents = patch.taxels.tangents.as_ref();
         let tangents = tangents.ok_or_else(|| unfit(path, &name, "no tangents", "a map with tangents"))?;
         let (link, pose) = (links[patch.link.index()].clone(), world_pose(&map.links, patch.link));
-        Ok(Part { id, patch, link, pose, level, at, tangents })
+        Ok(ExportPart { id, patch, link, pose, level, at, tangents })
     };
     map.patches.enumerate().map(part).collect()
 }
 
 /// The parts of each link that has some.
-pub(super) fn by_link<'p, 'a>(parts: &'p [Part<'a>]) -> BTreeMap<LinkId, Vec<&'p Part<'a>>> {
-    let mut links: BTreeMap<LinkId, Vec<&Part<'a>>> = BTreeMap::new();
+pub(super) fn by_link<'p, 'a>(parts: &'p [ExportPart<'a>]) -> BTreeMap<LinkId, Vec<&'p ExportPart<'a>>> {
+    let mut links: BTreeMap<LinkId, Vec<&ExportPart<'a>>> = BTreeMap::new();
     parts.iter().for_each(|part| links.entry(part.patch.link).or_default().push(part));
     links
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::atlas::{Chart, NearestVertices};
 use crate::io::error::Result;
-use crate::io::export::part::{Part, narrowed};
+use crate::io::export::part::{ExportPart, narrowed};
 use crate::io::file::{OutPath, unfit, write_file};
 use crate::map::SkinMap;
 use crate::numeric::narrow;
@@ -51,14 +51,14 @@ struct Canvas {
     probe_radius: Vec<Vec<f32>>,
 }
 
-pub(super) fn write(path: &OutPath, map: &SkinMap, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, map: &SkinMap, parts: &[ExportPart<'_>]) -> Result<()> {
     let patches = parts.iter().map(|part| patch(path, map, part)).collect::<Result<_>>()?;
     let level = parts.iter().map(|part| part.level.index()).max().unwrap_or(0);
     let file = File { schema: "dermatome.probes/1", level, patches };
     write_file(path, |out| Ok(serde_json::to_writer(out, &file)?))
 }
 
-fn patch<'a>(path: &Path, map: &SkinMap, part: &'a Part<'_>) -> Result<Patch<'a>> {
+fn patch<'a>(path: &Path, map: &SkinMap, part: &'a ExportPart<'_>) -> Result<Patch<'a>> {
     let areas = &part.at.level.areas;
     let mean = areas.iter().sum::<f64>() / areas.len() as f64;
     let radius = narrow((mean / PI).sqrt());
@@ -76,7 +76,7 @@ fn patch<'a>(path: &Path, map: &SkinMap, part: &'a Part<'_>) -> Result<Patch<'a>
 }
 
 /// The grid whose pixels have the side `pixel`; those outside of the map have a probe that measures nothing.
-fn canvas(path: &Path, map: &SkinMap, part: &Part<'_>, pixel: f64, radius: f32) -> Result<Canvas> {
+fn canvas(path: &Path, map: &SkinMap, part: &ExportPart<'_>, pixel: f64, radius: f32) -> Result<Canvas> {
     let chart = Chart::of_level(map, part.id, part.level, pixel).map_err(|e| {
         let element = format!("the canvas of patch {:?}", part.patch.name);
         unfit(path, element, e.to_string(), "a map that fits into an image")

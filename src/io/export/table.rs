@@ -5,13 +5,13 @@ use glam::DVec3;
 use crate::io::arrays::npy::Elements;
 use crate::io::arrays::write::ArrayWriter;
 use crate::io::error::Result;
-use crate::io::export::part::{Part, Vertex};
+use crate::io::export::part::{ExportPart, Vertex};
 use crate::io::file::OutPath;
 use crate::io::table::writer::write_table;
 
 const COLUMNS: &str = "patch,link,taxel_id,x,y,z,nx,ny,nz,tx,ty,tz,u,v,area,presence";
 
-pub(super) fn write_csv(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write_csv(path: &OutPath, parts: &[ExportPart<'_>]) -> Result<()> {
     write_table(path, COLUMNS, |table| {
         for (part, v) in vertices(parts) {
             table.cell(&part.patch.name);
@@ -28,7 +28,7 @@ pub(super) fn write_csv(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     })
 }
 
-pub(super) fn write_npz(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write_npz(path: &OutPath, parts: &[ExportPart<'_>]) -> Result<()> {
     let count = vertices(parts).count();
     let names: Vec<String> = parts.iter().map(|part| part.patch.name.clone()).collect();
     let links: Vec<String> = parts.iter().map(|part| part.link.clone()).collect();
@@ -55,6 +55,6 @@ pub(super) fn write_npz(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
 }
 
 /// The vertices of all parts.
-fn vertices<'p, 'a>(parts: &'p [Part<'a>]) -> impl Iterator<Item = (&'p Part<'a>, Vertex)> {
+fn vertices<'p, 'a>(parts: &'p [ExportPart<'a>]) -> impl Iterator<Item = (&'p ExportPart<'a>, Vertex)> {
     parts.iter().flat_map(|part| part.vertices().map(move |v| (part, v)))
 }

@@ -7,14 +7,14 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use crate::io::error::Result;
-use crate::io::export::part::{Part, Vertex};
+use crate::io::export::part::{ExportPart, Vertex};
 use crate::io::file::xml::{Xml, children};
 use crate::io::file::{OutPath, Source, invalid, write_file, xml_attribute};
 use crate::io::robot::robot_of;
 
 /// Writes the robot that the file `robot` describes with a sensor for each part, in the form that the reader of robots
 /// takes: frames of taxels in that of the link, with z the normal and x the tangent.
-pub(super) fn write(path: &OutPath, robot: &Path, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, robot: &Path, parts: &[ExportPart<'_>]) -> Result<()> {
     let source = Source::open(robot)?;
     let known = robot_of(&source)?;
     let links: HashSet<&str> = known.links.iter().map(|link| &*link.name).collect();

@@ -8,11 +8,11 @@ use std::io::{self, Write};
 use glam::{DAffine3, DVec3};
 
 use crate::io::error::Result;
-use crate::io::export::part::{Part, by_link, distinct, narrowed};
+use crate::io::export::part::{ExportPart, by_link, distinct, narrowed};
 use crate::io::file::{OutPath, write_file};
 use crate::numeric::narrow;
 
-pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
+pub(super) fn write(path: &OutPath, parts: &[ExportPart<'_>]) -> Result<()> {
     let links = by_link(parts);
     let xforms = distinct(links.values().map(|of_link| identifier(&of_link[0].link)));
     write_file(path, |out| {
@@ -21,7 +21,7 @@ pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
             "#usda 1.0\n(\n    defaultPrim = \"skin\"\n    metersPerUnit = 1\n    upAxis = \"Z\"\n)\n\ndef Xform \"skin\"\n{{"
         )?;
         for (of_link, xform) in links.values().zip(xforms) {
-            let Part { link, pose, .. } = of_link[0];
+            let ExportPart { link, pose, .. } = of_link[0];
             writeln!(
                 out,
                 "    def Xform \"{xform}\" (\n        displayName = {}\n    )\n    {{",
@@ -29,7 +29,7 @@ pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
             )?;
             writeln!(out, "        matrix4d xformOp:transform = {}", matrix(*pose))?;
             writeln!(out, "        uniform token[] xformOpOrder = [\"xformOp:transform\"]")?;
-            let name = |part: &&Part<'_>| identifier(&format!("{}_L{}", part.patch.name, part.level));
+            let name = |part: &&ExportPart<'_>| identifier(&format!("{}_L{}", part.patch.name, part.level));
             for (part, name) in of_link.iter().zip(distinct(of_link.iter().map(name))) {
                 write_mesh(out, part, &name)?;
             }
@@ -39,7 +39,7 @@ pub(super) fn write(path: &OutPath, parts: &[Part<'_>]) -> Result<()> {
     })
 }
 
-fn write_mesh(out: &mut dyn Write, part: &Part<'_>, name: &str) -> io::Result<()> {
+fn write_mesh(out: &mut dyn Write, part: &ExportPart<'_>, name: &str) -> io::Result<()> {
     let frame = part.at.frame;
     // Texture coordinates run upwards here, as the map does.
     let st = part.at.uv.iter().map(|&at| ((at - frame.origin) / frame.size).to_array().map(narrow));

@@ -64,7 +64,7 @@ impl Document {
 }
 
 /// Rows of components in a view, from an offset on.
-struct Rows<'a> {
+struct AccessorRows<'a> {
     element: String,
     view: View<'a>,
     offset: usize,
@@ -95,15 +95,15 @@ impl<'a> Accessor<'a> {
         let size = row_size(gltf);
         if let Some(view) = gltf.view() {
             let (element, offset, count) = (self.name(), gltf.offset(), gltf.count());
-            self.base = Some(self.load_rows(&Rows { element, view, offset, size, count })?);
+            self.base = Some(self.load_rows(&AccessorRows { element, view, offset, size, count })?);
         }
         self.replaced = gltf.sparse().map(|sparse| self.load_sparse(&sparse, size)).transpose()?;
         Ok(())
     }
 
     /// Checks that rows lie within the bytes that are there. Returns their bytes.
-    fn load_rows(&self, rows: &Rows<'a>) -> Result<Bytes<'a>> {
-        let Rows { element, view, offset, size, count } = rows;
+    fn load_rows(&self, rows: &AccessorRows<'a>) -> Result<Bytes<'a>> {
+        let AccessorRows { element, view, offset, size, count } = rows;
         let (document, offset) = (self.document, *offset);
         let buffer = document.buffer(view.buffer().index())?;
         let (start, length) = (view.offset(), view.length());
@@ -137,11 +137,11 @@ impl<'a> Accessor<'a> {
         }
         let (indices, values) = (sparse.indices(), sparse.values());
         let (view, offset) = (values.view(), values.offset());
-        let values = Rows { element: element.clone(), view, offset, size, count };
+        let values = AccessorRows { element: element.clone(), view, offset, size, count };
         let values = self.load_rows(&values)?;
         let kind = indices.index_type();
         let (view, offset, size) = (indices.view(), indices.offset(), kind.size());
-        let rows = Rows { element: element.clone(), view, offset, size, count };
+        let rows = AccessorRows { element: element.clone(), view, offset, size, count };
         let numbers = self.load_rows(&rows)?;
         self.document.reserve(&element, count, size_of::<usize>())?;
         let mut rows = vec![0; count];

@@ -10,7 +10,7 @@ use crate::io::IoError;
 use crate::io::file::Source;
 use crate::io::gltf::Notes;
 use crate::io::gltf::document::Document;
-use crate::io::gltf::nodes::{RIGID, Tree, read_node_tree};
+use crate::io::gltf::nodes::{NodeTree, RIGID, read_node_tree};
 use crate::skin::{Curve, Link, LinkId, Motion, MotionFrame, Track, link_names};
 
 #[derive(Deserialize)]
@@ -22,11 +22,11 @@ struct AnimationJson {
 #[derive(Deserialize)]
 struct Channel {
     sampler: usize,
-    target: Target,
+    target: TrackTarget,
 }
 
 #[derive(Deserialize)]
-struct Target {
+struct TrackTarget {
     node: Option<usize>,
     path: String,
 }
@@ -110,7 +110,7 @@ pub(in crate::io) fn read_animation(
 /// the world: the map may lack those between them. `None` if that is not above the link, or if one
 /// between them moves.
 fn pose_of_parent(
-    tree: &Tree,
+    tree: &NodeTree,
     link: LinkId,
     is_parent: &dyn Fn(Option<LinkId>) -> bool,
     moved: &Motion,
@@ -125,7 +125,7 @@ fn pose_of_parent(
 }
 
 /// All animations, and those that do more than move links with the reason.
-pub(super) fn read_animations(document: &Document, tree: &Tree) -> (Vec<Motion>, Vec<(String, IoError)>) {
+pub(super) fn read_animations(document: &Document, tree: &NodeTree) -> (Vec<Motion>, Vec<(String, IoError)>) {
     let (mut animations, mut others) = (Vec::new(), Vec::new());
     for (at, (name, json)) in listed(document).into_iter().enumerate() {
         match motion(document, tree, at, json) {
@@ -160,7 +160,7 @@ fn listed(document: &Document) -> Vec<(String, &serde_json::Value)> {
 /// no skin, or do not pose it.
 fn motion(
     document: &Document,
-    tree: &Tree,
+    tree: &NodeTree,
     at: usize,
     json: &serde_json::Value,
 ) -> Result<(Motion, BTreeSet<usize>), IoError> {

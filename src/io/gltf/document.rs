@@ -69,9 +69,7 @@ impl Document {
         let Parsed { root, transforms, animations, materials } = json::parse(&source, text)?;
         check_extensions(&source, &root)?;
         if root.extensions_used.iter().any(|name| name == INSTANCING) {
-            notes.add(format!(
-                "{INSTANCING}: its copies of meshes are not read, each mesh is read once"
-            ));
+            notes.add(format!("{INSTANCING}: its copies of meshes are not read, each mesh is read once"));
         }
         Ok(Self {
             notes,

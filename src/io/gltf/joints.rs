@@ -14,7 +14,7 @@ use gltf::json::extras::Extras;
 use crate::io::error::Result;
 use crate::io::gltf::SkinExtras;
 use crate::io::gltf::document::Document;
-use crate::io::gltf::nodes::{Placement, Tree};
+use crate::io::gltf::nodes::{NodeTree, Placement};
 use crate::io::gltf::primitive::Attributes;
 use crate::mesh::rotation_defect;
 use crate::skin::{Joints, LinkId, blended, scaled_joints, world_pose};
@@ -44,7 +44,7 @@ pub(super) struct Binding {
 impl Binding {
     /// The binding of a mesh with a skin; a note says if its joints stand elsewhere than when it was
     /// bound.
-    pub(super) fn of(document: &Document, tree: &Tree, placement: &Placement) -> Result<Option<Self>> {
+    pub(super) fn of(document: &Document, tree: &NodeTree, placement: &Placement) -> Result<Option<Self>> {
         let Some(number) = placement.skin else { return Ok(None) };
         let element = format!("skin {number}");
         let Some(skin) = document.root().skins.get(number) else {

@@ -39,7 +39,7 @@ pub(super) struct Placement {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Tree {
+pub(super) struct NodeTree {
     pub(super) links: IdVec<LinkId, Link>,
     pub(super) placements: Vec<Placement>,
     pub(super) nodes: Vec<Option<LinkId>>,
@@ -61,11 +61,11 @@ pub(super) struct Tree {
 ///
 /// The scene is the default scene, else the first. A file without scenes is a library: its root
 /// nodes count as the scene, and meshes that no node carries lie on a link at the origin.
-pub(super) fn read_node_tree(document: &Document) -> Result<Tree> {
+pub(super) fn read_node_tree(document: &Document) -> Result<NodeTree> {
     let parents = parents(document)?;
     let (shown, animated, joints) = (shown(document, &parents), animated(document), joints(document));
     let nodes = Nodes { document, parents, shown, animated, joints };
-    let mut tree = Tree::default();
+    let mut tree = NodeTree::default();
     let frames = nodes.read_links(&mut tree)?;
     nodes.read_placements(&frames, &mut tree);
     let above = |parent: &Option<usize>| parent.and_then(|parent| frames[parent]?.stretch);
@@ -135,7 +135,7 @@ impl Nodes<'_> {
     }
 
     /// Adds the links of the scene, parents first; returns the frame of each node.
-    fn read_links(&self, tree: &mut Tree) -> Result<Vec<Option<NodeFrame>>> {
+    fn read_links(&self, tree: &mut NodeTree) -> Result<Vec<Option<NodeFrame>>> {
         let nodes = &self.document.root().nodes;
         let mut frames: Vec<Option<NodeFrame>> = vec![None; nodes.len()];
         let roots = (0..nodes.len())
@@ -163,7 +163,7 @@ impl Nodes<'_> {
     }
 
     /// Adds the uses of meshes, in the order of the file.
-    fn read_placements(&self, frames: &[Option<NodeFrame>], tree: &mut Tree) {
+    fn read_placements(&self, frames: &[Option<NodeFrame>], tree: &mut NodeTree) {
         let root = self.document.root();
         for (i, node) in root.nodes.iter().enumerate().filter(|(i, _)| self.shown[*i]) {
             let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
@@ -193,7 +193,7 @@ impl Nodes<'_> {
 }
 
 /// Puts the meshes that no node carries onto one link at the origin.
-fn place_library(document: &Document, tree: &mut Tree) {
+fn place_library(document: &Document, tree: &mut NodeTree) {
     let root = document.root();
     let carried: HashSet<_> = root.nodes.iter().filter_map(|node| node.mesh).map(|m| m.value()).collect();
     let mut origin = None;
@@ -214,7 +214,7 @@ struct NodeFrame {
 
 impl NodeFrame {
     /// A new link at the origin of the world.
-    fn at_origin(tree: &mut Tree, name: Option<String>) -> Self {
+    fn at_origin(tree: &mut NodeTree, name: Option<String>) -> Self {
         let link = Link { name: name.unwrap_or_default(), parent: None, pose: DAffine3::IDENTITY };
         Self { link: tree.links.push(link), stretch: None }
     }

@@ -31,7 +31,7 @@ const SECTION: &str = "[calibration]";
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let last = LineLocation { path: source.path(), line: source.text()?.lines().count() };
     let mut lines = source.lines()?.map(|(at, line)| (at, line.trim())).filter(|(_, line)| !line.is_empty());
-    let header = Header::read(&mut lines, last)?;
+    let header = IcubHeader::read(&mut lines, last)?;
     let mut sheet = Sheet { name: header.name.unwrap_or_else(|| source.stem()), ..Sheet::default() };
     let (mut positions, mut normals) = (Vec::new(), Vec::new());
     for (at, line) in lines {
@@ -79,13 +79,13 @@ fn odd_counts(rows: usize, representatives: &[i64]) -> impl Iterator<Item = Stri
 }
 
 #[derive(Debug, Default)]
-struct Header {
+struct IcubHeader {
     name: Option<String>,
     representatives: Vec<i64>,
     remarks: Vec<String>,
 }
 
-impl Header {
+impl IcubHeader {
     fn read<'a>(
         lines: &mut dyn Iterator<Item = (LineLocation<'a>, &'a str)>,
         last: LineLocation<'_>,

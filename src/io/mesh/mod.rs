@@ -28,10 +28,10 @@ use crate::io::{IoError, gltf};
 use crate::mesh::TriMesh;
 use crate::skin::{Draft, Skin};
 
-pub(super) type Reader = fn(Source, ReadParts) -> Result<Draft, IoError>;
+pub(super) type MeshReader = fn(Source, ReadParts) -> Result<Draft, IoError>;
 
 /// The reader of the format that the extension of a file names.
-pub(super) fn reader_of(path: &Path) -> Result<Reader, IoError> {
+pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
     Ok(match file_kind(path).as_str() {
         "glb" | "gltf" => gltf::read_gltf,
         "obj" => |source, parts| obj::read(&source, parts),

@@ -40,7 +40,7 @@ struct Polygon {
 }
 
 #[derive(Default)]
-struct Reader {
+struct ObjReader {
     /// What a group without a name is called.
     stem: String,
     /// Positions, and the group in which each was declared.
@@ -71,7 +71,7 @@ struct Reader {
 /// without a normal has none. Colours, texture coordinates, materials, lines and points are left
 /// out.
 pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
-    let mut reader = Reader {
+    let mut reader = ObjReader {
         stem: source.stem(),
         texture: parts.texture.then(Vec::new),
         materials: parts.materials.then(Vec::new),
@@ -79,7 +79,7 @@ pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
         material: NONE,
         groups: vec![Group { name: source.stem(), triangles: Vec::new(), materials: Vec::new() }],
         known: HashMap::from([(Default::default(), 0)]),
-        ..Reader::default()
+        ..ObjReader::default()
     };
     let mut lines = source.lines()?;
     while let Some((at, line)) = lines.next() {
@@ -105,7 +105,7 @@ fn is_text(line: &str) -> bool {
     word.starts_with('#') || ["usemtl", "mtllib", "o", "g", "usemap", "maplib"].contains(&word)
 }
 
-impl Reader {
+impl ObjReader {
     fn statement(&mut self, source: &Source, at: LineLocation<'_>, text: &str) -> Result<()> {
         let text = text.trim();
         let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));

@@ -15,7 +15,7 @@ use crate::io::mesh::parts::all_triangles;
 use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
 use crate::skin::{Draft, Presence, Sheet, Skin, TaxelId};
 
-/// Properties of a vertex, by their index in the numbers of a [`Row`].
+/// Properties of a vertex, by their index in the numbers of a [`PlyRow`].
 const VERTEX_PROPERTIES: [&str; 10] =
     ["x", "y", "z", "nx", "ny", "nz", "taxel_id", "area", "density", "present"];
 
@@ -27,7 +27,7 @@ const PRESENT: usize = 9;
 
 /// What is kept of one element. One type for every element: the parser is compiled once a type.
 #[derive(Default)]
-struct Row {
+struct PlyRow {
     /// Of a vertex. Every scalar type of the format fits into `f64` exactly.
     numbers: Box<[f64]>,
     /// Of a face or strip, [`NEGATIVE`] where one of them is negative; `None` without a list.
@@ -47,7 +47,7 @@ fn is_corner_list(property: &str) -> bool {
     matches!(property, "vertex_indices" | "vertex_index")
 }
 
-impl PropertyAccess for Row {
+impl PropertyAccess for PlyRow {
     fn new() -> Self {
         Self::default()
     }
@@ -98,13 +98,13 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         bytes.to_mut()[..3].make_ascii_lowercase();
     }
     let mut reader = Reader::new(&*bytes);
-    let header = Parser::<Row>::new().read_header(&mut reader).map_err(broken)?;
+    let header = Parser::<PlyRow>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
     let (mut corners, mut strips) = (Vec::new(), Vec::new());
     for element in header.elements.values() {
-        let rows = Parser::<Row>::new().read_payload_for_element(&mut reader, element, &header);
+        let rows = Parser::<PlyRow>::new().read_payload_for_element(&mut reader, element, &header);
         let rows = rows.map_err(broken)?;
         match element.name.as_str() {
             "vertex" => read_vertices(source, element, &rows, &mut sheet)?,
@@ -194,7 +194,7 @@ fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
     element.properties.values().map(|p| property(&p.data_type)).sum()
 }
 
-fn read_vertices(source: &Source, element: &ElementDef, rows: &[Row], sheet: &mut Sheet) -> Result<()> {
+fn read_vertices(source: &Source, element: &ElementDef, rows: &[PlyRow], sheet: &mut Sheet) -> Result<()> {
     for (k, row) in rows.iter().enumerate() {
         if let Some(slot) = row.numbers.iter().position(|x| !x.is_finite()) {
             let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
@@ -231,7 +231,7 @@ fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
     Ok(TaxelId(value as u32))
 }
 
-fn read_face(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<()> {
+fn read_face(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
     let Some(corners) = row.corners.as_ref().filter(|corners| !corners.contains(&NEGATIVE)) else {
         return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
@@ -251,7 +251,7 @@ fn read_face(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<
 }
 
 /// Strips of triangles, of which every second one is turned; a negative number ends a strip.
-fn read_strips(source: &Source, k: usize, row: &Row, sheet: &mut Sheet) -> Result<()> {
+fn read_strips(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("tristrips {k}"), found, needed);
     let Some(corners) = &row.corners else {
         return Err(broken("no list `vertex_indices` of whole numbers".into(), "one"));

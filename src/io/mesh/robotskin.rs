@@ -20,7 +20,7 @@ struct File<'a> {
     #[serde(default)]
     info: Info,
     #[serde(borrow)]
-    skin: Body<'a>,
+    skin: SkinBody<'a>,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ struct Info {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Body<'a> {
+struct SkinBody<'a> {
     n_taxels: Option<usize>,
     n_faces: Option<usize>,
     #[serde(default)]
@@ -143,7 +143,7 @@ fn check_version(source: &Source, version: &Value) -> Result<()> {
     if is_known { Ok(()) } else { Err(refuse()) }
 }
 
-fn check_counts(source: &Source, body: &Body<'_>) -> Result<()> {
+fn check_counts(source: &Source, body: &SkinBody<'_>) -> Result<()> {
     let counts =
         [("n_taxels", body.n_taxels, body.taxels.len()), ("n_faces", body.n_faces, body.faces.len())];
     for (name, declared, counted) in counts {
@@ -236,7 +236,7 @@ pub(crate) fn write(output: &mut dyn Write, path: &Path, skin: &Skin) -> Result<
     };
     let info = Info { file_version: "2".into(), kind: "rigid_body", name, ..Info::default() };
     let (n_taxels, n_faces) = (Some(taxels.len()), Some(faces.len()));
-    let body = Body { n_taxels, n_faces, parent_frames: vec![frame], taxels, faces };
+    let body = SkinBody { n_taxels, n_faces, parent_frames: vec![frame], taxels, faces };
     write_to(output, path, |out| {
         serde_json::to_writer_pretty(&mut *out, &File { info, skin: body })?;
         out.write_all(b"\n")

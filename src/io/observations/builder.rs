@@ -182,8 +182,9 @@ impl ObservationsBuilder {
         for (id, line) in self.fixed {
             if !declared {
                 let found = format!("FIX {id}{left_out}");
-                return Err(LineLocation { path: &path, line }
-                    .invalid(found, "a VERTEX line with its fixed pose"));
+                return Err(
+                    LineLocation { path: &path, line }.invalid(found, "a VERTEX line with its fixed pose")
+                );
             }
             observations.taxels[find(id, line)?].fixed = true;
         }

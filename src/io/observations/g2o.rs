@@ -23,7 +23,7 @@ const IDENTITY_OFFSET: u32 = 0;
 
 /// Reads from the line on which `lines` stands.
 pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations> {
-    let mut reader = Reader { builder: ObservationsBuilder::new(lines.path()), offsets: HashMap::new() };
+    let mut reader = G2oReader { builder: ObservationsBuilder::new(lines.path()), offsets: HashMap::new() };
     while let Some((text, at)) = lines.current()? {
         let mut words = text.split_ascii_whitespace();
         if let Some(tag) = words.next() {
@@ -34,13 +34,13 @@ pub(super) fn read(mut lines: Lines<impl BufRead>) -> Result<ReadObservations> {
     reader.builder.finish()
 }
 
-struct Reader {
+struct G2oReader {
     builder: ObservationsBuilder,
     /// The parameters: where sensors are in the frames of taxels.
     offsets: HashMap<u32, Pose>,
 }
 
-impl Reader {
+impl G2oReader {
     fn line(&mut self, mut line: Line<'_>) -> Result<()> {
         let at = line.at;
         match line.tag {

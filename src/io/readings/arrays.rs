@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays, only};
-use crate::io::arrays::rows::{MAX_WHOLE, Rows};
+use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::times::{LATEST, time_column};
 use crate::io::file::{excerpt, invalid};
 use crate::io::readings::header::{About, MAX_NUMBERS};
@@ -28,9 +28,9 @@ fn is_about(name: &str) -> bool {
 
 pub(super) struct ArrayReadings {
     path: PathBuf,
-    values: Rows,
+    values: ArrayRows,
     /// The times, and how many of their units are a second.
-    times: Option<(Rows, f64)>,
+    times: Option<(ArrayRows, f64)>,
     layout: ReadingsLayout,
     channels: usize,
     row: Vec<f64>,
@@ -62,13 +62,13 @@ impl ArrayReadings {
             let per_second = time_column(&array.name).unwrap_or(Ok(1));
             let per_second =
                 per_second.map_err(|needed| invalid(path, array.element(), array.name.as_str(), needed))?;
-            Ok((Rows::open(path, array, 1)?, f64::from(per_second)))
+            Ok((ArrayRows::open(path, array, 1)?, f64::from(per_second)))
         });
         let times = times.transpose()?;
         let has_times = times.is_some();
         let readings = Self {
             path: path.into(),
-            values: Rows::open(path, values, width * channels.len())?,
+            values: ArrayRows::open(path, values, width * channels.len())?,
             times,
             layout,
             channels: channels.len(),
@@ -188,7 +188,7 @@ fn read_ids(
         let element = format!("{}, element {k}", array.element());
         invalid(path, element, found, "the number of a taxel, 0 to 4294967295")
     };
-    let mut rows = Rows::open(path, array, width)?;
+    let mut rows = ArrayRows::open(path, array, width)?;
     if !array.header.elements.is_number() {
         let texts = rows.texts(path)?;
         let id = |(k, text): (usize, &String)| {
@@ -219,7 +219,7 @@ fn read_channels(
             if array.header.elements.is_number() {
                 return Err(invalid(path, array.element(), array.header.describe(), "strings"));
             }
-            Rows::open(path, array, count)?.texts(path)
+            ArrayRows::open(path, array, count)?.texts(path)
         });
         texts.transpose()
     };

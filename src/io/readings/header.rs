@@ -60,7 +60,7 @@ pub(super) fn parse_header<'t>(
     leading: bool,
     at: LineLocation<'_>,
 ) -> Result<Header, IoError> {
-    let mut columns = Columns::default();
+    let mut columns = HeaderColumns::default();
     let mut meanings = Vec::new();
     for (k, word) in words.enumerate() {
         let column = || format!("column {}", k + 1);
@@ -128,7 +128,7 @@ enum Broken {
 
 /// Columns and channels in the order in which they first come.
 #[derive(Default)]
-struct Columns {
+struct HeaderColumns {
     ids: Vec<TaxelId>,
     channels: Vec<Channel>,
     /// The column of the n-th time that an id comes with the same channel.
@@ -140,7 +140,7 @@ struct Columns {
     lacks_ids: bool,
 }
 
-impl Columns {
+impl HeaderColumns {
     fn reading(&mut self, word: &str) -> Result<Meaning, Broken> {
         let (id, channel) = word.split_once('.').map_or((word, ""), |(id, channel)| (id, channel.trim()));
         // `0.25` is a number of a file without a line of ids.

@@ -146,9 +146,8 @@ fn take_row<'t>(
     values: &mut [f64],
     time: &mut f64,
 ) -> Result<(), IoError> {
-    let wrong = |found: usize| {
-        at.invalid(format!("{found} cells"), format!("{}, as in the first line", cells.len()))
-    };
+    let wrong =
+        |found: usize| at.invalid(format!("{found} cells"), format!("{}, as in the first line", cells.len()));
     for (k, cell) in cells.iter().enumerate() {
         let word = words.next().ok_or_else(|| wrong(k))?;
         let invalid = |needed: &str| at.invalid_part(format!("column {}", k + 1), excerpt(word), needed);
@@ -174,7 +173,7 @@ fn reading(word: &str) -> Result<f64, &'static str> {
 
 /// A long table that is read frame by frame.
 pub(super) struct LongReadings {
-    rows: Rows,
+    rows: TextRows,
     columns: HashMap<TaxelId, usize>,
     /// The first row of the next frame.
     ahead: Option<Reading>,
@@ -187,7 +186,7 @@ struct Reading {
     value: f64,
 }
 
-struct Rows {
+struct TextRows {
     lines: TextLines,
     /// Indices of the columns, and the unit of time.
     time: usize,
@@ -200,7 +199,7 @@ struct Rows {
 impl LongReadings {
     /// Opens a file if the names in its first line are those of a long table.
     pub(super) fn open(path: &Path, is_csv: bool) -> Result<Option<(Self, About)>, IoError> {
-        let Some((mut rows, channel)) = Rows::open(path, is_csv)? else { return Ok(None) };
+        let Some((mut rows, channel)) = TextRows::open(path, is_csv)? else { return Ok(None) };
         // In the order in which they first come.
         let (mut ids, mut columns) = (Vec::new(), HashMap::new());
         while let Some(Reading { id, .. }) = rows.next()? {
@@ -216,7 +215,7 @@ impl LongReadings {
         if ids.is_empty() {
             return Err(rows.lines.at().invalid("no row of readings", "at least one below the names"));
         }
-        let Some((mut rows, _)) = Rows::open(path, is_csv)? else { return Ok(None) };
+        let Some((mut rows, _)) = TextRows::open(path, is_csv)? else { return Ok(None) };
         let ahead = rows.next()?;
         let (width, ids, channels) = (ids.len(), Some(ids), vec![channel]);
         let about = About { ids, channels, width, frames: None, has_times: true };
@@ -255,7 +254,7 @@ impl LongReadings {
     }
 }
 
-impl Rows {
+impl TextRows {
     fn open(path: &Path, is_csv: bool) -> Result<Option<(Self, Channel)>, IoError> {
         let file = File::open(path).map_err(cannot_read(path))?;
         let lines = TextLines::open(path, Box::new(file), is_csv)?;

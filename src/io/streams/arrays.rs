@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::io::IoError;
 use crate::io::arrays::npy::ElementType;
 use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
-use crate::io::arrays::rows::{MAX_WHOLE, Rows};
+use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::invalid;
 use crate::io::file::times::time_column;
 use crate::io::layout::{Layout, StreamFacts, TimeUnit};
@@ -14,14 +14,14 @@ use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
 struct Arrays {
     path: PathBuf,
     values: Values,
-    times: Option<Rows>,
+    times: Option<ArrayRows>,
     frame: usize,
     bytes: Vec<u8>,
 }
 
 enum Values {
     /// Frame after frame, as they are.
-    Rows(Rows),
+    Rows(ArrayRows),
     /// All bytes: the last index is not the fastest, or frames are not the first axis.
     Whole { bytes: Vec<u8>, elements: ElementType, frames: usize, frame_stride: usize, cells: Vec<usize> },
 }
@@ -68,13 +68,14 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         facts.zero = named(name).map(|array| read_zero(path, array, &facts.cells)).transpose()?;
     }
     if let Some(units) = named("units").filter(|units| !units.header.elements.is_number()) {
-        facts.units = Rows::open(path, units, units.header.shape.iter().product::<u64>().min(64) as usize)?
-            .texts(path)?;
+        facts.units =
+            ArrayRows::open(path, units, units.header.shape.iter().product::<u64>().min(64) as usize)?
+                .texts(path)?;
     }
     let source = Arrays {
         path: path.into(),
         values: Values::open(path, array, axis)?,
-        times: times.map(|(times, _)| Rows::open(path, times, 1)).transpose()?,
+        times: times.map(|(times, _)| ArrayRows::open(path, times, 1)).transpose()?,
         frame: 0,
         bytes: Vec::new(),
     };
@@ -124,7 +125,7 @@ fn read_zero(path: &Path, array: &StoredArray, cells: &[usize]) -> Result<Vec<f6
         let needed = format!("numbers of the shape {cells:?}, or rows of them, in C order");
         return Err(invalid(path, array.element(), array.header.describe(), needed));
     }
-    let mut rows = Rows::open(path, array, width)?;
+    let mut rows = ArrayRows::open(path, array, width)?;
     let (mut sum, mut row, mut count) = (vec![0.0; width], vec![0.0; width], 0.0);
     while rows.read(path, &mut row)? {
         sum.iter_mut().zip(&row).for_each(|(sum, x)| *sum += x);
@@ -145,7 +146,7 @@ impl Values {
             return Err(invalid(path, array.element(), header.describe(), "at least one number"));
         }
         if axis == 0 && !header.is_fortran {
-            return Ok(Self::Rows(Rows::open(path, array, count / frames)?));
+            return Ok(Self::Rows(ArrayRows::open(path, array, count / frames)?));
         }
         let total = header.total_bytes().unwrap_or(u64::MAX);
         if total > MAX_WHOLE {
@@ -153,7 +154,7 @@ impl Values {
                 format!("at most {MAX_WHOLE} bytes, or C order with frames first: numpy.ascontiguousarray");
             return Err(invalid(path, array.element(), format!("{total} bytes in another order"), needed));
         }
-        let bytes = Rows::open_flat(path, array, count)?.into_bytes(path)?;
+        let bytes = ArrayRows::open_flat(path, array, count)?.into_bytes(path)?;
         let mut strides = vec![1; shape.len()];
         let order: Vec<usize> =
             if header.is_fortran { (0..shape.len()).collect() } else { (0..shape.len()).rev().collect() };

@@ -22,7 +22,7 @@ const MOST_SIDES: u32 = 1 << 12;
 
 /// What all pages state.
 #[derive(Debug, Clone, Copy, Default)]
-struct About {
+struct EmedAbout {
     /// Height and width of a sensor, in m.
     pitch: Option<[f64; 2]>,
     /// Time of a picture, in s.
@@ -31,7 +31,7 @@ struct About {
 
 struct Emed {
     lines: TextLines,
-    about: About,
+    about: EmedAbout,
     /// The numbers of the rows and columns that any page has.
     sides: [Vec<u32>; 2],
     pitch: [f64; 2],
@@ -53,7 +53,7 @@ struct Page {
 
 pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
     let mut lines = TextLines::open(path)?;
-    let (mut about, mut next) = (About::default(), None);
+    let (mut about, mut next) = (EmedAbout::default(), None);
     let mut sides = [BTreeSet::new(), BTreeSet::new()];
     let mut pictures = BTreeSet::new();
     while let Some(page) = next_page(&mut lines, &mut about, &mut next)? {
@@ -114,7 +114,7 @@ fn after<'t>(text: &'t str, word: &str) -> Option<&'t str> {
 /// summaries.
 fn next_page(
     lines: &mut TextLines,
-    about: &mut About,
+    about: &mut EmedAbout,
     next: &mut Option<u64>,
 ) -> Result<Option<Page>, IoError> {
     let mut page = next.take().map(|picture| Page { picture, ..Page::default() });

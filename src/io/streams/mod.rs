@@ -32,7 +32,7 @@ pub(in crate::io) use frames::{Frames, OpenStream, Sheet, Tick, Wanted};
 const HEAD: u64 = 4096;
 
 /// A kind of file that is read here.
-struct Kind {
+struct Format {
     name: &'static str,
     /// Whether the first bytes of a file, without a byte order mark, are of this kind.
     is: fn(&[u8]) -> bool,
@@ -40,26 +40,30 @@ struct Kind {
 }
 
 /// All kinds, each recognised by its content.
-const KINDS: [Kind; 7] = [
-    Kind { name: "Tekscan", is: |head| head.starts_with(b"DATA_TYPE"), open: tekscan::open },
-    Kind { name: "novel emed", is: |head| has(head, "Sensor area") && has(head, "Page 1"), open: emed::open },
-    Kind {
+const KINDS: [Format; 7] = [
+    Format { name: "Tekscan", is: |head| head.starts_with(b"DATA_TYPE"), open: tekscan::open },
+    Format {
+        name: "novel emed",
+        is: |head| has(head, "Sensor area") && has(head, "Page 1"),
+        open: emed::open,
+    },
+    Format {
         name: "novel",
         is: |head| head.starts_with(b"file name") && has(head, "[secs]"),
         open: novel::open,
     },
-    Kind {
+    Format {
         name: "XSENSOR",
         is: |head| head.starts_with(b"File:") && has(head, "Units:"),
         open: xsensor::open,
     },
-    Kind { name: "Stappone", is: |head| head.starts_with(b"sole_id,timestamp"), open: stappone::open },
-    Kind {
+    Format { name: "Stappone", is: |head| head.starts_with(b"sole_id,timestamp"), open: stappone::open },
+    Format {
         name: "XELA",
         is: |head| head.starts_with(b"{") && has(head, "\"message\"") && has(head, "\"taxels\""),
         open: xela::open,
     },
-    Kind {
+    Format {
         name: "numpy",
         is: |head| head.starts_with(b"\x93NUMPY") || head.starts_with(b"PK\x03\x04"),
         open: arrays::open,
@@ -70,7 +74,7 @@ fn has(head: &[u8], word: &str) -> bool {
     head.windows(word.len()).any(|part| part == word.as_bytes())
 }
 
-fn kind_of(path: &Path) -> Result<Option<&'static Kind>, IoError> {
+fn kind_of(path: &Path) -> Result<Option<&'static Format>, IoError> {
     let fail = cannot_read(path);
     let about = std::fs::metadata(path).map_err(fail)?;
     if !about.is_file() {

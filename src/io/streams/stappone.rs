@@ -12,14 +12,14 @@ use crate::io::streams::lines::{TextLines, cells as split};
 
 struct Stappone {
     lines: TextLines,
-    columns: Columns,
+    columns: StappColumns,
     sole: String,
     corrupt: u64,
 }
 
 /// Where the columns are.
 #[derive(Debug, Clone, Default)]
-struct Columns {
+struct StappColumns {
     count: usize,
     pressures: Vec<usize>,
     corrupt: Option<usize>,
@@ -70,7 +70,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     Ok(OpenStream { facts, frames, sheet: None, source: Box::new(source) })
 }
 
-fn read_columns(lines: &mut TextLines) -> Result<Columns, IoError> {
+fn read_columns(lines: &mut TextLines) -> Result<StappColumns, IoError> {
     lines.advance_to_content()?;
     let text = lines.text();
     let names: Vec<&str> = text.split(',').map(str::trim).collect();
@@ -80,7 +80,11 @@ fn read_columns(lines: &mut TextLines) -> Result<Columns, IoError> {
     if pressures.is_empty() {
         return Err(lines.at().invalid(excerpt(&text), "columns pressure_01, pressure_02, ..."));
     }
-    Ok(Columns { count: names.len(), pressures, corrupt: names.iter().position(|name| *name == "corrupt") })
+    Ok(StappColumns {
+        count: names.len(),
+        pressures,
+        corrupt: names.iter().position(|name| *name == "corrupt"),
+    })
 }
 
 impl Frames for Stappone {

@@ -38,7 +38,7 @@ pub(super) struct Tekscan {
     has_ended: bool,
 }
 
-type Header = BTreeMap<String, String>;
+type TekscanHeader = BTreeMap<String, String>;
 
 pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
     let mut lines = TextLines::open(path)?;
@@ -121,8 +121,8 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
 }
 
 /// The keys of the header, up to the data.
-fn read_header(lines: &mut TextLines) -> Result<Header, IoError> {
-    let mut header = Header::new();
+fn read_header(lines: &mut TextLines) -> Result<TekscanHeader, IoError> {
+    let mut header = TekscanHeader::new();
     while lines.advance()? {
         let text = lines.text();
         if text.starts_with("ASCII_DATA") {

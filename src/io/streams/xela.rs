@@ -17,7 +17,7 @@ const MOST_GREETINGS: usize = 1000;
 struct Xela {
     lines: TextLines,
     sensor: String,
-    about: About,
+    about: XelaAbout,
     /// The number of the last message, and how many are missing.
     message: Option<i64>,
     lost: i64,
@@ -25,7 +25,7 @@ struct Xela {
 
 /// What each block of a sensor repeats.
 #[derive(Debug, Clone, PartialEq)]
-struct About {
+struct XelaAbout {
     taxels: usize,
     model: String,
 }
@@ -91,14 +91,14 @@ fn blocks(message: &Message) -> impl Iterator<Item = (&String, &Message)> {
     blocks.filter(|(_, block)| block.contains_key("data"))
 }
 
-fn about_of(lines: &TextLines, name: &str, block: &Message) -> Result<About, IoError> {
+fn about_of(lines: &TextLines, name: &str, block: &Message) -> Result<XelaAbout, IoError> {
     let taxels = block.get("taxels").and_then(Value::as_u64).filter(|n| (1..=1 << 16).contains(n));
     let taxels = taxels.and_then(|taxels| usize::try_from(taxels).ok());
     let taxels = taxels.ok_or_else(|| {
         lines.at().invalid_part(format!("sensor {name}"), "no number of taxels", "`taxels`, 1 to 65536")
     })?;
     let model = block.get("model").and_then(Value::as_str).unwrap_or_default();
-    Ok(About { taxels, model: model.into() })
+    Ok(XelaAbout { taxels, model: model.into() })
 }
 
 impl Frames for Xela {

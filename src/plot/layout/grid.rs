@@ -59,10 +59,10 @@ pub(crate) struct Slot {
 }
 
 /// The slots of a patch's panels; `None` where it lacks a level.
-type Row<'a> = Vec<Option<&'a Slot>>;
+type SlotRow<'a> = Vec<Option<&'a Slot>>;
 
 /// Panels row by row; `None` where a patch lacks a level.
-type Rows<P> = Vec<Vec<Option<P>>>;
+type SlotRows<P> = Vec<Vec<Option<P>>>;
 
 /// Height over width of a picture above which rows are placed side by side: two screens.
 const TWO_SCREENS: f64 = 2.0 * 9.0 / 16.0;
@@ -70,10 +70,10 @@ const TWO_SCREENS: f64 = 2.0 * 9.0 / 16.0;
 /// Lays out rows of panels; if they make the picture higher than two screens, several are placed side by
 /// side.
 pub(crate) fn lay_out<P>(
-    mut rows: Rows<P>,
+    mut rows: SlotRows<P>,
     slot: impl Fn(&P) -> &Slot,
     width: u32,
-) -> Result<(Rows<P>, Layout), PlotError> {
+) -> Result<(SlotRows<P>, Layout), PlotError> {
     let fits = |layout: &Layout| f64::from(layout.height) <= TWO_SCREENS * f64::from(width);
     let mut beside = 1;
     for count in 1..=rows.len() {
@@ -100,14 +100,14 @@ pub(crate) fn lay_out<P>(
     Ok((rows, layout))
 }
 
-pub(crate) fn slots<P>(rows: &[Vec<Option<P>>], slot: impl Fn(&P) -> &Slot) -> Vec<Row<'_>> {
+pub(crate) fn slots<P>(rows: &[Vec<Option<P>>], slot: impl Fn(&P) -> &Slot) -> Vec<SlotRow<'_>> {
     rows.iter().map(|row| row.iter().map(|panel| panel.as_ref().map(&slot)).collect()).collect()
 }
 
 /// Rows with `beside` rows side by side in each.
-fn blocks<'a>(rows: &[Row<'a>], beside: usize) -> Vec<Row<'a>> {
+fn blocks<'a>(rows: &[SlotRow<'a>], beside: usize) -> Vec<SlotRow<'a>> {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let padded = |row: &Row<'a>| {
+    let padded = |row: &SlotRow<'a>| {
         let mut row = row.clone();
         row.resize(columns, None);
         row
@@ -138,7 +138,7 @@ struct RowSpan {
 }
 
 impl Layout {
-    pub(crate) fn new(rows: &[Row<'_>], width: u32) -> Result<Self, PlotError> {
+    pub(crate) fn new(rows: &[SlotRow<'_>], width: u32) -> Result<Self, PlotError> {
         let panels = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
         let columns = panels as f64;
         #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
@@ -174,7 +174,7 @@ impl Layout {
     }
 
     /// The existing panels, row by row, each at the centre of its slot.
-    pub(crate) fn views(&self, rows: &[Row<'_>]) -> Vec<View> {
+    pub(crate) fn views(&self, rows: &[SlotRow<'_>]) -> Vec<View> {
         let mut views = Vec::new();
         for (row, &RowSpan { top, height, .. }) in rows.iter().zip(&self.rows) {
             for (column, slot) in row.iter().enumerate() {
@@ -220,7 +220,7 @@ fn caption_room(column: f64, margin: f64, em: f64) -> f64 {
 }
 
 /// Width and height that fit each panel of a row, in m.
-fn row_extent(row: &Row<'_>) -> DVec2 {
+fn row_extent(row: &SlotRow<'_>) -> DVec2 {
     let extent = |slot: &&Slot| slot.bounds.1 - slot.bounds.0;
     let extent = row.iter().flatten().map(extent).fold(DVec2::ZERO, DVec2::max);
     // Points and lines also need an extent on the picture.

@@ -33,9 +33,9 @@ impl Picture {
 }
 
 /// An element that is written attribute by attribute.
-struct Element<'a>(&'a mut String);
+struct SvgElement<'a>(&'a mut String);
 
-impl<'a> Element<'a> {
+impl<'a> SvgElement<'a> {
     fn new(svg: &'a mut String, name: &str) -> Self {
         svg.push('<');
         svg.push_str(name);
@@ -75,43 +75,43 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
     match shape {
         Shape::Path { path, fill, stroke } => {
             let fill = fill.map_or_else(|| "none".to_owned(), Colour::hex);
-            let element = Element::new(svg, "path").set("d", path.to_svg()).set("fill", fill);
-            stroke.iter().fold(element, Element::stroke).end();
+            let element = SvgElement::new(svg, "path").set("d", path.to_svg()).set("fill", fill);
+            stroke.iter().fold(element, SvgElement::stroke).end();
         }
         Shape::Dots { centres, radius, colour, has_rim } => {
             let tenth = |x: f64| (10.0 * x).round() / 10.0;
-            let group = Element::new(svg, "g").set("fill", colour.hex());
-            has_rim.then_some(Stroke::RIM).iter().fold(group, Element::stroke).open();
+            let group = SvgElement::new(svg, "g").set("fill", colour.hex());
+            has_rim.then_some(Stroke::RIM).iter().fold(group, SvgElement::stroke).open();
             for at in centres {
-                let dot = Element::new(svg, "circle").set("cx", tenth(at.x)).set("cy", tenth(at.y));
+                let dot = SvgElement::new(svg, "circle").set("cx", tenth(at.x)).set("cy", tenth(at.y));
                 dot.set("r", tenth(*radius)).end();
             }
             svg.push_str("</g>\n");
         }
         Shape::Text { text, at, anchor, is_bold } => {
-            let element = Element::new(svg, "text").set("x", at.x).set("y", at.y).set("fill", INK.hex());
+            let element = SvgElement::new(svg, "text").set("x", at.x).set("y", at.y).set("fill", INK.hex());
             let element = match anchor {
                 Anchor::Start => element,
                 Anchor::Middle => element.set("text-anchor", "middle"),
                 Anchor::End => element.set("text-anchor", "end"),
             };
             let stroke = is_bold.then(|| Stroke::bold(em));
-            stroke.iter().fold(element, Element::stroke).text(text);
+            stroke.iter().fold(element, SvgElement::stroke).text(text);
         }
         Shape::Image { corner, size, pixels } => {
             let data = STANDARD.encode(encode(pixels.size, &pixels.colours));
-            let element = Element::new(svg, "image").corner_and_size(*corner, *size);
+            let element = SvgElement::new(svg, "image").corner_and_size(*corner, *size);
             element.set("href", format_args!("data:image/png;base64,{data}")).end();
         }
         Shape::Scale { corner, size, colours } => {
             svg.push_str("<defs><linearGradient id=\"scale\">\n");
             let last = colours.len().saturating_sub(1).max(1) as f64;
             for (k, colour) in colours.iter().enumerate() {
-                let stop = Element::new(svg, "stop").set("offset", k as f64 / last);
+                let stop = SvgElement::new(svg, "stop").set("offset", k as f64 / last);
                 stop.set("stop-color", colour.hex()).end();
             }
             svg.push_str("</linearGradient></defs>\n");
-            let bar = Element::new(svg, "rect").corner_and_size(*corner, *size);
+            let bar = SvgElement::new(svg, "rect").corner_and_size(*corner, *size);
             bar.set("fill", "url(#scale)").stroke(&Stroke::FRAME).end();
         }
     }

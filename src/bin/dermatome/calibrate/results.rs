@@ -16,14 +16,14 @@ use crate::files::outputs;
 use crate::options::Common;
 
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum OutputKind {
     Table,
     /// The observations, from where the taxels are.
     Graph,
     Skin,
 }
 
-impl Kind {
+impl OutputKind {
     fn of(path: &Path) -> Result<Self, IoError> {
         match outputs::kind(path).as_str() {
             "csv" => Ok(Self::Table),
@@ -38,9 +38,9 @@ impl Kind {
 }
 
 /// Refuses what cannot succeed, by the command line alone.
-pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
+pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, OutputKind)>> {
     let outputs: Vec<_> =
-        args.output.iter().map(|path| Ok((&**path, Kind::of(path)?))).collect::<Result<_, Error>>()?;
+        args.output.iter().map(|path| Ok((&**path, OutputKind::of(path)?))).collect::<Result<_, Error>>()?;
     args.inliers.as_deref().map_or(Ok(()), outputs::check_table)?;
     let observations = || std::iter::once(&args.observations).chain(&args.contacts);
     for (k, path) in args.contacts.iter().enumerate() {
@@ -56,7 +56,7 @@ pub(super) fn check(args: &Args) -> anyhow::Result<Vec<(&Path, Kind)>> {
 
 /// Writes every output, or none if one of them cannot be made.
 pub(super) fn write(
-    paths: &[(&Path, Kind)],
+    paths: &[(&Path, OutputKind)],
     found: &Calibration,
     inputs: &Inputs,
     args: &Args,
@@ -66,18 +66,18 @@ pub(super) fn write(
     let mut skin = None;
     for &(path, kind) in paths {
         match kind {
-            Kind::Table => {
+            OutputKind::Table => {
                 write_calibration(file(path), found).map_err(Error::from)?;
                 outputs::drop_triangles(path, common)?;
             }
-            Kind::Graph => {
+            OutputKind::Graph => {
                 let mut solved = inputs.observations.clone();
                 for (taxel, pose) in solved.taxels.iter_mut().zip(&found.poses) {
                     taxel.initial = Some(*pose);
                 }
                 write_observations(file(path), &solved).map_err(Error::from)?;
             }
-            Kind::Skin => {
+            OutputKind::Skin => {
                 let made = match &skin {
                     Some(made) => made,
                     None => skin.insert(mesh(found, inputs, common)?),

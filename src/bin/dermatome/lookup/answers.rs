@@ -158,7 +158,7 @@ impl<'a> Answers<'a> {
         // Contacts are checked as they are read: an error is one about all of them.
         let failed = OnceLock::new();
         table.write(contacts.len(), |k, emit| {
-            let mut rows = Rows { answers: self, contact: &contacts[k], query: queries[k], emit };
+            let mut rows = AnswerRows { answers: self, contact: &contacts[k], query: queries[k], emit };
             let answered = match self.question {
                 Question::Nearest => {
                     if let Some(hit) = hits.get(k) {
@@ -210,14 +210,14 @@ impl<'a> Answers<'a> {
     }
 }
 
-struct Rows<'a, 'b> {
+struct AnswerRows<'a, 'b> {
     answers: &'b Answers<'a>,
     contact: &'b Contact,
     query: Query,
     emit: &'b mut dyn FnMut(&LookupRow<'_>),
 }
 
-impl<'a> Rows<'a, '_> {
+impl<'a> AnswerRows<'a, '_> {
     /// A row for each level of the nearest point.
     fn nearest(&mut self, hit: &Hit) {
         let answers = self.answers;

@@ -41,13 +41,13 @@ pub(super) enum Array {
 
 /// The kind of output that a path asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ImagesKind {
     Folder(Pictures),
     Array(Array),
     Pipe,
 }
 
-impl Kind {
+impl ImagesKind {
     /// The kind of `output`, refused before any work if it cannot be written.
     pub(super) fn of(output: &Path, pictures: Pictures) -> anyhow::Result<Self> {
         if is_stream(output) {
@@ -92,8 +92,8 @@ pub(super) struct ColourArgs {
 
 impl ColourArgs {
     /// Refuses pictures of a stream without a scale of colours.
-    pub(super) fn check(&self, kind: Kind, is_stream: bool) -> anyhow::Result<()> {
-        if kind == Kind::Folder(Pictures::Png) && self.range.is_none() && is_stream {
+    pub(super) fn check(&self, kind: ImagesKind, is_stream: bool) -> anyhow::Result<()> {
+        if kind == ImagesKind::Folder(Pictures::Png) && self.range.is_none() && is_stream {
             return Err(advise(
                 "--pictures png of a stream needs the values at the ends of its colour scale",
                 "give them with --range LOW,HIGH, in the unit of the readings, of a force per m^2",
@@ -181,13 +181,13 @@ impl Sequence {
 impl<'a> Output<'a> {
     pub(super) fn open(
         path: &Path,
-        kind: Kind,
+        kind: ImagesKind,
         colours: &ColourArgs,
         content: &Content<'_>,
         outputs: &'a Outputs,
     ) -> Result<Self, Error> {
         let Content { map, atlas, channels, level, has_static } = *content;
-        if let Kind::Folder(_) = kind {
+        if let ImagesKind::Folder(_) = kind {
             make_folder(path)?;
         }
         let sequence = |extension| Sequence {
@@ -199,16 +199,16 @@ impl<'a> Output<'a> {
             extension,
         };
         Ok(match kind {
-            Kind::Pipe => Self::Pipe(StandardOutput::new(outputs)),
-            Kind::Array(_) => {
+            ImagesKind::Pipe => Self::Pipe(StandardOutput::new(outputs)),
+            ImagesKind::Array(_) => {
                 let layout = RecordingLayout { channels, atlas, values: true, level };
                 Self::Array(Box::new(RecordingWriter::create(outputs.file(path), map, &layout)?))
             }
-            Kind::Folder(Pictures::Exr) => {
+            ImagesKind::Folder(Pictures::Exr) => {
                 let shown = atlas.filter(|_| has_static).map(|atlas| atlas.images(map, level));
                 Self::Folder { sequence: sequence("exr"), shown: shown.unwrap_or_default() }
             }
-            Kind::Folder(Pictures::Png) => {
+            ImagesKind::Folder(Pictures::Png) => {
                 let range = colours.range.unwrap_or(ImageOptions::default().range);
                 let packed = atlas.and_then(|atlas| atlas.parts.first()).filter(|part| part.charts.len() > 1);
                 let labels = packed.map(|part| part.labels(map));

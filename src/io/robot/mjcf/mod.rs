@@ -40,7 +40,7 @@ struct Body<'m> {
 pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     let model = Model::read(source)?;
     let mut reader =
-        Reader { meshes: BTreeMap::new(), model: &model, robot: Robot::default(), names: HashSet::new() };
+        MjcfReader { meshes: BTreeMap::new(), model: &model, robot: Robot::default(), names: HashSet::new() };
     reader.robot.name = model.root().attribute("model").unwrap_or_default().to_owned();
     for asset in model.sections("asset") {
         for mesh in asset.children().filter(|view| view.tag() == "mesh") {
@@ -66,7 +66,7 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     Ok(reader.robot)
 }
 
-struct Reader<'m> {
+struct MjcfReader<'m> {
     model: &'m Model,
     meshes: BTreeMap<String, Mesh>,
     robot: Robot,
@@ -74,7 +74,7 @@ struct Reader<'m> {
     names: HashSet<String>,
 }
 
-impl<'m> Reader<'m> {
+impl<'m> MjcfReader<'m> {
     /// A name that no other has, and that is not empty.
     fn unique(&mut self, prefix: &str, name: String) -> String {
         let mut unique = name.clone();

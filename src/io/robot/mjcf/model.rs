@@ -17,7 +17,7 @@ type Attributes = BTreeMap<String, String>;
 /// The attributes that a class gives to the elements of each tag.
 type Class = BTreeMap<String, Attributes>;
 
-struct Element {
+struct Markup {
     tag: String,
     attributes: Attributes,
     children: Vec<usize>,
@@ -26,7 +26,7 @@ struct Element {
 }
 
 pub(super) struct Model {
-    elements: Vec<Element>,
+    elements: Vec<Markup>,
     files: Vec<PathBuf>,
     classes: BTreeMap<String, Class>,
     /// The class of elements without one.
@@ -43,7 +43,7 @@ pub(super) struct Model {
 #[derive(Clone)]
 pub(super) struct View<'m> {
     model: &'m Model,
-    element: &'m Element,
+    element: &'m Markup,
     /// That of the bodies and frames around it.
     class: &'m str,
 }
@@ -88,7 +88,7 @@ impl Model {
             let attributes =
                 node.attributes().map(|a| (a.name().to_owned(), a.value().trim().to_owned())).collect();
             let tag = node.tag_name().name().to_owned();
-            self.elements.push(Element { tag, attributes, children: Vec::new(), file, line: xml.line(node) });
+            self.elements.push(Markup { tag, attributes, children: Vec::new(), file, line: xml.line(node) });
             match parent {
                 Some(parent) => self.elements[parent].children.push(own),
                 None => roots.push(own),
