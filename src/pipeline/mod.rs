@@ -301,28 +301,24 @@ const GENTLE: f64 = 2.0;
 /// Energies that differ by a smaller share are the same.
 const SAME: f64 = 0.01;
 
-/// Other attempts at a map, at most three, each as long as the first. *Heuristic*: loops that are joined leave fewer
-/// holes to keep, and from a level of half the vertices, needles of CAD fold less (a foot of an iCub: energy 59,876 with
-/// the default pyramid, 7.7 so).
+/// Other attempts at a map, each as long as the first. *Heuristic*: loops that are joined leave fewer holes to keep,
+/// and from a level of half the vertices, needles of CAD fold less (a foot of an iCub: energy 59,876 with the default
+/// pyramid, 7.7 so).
 fn other_attempts(patch: &Patch, options: &BuildOptions) -> Vec<BuildOptions> {
     if options.cut != Cut::Auto {
         return Vec::new();
     }
-    let joined = BuildOptions { cut: Cut::All, ..options.clone() };
-    let gentle = |options: &BuildOptions| {
-        let coarsen = CoarsenOptions { ratio: Some(GENTLE), ..options.coarsen.clone() };
-        BuildOptions { coarsen, ..options.clone() }
-    };
-    let mut attempts = vec![gentle(&joined), gentle(options)];
-    if options.coarsen.ratio.is_some() || !options.flatten.starts_coarse() {
-        attempts.clear();
-    }
-    if is_plain_disk(&patch.mesh) {
-        attempts.drain(..attempts.len().min(1));
-    } else {
-        attempts.insert(0, joined);
-    }
-    attempts
+    let may_join = !is_plain_disk(&patch.mesh);
+    let may_be_gentle = options.coarsen.ratio.is_none() && options.flatten.starts_coarse();
+    [(Cut::All, false), (Cut::All, true), (Cut::Auto, true)]
+        .into_iter()
+        .filter(|(cut, is_gentle)| (may_join || *cut == Cut::Auto) && (may_be_gentle || !is_gentle))
+        .map(|(cut, is_gentle)| {
+            let ratio = if is_gentle { Some(GENTLE) } else { options.coarsen.ratio };
+            let coarsen = CoarsenOptions { ratio, ..options.coarsen.clone() };
+            BuildOptions { cut, coarsen, ..options.clone() }
+        })
+        .collect()
 }
 
 /// Symmetric Dirichlet energy of the finest level of a map; infinite without one, and 0 where areas change on purpose.
