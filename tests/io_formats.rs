@@ -568,8 +568,12 @@ fn broken_tables_are_refused_by_line_and_column() {
         ("id,x,y,z\n1,0,0,0\n1,1,0,0\n3,0,1,0\n", "id0,id1,id2\n1,1,3\n", "an id of one taxel, not of 2"),
     ];
     for (taxels, triangles, place) in cases {
-        let error = read_tables(taxels, triangles).expect_err(taxels).to_string();
-        assert!(error.contains(place), "{place:?} is named in {error:?}");
+        let error = read_tables(taxels, triangles).expect_err(taxels);
+        let text = error.to_string();
+        assert!(text.contains(place), "{place:?} is named in {text:?}");
+        let IoError::Invalid { element, .. } = error else { panic!("{text:?} is about an element") };
+        let line = element.line.expect("a table has lines");
+        assert!(text.contains(&format!("line {line}")), "{line}: {text:?}");
     }
 }
 

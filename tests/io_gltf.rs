@@ -358,7 +358,9 @@ fn invalid_documents_are_refused_by_element() {
     ];
     for (pointer, value, element) in cases {
         match read_bytes(&Glb::square().with(pointer, value.clone()).bytes()) {
-            Err(IoError::Invalid { element: found, .. }) => assert_eq!(found, element, "{pointer} = {value}"),
+            Err(IoError::Invalid { element: found, .. }) => {
+                assert_eq!(found.name, element, "{pointer} = {value}")
+            }
             other => panic!("{pointer} = {value}: {other:?}"),
         }
     }

@@ -1,6 +1,6 @@
 //! What can be wrong with a file.
 
-use std::path::PathBuf;
+use std::{fmt, path::PathBuf};
 
 use crate::map::MapError;
 
@@ -22,13 +22,7 @@ pub enum IoError {
     ReplacesInput { path: PathBuf },
     /// The content breaks a rule of its format.
     #[error("{}: {element}: found {found}; needed: {needed}", path.display())]
-    Invalid {
-        path: PathBuf,
-        /// Which element of the file: `accessor 3`, `line 12`, `taxel 4`.
-        element: String,
-        found: String,
-        needed: String,
-    },
+    Invalid { path: PathBuf, element: FileElement, found: String, needed: String },
     #[error("{}: {element}: found no file for {url:?}, looked for in: {}", path.display(), listed(searched))]
     MeshFile {
         /// The file.
@@ -56,7 +50,7 @@ pub enum IoError {
     },
     /// The file uses something that is valid but not read here.
     #[error("{}: {element} uses {feature}, which is not supported", path.display())]
-    Unsupported { path: PathBuf, element: String, feature: Feature },
+    Unsupported { path: PathBuf, element: FileElement, feature: Feature },
     #[error("{}: animations: found {known:?}; needed: {}", path.display(), wanted.as_ref().map_or_else(
         || "exactly one, or the name of one of them".to_owned(),
         |name| format!("one called {name:?}"),
@@ -72,6 +66,43 @@ pub enum IoError {
     Rewritten { path: PathBuf, generator: String, fault: String },
     #[error("{}: unknown kind of file; known here: {known}", path.display())]
     UnknownKind { path: PathBuf, known: &'static str },
+}
+
+/// An element of a file: its line, its name, or both; `Display` is `line 12, column x`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileElement {
+    /// The line that it begins on, in a file of text; counted from 1.
+    pub line: Option<u64>,
+    /// What it is: `accessor 3`, `column x`; empty where it is the line itself.
+    pub name: String,
+}
+
+impl fmt::Display for FileElement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            Some(line) if self.name.is_empty() => write!(f, "line {line}"),
+            Some(line) => write!(f, "line {line}, {}", self.name),
+            None => f.write_str(&self.name),
+        }
+    }
+}
+
+impl From<String> for FileElement {
+    fn from(name: String) -> Self {
+        Self { line: None, name }
+    }
+}
+
+impl<N: AsRef<str> + ?Sized> From<&N> for FileElement {
+    fn from(name: &N) -> Self {
+        name.as_ref().to_owned().into()
+    }
+}
+
+impl<L: TryInto<u64>, N: Into<String>> From<(L, N)> for FileElement {
+    fn from((line, name): (L, N)) -> Self {
+        Self { line: line.try_into().ok(), name: name.into() }
+    }
 }
 
 /// Something that is valid in a file, but not read here.

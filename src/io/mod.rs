@@ -71,7 +71,7 @@ pub use arrays::recording::{RecordingLayout, RecordingWriter};
 #[cfg(feature = "robots")]
 pub use draft::is_robot;
 pub use draft::{draft_from_bytes, read_draft, read_draft_with};
-pub use error::{Feature, IoError};
+pub use error::{Feature, FileElement, IoError};
 pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
 pub use file::outputs::{OutPath, Outputs, replace_file};

@@ -29,7 +29,7 @@ pub(crate) struct LineLocation<'a> {
 
 impl LineLocation<'_> {
     pub(crate) fn invalid(&self, found: impl Into<String>, needed: impl Into<String>) -> IoError {
-        invalid(self.path, format!("line {}", self.line), found, needed)
+        invalid(self.path, (self.line, ""), found, needed)
     }
 
     pub(crate) fn invalid_part(
@@ -38,7 +38,7 @@ impl LineLocation<'_> {
         found: impl Into<String>,
         needed: impl Into<String>,
     ) -> IoError {
-        invalid(self.path, format!("line {}, {part}", self.line), found, needed)
+        invalid(self.path, (self.line, part.to_string()), found, needed)
     }
 
     pub(crate) fn number(&self, word: &str) -> Result<f64, IoError> {

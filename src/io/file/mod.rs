@@ -13,7 +13,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::io::{Feature, IoError};
+use crate::io::{Feature, FileElement, IoError};
 
 pub(super) use lines::{LONGEST, LineLocation, Lines, finite};
 pub(super) use outputs::{OutPath, cannot_write, replace_file, write_file, write_to};
@@ -89,7 +89,7 @@ impl Source {
                 let refuse = || {
                     let line = 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count();
                     let found = format!("byte 0x{:02x}", self.bytes[at]);
-                    self.invalid(format!("line {line}, byte {at} of the file"), found, "text in UTF-8")
+                    self.invalid((line, format!("byte {at} of the file")), found, "text in UTF-8")
                 };
                 let text = decoded(&self.bytes).ok_or_else(refuse)?;
                 self.decoded[0].get_or_init(|| text)
@@ -125,14 +125,18 @@ impl Source {
 
     pub(crate) fn invalid(
         &self,
-        element: impl Into<String>,
+        element: impl Into<FileElement>,
         found: impl Into<String>,
         needed: impl Into<String>,
     ) -> IoError {
         invalid(&self.path, element, found, needed)
     }
 
-    pub(crate) fn unsupported(&self, element: impl Into<String>, feature: impl Into<Feature>) -> IoError {
+    pub(crate) fn unsupported(
+        &self,
+        element: impl Into<FileElement>,
+        feature: impl Into<Feature>,
+    ) -> IoError {
         IoError::Unsupported { path: self.path.clone(), element: element.into(), feature: feature.into() }
     }
 }
@@ -182,7 +186,7 @@ pub(crate) fn stem(path: &Path) -> String {
 
 pub(crate) fn invalid(
     path: &Path,
-    element: impl Into<String>,
+    element: impl Into<FileElement>,
     found: impl Into<String>,
     needed: impl Into<String>,
 ) -> IoError {

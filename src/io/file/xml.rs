@@ -31,9 +31,8 @@ impl<'a> Xml<'a> {
             return Err(source.invalid("file", format!("{} bytes", text.len()), needed));
         }
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options).map_err(|e| {
-            source.invalid(format!("line {}", e.pos().row), e.to_string(), "well-formed XML without a DTD")
-        })?;
+        let document = Document::parse_with_options(text, options)
+            .map_err(|e| source.invalid((e.pos().row, ""), e.to_string(), "well-formed XML without a DTD"))?;
         let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect();
         Ok(Self { source, document, ends })
     }
@@ -53,7 +52,7 @@ impl<'a> Xml<'a> {
         found: impl Into<String>,
         needed: impl Into<String>,
     ) -> IoError {
-        self.source.invalid(format!("line {}, {}", self.line(node), tag(node)), found, needed)
+        self.source.invalid((self.line(node), tag(node)), found, needed)
     }
 
     /// The text of an attribute that must be there.

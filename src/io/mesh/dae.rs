@@ -110,7 +110,10 @@ impl<'a, 'i> Scene<'a, 'i> {
                         self.add_geometry(self.used(part)?, pose, node.attribute("name"))?
                     }
                     "instance_controller" => {
-                        return Err(self.xml.source.unsupported(self.at(part), "a mesh that follows joints"));
+                        return Err(self
+                            .xml
+                            .source
+                            .unsupported((self.xml.line(part), ""), "a mesh that follows joints"));
                     }
                     _ => {}
                 }
@@ -128,10 +131,6 @@ impl<'a, 'i> Scene<'a, 'i> {
         let transform = transform(self.xml, node)?;
         self.transforms.insert(node.id(), transform);
         Ok(transform)
-    }
-
-    fn at(&self, node: Node<'_, '_>) -> String {
-        format!("line {}", self.xml.line(node))
     }
 
     /// Adds a use of a mesh.
@@ -359,7 +358,7 @@ fn transform(xml: &Xml<'_>, node: Node<'_, '_>) -> Result<DAffine3> {
             "rotate" => vector(0)
                 .try_normalize()
                 .map_or(DAffine3::IDENTITY, |axis| DAffine3::from_axis_angle(axis, given[3].to_radians())),
-            _ => return Err(xml.source.unsupported(format!("line {}", xml.line(part)), kind)),
+            _ => return Err(xml.source.unsupported((xml.line(part), ""), kind)),
         };
     }
     Ok(all)

@@ -131,7 +131,7 @@ impl ObjReader {
             "g" => self.enter(rest.trim()),
             "usemtl" => self.use_material(rest.trim()),
             "curv" | "curv2" | "surf" => {
-                return Err(source.unsupported(format!("line {}", at.line), "a free-form curve or surface"));
+                return Err(source.unsupported((at.line, ""), "a free-form curve or surface"));
             }
             // The format requires readers to skip unknown statements.
             _ => {}
@@ -195,7 +195,7 @@ impl ObjReader {
             let corners: Vec<Corner> = fan[0][..2].iter().copied().chain(fan.iter().map(|t| t[2])).collect();
             let outline: Vec<DVec3> = corners.iter().map(|c| self.positions[c.position as usize]).collect();
             let cut = cut_polygon(&outline, &[])
-                .ok_or_else(|| source.invalid(format!("line {line}, `f`"), CROSSED, POLYGON_NEEDED))?;
+                .ok_or_else(|| source.invalid((line, "`f`"), CROSSED, POLYGON_NEEDED))?;
             if self.materials.is_some() {
                 let alike = vec![group.materials[triangles.start]; cut.len()];
                 group.materials.splice(triangles.clone(), alike);
@@ -242,7 +242,7 @@ impl ObjReader {
         {
             if is_read && index > count as u64 {
                 let needed = format!("at most {count}, as many as the file has");
-                let element = format!("line {line}, corner of `f`");
+                let element = (line, "corner of `f`");
                 return Err(source.invalid(element, format!("`{word}` number {index}"), needed));
             }
         }

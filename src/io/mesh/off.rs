@@ -113,7 +113,7 @@ fn header<'a>(
     let mut has_normals = 0;
     if let Some((kind, rest)) = text.split_once("OFF") {
         if rest.contains("BINARY") || kind.contains(['4', 'n']) {
-            return Err(source.unsupported(format!("line {}", words.at.line), excerpt(text).as_str()));
+            return Err(source.unsupported((words.at.line, ""), excerpt(text).as_str()));
         }
         if !["", "C", "N", "CN", "ST", "STC", "STN", "STCN"].contains(&kind) {
             return Err(words.at.invalid(excerpt(text), "OFF, or COFF, NOFF, STOFF"));

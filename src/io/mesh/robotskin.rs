@@ -104,11 +104,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
     let file: File<'_> = serde_json::from_slice(source.bytes()).map_err(|e| {
         let found = e.to_string();
         let found = found.rsplit_once(" at line ").map_or(found.as_str(), |(found, _)| found);
-        source.invalid(
-            format!("line {}, column {}", e.line(), e.column()),
-            found,
-            "robotskinlib JSON, version 2",
-        )
+        source.invalid((e.line(), format!("column {}", e.column())), found, "robotskinlib JSON, version 2")
     })?;
     let body = file.skin;
     check_version(source, &file.info.file_version)?;

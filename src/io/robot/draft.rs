@@ -111,7 +111,7 @@ pub(in crate::io) fn draft_of(
             let needed = "a shape of finite size, scale and pose";
             return Err(invalid(
                 path,
-                format!("line {}, a shape of {:?}", shape.line, sheet.name),
+                (shape.line, format!("a shape of {:?}", sheet.name)),
                 format!("a vertex at {p}"),
                 needed,
             ));
@@ -151,7 +151,7 @@ fn check_size(path: &Path, shapes: &[&Shape], meshes: &BTreeMap<String, Draft>) 
         };
         if triangles > MAX_TRIANGLES {
             let needed = format!("at most {MAX_TRIANGLES} triangles of all shapes");
-            return Err(invalid(path, format!("line {}, a shape", shape.line), "more triangles", needed));
+            return Err(invalid(path, (shape.line, "a shape"), "more triangles", needed));
         }
     }
     Ok(())

@@ -131,13 +131,13 @@ impl<'a> Back<'a> {
                 format!("{:?}", row.patch),
                 "the name of a patch of the map, one of --patch if that is given",
             );
-            self.refusals.invalid(row.line, ", column `patch`", found, needed)
+            self.refusals.invalid(row.line, "column `patch`", found, needed)
         })?;
         let levels = patches[patch].levels.len();
         if row.level >= levels {
             let needed = format!("a level of {:?}, 0 to {}", patches[patch].name, levels - 1);
             let found = row.level.to_string();
-            return Err(self.refusals.invalid(row.line, ", column `level`", found, &needed));
+            return Err(self.refusals.invalid(row.line, "column `level`", found, &needed));
         }
         let level = LevelId::new(row.level);
         let position = match position {
@@ -147,7 +147,7 @@ impl<'a> Back<'a> {
         let uv = match position {
             MapCoordinates::Metres(uv) if uv.abs().max_element() > LARGEST => {
                 let (found, needed) = (format!("{:?}", uv.to_array()), "coordinates within 1e12 m");
-                return Err(self.refusals.invalid(row.line, ", columns u,v", found, needed));
+                return Err(self.refusals.invalid(row.line, "columns u,v", found, needed));
             }
             MapCoordinates::Metres(uv) => uv,
             MapCoordinates::Pixel(pixel) => {
@@ -156,7 +156,7 @@ impl<'a> Back<'a> {
                 if pixel[0] >= width || pixel[1] >= height {
                     let needed = format!("a pixel of the image of {width} x {height}");
                     let found = format!("{pixel:?}");
-                    return Err(self.refusals.invalid(row.line, ", columns px,py", found, &needed));
+                    return Err(self.refusals.invalid(row.line, "columns px,py", found, &needed));
                 }
                 frame.centre(pixel)
             }

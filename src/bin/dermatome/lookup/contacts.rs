@@ -58,13 +58,13 @@ const OPTIONAL: [&str; 3] = ["nx,ny,nz", "force", "radius"];
 const NORMAL: usize = 0;
 
 /// Where a row names its link, for errors.
-const LINK: &str = ", column `link`";
+const LINK: &str = "column `link`";
 
 /// Where a row names the only link that it can be on.
-const ONLY_LINK: &str = ", column `only_link`";
+const ONLY_LINK: &str = "column `only_link`";
 
 /// Where an answer names its frame.
-const FRAME: &str = ", column `frame`";
+const FRAME: &str = "column `frame`";
 
 pub(super) const WORLD: &str = "world";
 
@@ -143,16 +143,11 @@ impl Contacts<'_> {
         let link = self.link(robot, row)?;
         if point.abs().max_element() > LARGEST {
             let found = format!("{:?}", point.to_array());
-            return Err(self.refusals.invalid(
-                row.line,
-                ", columns x,y,z",
-                found,
-                "coordinates within 1e12 m",
-            ));
+            return Err(self.refusals.invalid(row.line, "columns x,y,z", found, "coordinates within 1e12 m"));
         }
         for (column, value) in [("radius", row.radius), ("force", row.force)] {
             if let Some(value) = value.filter(|x| x.abs() > LARGEST) {
-                let (part, needed) = (format!(", column `{column}`"), "a number within 1e12");
+                let (part, needed) = (format!("column `{column}`"), "a number within 1e12");
                 return Err(self.refusals.invalid(row.line, &part, value.to_string(), needed));
             }
         }
@@ -160,7 +155,7 @@ impl Contacts<'_> {
             let found = "no direction".into();
             return Err(self.refusals.invalid(
                 row.line,
-                ", columns nx,ny,nz",
+                "columns nx,ny,nz",
                 found,
                 "the direction of the ray",
             ));

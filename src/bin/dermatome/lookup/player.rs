@@ -46,7 +46,7 @@ impl Player {
                 }
                 other => (other.to_string(), "poses that the map can take"),
             };
-            let element = format!("the poses at {held} s");
+            let element = format!("the poses at {held} s").into();
             IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }
         })
     }

@@ -45,7 +45,7 @@ impl Refusals {
     }
 
     pub(super) fn invalid(&self, line: u64, part: &str, found: String, needed: &str) -> IoError {
-        let element = format!("line {line}{part}");
+        let element = (line, part).into();
         IoError::Invalid { path: self.path.clone(), element, found, needed: needed.into() }
     }
 

@@ -318,7 +318,7 @@ impl<'m> View<'m> {
 
     pub(super) fn invalid(&self, found: impl Into<String>, needed: impl Into<String>) -> IoError {
         let name = self.attribute("name").map(|name| format!(" name={}", excerpt(name))).unwrap_or_default();
-        let element = format!("line {}, <{}{name}>", self.line(), self.tag());
+        let element = (self.line(), format!("<{}{name}>", self.tag()));
         invalid(&self.model.files[self.element.file], element, found, needed)
     }
 }
