@@ -1014,6 +1014,7 @@ pub(crate) fn simulate_touch<'py>(
         drift,
         dead,
         seed,
+        ..TouchOptions::default()
     };
     let names: Vec<String> = skin.patches.iter().map(|patch| patch.name.clone()).collect();
     let made = run(py, 0, move |stop| -> Result<(Readings, Vec<Touch>), dermatome::Error> {
