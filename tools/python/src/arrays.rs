@@ -28,7 +28,9 @@ fn array_of<'py, T: Element>(
     }
     let array = numpy.call_method1("asarray", (value,)).map_err(|cause| {
         let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
-        let error = bad(name, class, needed);
+        let is_tensor = value.hasattr("detach").unwrap_or(false);
+        let how = if is_tensor { ": .detach().cpu().float() is one" } else { "" };
+        let error = bad(name, class, format!("{needed}{how}"));
         error.set_cause(value.py(), Some(cause));
         error
     })?;

@@ -9,7 +9,7 @@ use dermatome::{
     id::VertexId,
     mesh::TriMesh,
     pipeline::{BuildOptions, build_finest},
-    pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen_with},
+    pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid, coarsen_with},
     skin::{PatchId, TaxelId, Taxels},
 };
 use glam::DVec3;
@@ -17,7 +17,7 @@ use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::{prelude::*, types::PyList};
 
 use crate::{
-    arrays::{Reduced, matrix, points, reduced, triangles, vector},
+    arrays::{Reduced, floats, matrix, one_each, one_number_each, points, reduced, rows, triangles, vector},
     errors::{bad, error},
     jobs::run,
     map::json,
@@ -187,43 +187,50 @@ pub(crate) fn flatten(
 #[pyclass(frozen, module = "dermatome", name = "MeshLevel")]
 #[derive(Debug)]
 pub(crate) struct PyMeshLevel {
-    pyramid: Arc<Pyramid>,
-    id: LevelId,
+    level: Arc<Level>,
+    number: usize,
 }
+
+/// Number, positions, faces, areas and origins of a level, and the rows of its prolongation to the mesh.
+type LevelState<'py> = (
+    usize,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+);
 
 #[pymethods]
 impl PyMeshLevel {
     /// (n, 3) float64 array: Positions, in m.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.pyramid.levels[self.id].mesh.positions.iter().map(DVec3::to_array))
+        matrix(py, self.level.mesh.positions.iter().map(DVec3::to_array))
     }
 
     /// (m, 3) uint32 array: Triangles.
     #[getter]
     fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        matrix(
-            py,
-            self.pyramid.levels[self.id].mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)),
-        )
+        matrix(py, self.level.mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))
     }
 
     /// (n,) float64 array: Receptive areas, in m^2.
     #[getter]
     fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.pyramid.levels[self.id].areas.iter().copied())
+        vector(py, self.level.areas.iter().copied())
     }
 
     /// (n,) uint32 array: The vertex of the mesh that each vertex is.
     #[getter]
     fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        vector(py, self.pyramid.levels[self.id].origins.iter().map(|v| v.raw()))
+        vector(py, self.level.origins.iter().map(|v| v.raw()))
     }
 
     /// How the vertices of the mesh depend on those of this level: (vertices of the mesh, n), at most three entries
     /// a row.
     fn pooling(&self, py: Python<'_>) -> PyMatrix {
-        let level = &self.pyramid.levels[self.id];
+        let level = &self.level;
         let mut rows = Rows::new();
         match &level.to_finest {
             Some(direct) => {
@@ -234,14 +241,56 @@ impl PyMeshLevel {
         rows.into_matrix(py, level.mesh.positions.len())
     }
 
+    #[staticmethod]
+    fn _of(state: LevelState<'_>) -> PyResult<Self> {
+        let (number, positions, faces, areas, origins, rows) = state;
+        let mesh = mesh_of(&positions, &faces)?;
+        let count = mesh.positions.len();
+        let to_finest = rows.map(|(indices, weights)| -> PyResult<_> {
+            let indices = triangles("state", &indices, count)?;
+            let weights = floats("state", &weights)?;
+            let weights = self::rows("state", &weights)?.to_vec();
+            if weights.len() != indices.len() {
+                return Err(bad("state", "indices and weights that do not fit", "those of a MeshLevel"));
+            }
+            let indices = indices.into_iter().map(|row| row.map(VertexId::from)).collect();
+            Ok(Prolongation { indices, weights: weights.into(), coarse_len: count })
+        });
+        let level = Level {
+            origins: one_number_each("state", &origins, count)?.into_iter().map(VertexId::from).collect(),
+            areas: one_each("state", &areas, count)?.into(),
+            from_coarser: None,
+            to_finest: to_finest.transpose()?,
+            mesh,
+        };
+        Ok(Self { level: Arc::new(level), number })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        let (py, Self { level, number }) = (slf.py(), slf.get());
+        let rows = level.to_finest.as_ref().map(|rows| -> PyResult<_> {
+            let indices = matrix(py, rows.indices.iter().map(|row| row.map(VertexId::raw)))?;
+            Ok((indices.into_any(), matrix(py, rows.weights.iter().copied())?.into_any()))
+        });
+        let state: LevelState<'py> = (
+            *number,
+            slf.get().positions(py)?.into_any(),
+            slf.get().faces(py)?.into_any(),
+            slf.get().areas(py).into_any(),
+            slf.get().origins(py).into_any(),
+            rows.transpose()?,
+        );
+        Ok((py.get_type::<Self>().getattr("_of")?, (state,).into_pyobject(py)?))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     fn __repr__(&self) -> String {
-        let mesh = &self.pyramid.levels[self.id].mesh;
-        format!(
-            "<dermatome.MeshLevel {}: {} vertices, {} faces>",
-            self.id,
-            mesh.positions.len(),
-            mesh.triangles.len()
-        )
+        let (mesh, number) = (&self.level.mesh, self.number);
+        let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
+        format!("<dermatome.MeshLevel {number}: {vertices} vertices, {faces} faces>")
     }
 }
 
@@ -292,8 +341,7 @@ pub(crate) fn coarsen<'py>(
         let taxels = Taxels { acuities: acuity.map(Into::into), ..Taxels::from(&mesh) };
         Ok(coarsen_with(&mesh, &taxels, &options, stop.run())?)
     })?;
-    let pyramid = Arc::new(pyramid.map_err(error)?);
-    let levels =
-        pyramid.levels.ids().map(|id| Py::new(py, PyMeshLevel { pyramid: Arc::clone(&pyramid), id }));
+    let levels = pyramid.map_err(error)?.levels.into_iter().enumerate();
+    let levels = levels.map(|(number, level)| Py::new(py, PyMeshLevel { level: Arc::new(level), number }));
     PyList::new(py, levels.collect::<PyResult<Vec<_>>>()?)
 }

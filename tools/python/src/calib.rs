@@ -1,118 +1,37 @@
-//! `Observations`, `simulate` and `calibrate`: from noisy contacts to a skin.
+//! `simulate` and `calibrate`: from noisy contacts to a skin.
 
-use std::{path::PathBuf, sync::Arc};
+use std::sync::Arc;
 
 use dermatome::{
     Error,
     calib::{
-        CalibOptions, Calibration, Initialization, Loss, Model, ObservationDiagnostics, Observations,
-        ResidualConvention, SimulateOptions, calibrate_with, calibrated_skin, simulate_with,
+        CalibOptions, Calibration, Initialization, Loss, Model, ObservationDiagnostics, ResidualConvention,
+        SimulateOptions, calibrate_with, calibrated_skin, simulate_with,
     },
     id::VertexId,
-    io::{read_observations, write_observations},
 };
 use glam::{DQuat, DVec3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
-    arrays::{matrix, triangles, vector},
+    arrays::{Reduced, made_by, matrix, triangles, vector},
     errors::error,
     jobs::run,
-    options::{count, unit, word},
+    observations::PyObservations,
+    options::{count, word},
     skin::PySkin,
 };
 
-/// What was observed of taxels: displacements between them, and contacts at known places.
-#[pyclass(frozen, module = "dermatome", name = "Observations")]
-#[derive(Debug)]
-pub(crate) struct PyObservations {
-    observations: Arc<Observations>,
-    /// list of str: What was assumed when they were read.
-    #[pyo3(get)]
-    remarks: Vec<String>,
-}
-
-#[pymethods]
-impl PyObservations {
-    /// Read observations from files.
-    ///
-    /// Parameters
-    /// ----------
-    /// path : str or os.PathLike
-    ///     A graph .g2o or a table .csv.
-    /// contacts : sequence of str or os.PathLike, optional
-    ///     Contacts in files of their own.
-    /// unit : {"m", "mm", "cm", "in"} or float
-    ///     Unit of all lengths.
-    /// clip_information : bool
-    ///     Replace information that is not positive semi-definite by the nearest that is.
-    ///
-    /// Returns
-    /// -------
-    /// Observations
-    #[staticmethod]
-    #[pyo3(signature = (path, *, contacts=None, unit=None, clip_information=false))]
-    fn read(
-        py: Python<'_>,
-        path: PathBuf,
-        contacts: Option<Vec<PathBuf>>,
-        unit: Option<&Bound<'_, PyAny>>,
-        clip_information: bool,
-    ) -> PyResult<Self> {
-        let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let (mut observations, remarks) =
-            run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
-        observations.scale(metres);
-        let mut remarks: Vec<_> = remarks.iter().map(ToString::to_string).collect();
-        let clipped = if clip_information { observations.clip_information() } else { 0 };
-        if clipped > 0 {
-            remarks.push(format!("{clipped} observations have information that was clipped"));
-        }
-        Ok(Self { observations: Arc::new(observations), remarks })
-    }
-
-    /// Write them to a graph .g2o or a table .csv.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let observations = Arc::clone(&self.observations);
-        run(py, 0, move |_| write_observations(&path, &observations))?.map_err(error)
-    }
-
-    /// int: Number of taxels.
-    #[getter]
-    fn n_taxels(&self) -> usize {
-        self.observations.taxels.len()
-    }
-
-    /// int: Number of displacements.
-    #[getter]
-    fn n_edges(&self) -> usize {
-        self.observations.edges.len()
-    }
-
-    /// int: Number of contacts.
-    #[getter]
-    fn n_contacts(&self) -> usize {
-        self.observations.contacts.len()
-    }
-
-    fn __repr__(&self) -> String {
-        let Observations { taxels, edges, contacts, .. } = &*self.observations;
-        format!(
-            "<dermatome.Observations: {} taxels, {} displacements, {} contacts>",
-            taxels.len(),
-            edges.len(),
-            contacts.len()
-        )
-    }
-}
-
-/// Where taxels are, and how well the observations agree.
+/// Where taxels are, and how well the observations agree. It is pickled as its observations and options, and found
+/// again.
 #[pyclass(frozen, module = "dermatome", name = "Calibration")]
 #[derive(Debug)]
 pub(crate) struct PyCalibration {
     found: Arc<Calibration>,
-    observations: Arc<Observations>,
+    observations: Py<PyObservations>,
+    /// `robust`, `residual`, `initial`, `iterations` and `covariances` of `calibrate`.
+    options: (String, String, String, usize, bool),
 }
 
 #[pymethods]
@@ -166,7 +85,7 @@ impl PyCalibration {
         self.found.termination.is_converged()
     }
 
-    /// tuple of arrays: Numbers of the displacements and of the contacts that were rejected as outliers.
+    /// tuple of two (k,) uint32 arrays: Numbers of the displacements and of the contacts that were rejected as outliers.
     #[getter]
     fn rejected<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>) {
         let (edges, contacts) = self.found.rejected();
@@ -194,13 +113,22 @@ impl PyCalibration {
     /// Skin
     #[pyo3(signature = (faces=None))]
     fn skin(&self, py: Python<'_>, faces: Option<&Bound<'_, PyAny>>) -> PyResult<PySkin> {
-        let (found, observations) = (Arc::clone(&self.found), Arc::clone(&self.observations));
+        let (found, observations) =
+            (Arc::clone(&self.found), Arc::clone(&self.observations.get().observations));
         let faces = faces.map(|faces| triangles("faces", faces, found.ids.len())).transpose()?;
         let faces: Option<Vec<_>> =
             faces.map(|faces| faces.into_iter().map(|face| face.map(VertexId::from)).collect());
         let made =
             run(py, 0, move |_| calibrated_skin(&found, &observations, faces.as_deref()))?.map_err(error)?;
         Ok(PySkin::new(made.skin, &made.remarks))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        made_by(py, "calibration", (self.observations.clone_ref(py), self.options.clone()))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
@@ -277,15 +205,16 @@ pub(crate) fn calibrate(
         covariances,
     };
     let observations = match observations.cast::<PyObservations>() {
-        Ok(observations) => Arc::clone(&observations.get().observations),
+        Ok(observations) => observations.clone(),
         Err(_) => {
             let read = py.get_type::<PyObservations>().call_method1("read", (observations,))?;
-            Arc::clone(&read.cast::<PyObservations>()?.get().observations)
+            read.cast_into::<PyObservations>()?
         }
     };
-    let of = Arc::clone(&observations);
+    let (of, iterations) = (Arc::clone(&observations.get().observations), options.max_iterations);
     let found = run(py, count("threads", threads)?, move |stop| calibrate_with(&of, &options, stop.run()))?;
-    Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations })
+    let options = (robust.to_owned(), residual.to_owned(), initial.to_owned(), iterations, covariances);
+    Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations: observations.unbind(), options })
 }
 
 /// Simulate observations of a skin on a sphere whose truth is known.
@@ -368,5 +297,5 @@ pub(crate) fn simulate<'py>(
         matrix(py, made.mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))?,
     )?;
     truth.set_item("outliers", vector(py, made.outliers.iter().map(|id| id.raw())))?;
-    Ok((PyObservations { observations: Arc::new(made.observations), remarks: Vec::new() }, truth))
+    Ok((PyObservations::new(made.observations, Vec::new()), truth))
 }

@@ -275,7 +275,14 @@ impl PyIndex {
         only_link: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<Query>> {
         let array = floats(name, points)?;
-        let points = rows(name, &array)?;
+        let points: &[[f64; 3]] = rows(name, &array)?;
+        if let Some(k) = points.iter().position(|point| !point.iter().all(|x| x.abs() <= FARTHEST)) {
+            return Err(bad(
+                &format!("{name}[{k}]"),
+                format!("{:?}", points[k]),
+                "finite coordinates within 1e12 m",
+            ));
+        }
         let link = link.map(|name| self.link_named("link", name)).transpose()?;
         let only_links = self.only_links(only_link, points.len())?;
         let query = |(&point, only_link): (&[f64; 3], Option<LinkId>)| Query {
@@ -315,6 +322,15 @@ impl PyIndex {
             Ok(links)
         } else {
             Err(bad("only_link", format!("{} links", links.len()), format!("one, or {count}")))
+        }
+    }
+
+    /// Refuses what the index was made without.
+    fn need(&self, what: &str, has_it: bool) -> PyResult<()> {
+        if has_it {
+            Ok(())
+        } else {
+            Err(bad("index", format!("no {what}"), format!("Map.index({what}=True)")))
         }
     }
 
@@ -431,6 +447,9 @@ pub(crate) fn pose_of(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<DAff
 
 /// What the taxels read, and which contacts touch one.
 type Felt<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>);
+
+/// Coordinates are at most this, in m, as the library wants them.
+const FARTHEST: f64 = 1e12;
 
 /// Fewest queries for a task.
 const FEW: usize = 64;
@@ -574,6 +593,7 @@ impl PyIndex {
         only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyHits> {
+        self.need("reactive", self.options.reactive)?;
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
         self.hits(py, threads, level, move |index, stop| {
@@ -623,6 +643,7 @@ impl PyIndex {
         only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyFields> {
+        self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
         let (most, level) = (self::count("count", count)?, self.level(level)?);
         let find = move |index: &ContactIndex, query: Query| index.nearest_fields(query, most, level);
@@ -657,6 +678,7 @@ impl PyIndex {
         only_link: Option<&Bound<'_, PyAny>>,
         threads: i64,
     ) -> PyResult<PyFields> {
+        self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
         let level = self.level(level)?;
         let find = move |index: &ContactIndex, query: Query| index.fields_within(query, radius, level);
@@ -709,6 +731,7 @@ impl PyIndex {
         link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Felt<'py>> {
+        self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
         let forces = one_each("force", force, queries.len())?;
         let radii = radius

@@ -1,12 +1,12 @@
 //! `Layout` and `Decoder`: what the numbers of a recording mean, and what turns them into readings.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
 
 use dermatome::{
-    io::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times},
+    io::{Decoder, IoError, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times},
     skin::TaxelId,
 };
 use numpy::{PyArray1, PyUntypedArrayMethods};
@@ -16,7 +16,7 @@ use pyo3::{
 };
 
 use crate::{
-    arrays::{Reals, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
+    arrays::{Reals, Reduced, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
     errors::{bad, error},
 };
 
@@ -37,6 +37,14 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct PyLayout {
     pub(crate) layout: Layout,
+    /// What errors call it, in the folder of the table that it may name.
+    path: PathBuf,
+}
+
+impl PyLayout {
+    fn new(path: PathBuf, read: impl FnOnce(&Path) -> Result<Layout, IoError>) -> PyResult<Self> {
+        Ok(Self { layout: read(&path).map_err(error)?, path })
+    }
 }
 
 #[pymethods]
@@ -44,7 +52,7 @@ impl PyLayout {
     /// Read a layout, a JSON file; a table that it names is in the same folder.
     #[staticmethod]
     fn read(path: PathBuf) -> PyResult<Self> {
-        Ok(Self { layout: Layout::read(&path).map_err(error)? })
+        Self::new(path, Layout::read)
     }
 
     /// Read a layout of a text, which errors call `name`.
@@ -61,7 +69,7 @@ impl PyLayout {
     #[pyo3(signature = (text, name="layout", folder=None))]
     fn parse(text: &str, name: &str, folder: Option<PathBuf>) -> PyResult<Self> {
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
-        Ok(Self { layout: Layout::parse(&path, text).map_err(error)? })
+        Self::new(path, |path| Layout::parse(path, text))
     }
 
     /// The text of a layout of what a file states, with null where it states nothing; `read` refuses null.
@@ -174,6 +182,16 @@ impl PyLayout {
     #[getter]
     fn text(&self) -> &str {
         self.layout.text()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let state = (self.text(), name, self.path.parent()).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("parse")?, state))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {

@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
@@ -12,6 +12,7 @@ mod jobs;
 mod layout;
 mod map;
 mod matrix;
+mod observations;
 mod bare_mesh;
 mod options;
 mod plot;
@@ -48,11 +49,12 @@ mod _dermatome {
     #[pymodule_export]
     use super::{
         bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
-        calib::{PyCalibration, PyObservations, calibrate, simulate},
+        calib::{PyCalibration, calibrate, simulate},
         index::{PyFields, PyHits, PyIndex},
         layout::{PyDecoder, PyLayout},
         map::{PyLevel, PyMap, PyPatch, build},
         matrix::PyMatrix,
+        observations::PyObservations,
         plot::{PyPicture, colours},
         recording_file::PyRecordingFile,
         robot::PyRobot,

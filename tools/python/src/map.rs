@@ -560,8 +560,7 @@ impl PyMap {
         range=None, width=1600, extensive=false, ax=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn plot(
-        &self,
-        py: Python<'_>,
+        slf: &Bound<'_, Self>,
         values: Option<&Bound<'_, PyAny>>,
         patches: Option<Vec<String>>,
         levels: Option<Vec<i64>>,
@@ -574,14 +573,15 @@ impl PyMap {
         extensive: bool,
         ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
-        let level = |&found: &i64| self::level("levels", found, self.levels());
+        let map = slf.get();
+        let level = |&found: &i64| self::level("levels", found, map.levels());
         let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
-        let values = values.map(|values| one_each("values", values, self.n_taxels())).transpose()?;
+        let values = values.map(|values| one_each("values", values, map.n_taxels())).transpose()?;
         let (patches, unfold) = (patches.unwrap_or_default(), unfold.unwrap_or_default());
         let args = PlotArgs { patches, levels, show, space, view, unfold, range, width, extensive };
-        let picture = PyPicture::new(py, &self.map, values, args)?;
+        let picture = PyPicture::new(slf, values, args)?;
         if let Some(ax) = ax {
-            ax.call_method1("imshow", (picture.array(py)?,))?;
+            ax.call_method1("imshow", (picture.array(slf.py())?,))?;
             ax.call_method1("axis", ("off",))?;
         }
         Ok(picture)
@@ -1080,6 +1080,10 @@ pub(crate) fn build(
     };
     let skin = match skin.cast::<PySkin>() {
         Ok(skin) => Arc::clone(&skin.get().skin),
+        Err(_) if skin.hasattr("vertices")? => {
+            let found = skin.get_type().name()?;
+            return Err(bad("skin", found, "a Skin or a file: dermatome.trimesh.skin(mesh) is a Skin"));
+        }
         Err(_) => {
             let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;
             Arc::clone(&read.cast::<PySkin>()?.get().skin)

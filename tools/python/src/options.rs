@@ -118,7 +118,7 @@ impl Extensive {
         match (self, channels) {
             (Self::All(one), count) => Ok(vec![*one; count.unwrap_or(1)]),
             (Self::Each(all), Some(count)) if all.len() != count => {
-                Err(bad("extensive", format!("{} words", all.len()), format!("one, or {count}")))
+                Err(bad("extensive", all.len(), format!("one, or {count}: one for each channel")))
             }
             (Self::Each(all), _) => Ok(all.clone()),
         }

@@ -3,23 +3,26 @@
 use std::{fs, path::PathBuf, sync::Arc};
 
 use dermatome::{
-    SkinMap,
     io::{IoError, file_kind},
     plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, value_colour},
     pyramid::LevelId,
     signal::{Duplicates, Frame, Join, Restrictor},
 };
 use numpy::{PyArray3, PyArray4, PyReadonlyArray2, PyReadonlyArray3};
-use pyo3::{prelude::*, types::PyBytes};
+use pyo3::{
+    prelude::*,
+    types::{PyBytes, PyDict},
+};
 
 use crate::{
-    arrays::shaped,
+    arrays::{Reduced, made_by, shaped, vector},
     errors::{bad, error},
     jobs::run,
+    map::PyMap,
     options::{channels, word},
 };
 
-/// A picture; notebooks show it.
+/// A picture; notebooks show it. It is pickled as its map and what was asked of it.
 ///
 /// Examples
 /// --------
@@ -28,7 +31,13 @@ use crate::{
 /// >>> dermatome.build(palm).plot(width=600).array().shape[1:]
 /// (600, 3)
 #[pyclass(frozen, module = "dermatome", name = "Picture")]
-pub(crate) struct PyPicture(Arc<Picture>);
+pub(crate) struct PyPicture {
+    picture: Arc<Picture>,
+    map: Py<PyMap>,
+    values: Option<Vec<f64>>,
+    /// The other arguments of `Map.plot`.
+    options: Py<PyDict>,
+}
 
 /// What to draw, from arguments.
 pub(crate) struct PlotArgs<'a> {
@@ -43,13 +52,26 @@ pub(crate) struct PlotArgs<'a> {
     pub(crate) extensive: bool,
 }
 
+impl PlotArgs<'_> {
+    fn options(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        let Self { patches, levels, show, space, view, unfold, range, width, extensive } = self;
+        let options = PyDict::new(py);
+        options.set_item("patches", patches)?;
+        options.set_item("levels", levels.iter().map(|level| level.index()).collect::<Vec<_>>())?;
+        options.set_item("show", show)?;
+        options.set_item("space", space)?;
+        options.set_item("view", view)?;
+        options.set_item("unfold", unfold)?;
+        options.set_item("range", range)?;
+        options.set_item("width", width)?;
+        options.set_item("extensive", extensive)?;
+        Ok(options.unbind())
+    }
+}
+
 impl PyPicture {
-    pub(crate) fn new(
-        py: Python<'_>,
-        map: &Arc<SkinMap>,
-        values: Option<Vec<f64>>,
-        args: PlotArgs<'_>,
-    ) -> PyResult<Self> {
+    pub(crate) fn new(of: &Bound<'_, PyMap>, values: Option<Vec<f64>>, args: PlotArgs<'_>) -> PyResult<Self> {
+        let (py, given) = (of.py(), args.options(of.py())?);
         let known = [
             ("fields", Paint::Fields),
             ("angle", Paint::Angle),
@@ -76,16 +98,17 @@ impl PyPicture {
             range: args.range,
             width_px: args.width,
         };
-        let (map, extensive) = (Arc::clone(map), args.extensive);
+        let (map, extensive, shown) = (Arc::clone(&of.get().map), args.extensive, values.clone());
         let picture = run(py, 0, move |_| -> Result<Picture, dermatome::Error> {
-            let Some(values) = values else { return Ok(plot_map(&map, &options)?) };
+            let Some(values) = shown else { return Ok(plot_map(&map, &options)?) };
             let channels = channels([extensive]);
             let mut frame = Frame::new(&map, 1);
             Join::new(&map, None, values.len(), Duplicates::Refuse)?.fill(&values, &mut frame);
             let mut restrictor = Restrictor::new(&map, &channels);
             Ok(plot_frame(&map, restrictor.restrict(&frame), &channels, 0, &options)?)
         })?;
-        Ok(Self(Arc::new(picture.map_err(error)?)))
+        let picture = Arc::new(picture.map_err(error)?);
+        Ok(Self { picture, map: of.clone().unbind(), values, options: given })
     }
 }
 
@@ -93,16 +116,16 @@ impl PyPicture {
 impl PyPicture {
     /// The picture as SVG.
     fn svg(&self) -> String {
-        self.0.to_svg()
+        self.picture.to_svg()
     }
 
     fn _repr_svg_(&self) -> String {
-        self.0.to_svg()
+        self.picture.to_svg()
     }
 
     /// The picture as PNG.
     fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let picture = Arc::clone(&self.0);
+        let picture = Arc::clone(&self.picture);
         Ok(PyBytes::new(py, &run(py, 0, move |_| picture.to_png())?.map_err(error)?))
     }
 
@@ -113,20 +136,29 @@ impl PyPicture {
     /// (H, W, 3) uint8 array
     ///     Red, green and blue, the first row on top.
     pub(crate) fn array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let picture = Arc::clone(&self.0);
-        let [width, height] = self.0.size_px();
+        let picture = Arc::clone(&self.picture);
+        let [width, height] = self.picture.size_px();
         let pixels = run(py, 0, move |_| picture.to_pixels())?.map_err(error)?;
         shaped(py, [height as usize, width as usize, 3], pixels.into_flattened())
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let values = self.values.as_ref().map(|values| vector(py, values.iter().copied()));
+        made_by(py, "picture", (self.map.clone_ref(py), values, self.options.clone_ref(py)))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     fn __repr__(&self) -> String {
-        let [width, height] = self.0.size_px();
+        let [width, height] = self.picture.size_px();
         format!("<dermatome.Picture: {height} x {width} pixels>")
     }
 
     /// Write the picture to a file .svg or .png.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let picture = Arc::clone(&self.0);
+        let picture = Arc::clone(&self.picture);
         let bytes = match file_kind(&path).as_str() {
             "svg" => picture.to_svg().into_bytes(),
             "png" => run(py, 0, move |_| picture.to_png())?.map_err(error)?,

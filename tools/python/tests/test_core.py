@@ -1,6 +1,5 @@
 """Skins, maps, levels, matrices and lookups: laws on small named shapes."""
 
-import copy
 import gc
 import multiprocessing
 import os
@@ -510,93 +509,6 @@ def test_progress_may_call_the_package(dome_map):
 
     dermatome.build(dermatome.Skin.from_arrays(*lattice(8, 8)), threads=1, progress=progress)
     assert len(pooled) == 8
-
-
-SPAWNED = """
-import multiprocessing, sys
-import numpy as np
-import dermatome
-
-class Frames:
-    def __init__(self, renderer, index):
-        self.renderer, self.index = renderer, index
-
-    def __call__(self, seed):
-        values = np.random.default_rng(seed).random((2, self.renderer.matrix().shape[1]))
-        return self.renderer(values), self.index.locate([[0.01, 0.02, 0.1]]).point
-
-if __name__ == "__main__":
-    skin_map = dermatome.Map.read(sys.argv[1])
-    frames = Frames(skin_map.renderer(0, size=[16, 16], mask=True), skin_map.index().posed({"hand": np.eye(4)}))
-    for method in ("spawn", "forkserver"):
-        with multiprocessing.get_context(method).Pool(2) as pool:
-            for seed, (images, points) in enumerate(pool.map(frames, range(4))):
-                assert np.array_equal(images, frames(seed)[0], equal_nan=True) and np.array_equal(points, frames(seed)[1])
-    print("same")
-"""
-
-
-def test_objects_go_to_spawned_workers(dome_map, tmp_path):
-    dome_map.write(tmp_path / "map.glb")
-    (tmp_path / "spawned.py").write_text(SPAWNED)
-    said = subprocess.run([sys.executable, "spawned.py", "map.glb"], cwd=tmp_path, capture_output=True, text=True)
-    assert said.stdout == "same\n", said.stderr
-
-
-def copies(thing):
-    yield copy.copy(thing)
-    yield copy.deepcopy(thing)
-    for protocol in range(2, pickle.HIGHEST_PROTOCOL + 1):
-        yield pickle.loads(pickle.dumps(thing, protocol))
-
-
-def same(one, other):
-    """Whether all attributes are equal."""
-    names = [name for name in dir(one) if not name.startswith("_") and not callable(getattr(one, name))]
-    for a, b in ((getattr(one, name), getattr(other, name)) for name in names):
-        if isinstance(a, (dermatome.Matrix, dermatome.Hits)):
-            assert same(a, b)
-        elif isinstance(a, np.ndarray):
-            assert a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
-        elif not isinstance(a, (dermatome.Level, tuple)) or not a or not isinstance(a[0], dermatome.Level):
-            assert str(a) == str(b)
-    return bool(names)
-
-
-def test_every_result_is_pickled_and_copied(uneven_map, tmp_path):
-    index = uneven_map.index(reactive=True, fields=True)
-    points, coarsest = uneven_map.patches["skin"].levels[0].positions[:7] + 1e-3, uneven_map.n_levels - 1
-    turned = {uneven_map.links[0]: [[0, -1, 0, 0.1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
-    first, second = uneven_map.patches.values()
-    path = tmp_path / "arm.urdf"
-    path.write_text("""<robot name="arm"><link name="base"/><link name="tip"/><link name="thumb"/>
-      <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/><origin xyz="1 0 0" rpy="1 2 3"/>
-        <axis xyz="0 0 2"/><limit lower="-1" upper="1"/></joint>
-      <joint name="slide" type="prismatic"><parent link="tip"/><child link="thumb"/>
-        <mimic joint="turn" multiplier="2" offset="0.5"/></joint></robot>""")
-    robot = dermatome.Robot.read(path)
-    for thing in (
-        index.locate(points, level=1), index.reactive(points), index.ray(points, -points), index.within(points, 0.01),
-        uneven_map.pooling(1), uneven_map.renderer(coarsest, pack="body", size=[40, 30], extensive=[True], fill=2.0, mask=True),
-        uneven_map.renderer(0, patch=second.name, pixel=0.01), second, second.levels[1], index, index.posed(turned),
-        dermatome.flatten(*lattice(5, 5)), robot,
-    ):  # fmt: skip
-        for again in copies(thing):
-            assert type(again) is type(thing) and repr(again) == repr(thing) and same(thing, again)
-    values = np.random.default_rng(0).random((3, 1, 592))
-    renderer = uneven_map.renderer(coarsest, pack=True, size=(40, 30), channels=1, interpolate="nearest")
-    for again in copies(renderer):
-        assert np.array_equal(again(values), renderer(values), equal_nan=True)
-    for moved in copies(index.posed(turned)):
-        assert same(moved.locate(points), index.posed(turned).locate(points)) and same(moved.nearest(points, 3), index.posed(turned).nearest(points, 3))
-    for again in copies(robot):
-        assert all(np.array_equal(pose, robot.poses({"turn": 0.3})[name]) for name, pose in again.poses({"turn": 0.3}).items())
-    assert copy.deepcopy([renderer, uneven_map, index, robot]) == [renderer, uneven_map, index, robot], "what never changes is shared"
-    hits = index.locate(points)
-    copy.deepcopy(hits).distance[:] = 0
-    assert (hits.distance != 0).all()
-    with pytest.raises(dermatome.Error):
-        dermatome.Robot._of([("a", 7, np.eye(4))], [])
 
 
 def test_fields_of_the_whole_map_have_one_order(uneven_map):

@@ -37,7 +37,7 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
     assert np.array_equal(filled, np.nan_to_num(images))
     mixed = dome_map.renderer(1, channels=2, size=(48, 40), extensive=[False, True])(values)
     assert np.array_equal(mixed[:, 0], images[:, 0], equal_nan=True) and np.nanmax(mixed[:, 1]) > 10 * np.nanmax(images[:, 1])
-    with pytest.raises(dermatome.DataError, match="extensive: found 3 words"):
+    with pytest.raises(dermatome.DataError, match="extensive: found 3; needed: one, or 2"):
         dome_map.renderer(channels=2, extensive=[True, True, False])
 
 

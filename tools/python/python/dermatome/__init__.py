@@ -5,6 +5,9 @@ finds what is near a point, and `Map.pool` carries readings to the fields. Lengt
 may be anything that numpy takes for an array, arrays out are new and in C order.
 """
 
+from typing import TYPE_CHECKING, Any
+
+from dermatome import _layout as _layout
 from dermatome._dermatome import (
     Calibration,
     ContactTracker,
@@ -35,8 +38,10 @@ from dermatome._dermatome import (
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
-from dermatome._recording import Recording
 from dermatome._touch import touch
+
+if TYPE_CHECKING:
+    from dermatome._recording import Recording
 
 __all__ = [
     "Calibration",
@@ -73,3 +78,12 @@ __all__ = [
     "simulate",
     "touch",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    # A third of the time of the import, which most programs do not need.
+    if name == "Recording":
+        from dermatome._recording import Recording
+
+        return Recording
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

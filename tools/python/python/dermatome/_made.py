@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._dermatome import ContactTracker, Index, Level, Map, Patch, Renderer
+from dermatome._dermatome import Calibration, ContactTracker, Index, Level, Map, Observations, Patch, Picture, Renderer, calibrate
 
 
 def index(map: Map, reactive: bool, fields: bool, poses: dict[str, Any]) -> Index:
@@ -14,6 +14,15 @@ def index(map: Map, reactive: bool, fields: bool, poses: dict[str, Any]) -> Inde
 
 def renderer(map: Map, options: dict[str, Any]) -> Renderer:
     return map.renderer(**options)
+
+
+def picture(map: Map, values: Any, options: dict[str, Any]) -> Picture:
+    return map.plot(values, **options)
+
+
+def calibration(observations: Observations, options: tuple[Any, ...]) -> Calibration:
+    names = ("robust", "residual", "initial", "iterations", "covariances")
+    return calibrate(observations, **dict(zip(names, options)))
 
 
 def patch(map: Map, name: str) -> Patch:

@@ -38,7 +38,8 @@ class Draft(str):
 
 
 class Recording:
-    """A recording in a file, of which nothing but headers was read: made by `Readings.open`.
+    """A recording in a file, of which nothing but headers was read: made by `Readings.open`. It is pickled as its path and
+    what was asked of it, and opened again.
 
     Attributes
     ----------
@@ -285,6 +286,9 @@ class Recording:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Recording, (self.path, self._given, self._axes or self.layout, self.episode)
+
     def __repr__(self) -> str:
         shown = ", ".join(f"{name} {shape}" for name, shape in list(self.streams.items())[:3])
         return f"<Recording: {self.path}: {shown}{', ...' if len(self.streams) > 3 else ''}>"
@@ -371,38 +375,4 @@ def layout_of(given: Any) -> Any:
     raise DataError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
 
 
-_draft_of_cells = Layout.draft
-
-
-def _draft(
-    file: Any, cells: Sequence[int] | None = None, *, stream: str = "", says: dict[str, Any] | None = None
-) -> str:
-    """The text of a layout of what a file states, with null where it states nothing; `read` refuses null.
-
-    Parameters
-    ----------
-    file : Recording, RecordingFile, str or os.PathLike
-        A recording; or with `cells` the name of any file.
-    cells : sequence of int, optional
-        The shape of one frame.
-    stream : str
-        The name of the stream; with `cells`.
-    says : dict, optional
-        What the file states, as `decoder` takes it; with `cells`.
-
-    Returns
-    -------
-    str
-        The JSON; that of a `Recording` has a method `write(path)`.
-    """
-    if cells is None:
-        if not hasattr(file, "draft"):
-            raise DataError(f"cells: found none for {file}; needed: the shape of one frame, or a recording of Readings.open")
-        made: str = file.draft()
-        return made
-    return _draft_of_cells(file, cells, stream=stream, says=says)
-
-
-# The extension module knows no `Recording`.
-setattr(Layout, "draft", staticmethod(_draft))
 Recording.__module__ = "dermatome"

@@ -1,0 +1,253 @@
+//! `Observations`: what was observed of taxels.
+
+use std::{path::PathBuf, sync::Arc};
+
+use dermatome::{
+    calib::{
+        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
+        Observations, Pose, PoseMeasurement, TaxelVariable,
+    },
+    id::VertexId,
+    io::{read_observations, write_observations},
+    skin::TaxelId,
+};
+use glam::{DQuat, DVec3};
+use pyo3::prelude::*;
+
+use crate::{
+    arrays::Reduced,
+    errors::{bad, error},
+    jobs::run,
+    options::unit,
+};
+
+/// What was observed of taxels: displacements between them, and contacts at known places.
+#[pyclass(frozen, module = "dermatome", name = "Observations")]
+#[derive(Debug)]
+pub(crate) struct PyObservations {
+    pub(crate) observations: Arc<Observations>,
+    /// list of str: What was assumed when they were read.
+    #[pyo3(get)]
+    remarks: Vec<String>,
+}
+
+impl PyObservations {
+    pub(crate) fn new(observations: Observations, remarks: Vec<String>) -> Self {
+        Self { observations: Arc::new(observations), remarks }
+    }
+}
+
+#[pymethods]
+impl PyObservations {
+    /// Read observations from files.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///     A graph .g2o or a table .csv.
+    /// contacts : sequence of str or os.PathLike, optional
+    ///     Contacts in files of their own.
+    /// unit : {"m", "mm", "cm", "in"} or float
+    ///     Unit of all lengths.
+    /// clip_information : bool
+    ///     Replace information that is not positive semi-definite by the nearest that is.
+    ///
+    /// Returns
+    /// -------
+    /// Observations
+    #[staticmethod]
+    #[pyo3(signature = (path, *, contacts=None, unit=None, clip_information=false))]
+    fn read(
+        py: Python<'_>,
+        path: PathBuf,
+        contacts: Option<Vec<PathBuf>>,
+        unit: Option<&Bound<'_, PyAny>>,
+        clip_information: bool,
+    ) -> PyResult<Self> {
+        let metres = unit.map_or(Ok(1.0), self::unit)?;
+        let (mut observations, remarks) =
+            run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
+        observations.scale(metres);
+        let mut remarks: Vec<_> = remarks.iter().map(ToString::to_string).collect();
+        let clipped = if clip_information { observations.clip_information() } else { 0 };
+        if clipped > 0 {
+            remarks.push(format!("{clipped} observations have information that was clipped"));
+        }
+        Ok(Self::new(observations, remarks))
+    }
+
+    /// Write them to a graph .g2o or a table .csv.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let observations = Arc::clone(&self.observations);
+        run(py, 0, move |_| write_observations(&path, &observations))?.map_err(error)
+    }
+
+    /// int: Number of taxels.
+    #[getter]
+    fn n_taxels(&self) -> usize {
+        self.observations.taxels.len()
+    }
+
+    /// int: Number of displacements.
+    #[getter]
+    fn n_edges(&self) -> usize {
+        self.observations.edges.len()
+    }
+
+    /// int: Number of contacts.
+    #[getter]
+    fn n_contacts(&self) -> usize {
+        self.observations.contacts.len()
+    }
+
+    #[staticmethod]
+    fn _of(
+        is_poses: bool,
+        taxels: Vec<TaxelState>,
+        edges: Vec<EdgeState>,
+        contacts: Vec<ContactState>,
+        remarks: Vec<String>,
+    ) -> PyResult<Self> {
+        let count = taxels.len();
+        let taxel = |number: u32| Some(VertexId::from(number)).filter(|taxel| taxel.index() < count);
+        let variable = |(id, initial, fixed): TaxelState| TaxelVariable {
+            id: TaxelId(id),
+            initial: initial.map(|numbers| pose(&numbers)),
+            fixed,
+        };
+        let edge = |([from, to], numbers): EdgeState| {
+            let measurement = displacement(&numbers)?;
+            Some(Displacement { from: taxel(from)?, to: taxel(to)?, measurement })
+        };
+        let contact = |(of, numbers): ContactState| {
+            Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
+        };
+        let made = || {
+            Some(Observations {
+                model: if is_poses { Model::Poses } else { Model::Positions },
+                taxels: taxels.into_iter().map(variable).collect(),
+                edges: edges.into_iter().map(edge).collect::<Option<_>>()?,
+                contacts: contacts.into_iter().map(contact).collect::<Option<_>>()?,
+            })
+        };
+        let made =
+            made().ok_or_else(|| bad("state", "observations that do not fit", "those of Observations"));
+        Ok(Self::new(made?, remarks))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
+        let (py, Self { observations, remarks }) = (slf.py(), slf.get());
+        let Observations { model, taxels, edges, contacts } = &**observations;
+        let variable = |taxel: &TaxelVariable| (taxel.id.0, taxel.initial.as_ref().map(numbers), taxel.fixed);
+        let taxels: Vec<TaxelState> = taxels.iter().map(variable).collect();
+        let edge =
+            |edge: &Displacement| ([edge.from.raw(), edge.to.raw()], of_displacement(&edge.measurement));
+        let edges: Vec<EdgeState> = edges.iter().map(edge).collect();
+        let contact = |of: &ContactObservation| (of.taxel.raw(), of_contact(&of.measurement));
+        let contacts: Vec<ContactState> = contacts.iter().map(contact).collect();
+        let state = (*model == Model::Poses, taxels, edges, contacts, remarks.clone());
+        Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
+    fn __repr__(&self) -> String {
+        let Observations { taxels, edges, contacts, .. } = &*self.observations;
+        format!(
+            "<dermatome.Observations: {} taxels, {} displacements, {} contacts>",
+            taxels.len(),
+            edges.len(),
+            contacts.len()
+        )
+    }
+}
+
+/// Id, initial pose and whether it is fixed.
+type TaxelState = (u32, Option<[f64; 7]>, bool);
+
+/// Two taxels, and the numbers of the displacement between them.
+type EdgeState = ([u32; 2], Vec<f64>);
+
+/// A taxel, and the numbers of its contact.
+type ContactState = (u32, Vec<f64>);
+
+/// A pose as position and quaternion.
+fn numbers(pose: &Pose) -> [f64; 7] {
+    let ([x, y, z], [qx, qy, qz, qw]) = (pose.position.to_array(), pose.rotation.to_array());
+    [x, y, z, qx, qy, qz, qw]
+}
+
+fn pose(&[x, y, z, qx, qy, qz, qw]: &[f64; 7]) -> Pose {
+    Pose { position: DVec3::new(x, y, z), rotation: DQuat::from_xyzw(qx, qy, qz, qw) }
+}
+
+fn of_offset(at: DVec3, information: &Information<3>) -> Vec<f64> {
+    at.to_array().iter().chain(information.0.as_flattened()).copied().collect()
+}
+
+fn of_pose(seen: &PoseMeasurement) -> Vec<f64> {
+    numbers(&seen.pose).iter().chain(seen.information.0.as_flattened()).copied().collect()
+}
+
+fn information<const N: usize>(numbers: &[f64]) -> Option<Information<N>> {
+    Some(Information(numbers.as_chunks().0.try_into().ok()?))
+}
+
+fn offset(numbers: &[f64]) -> Option<(DVec3, Information<3>)> {
+    let (at, rest) = numbers.split_first_chunk()?;
+    Some((DVec3::from_array(*at), information(rest)?))
+}
+
+fn seen(numbers: &[f64]) -> Option<Box<PoseMeasurement>> {
+    let (at, rest) = numbers.split_first_chunk()?;
+    Some(Box::new(PoseMeasurement { pose: pose(at), information: information(rest)? }))
+}
+
+/// The numbers of a displacement: those of an offset and of a pose are not as many.
+fn of_displacement(measurement: &DisplacementMeasurement) -> Vec<f64> {
+    match measurement {
+        DisplacementMeasurement::Offset { offset, information } => of_offset(*offset, information),
+        DisplacementMeasurement::Relative(seen) => of_pose(seen),
+    }
+}
+
+fn displacement(numbers: &[f64]) -> Option<DisplacementMeasurement> {
+    match numbers.len() {
+        12 => offset(numbers)
+            .map(|(offset, information)| DisplacementMeasurement::Offset { offset, information }),
+        43 => seen(numbers).map(DisplacementMeasurement::Relative),
+        _ => None,
+    }
+}
+
+/// The numbers of a contact, as many as only its kind has.
+fn of_contact(measurement: &ContactMeasurement) -> Vec<f64> {
+    match measurement {
+        ContactMeasurement::Position { position, information } => of_offset(*position, information),
+        ContactMeasurement::PositionNormal { position, information, normal, normal_information } => {
+            let [x, y, z] = normal.to_array();
+            [of_offset(*position, information), vec![x, y, z, *normal_information]].concat()
+        }
+        ContactMeasurement::Pose { offset, seen } => [numbers(offset).to_vec(), of_pose(seen)].concat(),
+    }
+}
+
+fn contact(numbers: &[f64]) -> Option<ContactMeasurement> {
+    match numbers.len() {
+        12 => offset(numbers)
+            .map(|(position, information)| ContactMeasurement::Position { position, information }),
+        16 => {
+            let (rest, &[x, y, z, normal_information]) = numbers.split_last_chunk()?;
+            let (position, information) = offset(rest)?;
+            let normal = DVec3::new(x, y, z);
+            Some(ContactMeasurement::PositionNormal { position, information, normal, normal_information })
+        }
+        50 => {
+            let (offset, rest) = numbers.split_first_chunk()?;
+            Some(ContactMeasurement::Pose { offset: pose(offset), seen: seen(rest)? })
+        }
+        _ => None,
+    }
+}
