@@ -276,3 +276,40 @@ def test_lerobot_makes_a_dataset(dome_map, tmp_path):
     assert all(np.isfinite(numbers).all() for numbers in statistics[key].values())
     again = lerobot.LeRobotDataset("test/skin", root=tmp_path / "set")
     assert np.array_equal(again[7][key].numpy(), frames[7][key])
+
+
+def test_lerobot_takes_the_fields_of_a_dataset(tmp_path):
+    lerobot = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    rng = np.random.default_rng(5)
+    counts = rng.integers(0, 900, (12, 2, 3, 8)).astype(np.int16)
+    features = {
+        "observation.tactile.pads": {"dtype": "int16", "shape": (2, 3, 8), "names": ["pad", "row", "col"]},
+        "action": {"dtype": "float32", "shape": (2,), "names": None},
+    }
+    dataset = lerobot.LeRobotDataset.create("test/pads", fps=20, root=tmp_path / "set", features=features, use_videos=False)
+    for k, frame in enumerate(counts):
+        dataset.add_frame({"observation.tactile.pads": frame, "action": np.full(2, k, np.float32), "task": "touch"})
+        if k in (4, 11):
+            dataset.save_episode()
+    dataset.finalize()
+    layout = {"dermatome_layout": 1, "axes": ["frame", "pad", "row", "col"], "time": {"rate": 20}, "press": "raises", "zero": 0}
+    layout |= {"channels": [{"name": "pressure", "unit": "count"}], "taxels": {"shape": [2, 3, 8], "first_id": 1}}
+    places = [[0.004 * c, 0.004 * r, 0.1 * p] for p in range(2) for r in range(3) for c in range(8)]
+    made = dermatome.build(dermatome.Skin.from_arrays(places, outside=(0, 0, 1)), coarsest=4)
+    recording = dermatome.Readings.open(tmp_path / "set", stream="observation.tactile.pads", layout=layout)
+    for level in range(made.n_levels):
+        recording.write_lerobot(tmp_path / f"set{level}", made, level, repo_id="test/with")
+        copy = lerobot.LeRobotDataset("test/with", root=tmp_path / f"set{level}")
+        expected = recording.read(made).features(made, level)
+        assert copy.num_frames == 12 and copy.num_episodes == 2 and len(expected) == len(made.patches)
+        for k in range(12):
+            row = copy[k]
+            assert np.array_equal(row["observation.tactile.pads"].numpy(), counts[k]) and row["action"].tolist() == [k, k]
+            for name, feature in expected.items():
+                assert np.array_equal(np.ravel(row[name].numpy()), feature["values"][k]) and row[f"{name}.valid"].numpy().all()
+        for name, feature in expected.items():
+            known = copy.meta.stats[name]
+            assert np.allclose(np.ravel(known["mean"]), feature["values"].mean(axis=0), rtol=1e-4) and np.isfinite(known["std"]).all()
+        assert copy.meta.stats["action"]["max"].tolist() == [11, 11]
+    with pytest.raises(dermatome.FileError, match="set0"):
+        recording.write_lerobot(tmp_path / "set0", made)

@@ -2,7 +2,13 @@
 the folder `meshes`. Blocks that import a package which is not there are skipped by name, and those of recordings without the
 samples of DERMATOME_DATA."""
 
+import ast
+import builtins
+import contextlib
+import doctest
 import importlib.util
+import inspect
+import io
 import json
 import os
 import re
@@ -14,6 +20,8 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+
+import dermatome
 
 ROOT = Path(__file__).parents[3]
 SAMPLES = Path(os.environ.get("DERMATOME_DATA", "")) / "recordings"
@@ -91,7 +99,35 @@ def test_blocks_run(page, folder, ros):
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
-def test_notebooks_run(notebook, folder):
+def test_notebooks_show_what_their_cells_do(notebook, folder):
+    """Their outputs are stored (`jupyter nbconvert --to notebook --execute --inplace NOTEBOOK`), and are those of today."""
     cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
-    assert cells and not any(cell["outputs"] or cell["execution_count"] for cell in cells)
-    run(["".join(cell["source"]) for cell in cells], notebook.name)
+    names, figures = {"__name__": "page"}, 0
+    for cell in cells:
+        *steps, last = ast.parse("".join(cell["source"])).body
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(ast.Module(steps, []), notebook.name, "exec"), names)
+            is_shown = isinstance(last, ast.Expr)
+            shown = eval(compile(ast.Expression(last.value), notebook.name, "eval"), names) if is_shown else None
+            if not is_shown:
+                exec(compile(ast.Module([last], []), notebook.name, "exec"), names)
+        stored = "".join("".join(output["text"]) for output in cell["outputs"] if output["output_type"] == "stream")
+        assert stored == printed.getvalue()
+        pictures = ["".join(output["data"]["image/svg+xml"]) for output in cell["outputs"] if "data" in output]
+        assert len(pictures) == (shown is not None)
+        for picture in pictures:
+            figures += 1
+            assert picture.splitlines()[0] == shown.svg().splitlines()[0] and len(picture) == pytest.approx(len(shown.svg()), rel=0.02)
+    assert figures > 2
+
+
+def test_examples_shadow_no_builtin():
+    sources = [(path.name, path.read_text()) for path in (ROOT / "tools/python/examples").glob("*.py")]
+    sources += [(path.name, "\n".join("".join(cell["source"]) for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code")) for path in NOTEBOOKS]
+    for page in ("README.md", "docs/python.md", "tools/python/README.md"):
+        sources += [(page, block) for block in re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)]
+    for thing in [dermatome, *vars(dermatome).values()]:
+        sources += [(str(thing), example.source) for example in doctest.DocTestParser().get_examples(inspect.getdoc(thing) or "")]
+    for name, source in sources:
+        stored = {node.id for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+        assert stored.isdisjoint(dir(builtins)), f"{name}: {stored & set(dir(builtins))}"

@@ -1,6 +1,6 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, final, overload
+from typing import Any, Literal, NoReturn, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,10 +58,17 @@ _F32 = NDArray[np.float32]
 _U32 = NDArray[np.uint32]
 _I32 = NDArray[np.int32]
 _I64 = NDArray[np.int64]
+# Not `ArrayLike`, of which any text is one.
+_Pairs = Sequence[Sequence[int]] | NDArray[np.integer[Any]]
+
+class _Made:
+    """What functions make, and no constructor."""
+
+    def __init__(self, never: NoReturn, /) -> None: ...
 
 def run_command(args: Sequence[str]) -> int: ...
 @final
-class Skin:
+class Skin(_Made):
     @staticmethod
     def read(
         path: _Path | Sequence[_Path],
@@ -131,7 +138,7 @@ def check(
     repair: bool | None = None,
 ) -> list[dict[str, Any]]: ...
 @final
-class Robot:
+class Robot(_Made):
     @staticmethod
     def read(path: _Path) -> Robot: ...
     def poses(self, joints: Mapping[str, float] | None = None) -> dict[str, _F64]: ...
@@ -143,7 +150,7 @@ class Robot:
     def __deepcopy__(self, _memo: Any) -> Robot: ...
 
 @final
-class Matrix:
+class Matrix(_Made):
     @property
     def indptr(self) -> _I64: ...
     @property
@@ -156,7 +163,7 @@ class Matrix:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Map:
+class Map(_Made):
     @staticmethod
     def read(path: _Path) -> Map: ...
     @staticmethod
@@ -229,7 +236,7 @@ class Map:
     def to_skin(self, patch: str, uv: ArrayLike, *, level: int = 0) -> tuple[_F64, _F64, _F64]: ...
 
 @final
-class Patch:
+class Patch(_Made):
     @property
     def start(self) -> int: ...
     @property
@@ -245,7 +252,7 @@ class Patch:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Level:
+class Level(_Made):
     @property
     def number(self) -> int: ...
     @property
@@ -296,7 +303,7 @@ def build(
     magnify_over: Literal["skin", "patch"] = "skin",
     overlap: _Overlap = "prevent",
     boundary: str = "free",
-    cut: Literal["auto", "none", "all"] | ArrayLike | None = None,
+    cut: Literal["auto", "none", "all"] | _Pairs | None = None,
     max_area_ratio: float | None = None,
     seam_side: ArrayLike | None = None,
     pixel: float | None = None,
@@ -306,7 +313,7 @@ def build(
     progress: Callable[[str, int, int], object] | None = None,
 ) -> Map: ...
 @final
-class Hits:
+class Hits(_Made):
     @property
     def patch(self) -> _I32: ...
     @property
@@ -341,7 +348,7 @@ class Hits:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Fields:
+class Fields(_Made):
     @property
     def indptr(self) -> _I64: ...
     @property
@@ -362,7 +369,7 @@ class Fields:
     def __len__(self) -> int: ...
 
 @final
-class Index:
+class Index(_Made):
     def locate(
         self,
         points: ArrayLike,
@@ -430,7 +437,7 @@ class Index:
     def __deepcopy__(self, _memo: Any) -> Index: ...
 
 @final
-class Flattening:
+class Flattening(_Made):
     @property
     def uv(self) -> _F64: ...
     @property
@@ -447,7 +454,7 @@ def flatten(
     vertices: ArrayLike,
     faces: ArrayLike,
     *,
-    cut: Literal["auto", "none", "all"] | ArrayLike | None = None,
+    cut: Literal["auto", "none", "all"] | _Pairs | None = None,
     max_area_ratio: float | None = None,
     method: _Method = "intrinsic",
     energy: _Energy = "sum",
@@ -461,7 +468,7 @@ def flatten(
     threads: int = 0,
 ) -> Flattening: ...
 @final
-class MeshLevel:
+class MeshLevel(_Made):
     @property
     def positions(self) -> _F64: ...
     @property
@@ -471,6 +478,8 @@ class MeshLevel:
     @property
     def origins(self) -> _U32: ...
     def pooling(self) -> Matrix: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __deepcopy__(self, _memo: Any) -> MeshLevel: ...
 
 def coarsen(
     vertices: ArrayLike,
@@ -483,7 +492,7 @@ def coarsen(
     threads: int = 0,
 ) -> list[MeshLevel]: ...
 @final
-class Renderer:
+class Renderer(_Made):
     @property
     def shape(self) -> tuple[int, int]: ...
     @property
@@ -539,7 +548,7 @@ class ContactTracker:
 def colours(values: _F32, mask: NDArray[np.bool_], range: Sequence[float]) -> NDArray[np.uint8]: ...
 
 @final
-class Layout:
+class Layout(_Made):
     @staticmethod
     def read(path: _Path) -> Layout: ...
     @staticmethod
@@ -584,9 +593,11 @@ class Layout:
     def zero_stream(self) -> str | None: ...
     @property
     def text(self) -> str: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __deepcopy__(self, _memo: Any) -> Layout: ...
 
 @final
-class Decoder:
+class Decoder(_Made):
     def decode(
         self, raw: ArrayLike, times: ArrayLike | None = None, episode: int = 0
     ) -> tuple[NDArray[np.floating[Any]], _F64]: ...
@@ -663,7 +674,7 @@ def simulate_touch(
     seed: int = 0,
 ) -> dict[str, Any]: ...
 @final
-class Observations:
+class Observations(_Made):
     @staticmethod
     def read(
         path: _Path,
@@ -681,9 +692,11 @@ class Observations:
     def n_edges(self) -> int: ...
     @property
     def n_contacts(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __deepcopy__(self, _memo: Any) -> Observations: ...
 
 @final
-class Calibration:
+class Calibration(_Made):
     @property
     def ids(self) -> _U32: ...
     @property
@@ -705,6 +718,8 @@ class Calibration:
     @property
     def residuals(self) -> list[_F64]: ...
     def skin(self, faces: ArrayLike | None = None) -> Skin: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __deepcopy__(self, _memo: Any) -> Calibration: ...
 
 def calibrate(
     observations: Observations | _Path,
@@ -734,9 +749,11 @@ def simulate(
     seed: int = 0,
 ) -> tuple[Observations, dict[str, Any]]: ...
 @final
-class Picture:
+class Picture(_Made):
     def svg(self) -> str: ...
     def _repr_svg_(self) -> str: ...
     def png(self) -> bytes: ...
     def array(self) -> NDArray[np.uint8]: ...
     def save(self, path: _Path) -> None: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def __deepcopy__(self, _memo: Any) -> Picture: ...

@@ -144,7 +144,7 @@ class Readings:
         channels: str | Sequence[str] | None = None,
         units: str | Sequence[str] | None = None,
     ) -> Readings:
-        """Make a recording of arrays: values are (T, N) or (T, C, N), timestamps (T,) in s or of `datetime64`.
+        """Make a recording of arrays; values are (T, N) or (T, C, N), timestamps (T,) in s or of `datetime64`.
 
         Examples
         --------
@@ -221,7 +221,7 @@ class Readings:
         scale: ArrayLike = 1.0,
         offset: ArrayLike = 0.0,
         baseline: ArrayLike = 0,
-        zero: str | ArrayLike | None = None,
+        zero: Literal["follow"] | float | Sequence[float] | Sequence[Sequence[float]] | NDArray[Any] | None = None,
         gain: Mapping[int, float] | ArrayLike | None = None,
         clip: Sequence[float] | None = None,
         split: float | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
@@ -175,7 +175,12 @@ def skin(
     bodies: Sequence[str] | None = None,
     spacing: float | Mapping[str, float] | None = None,
     visual: bool = False,
-    **options: Any,
+    weld: Literal["auto", "all", "none"] = "auto",
+    repair: bool | None = None,
+    fill_holes: int | None = None,
+    keep_going: bool = False,
+    outer: bool = False,
+    least_area: float = 0.01,
 ) -> Skin:
     """A skin of the geoms of a model, meshes and primitives, in the frames of their bodies.
 
@@ -192,8 +197,8 @@ def skin(
     visual : bool
         Whether geoms that do not collide are covered instead of those that do. A body without any of the wanted kind has
         the others.
-    **options
-        Those of `Skin.read`, as `outer` or `repair`.
+    weld, repair, fill_holes, keep_going, outer, least_area
+        As in `Skin.read`.
 
     Examples
     --------
@@ -214,7 +219,16 @@ def skin(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"
         path.write_text(_covered(mujoco, model, bodies, visual), encoding="utf-8")
-        return Skin.read(path, spacing=spacing, **options)
+        return Skin.read(
+            path,
+            spacing=spacing,
+            weld=weld,
+            repair=repair,
+            fill_holes=fill_holes,
+            keep_going=keep_going,
+            outer=outer,
+            least_area=least_area,
+        )
 
 
 def _covered(mujoco: Any, model: Any, wanted: Sequence[str] | None, visual: bool) -> str:

@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome._adapter import level_of, need
 from dermatome._dermatome import Map, Skin
 from dermatome._errors import DataError
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-def skin(mesh: Any, **options: Any) -> Skin:
-    """A skin of a `trimesh.Trimesh`, in m; `options` are those of `Skin.from_arrays`."""
+    from numpy.typing import ArrayLike
+
+
+def skin(
+    mesh: Any,
+    *,
+    normals: ArrayLike | None = None,
+    ids: ArrayLike | None = None,
+    present: ArrayLike | None = None,
+    link: str | Sequence[str] | None = None,
+    patch: str | Sequence[str] | None = None,
+    gap: float = 2.5,
+    weld: Literal["auto", "all", "none", "texture"] = "auto",
+    repair: bool = False,
+    outside: ArrayLike | None = None,
+    fill_holes: int | None = None,
+) -> Skin:
+    """A skin of a `trimesh.Trimesh`, in m; the options are those of `Skin.from_arrays`."""
     if not hasattr(mesh, "vertices"):
         kind = type(mesh).__name__
         needed = "a Trimesh" + ("; scene.to_mesh() is one, of all its meshes" if hasattr(mesh, "geometry") else "")
         raise DataError(f"mesh: found {kind}; needed: {needed}")
-    return Skin.from_arrays(mesh.vertices, mesh.faces, **options)
+    return Skin.from_arrays(
+        mesh.vertices,
+        mesh.faces,
+        normals=normals,
+        ids=ids,
+        present=present,
+        link=link,
+        patch=patch,
+        gap=gap,
+        weld=weld,
+        repair=repair,
+        outside=outside,
+        fill_holes=fill_holes,
+    )
 
 
 def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = False) -> Any:

@@ -192,5 +192,14 @@ def write_lerobot(recording: Any, path: Any, map: Any, level: int, repo_id: str 
         key: (np.concatenate(rows), {"dtype": "float32", "shape": list(shapes[key]), "names": None}) for key, rows in kept.items()
     }
     name = repo_id or root.resolve().name
+    copy = f"{name}_map" if repo_id is None else repo_id
     source = dataset_module.LeRobotDataset(name, root=root)
-    return tools.add_features(source, features=features, output_dir=Path(path), repo_id=f"{name}_map" if repo_id is None else repo_id)
+    tools.add_features(source, features=features, output_dir=Path(path), repo_id=copy)
+    # add_features leaves out their statistics, without which policies do not normalise them.
+    arrays, about = ({key: each[k] for key, each in features.items()} for k in (0, 1))
+    made = need("lerobot.datasets.compute_stats", "lerobot").compute_episode_stats(arrays, about)
+    file = Path(path) / "meta/stats.json"
+    known = json.loads(file.read_text()) if file.is_file() else {}
+    known |= {key: {word: np.asarray(numbers).tolist() for word, numbers in each.items()} for key, each in made.items()}
+    file.write_text(json.dumps(known, indent=4))
+    return dataset_module.LeRobotDataset(copy, root=Path(path))

@@ -1,0 +1,97 @@
+"""What type checkers say: nothing of right programs, and something of each mistake."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+USE = """
+import numpy as np
+import dermatome, dermatome.lerobot, dermatome.mujoco, dermatome.ros, dermatome.trimesh
+
+skin = dermatome.Skin.from_arrays(np.zeros((9, 3)), patch=["a"] * 9, outside=(0, 0, 1))
+skin_map = dermatome.build(skin, cut=[[1, 2]], progress=lambda stage, done, count: print(stage))
+index = skin_map.index(reactive=True, fields=True)
+hits = index.locate([[0, 0, 0.1]], only_link=["hand"], level=1)
+readings, truth = dermatome.touch(skin_map, presses=2)
+renderer = skin_map.renderer(0, size=[64, 64], extensive=readings.extensive, pack="body")
+rows, columns = renderer.pixels(hits).T
+part: dermatome.Readings = readings[3:5]
+shapes = [one.values.shape for one in readings]
+part.condition(skin_map, scale=np.ones(9), baseline=3, gain={1: 2.0}, clip=[0, 1], units="N")
+part.condition(skin_map, gain=np.ones(9), baseline=[0.5] * 9, units=["N"], zero="follow")
+dermatome.ros.read("bag", "/skin", skin_map, values="pressure", ids=lambda message: message.ids, units="N", stamp="header")
+dermatome.ros.read("bag", "/skin", skin_map, values=["force", "heat"], channels=["force", "heat"])
+dermatome.mujoco.readings(None, dermatome.mujoco.attach_all(None, skin_map, bodies={"hand": "palm"}))
+"""
+MISTAKES = [
+    "dermatome.Skin()",
+    "dermatome.touch(skin_map, press=3)",
+    'dermatome.build(skin, cut="maybe")',
+    "dermatome.build(skin, progress=3)",
+    "skin_map.renderer(0, size=64)",
+    "skin_map.renderer(0, interpolate='cubic')",
+    "skin_map.pool(readings, 1)",
+    "index.locate([[0, 0, 0]], levels=1)",
+    "hits.distances",
+    "hits.fields.scipy()",
+    "hits.uv = hits.uv",
+    "renderer.to_skin(rows)",
+    'dermatome.Readings.read("a.npy", layout="nct")',
+    "part.condition(skin_map, gains=3)",
+    'part.condition(skin_map, zero="tracks")',
+    'part.units = ("N",)',
+    'dermatome.ros.read("bag", "/skin", skin_map, stamp="clock")',
+    'dermatome.ros.write("bag", skin_map, part, level="1")',
+    "dermatome.mujoco.readings(None, 3)",
+    "dermatome.mujoco.skin(None, outter=True)",
+    "dermatome.trimesh.skin(None, links='hand')",
+    "dermatome.lerobot.features(skin_map, images=[1])",
+]
+
+
+def mypy(*files, cwd):
+    """The lines of which mypy says that they are wrong, and all that it says."""
+    said = subprocess.run([sys.executable, "-m", "mypy", "--strict", *files], capture_output=True, text=True, cwd=cwd)
+    lines = {int(line.split(":")[1]) for line in said.stdout.splitlines() if " error: " in line}
+    assert bool(lines) == bool(said.returncode), said.stdout + said.stderr
+    return lines, said.stdout
+
+
+def pyright(*files, cwd):
+    """The same of pyright."""
+    pytest.importorskip("pyright")
+    command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", *map(str, files)]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=cwd)
+    assert said.stdout.startswith("{"), said.stdout + said.stderr
+    found = [each for each in json.loads(said.stdout)["generalDiagnostics"] if each["severity"] == "error"]
+    return {each["range"]["start"]["line"] + 1 for each in found}, str(found)
+
+
+def test_the_package_is_typed(tmp_path):
+    lines, said = mypy("-p", "dermatome", cwd=tmp_path)
+    assert not lines, said
+
+
+@pytest.mark.parametrize("checker", [mypy, pyright])
+def test_checkers_find_mistakes_and_nothing_else(checker, tmp_path):
+    (tmp_path / "use.py").write_text(USE)
+    lines, said = checker("use.py", cwd=tmp_path)
+    assert not lines, said
+    (tmp_path / "wrong.py").write_text(USE + "\n".join(MISTAKES))
+    lines, said = checker("wrong.py", cwd=tmp_path)
+    first = USE.count("\n") + 1
+    assert [MISTAKES[k] for k in range(len(MISTAKES)) if first + k not in lines] == [] and min(lines) == first, said
+
+
+@pytest.mark.parametrize("checker", [mypy, pyright])
+@pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_examples_are_typed(example, checker, tmp_path):
+    for name in ("torch", "mujoco"):
+        if name in example.read_text():
+            pytest.importorskip(name)
+    lines, said = checker(example, cwd=tmp_path)
+    assert not lines, said
