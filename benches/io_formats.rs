@@ -87,7 +87,7 @@ fn row(k: u32) -> LookupRow<'static> {
     let position = DVec3::splat(x / 9.0);
     let (presence, live_taxel) = (Presence::Present, Some(cell.taxel));
     let (patch, link, normal) = ("upper_arm/left", "upper_arm", position);
-    let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
+    let place = LookupPlace { patch, link, region: None, cell, presence, live_taxel, position, normal };
     LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: &[] }
 }
 

@@ -38,8 +38,8 @@ fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
             for (key, inner) in object {
-                // The names of images are keys too.
-                let key = if at == "size" || at == "fill" { "*" } else { key };
+                // The names of images, and those of columns of sums, are keys too.
+                let key = if ["size", "fill", "groups[]"].contains(&at) { "*" } else { key };
                 paths(inner, &if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") }, found);
             }
         }
@@ -84,6 +84,7 @@ fn every_object_keeps_to_its_schema() {
     keep("flatten", &run(at, "flatten ring.obj -o f.obj --json"));
     keep("info", &run(at, "info cap.glb --json"));
     keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
+    keep("summary", &run(at, "summary map/map.glb r.csv -o sums.csv --json"));
 
     let documented = documented();
     assert_eq!(printed.keys().collect::<Vec<_>>(), documented.keys().collect::<Vec<_>>());

@@ -540,7 +540,7 @@ fn regions_are_written_as_a_table() {
     writer.finish().unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let columns = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,\
-                   peak_taxel_id,peak";
+                   peak_taxel_id,peak,region";
     assert_eq!(text.lines().next(), Some(columns));
     let events: Vec<_> = text.lines().skip(1).map(|row| row.split(',').nth(3).unwrap()).collect();
     assert_eq!(events, ["onset", "move", "release"]);

@@ -168,6 +168,7 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
     let place = LookupPlace {
         patch: "arm, \"left\"",
         link: "arm",
+        region: Some("outer side"),
         cell,
         presence: Presence::ThermalPad,
         live_taxel: Some(TaxelId(8)),
@@ -191,9 +192,9 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
         table.finish().unwrap();
         let more = |text| if names.is_some() { text } else { "" };
         let wanted = format!(
-            "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame{}\n\
+            "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,region,frame{}\n\
              7,1,\"arm, \"\"left\"\"\",3,0.25,0.75,0.0,0.1,1e-9,12,0,5,4294967295,-0.001,arm,1.0,0.5,0.0,0.0,0.0,1.0,\
-             5:0.75;9:0.25,thermal,8,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,,,world{}\n",
+             5:0.75;9:0.25,thermal,8,outer side,world{}\n8,1,off skin,,,,,,,,,,,0.0,,,,,,,,,,,,world{}\n",
             more(",least,most"),
             more(",0.5,0.75"),
             more(",0.5,0.75"),

@@ -171,11 +171,16 @@ fn every_command_of_the_page_of_recordings_works() {
         let rows: String = ids.map(row).collect();
         fs::write(at.join(format!("{name}.csv")), format!("id,x,y,z\n{rows}")).unwrap();
     }
-    let page = fs::read_to_string(root.join("docs/recordings.md")).unwrap();
-    let commands = commands(&page);
+    let pages = ["docs/recordings.md", "docs/pressure_mapping.md"];
+    let pages = pages.map(|page| fs::read_to_string(root.join(page)).unwrap());
+    let masks = pages[1].split("```json\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    fs::write(at.join("masks.json"), masks).unwrap();
+    let commands = commands(&pages.concat());
     assert!(commands.len() > 10, "{commands:?}");
     let printed: String = commands.iter().map(|(line, _)| run(at, line)).collect();
     for part in ["\"source\":\"file\"", "\"matched\":955", "null"] {
         assert!(printed.replace(": ", ":").contains(part), "{part} is missing in {printed}");
     }
+    let sums = fs::read_to_string(at.join("sums.csv")).unwrap();
+    assert!(sums.contains("\nregion,forefoot,") && sums.contains("\nregion,heel,"), "{sums}");
 }

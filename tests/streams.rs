@@ -490,6 +490,8 @@ fn arrays_of_any_axes_are_read_by_a_layout() {
     write("(4, 2, 3)", "False", "<", &[0; 24]);
     let draft: Value = serde_json::from_str(&ReadingsReader::draft_layout(&path, None).unwrap()).unwrap();
     assert_eq!((&draft["axes"], &draft["time"]["rate"]), (&json!(["frame", null, null]), &Value::Null));
+    let has_help = |key: &str| draft["note"][key].is_string();
+    assert_eq!(["axes", "time", "press", "taxels"].map(has_help), [true, true, true, false], "of each null");
 }
 
 #[test]

@@ -63,6 +63,15 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
     read(Source::open(path)?, parts)
 }
 
+/// Reads the sensors of one stream of a recording that states where they are, as [`read_draft`] reads those of the only
+/// one.
+///
+/// # Errors
+/// As [`read_draft`], or if the file has no such stream.
+pub fn read_draft_of_stream(path: &Path, stream: &str) -> Result<Draft, IoError> {
+    Ok(read_sheet(path, Wanted { stream: Some(stream), layout: None })?.into_draft())
+}
+
 /// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may
 /// name no other files.
 ///

@@ -23,6 +23,14 @@ pub enum IoError {
     /// The content breaks a rule of its format.
     #[error("{}: {element}: found {found}; needed: {needed}", path.display())]
     Invalid { path: PathBuf, element: FileElement, found: String, needed: String },
+    /// The file has several streams, and none or an unknown one is chosen.
+    #[error("{}: streams: found {found}; needed: one of {}", path.display(), known.join(", "))]
+    Streams {
+        path: PathBuf,
+        found: String,
+        /// The name and the shape of each.
+        known: Vec<String>,
+    },
     #[error("{}: {element}: found no file for {url:?}, looked for in: {}", path.display(), listed(searched))]
     MeshFile {
         /// The file.

@@ -70,7 +70,7 @@ pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, rounding_in_gltf, w
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 #[cfg(feature = "robots")]
 pub use draft::is_robot;
-pub use draft::{draft_from_bytes, read_draft, read_draft_with};
+pub use draft::{draft_from_bytes, read_draft, read_draft_of_stream, read_draft_with};
 pub use error::{Feature, FileElement, IoError};
 pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
@@ -100,4 +100,6 @@ pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_motion};
 pub use table::region_writer::{RegionWriter, write_touches};
+pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};
+pub use table::summary::{LoadWriter, SummaryCell, summary_rows, write_summary};

@@ -57,6 +57,24 @@ pub enum MapError {
          number of faces"
     )]
     Distortion { patch: String, level: LevelId, distortion: Distortion },
+    #[error("a region is called {found:?}; a name of 1 to 100 printable characters is needed")]
+    RegionName { found: String },
+    #[error("region {region:?}: no taxel is in it")]
+    NoTaxelInRegion { region: String },
+    #[error(
+        "region {region:?}: the map has no patch {patch:?}; it has {}",
+        known.iter().take(10).cloned().collect::<Vec<_>>().join(", ")
+    )]
+    NoPatchOfRegion { region: String, patch: String, known: Vec<String> },
+    #[error("region {region:?}: a polygon of {found} corners; 3 to {most} are needed")]
+    Corners { region: String, found: usize, most: usize },
+    #[error(
+        "region {region:?}: corner {corner} lies at {at} m, off the map of {patch}, which reaches from {low} to {high}; \
+         a polygon may reach beyond it by a tenth of its side"
+    )]
+    OutsideMap { region: String, patch: String, corner: usize, at: DVec2, low: DVec2, high: DVec2 },
+    #[error("region {region:?}: sides {first} and {second} of the polygon cross each other; none may")]
+    Crosses { region: String, first: usize, second: usize },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
     #[error("a map file cannot represent it: found {found}; needed: {needed}")]
     Rounded { found: String, needed: String },

@@ -6,6 +6,7 @@
 mod carried_places;
 mod error;
 mod frame;
+mod regions;
 
 use std::borrow::Cow;
 
@@ -25,6 +26,7 @@ pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
+pub use regions::{FieldRegions, RegionId, Regions};
 
 /// One level of a patch with its map.
 #[derive(Debug, Clone, PartialEq)]

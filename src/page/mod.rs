@@ -70,6 +70,8 @@ struct PageHeader<'a> {
     title: &'a str,
     links: Vec<LinkHeader>,
     patches: Vec<PatchHeader>,
+    /// The names of the regions, which patches count from 1 on.
+    regions: Vec<String>,
     recording: Option<RecordingHeader>,
 }
 
@@ -155,16 +157,18 @@ fn html(
     template: &str,
 ) -> Result<String, Error> {
     let packer = &mut packer;
-    let offsets = sheet_offsets(map);
+    let (offsets, regions) = (sheet_offsets(map), map.regions());
     let mut patches = Vec::new();
-    for (patch, offset) in map.patches.iter().zip(offsets) {
+    for ((patch, of_taxels), offset) in map.patches.iter().zip(&regions.of_taxels).zip(offsets) {
         let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
-        patches.push(pack_patch(packer, map, patch, &unfolding, offset));
+        patches.push(pack_patch(packer, map, patch, (&unfolding, of_taxels), offset));
     }
     let links = map.links.iter().zip(link_names(&map.links));
     let links =
         links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
-    let header = PageHeader { version: env!("CARGO_PKG_VERSION"), title, links, patches, recording };
+    let regions = regions.names.iter().map(ToString::to_string).collect();
+    let version = env!("CARGO_PKG_VERSION");
+    let header = PageHeader { version, title, links, patches, regions, recording };
     let data = packer.finish(&header);
     let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
     let options = PlotOptions {

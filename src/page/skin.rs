@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
-use crate::map::{PatchMap, SkinMap};
+use crate::map::{PatchMap, RegionId, SkinMap};
 use crate::mesh::rectangle_around;
 use crate::page::pack::{PackedRows, Packer, Region, Values, share};
 use crate::pyramid::LevelId;
@@ -47,6 +47,8 @@ pub(super) struct PatchHeader {
     unsplit: usize,
     ids: usize,
     presence: usize,
+    /// The region of each taxel, 0 for none.
+    region: usize,
     areas: Values,
     keys: usize,
     turns: usize,
@@ -65,12 +67,12 @@ struct LevelHeader {
     direct: Option<PackedRows>,
 }
 
-/// Packs a patch; its map lies at `offset` on the sheet.
+/// Packs a patch and the regions of its taxels; its map lies at `offset` on the sheet.
 pub(super) fn pack_patch(
     packer: &mut Packer,
     map: &SkinMap,
     patch: &PatchMap,
-    unfolding: &Unfolding,
+    (unfolding, of_taxels): (&Unfolding, &IdVec<VertexId, Option<RegionId>>),
     offset: DVec2,
 ) -> PatchHeader {
     let finest = &patch.levels[LevelId::default()];
@@ -89,6 +91,8 @@ pub(super) fn pack_patch(
         Presence::ThermalPad => 2,
     });
     let presence = packer.planes(&[presence.collect()]);
+    let region = of_taxels.iter().map(|region| region.map_or(0, |region| region.raw() + 1));
+    let region = packer.planes(&[region.collect()]);
     let areas = packer.values("area", "m²", of.areas.as_slice());
     let [a, b, c] = &unfolding.keys;
     let (keys, between) = packer.points(&[a.as_slice(), b.as_slice(), c.as_slice()]);
@@ -137,6 +141,7 @@ pub(super) fn pack_patch(
         unsplit,
         ids,
         presence,
+        region,
         areas,
         keys,
         turns,

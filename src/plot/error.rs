@@ -18,6 +18,8 @@ pub enum PlotError {
     NoMap { patch: String, what: &'static str },
     #[error("patch {patch:?} has no covariances, so the uncertainty of its taxels cannot be drawn")]
     NoCovariances { patch: String },
+    #[error("no patch has named regions, so none can be drawn; `read_regions` or the skin's file names them")]
+    NoRegions,
     #[error(
         "there is no view from azimuth {azimuth} and elevation {elevation} degrees; elevations are -90 to 90"
     )]

@@ -50,13 +50,15 @@ pub enum Paint {
     Area,
     /// The uncertainty of each taxel's position: the square root of the trace of its covariance.
     Sigma,
+    /// The named region of each taxel; neighbouring regions have different colours, and maps have their names.
+    Regions,
 }
 
 impl Paint {
     /// Whether the centres of taxels or fields are shown: if the colours are those of single taxels or
     /// fields.
     pub(crate) fn has_dots(self) -> bool {
-        matches!(self, Self::Fields | Self::Sigma)
+        matches!(self, Self::Fields | Self::Sigma | Self::Regions)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::mesh::TriMesh;
 use crate::plot::PlotError;
 use crate::pyramid::LevelId;
-use crate::skin::{Covariance, Patch, Presence, Skin, Taxels, world_pose};
+use crate::skin::{Covariance, Patch, Presence, RegionName, Skin, Taxels, world_pose};
 
 pub(crate) struct PatchView<'a> {
     pub(crate) name: &'a str,
@@ -16,6 +16,7 @@ pub(crate) struct PatchView<'a> {
     pub(crate) pose: DAffine3,
     presence: &'a IdVec<VertexId, Presence>,
     covariances: Option<&'a IdVec<VertexId, Covariance>>,
+    regions: Option<&'a IdVec<VertexId, Option<RegionName>>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
 }
@@ -33,8 +34,9 @@ impl<'a> PatchView<'a> {
 
     /// Taxels and the triangles between them, without a map.
     pub(crate) fn of_taxels(name: &'a str, mesh: &'a TriMesh, pose: DAffine3, taxels: &'a Taxels) -> Self {
-        let Taxels { presence, covariances, .. } = taxels;
-        Self { name, mesh, pose, presence, covariances: covariances.as_ref(), levels: None }
+        let Taxels { presence, covariances, regions, .. } = taxels;
+        let (covariances, regions) = (covariances.as_ref(), regions.as_ref());
+        Self { name, mesh, pose, presence, covariances, regions, levels: None }
     }
 
     pub(crate) fn level(&self, level: LevelId) -> Option<&'a MapLevel> {
@@ -59,6 +61,11 @@ impl<'a> PatchView<'a> {
         PlotError::NoMap { patch: self.name.to_owned(), what }
     }
 
+    /// The name of the region of a taxel.
+    pub(crate) fn region(&self, taxel: VertexId) -> Option<&'a RegionName> {
+        self.regions?[taxel].as_ref()
+    }
+
     /// The standard deviation of each taxel's position, in m: the square root of the trace of its
     /// covariance.
     pub(crate) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, PlotError> {
@@ -72,7 +79,7 @@ impl<'a> PatchView<'a> {
 pub(crate) struct Robot {
     name: String,
     mesh: TriMesh,
-    /// Presence, and covariances if all patches have them, each in the frame of its link.
+    /// Presence, regions, and covariances if all patches have them, each in the frame of its link.
     taxels: Taxels,
 }
 
@@ -80,12 +87,14 @@ impl Robot {
     pub(crate) fn new(patches: &[PatchView<'_>]) -> Self {
         let (mut positions, mut triangles) = (Vec::<DVec3>::new(), Vec::<[VertexId; 3]>::new());
         let (mut presence, mut covariances) = (Vec::new(), Some(Vec::new()));
+        let mut regions = Vec::new();
         for patch in patches {
             let before = positions.len();
             positions.extend(patch.mesh.positions.iter().map(|&p| patch.pose.transform_point3(p)));
             let moved = |t: &[VertexId; 3]| t.map(|v| VertexId::new(before + v.index()));
             triangles.extend(patch.mesh.triangles.iter().map(moved));
             presence.extend(patch.presence.iter().copied());
+            regions.extend(patch.mesh.positions.ids().map(|taxel| patch.region(taxel).cloned()));
             covariances = covariances.zip(patch.covariances).map(|(mut all, more)| {
                 all.extend(more.iter().copied());
                 all
@@ -95,7 +104,12 @@ impl Robot {
         Self {
             name: format!("{} patches", patches.len()),
             mesh: TriMesh { positions: positions.into(), triangles: IdVec::<FaceId, _>::from(triangles) },
-            taxels: Taxels { presence: presence.into(), covariances, ..Taxels::default() },
+            taxels: Taxels {
+                presence: presence.into(),
+                covariances,
+                regions: Some(regions.into()),
+                ..Taxels::default()
+            },
         }
     }
 

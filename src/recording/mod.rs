@@ -9,7 +9,7 @@
 //! 3. `frames`: from here on there are only the frames asked for. None of what follows depends on those left out.
 //! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
-//! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing.
+//! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
 //!
 //! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5.
 
@@ -29,7 +29,7 @@ use crate::pyramid::LevelId;
 use crate::recording::intake::Intake;
 use crate::recording::levels::Levels;
 use crate::signal::{
-    Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, TrackerOptions,
+    Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, Summary, TrackerOptions,
 };
 
 pub use levels::Carried;
@@ -80,6 +80,7 @@ pub struct Recording {
     levels: Option<Levels>,
     renderer: Option<Renderer>,
     tracker: Option<ContactTracker>,
+    summary: Option<Summary>,
     /// The first frames and their numbers, from which the tracker has learned.
     kept: VecDeque<(usize, Frame)>,
     has_learned: bool,
@@ -104,6 +105,7 @@ impl Recording {
             levels: None,
             renderer: None,
             tracker: None,
+            summary: None,
             kept: VecDeque::new(),
             has_learned: false,
             current: Frame::default(),
@@ -192,6 +194,21 @@ impl Recording {
         Ok(())
     }
 
+    /// Adds up the readings of the channel of these options, and its contacts, which it [follows](Self::follow_contacts).
+    ///
+    /// # Errors
+    /// As [`Self::follow_contacts`].
+    pub fn summarise(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        self.follow_contacts(options)?;
+        self.summary = Some(Summary::new(&self.map, &self.channels()[options.channel]));
+        Ok(())
+    }
+
+    /// What was added up so far, if that was [asked for](Self::summarise).
+    pub fn summary(&self) -> Option<&Summary> {
+        self.summary.as_ref()
+    }
+
     /// The threshold of contacts, given or estimated; `None` while it is not known.
     pub fn threshold(&self) -> Option<f64> {
         self.tracker.as_ref().and_then(ContactTracker::threshold)
@@ -229,7 +246,11 @@ impl Recording {
             (Some(renderer), Some(levels)) => renderer.render(levels),
             _ => &[],
         };
-        let contacts = self.tracker.as_mut().map_or(&[][..], |tracker| tracker.track(frame));
+        if let Some(tracker) = &mut self.tracker {
+            tracker.track(frame);
+            self.summary.iter_mut().for_each(|summary| summary.add(frame.time, tracker));
+        }
+        let contacts = self.tracker.as_ref().map_or(&[][..], ContactTracker::contacts);
         Ok(Some(Step { number, frame, levels, images, contacts }))
     }
 }

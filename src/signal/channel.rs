@@ -142,7 +142,7 @@ impl Channel {
 
     /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither
     /// one of force nor one of pressure.
-    pub(crate) fn newtons(&self) -> Option<f64> {
+    pub fn newtons(&self) -> Option<f64> {
         measure(&self.unit)
             .filter(|(newtons, of)| !newtons.is_nan() && *of == self.quantity)
             .map(|(newtons, _)| newtons)

@@ -6,7 +6,8 @@
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
 //! ([`Conditioner`]), `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
-//! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]).
+//! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]),
+//! `summary` adds up a recording ([`Summary`]), `pool` carries readings to named regions ([`GroupPool`]).
 //!
 //! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
 //! a receptive field whose taxels all are. Zero is a reading.
@@ -20,8 +21,10 @@ mod error;
 mod fill;
 mod frame;
 mod match_taxels;
+mod pool;
 mod response;
 mod restrict;
+mod summary;
 mod touch;
 mod zero;
 
@@ -35,7 +38,9 @@ pub use error::SignalError;
 pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
 pub use match_taxels::{Duplicates, Join, JoinReport};
+pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;
+pub use summary::{Group, Load, Summary, Totals};
 pub use touch::{FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchSimulation};
 pub use zero::{ZeroReport, ZeroTracker};

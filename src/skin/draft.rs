@@ -9,7 +9,7 @@ use crate::mesh::{MeshError, too_many};
 use crate::skin::columns::columns;
 use crate::skin::link::append_links;
 use crate::skin::{
-    Covariance, Joints, Link, LinkId, Motion, Presence, Remark, SkinError, TaxelError, TaxelId,
+    Covariance, Joints, Link, LinkId, Motion, Presence, RegionName, Remark, SkinError, TaxelError, TaxelId,
 };
 
 /// Bodies of robots are smaller, in m. One in millimetres is read as a thousand times larger, so its unit is
@@ -81,6 +81,8 @@ columns! {
     covariances: Option<Vec<Covariance>>,
     /// The links that each taxel follows; `None`: the sheet's.
     joints: Option<Vec<Joints>>,
+    /// The named region that each taxel is in, if it is in one.
+    regions: Option<Vec<Option<RegionName>>>,
 }
 
 impl Draft {

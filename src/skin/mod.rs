@@ -61,6 +61,6 @@ pub(crate) use normals::{in_tangent_plane, tangents_along};
 pub use patch::{Patch, PatchId, Skin};
 pub(crate) use patch::{check_links, check_patches};
 pub use remark::{OutsideFrom, Remark, RemarkKind, UnreliableNormals};
-pub use taxels::{Joints, Presence, TaxelError, TaxelId, Taxels};
-pub(crate) use taxels::{bind_of, blended, scaled_joints};
+pub use taxels::{Joints, Presence, RegionName, TaxelError, TaxelId, Taxels};
+pub(crate) use taxels::{bind_of, blended, is_region_name, region_names, scaled_joints};
 pub use weld::Weld;

@@ -3,7 +3,9 @@
 //! Every step that drops, reorders or moves taxels goes through [`Taxels::select`] and
 //! [`Taxels::posed`], so that no property is lost.
 
+use std::collections::HashSet;
 use std::fmt;
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -118,6 +120,23 @@ columns! {
     covariances: Option<IdVec<VertexId, Covariance>>,
     /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
     joints: Option<IdVec<VertexId, Joints>>,
+    /// The named region that each taxel is in, if it is in one; `None`: none is.
+    regions: Option<IdVec<VertexId, Option<RegionName>>>,
+}
+
+/// The name of a region of the skin: 1 to 100 characters, none of them a control character.
+pub type RegionName = Arc<str>;
+
+/// Whether a text can be the name of a region.
+pub(crate) fn is_region_name(name: &str) -> bool {
+    (1..=100).contains(&name.chars().count()) && !name.chars().any(char::is_control)
+}
+
+/// The regions of patches, each once, in the order of their first taxels.
+pub(crate) fn region_names<'a>(patches: impl Iterator<Item = &'a Taxels>) -> Vec<RegionName> {
+    let mut seen = HashSet::new();
+    let names = patches.flat_map(|taxels| taxels.regions.iter().flatten().flatten());
+    names.filter(|name| seen.insert(*name)).cloned().collect()
 }
 
 /// Up to four links that a point follows, with weights: it moves to the weighted mean of the positions to
@@ -205,6 +224,7 @@ impl Taxels {
             covariances,
             joints,
             binds,
+            regions,
             ids: _,
             presence: _,
             densities: _,
@@ -233,6 +253,11 @@ impl Taxels {
         }
         if let Some(&(link, _)) = binds.iter().find(|(_, bind)| !bind.is_finite()) {
             return Err(TaxelError::Bind { link });
+        }
+        let named =
+            regions.iter().flat_map(IdVec::enumerate).filter_map(|(v, name)| Some((v, name.as_ref()?)));
+        if let Some((vertex, found)) = named.into_iter().find(|(_, name)| !is_region_name(name)) {
+            return Err(TaxelError::Region { vertex, found: found.to_string() });
         }
         match first(covariances.iter().flat_map(IdVec::enumerate), is_covariance) {
             Some((vertex, found)) => Err(TaxelError::Covariance { vertex, found }),
@@ -357,6 +382,8 @@ pub enum TaxelError {
     Acuity { vertex: VertexId, found: f64 },
     #[error("vertex {vertex} follows {found:?}; weights of at least 0 with sum 1 are needed")]
     Joints { vertex: VertexId, found: Joints },
+    #[error("vertex {vertex} is in the region {found:?}; a name of 1 to 100 printable characters is needed")]
+    Region { vertex: VertexId, found: String },
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
     UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
     #[error("the bind of link {link} is not finite; a finite affine map is needed")]
@@ -381,6 +408,7 @@ impl TaxelError {
             | Self::Acuity { vertex, .. }
             | Self::Joints { vertex, .. }
             | Self::UnknownJoint { vertex, .. }
+            | Self::Region { vertex, .. }
             | Self::Covariance { vertex, .. } => *vertex = number(*vertex),
             Self::Length { .. } | Self::NoWeight { .. } | Self::Bind { .. } => {}
         }

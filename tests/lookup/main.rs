@@ -23,7 +23,7 @@ use dermatome::skin::{
 use glam::{DAffine3, DQuat, DVec3};
 use tempfile::TempDir;
 
-const HEADER: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame";
+const HEADER: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields,presence,live_taxel_id,region,frame";
 
 /// A map in a folder of its own, as its file holds it.
 struct Fixture {

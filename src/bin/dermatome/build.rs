@@ -28,8 +28,8 @@ use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
-    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs, one_of,
-    side_mm,
+    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs,
+    RegionsArgs, one_of, side_mm,
 };
 
 /// Arguments of `build`.
@@ -50,6 +50,8 @@ pub(crate) struct Args {
     acuity: AcuityArgs,
     #[command(flatten)]
     flatten: FlattenArgs,
+    #[command(flatten)]
+    regions: RegionsArgs,
     /// Densities of --magnify and --acuity are relative to the mean of: [default: skin]
     #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
     magnify_over: Option<MagnifyOver>,
@@ -119,8 +121,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);
-    let built = build_with(&skin, &options, Run::default().telling(&on_progress).counting(&common.steps))
+    let mut built = build_with(&skin, &options, Run::default().telling(&on_progress).counting(&common.steps))
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
+    if !args.regions.is_empty() {
+        args.regions.apply(Arc::make_mut(&mut built.map), common)?;
+    }
     let title = title(&args.skin, folder);
     let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;
     bar.finish_and_clear();

@@ -3,11 +3,15 @@
 use std::process::ExitCode;
 
 use dermatome::Error;
-use dermatome::io::{IoError, write_skin};
+use dermatome::io::{IoError, read_draft_of_stream, write_skin};
+use dermatome::skin::assemble;
 
 use crate::options::{InPath, OutFile};
 use crate::{
-    console::{errors::advise, notes::remark_lost},
+    console::{
+        errors::advise,
+        notes::{note_remarks, remark_lost},
+    },
     files::{input::read_skin, outputs},
     options::{Common, PatchArgs, ReadArgs},
 };
@@ -22,6 +26,9 @@ pub(crate) struct Args {
     /// The file to write: .glb, .gltf, .json, .obj, .off, .ply, .stl or .csv
     #[arg(value_name = "OUT")]
     output: OutFile,
+    /// Which sensor of a recording with several
+    #[arg(long, value_name = "NAME", conflicts_with = "unit")]
+    stream: Option<String>,
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
@@ -29,7 +36,16 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let skin = read_skin(&args.input, &args.read, &args.chosen, &args.read.options(&[&args.input]), common)?;
+    let options = args.read.options(&[&args.input]);
+    let skin = match &args.stream {
+        None => read_skin(&args.input, &args.read, &args.chosen, &options, common)?,
+        Some(stream) => {
+            let draft = read_draft_of_stream(&args.input, stream).map_err(Error::from)?;
+            let assembled = assemble(&draft, &options).map_err(Error::from)?;
+            note_remarks(&assembled.remarks, common);
+            assembled.skin
+        }
+    };
     write_skin(common.outputs.file(&args.output), &skin).map_err(|e| match e {
         IoError::UnknownKind { .. } => {
             advise(e, "write .glb, .obj, .ply or .stl, which other programs convert")

@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 18] = [
+const ENDS: [(&str, &str, &[&str]); 19] = [
     (
         "bench",
         OF_COSTS,
@@ -102,6 +102,15 @@ const ENDS: [(&str, &str, &[&str]); 18] = [
         ],
     ),
     ("simulate", "", &["dermatome simulate -o seen.g2o --truth truth.csv --spacing-mm 4mm --outliers 0.1"]),
+    (
+        "summary",
+        "",
+        &[
+            "dermatome build meshes/forearm.glb -o forearm --regions link",
+            "dermatome touch forearm/map.glb -o touch.csv --presses 1 --rate-hz 20",
+            "dermatome summary forearm/map.glb touch.csv -o sums.csv --over-time loads.csv",
+        ],
+    ),
     ("touch", "", &["dermatome touch meshes/forearm.glb -o touch.csv --truth touches.csv --sphere-mm 1cm"]),
 ];
 

@@ -27,7 +27,7 @@ use crate::lookup::player::Player;
 use crate::lookup::readings::Readings;
 use crate::lookup::robot::Robot;
 use crate::options::{
-    Common, InPath, JointsArg, OutFile, RobotArgs, Unit, joints, length, length_mm, pattern,
+    Common, InPath, JointsArg, OutFile, RegionsArgs, RobotArgs, Unit, joints, length, length_mm, pattern,
 };
 
 /// Find the map cells under contacts, on every level.
@@ -69,6 +69,8 @@ pub(crate) struct Args {
     /// ray [default: inf]
     #[arg(long, value_name = "D", value_parser = distance, conflicts_with = "within")]
     max_distance: Option<f64>,
+    #[command(flatten)]
+    regions: RegionsArgs,
     #[command(flatten)]
     question: QuestionArgs,
     /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw (in the world and in m; other links
@@ -180,7 +182,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if !is_stream(&args.output) {
         outputs::check_table(&args.output)?;
     }
-    let robot = Robot::read(&args.map, &args.patches, &args.levels, common)?;
+    let robot = Robot::read(&args.map, &args.patches, &args.levels, &args.regions, common)?;
     let motion = match args.pose.as_deref().filter(|path| RobotArgs::describes(path)) {
         Some(path) => Some(robot.joint_motion(path, args.joints.as_ref(), common)?),
         None if args.joints.is_some() => {

@@ -22,6 +22,7 @@ mod render;
 mod report;
 mod shell;
 mod simulate;
+mod summary;
 mod touch;
 
 use std::{ffi::OsString, process::ExitCode};
@@ -81,6 +82,8 @@ enum Command {
     Report(report::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
+    /// Add up a recording by region, patch, link and contact.
+    Summary(summary::Args),
     /// Simulate touches: a sphere that presses and rolls on a skin, as readings.
     Touch(touch::Args),
     /// Print a completion script.
@@ -163,6 +166,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(args, common),
         Command::Report(args) => report::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
+        Command::Summary(args) => summary::run(args, common),
         Command::Touch(args) => touch::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut paths::with_hints(Cli::command())),
         Command::Man(args) => shell::manual(args, help::with_ends(Cli::command())),

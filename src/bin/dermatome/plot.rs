@@ -17,7 +17,7 @@ use crate::console::errors::advise;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream, write_bytes};
-use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, one_of, pattern};
+use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, one_of, pattern};
 use crate::readings::{ReadingsArgs, range, remark_join};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
@@ -59,6 +59,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
     width: u32,
     #[command(flatten)]
+    regions: RegionsArgs,
+    #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
     frame: FrameArgs,
@@ -82,11 +84,12 @@ struct FrameArgs {
     channel: Option<String>,
 }
 
-const SHOWN: [Choice<Paint>; 4] = [
+const SHOWN: [Choice<Paint>; 5] = [
     ("fields", Paint::Fields, "The receptive field with the largest weight at each taxel"),
     ("angle", Paint::Angle, "Angle distortion of each triangle: the ratio of its stretches"),
     ("area", Paint::Area, "Area of each triangle on the map divided by that on the skin"),
     ("sigma", Paint::Sigma, "Standard deviation of each taxel's position, if the skin was calibrated"),
+    ("regions", Paint::Regions, "The named regions, if it has some"),
 ];
 
 #[derive(Clone, Copy)]
@@ -109,7 +112,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             .map(|range| if args.show == Paint::Sigma { range.map(|x| 1e-3 * x) } else { range }),
         width_px: args.width,
     };
-    let map = read_map_if_any(&args.map)?;
+    let mut map = read_map_if_any(&args.map)?;
+    if let Some(map) = &mut map {
+        args.regions.apply(map, common)?;
+    } else if !args.regions.is_empty() {
+        return Err(Error::from(IoError::NoMap { path: (&args.map).into() }).into());
+    }
     if let Some(map) = map.as_ref().filter(|_| !args.patches.is_empty()) {
         let names: Vec<String> = map.patches.iter().map(|patch| patch.name.clone()).collect();
         options.patches = select_patches(&args.map, names, &args.patches, |name| name)?;

@@ -151,16 +151,20 @@ impl ReadingsArgs {
     ) -> anyhow::Result<Recording> {
         let read = self.read_options()?;
         let readings = if is_stream(path) {
-            if read.layout.is_some() || read.stream.is_some() {
+            if read.stream.is_some() {
                 return Err(advise(
-                    "a layout and a stream are of a file",
-                    "name the file of the readings, not -",
+                    "standard input is one stream of text",
+                    "leave out --stream, or name the file of the readings",
                 ));
             }
             let name = Path::new("standard input");
             let fail = |source| IoError::Read { path: name.to_owned(), source };
             let input = live_input().map_err(fail).map_err(Error::from)?;
-            ReadingsReader::stream(name, input).map_err(Error::from)?
+            match &read.layout {
+                Some(layout) => ReadingsReader::stream_with(name, input, layout),
+                None => ReadingsReader::stream(name, input),
+            }
+            .map_err(Error::from)?
         } else {
             ReadingsReader::open(path, read).map_err(Error::from)?
         };

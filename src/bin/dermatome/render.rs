@@ -23,7 +23,7 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
-use crate::options::{Choice, Common, InPath, OutFolder, one_of, side_mm};
+use crate::options::{Choice, Common, InPath, OutFolder, RegionsArgs, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
 use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pictures};
@@ -62,6 +62,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     contacts: ContactsArgs,
     #[command(flatten)]
+    regions: RegionsArgs,
+    #[command(flatten)]
     frames: FramesArgs,
 }
 
@@ -94,7 +96,9 @@ struct ImageArgs {
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let kind = args.check()?;
-    let map = Arc::new(read_map_first(&args.map)?);
+    let mut map = read_map_first(&args.map)?;
+    args.regions.apply(&mut map, common)?;
+    let map = Arc::new(map);
     let pack = if kind == ImagesKind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
     let atlas = Atlas::new(&map, &args.pixels.atlas_options(pack)).map_err(Error::from)?;
     let level = args.images.level.map(LevelId::from);

@@ -17,7 +17,7 @@ use crate::console::print::{plain, print};
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream, write_bytes};
-use crate::options::{Common, InPath, OutFile};
+use crate::options::{Common, InPath, OutFile, RegionsArgs};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
@@ -49,6 +49,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
     #[command(flatten)]
+    regions: RegionsArgs,
+    #[command(flatten)]
     readings_args: ReadingsArgs,
     #[command(flatten)]
     frames: FramesArgs,
@@ -62,7 +64,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs::guard(std::slice::from_ref(output), &common.outputs)?;
     args.frames.range()?;
-    let map = Arc::new(read_map_first(&args.map)?);
+    let mut map = read_map_first(&args.map)?;
+    args.regions.apply(&mut map, common)?;
+    let map = Arc::new(map);
     let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
     let mut page = Page::new(&map, title)?;
     if args.live {

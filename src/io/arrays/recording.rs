@@ -4,12 +4,13 @@
 use serde_json::{Map, Value, json};
 
 use crate::atlas::{Atlas, AtlasPart};
+use crate::id::IdVec;
 use crate::image::TactileImage;
 use crate::io::IoError;
 use crate::io::arrays::npy::{ElementType, Elements};
 use crate::io::arrays::write::{ArrayId, ArrayWriter};
 use crate::io::file::{OutPath, file_kind, unfit, write_file};
-use crate::map::SkinMap;
+use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::LevelId;
 use crate::signal::{Channel, LevelFrame};
 use crate::skin::PatchId;
@@ -33,7 +34,8 @@ pub struct RecordingLayout<'a> {
 /// `(T, C, n)` as `f32`, NaN where nothing is known; `PATCH.Lk.mask` `(H, W)`, 1 where the image
 /// shows the skin; `PATCH.Lk.taxel_id` `(H, W)`, above level 0 the index of the field, `0xFFFFFFFF`
 /// where there is none; `PATCH.Lk.valid` `(T, n)`, 1 where every channel has a value that was measured, not [filled](crate::signal::Filler); `PATCH.ids`;
-/// `timestamps` in s; `channels`, their `units` and those of their pixels, `image_units`: images show
+/// `PATCH.region` of each taxel and `PATCH.Lk.region` `(H, W)` of each pixel, 0 where there is none, else counted from 1
+/// in `regions`, if the map has named regions; `timestamps` in s; `channels`, their `units` and those of their pixels, `image_units`: images show
 /// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
 /// `PATCH.Lk.metres_per_pixel` where images differ. Packed
 /// images are `Lk.image` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
@@ -127,11 +129,38 @@ impl RecordingWriter {
         let units: Vec<String> = layout.channels.iter().map(|c| c.unit.clone()).collect();
         this.writer.constant("channels", &[names.len()], Elements::Text(&names))?;
         this.writer.constant("units", &[units.len()], Elements::Text(&units))?;
+        let regions = map.regions();
+        if !regions.names.is_empty() {
+            let names: Vec<String> = regions.names.iter().map(ToString::to_string).collect();
+            this.writer.constant("regions", &[names.len()], Elements::Text(&names))?;
+            this.add_regions(map, &regions, &parts)?;
+        }
         this.add_images(map, &parts, layout.channels)?;
         if layout.values {
             this.add_values(map, layout)?;
         }
         Ok(this)
+    }
+
+    /// The region of each taxel, and of each pixel.
+    fn add_regions(&mut self, map: &SkinMap, regions: &Regions, parts: &[&AtlasPart]) -> Result<(), IoError> {
+        let number = |region: Option<RegionId>| region.map_or(0, |region| region.raw() + 1);
+        for (id, patch) in map.patches.enumerate() {
+            let of: Vec<u32> = regions.of_taxels[id].iter().map(|region| number(*region)).collect();
+            self.writer.constant(&format!("{}.region", patch.name), &[of.len()], Elements::U32(&of))?;
+        }
+        for part in parts {
+            let of_level = map.patches.enumerate();
+            let of_level: IdVec<PatchId, _> = of_level
+                .map(|(id, patch)| regions.of_level(id, patch, patch.nearest_level(part.level)))
+                .collect();
+            let shown = part.vertices(map).into_iter();
+            let of: Vec<u32> = shown.map(|at| number(at.and_then(|(patch, v)| of_level[patch][v]))).collect();
+            let [width, height] = part.frame.size_px.map(|n| n as usize);
+            let name = format!("{}.region", key(&part.name));
+            self.writer.constant(&name, &[height, width], Elements::U32(&of))?;
+        }
+        Ok(())
     }
 
     fn add_images(

@@ -73,6 +73,16 @@ pub(super) struct LevelExtras {
     /// How many of the last triangles of level 0 close pin-holes.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub filled: usize,
+    /// On level 0 the names of the regions that `_REGION` counts from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub regions: Vec<String>,
+}
+
+/// `extras.dermatome` of a mesh of a skin: the names of the regions that `_REGION` counts from 1 on.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct RegionExtras {
+    #[serde(default)]
+    regions: Vec<String>,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
@@ -118,9 +128,12 @@ pub(super) enum NodeExtras {
 }
 
 impl LevelExtras {
-    /// The extras of a mesh; `None` without.
+    /// The extras of a mesh; `None` without, or if they name regions alone.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
-        content(&mesh.extras).map(Self::deserialize)
+        let content = content(&mesh.extras)?;
+        let is_of_skin =
+            content.as_object().is_some_and(|keys| keys.len() == 1 && keys.contains_key("regions"));
+        (!is_of_skin).then(|| Self::deserialize(content))
     }
 }
 
@@ -129,6 +142,11 @@ impl SkinExtras {
     pub(super) fn of(extras: &Extras) -> Option<Self> {
         Self::deserialize(content(extras)?).ok()
     }
+}
+
+/// The regions that a mesh names.
+fn regions_of(mesh: &Mesh) -> Option<Vec<String>> {
+    Some(RegionExtras::deserialize(content(&mesh.extras)?).ok()?.regions)
 }
 
 impl NodeExtras {

@@ -19,8 +19,17 @@ use crate::io::gltf::document::{DRACO, Document};
 const UNIT_NORMAL: f64 = 0.00674;
 
 /// What is needed of a skin beside positions, where it is there.
-const OF_TAXELS: [&str; 8] =
-    ["_TAXEL_ID", "_AREA", "_DENSITY", "_WEIGHT", "_ACUITY", "_PRESENT", "_COVARIANCE_0", "_COVARIANCE_1"];
+const OF_TAXELS: [&str; 9] = [
+    "_TAXEL_ID",
+    "_AREA",
+    "_DENSITY",
+    "_WEIGHT",
+    "_ACUITY",
+    "_PRESENT",
+    "_REGION",
+    "_COVARIANCE_0",
+    "_COVARIANCE_1",
+];
 
 /// What is read too, and left out with a note where it is wrong: it is looks, or is computed without.
 const OPTIONAL: [&str; 6] = ["NORMAL", "TANGENT", "TEXCOORD_0", "JOINTS_0", "JOINTS_1", "WEIGHTS_0"];

@@ -24,7 +24,7 @@ use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
 use crate::numeric::narrow;
 use crate::parallel::{par_collect, par_map};
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError};
-use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
+use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
 /// scene per level.
@@ -33,8 +33,8 @@ use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (f32, or where an id is 2^24 or larger VEC2 of u16:
-/// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_SIGMA` and `_COVARIANCE_0/1` where they
-/// are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
+/// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_REGION` (f32), `_SIGMA` and `_COVARIANCE_0/1`
+/// where they are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
 /// nodes of the links; its nodes are roots, as glTF requires, and `extras.dermatome` of each is
 /// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` has the names of patch and level, the
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
@@ -131,11 +131,12 @@ fn write_levels(
     }
     let mut writer = SceneWriter::new(path);
     let deepest = patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
+    let regions = region_names(patches.iter().map(|patch| patch.taxels));
     for level in (0..deepest).map(LevelId::new) {
         let mut wanted = links.map(|_| level.index() == 0);
         let mut nodes = Vec::new();
         for patch in patches.iter().filter(|patch| level.index() < patch.levels.len()) {
-            let mesh = add_level(&mut writer, patch, level)?;
+            let mesh = add_level(&mut writer, patch, level, &regions)?;
             let joints = joints_of(patch.taxels);
             for first in joints.iter().copied().chain([patch.link]) {
                 let mut link = Some(first);
@@ -160,7 +161,12 @@ fn level_name(patch: &PatchLevels<'_>, level: LevelId) -> String {
     format!("{}/L{level}", patch.name)
 }
 
-fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: LevelId) -> Result<Index<Mesh>> {
+fn add_level(
+    writer: &mut SceneWriter<'_>,
+    patch: &PatchLevels<'_>,
+    number: LevelId,
+    regions: &[RegionName],
+) -> Result<Index<Mesh>> {
     let name = level_name(patch, number);
     let (level, map) = patch.levels[number];
     let opened = map.map_or(Cow::Borrowed(&level.mesh), MapLevel::opened);
@@ -169,10 +175,10 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
     if number.index() == 0 {
         let count = opened.positions.len();
         match unsplit {
-            None => sheet.taxels(patch.taxels, count, Codes::Real)?,
+            None => sheet.taxels(patch.taxels, count, regions, Codes::Real)?,
             Some(at) => {
                 let opened = patch.taxels.select(at);
-                sheet.taxels(&opened, count, Codes::Real)?;
+                sheet.taxels(&opened, count, regions, Codes::Real)?;
             }
         }
     } else {
@@ -214,6 +220,10 @@ fn add_level(writer: &mut SceneWriter<'_>, patch: &PatchLevels<'_>, number: Leve
         origins: (number.index() > 0)
             .then(|| writer.array(None, level.origins.iter().map(|v| [v.raw()])).value()),
         unsplit: unsplit.map(|at| writer.array(None, at.iter().map(|v| [v.raw()])).value()),
+        regions: match &patch.taxels.regions {
+            Some(_) if number.index() == 0 => regions.iter().map(ToString::to_string).collect(),
+            _ => Vec::new(),
+        },
     };
     let mut mesh = mesh(name, primitive);
     mesh.extras = writer.extras(&content)?;

@@ -1,7 +1,8 @@
 //! Writes skins as glTF, and the meshes of maps: positions, normals, triangles and what is known of
 //! the taxels as attributes. All is rounded to `f32`; what that would break is refused.
 
-use std::{collections::BTreeMap, io::Write, path::Path};
+use std::collections::{BTreeMap, HashMap};
+use std::{io::Write, path::Path};
 
 use glam::DVec3;
 use gltf::json::accessor::Accessor;
@@ -14,16 +15,20 @@ use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{file_kind, unfit};
+use crate::io::gltf::RegionExtras;
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter, Stored};
 use crate::mesh::TriMesh;
 use crate::numeric::narrow;
-use crate::skin::{Covariance, Joints, LinkId, Skin, TaxelId, Taxels, scaled_joints};
+use crate::skin::{
+    Covariance, Joints, LinkId, RegionName, Skin, TaxelId, Taxels, region_names, scaled_joints,
+};
 
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
 /// node for each link, and under it one for each of its patches.
 ///
 /// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
-/// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad). Covariances become `_SIGMA`
+/// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad), regions
+/// `_REGION` (0 none, else counted from 1 in `extras.dermatome.regions` of the mesh). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. A patch that follows several links has a skin of glTF, whose joints are their nodes. Everything
 /// is rounded to `f32`.
@@ -32,11 +37,16 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
     let mut writer = SceneWriter::new(path);
+    let regions = region_names(skin.patches.iter().map(|patch| &patch.taxels));
     let mut nodes = Vec::new();
     for patch in &skin.patches {
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
-        sheet.taxels(&patch.taxels, patch.mesh.positions.len(), Codes::Whole)?;
-        let mesh = mesh(patch.name.clone(), sheet.finish());
+        sheet.taxels(&patch.taxels, patch.mesh.positions.len(), &regions, Codes::Whole)?;
+        let mut mesh = mesh(patch.name.clone(), sheet.finish());
+        if patch.taxels.regions.is_some() {
+            mesh.extras = writer
+                .extras(&RegionExtras { regions: regions.iter().map(ToString::to_string).collect() })?;
+        }
         let node = node(patch.name.clone(), writer.root.push(mesh));
         let (joints, binds) = (joints_of(&patch.taxels), patch.taxels.binds.clone());
         nodes.push(PatchNode { link: patch.link, node, joints, binds });
@@ -134,7 +144,14 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         self.attributes.insert(Checked::Valid(semantic), rows);
     }
 
-    pub(super) fn taxels(&mut self, taxels: &Taxels, vertices: usize, codes: Codes) -> Result<()> {
+    /// Adds what is known of taxels, their regions as numbers in a list of all `regions`.
+    pub(super) fn taxels(
+        &mut self,
+        taxels: &Taxels,
+        vertices: usize,
+        regions: &[RegionName],
+        codes: Codes,
+    ) -> Result<()> {
         taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
         self.frames(&taxels.normals, taxels.tangents.as_ref());
         let are_exact = taxels.ids.iter().all(|id| id.0 < EXACT_IDS);
@@ -162,10 +179,33 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             Codes::Whole => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [p.code()])),
             Codes::Real => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [f32::from(p.code())])),
         }
+        if let Some(of_taxels) = &taxels.regions {
+            self.regions(of_taxels, regions, codes)?;
+        }
         if let Some(joints) = &taxels.joints {
             self.joints(&joints_of(taxels), joints.as_slice())?;
         }
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
+    }
+
+    /// The numbers of the regions of taxels, from 1 on; 0 for none.
+    fn regions(
+        &mut self,
+        of_taxels: &IdVec<VertexId, Option<RegionName>>,
+        names: &[RegionName],
+        codes: Codes,
+    ) -> Result<()> {
+        if names.len() > usize::from(u16::MAX) {
+            return Err(self.unfit(format!("{} regions", names.len()), "less than 2^16"));
+        }
+        let numbers: HashMap<&RegionName, u16> = names.iter().zip(1..).collect();
+        let number =
+            |name: &Option<RegionName>| name.as_ref().and_then(|name| numbers.get(name)).map_or(0, |n| *n);
+        match codes {
+            Codes::Whole => self.insert("_REGION", of_taxels.iter().map(|name| [number(name)])),
+            Codes::Real => self.insert("_REGION", of_taxels.iter().map(|name| [f32::from(number(name))])),
+        }
+        Ok(())
     }
 
     /// The links that vertices follow, by their numbers among `links`, all of them rising; what has no

@@ -2,12 +2,25 @@
 
 use std::path::Path;
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::io::layout::facts::{StatementSource, StreamFacts};
 use crate::io::layout::keys::{Layout, first_null};
+
+/// What takes the place of null.
+const HELP: [(&str, &str); 6] = [
+    ("axes", "what each axis of the numbers counts: frame, component, and cells as taxel, row, col, pad"),
+    ("time", "rate: frames a second; or stream: the name of the times, and unit: s, ms, us or ns"),
+    ("channels", "name: pressure, force, shear.x; unit: Pa, kPa, N, count; \"\" if nobody knows the unit"),
+    ("press", "raises or lowers: whether pressing makes the numbers larger or smaller"),
+    (
+        "zero",
+        "the number of no touch; {\"first\": N}: the mean of the first N frames; \"taken\": subtracted already",
+    ),
+    ("taxels", "flip: axes that run the other way, [] for none"),
+];
 
 impl Layout {
     /// The text of a layout of what `file` states of a stream: JSON with null where it states nothing.
@@ -15,6 +28,11 @@ impl Layout {
         let mut json = of_facts(facts);
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         json["about"] = format!("drafted from {name}; replace each null by the value of the sensor").into();
+        let open = HELP.iter().filter(|(key, _)| json.get(key).and_then(first_null).is_some());
+        let help: Map<String, Value> = open.map(|(key, help)| ((*key).into(), (*help).into())).collect();
+        if !help.is_empty() {
+            json["note"] = help.into();
+        }
         let text = serde_json::to_string_pretty(&json).unwrap_or_default();
         text + "\n"
     }

@@ -12,15 +12,17 @@ use crate::io::file::OutPath;
 use crate::io::file::{Source, finite};
 use crate::io::mesh::parts::all_triangles;
 use crate::io::table::calibration::{BY_ROW, Corners, Taxels};
+use crate::io::table::regions::NAME_NEEDED;
 use crate::io::table::writer::{TableWriter, write_table};
 use crate::io::table::{Columns, Row, Table};
 use crate::skin::{
-    Covariance, Draft, Link, LinkId, Patch, Presence, Remark, RemarkKind, Sheet, Skin, TaxelId,
+    Covariance, Draft, Link, LinkId, Patch, Presence, RegionName, Remark, RemarkKind, Sheet, Skin, TaxelId,
+    is_region_name,
 };
 
 /// Columns of the table of taxels.
 const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present,patch,on_link,\
-                       cxx,cxy,cxz,cyy,cyz,czz";
+                       cxx,cxy,cxz,cyy,cyz,czz,region";
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
 /// would mean that they are in the frame of that link.
@@ -53,13 +55,14 @@ struct ColumnIndices {
     covariance: Option<[usize; 6]>,
     rotation: Option<[usize; 4]>,
     tangent: Option<[usize; 3]>,
+    region: Option<usize>,
 }
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `weight`, `present` (0
 /// absent, 1 present, 2 thermal pad, or `presence` in words), `tx,ty,tz` (tangent), `patch` and `on_link` or `link` (names; every patch becomes a
-/// sheet), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; other columns are not
+/// sheet), `region` (a name, or nothing), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; other columns are not
 /// read. The id -1 is the placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
@@ -88,8 +91,8 @@ impl ColumnIndices {
         let covariance = columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?;
         let rotation = columns.find_vector(["qx", "qy", "qz", "qw"])?;
         let tangent = columns.find_vector(TANGENT)?.filter(|_| rotation.is_none());
-        let [id, area, density, weight, patch, sigma] =
-            ["id", "area", "density", "weight", "patch", SIGMA].map(|name| columns.find(name));
+        let [id, area, density, weight, patch, sigma, region] =
+            ["id", "area", "density", "weight", "patch", SIGMA, "region"].map(|name| columns.find(name));
         let present = columns.find("present").or_else(|| columns.find(PRESENCE));
         Ok(Self {
             position,
@@ -105,6 +108,7 @@ impl ColumnIndices {
             covariance,
             rotation,
             tangent,
+            region,
         })
     }
 }
@@ -198,6 +202,13 @@ impl Sheets {
         ] {
             let Some(column) = column else { continue };
             push((row, column, place), numbers, row.number_if_any(column)?)?;
+        }
+        if let Some(column) = indices.region {
+            let region = Some(row.text(column)).filter(|name| !name.is_empty());
+            if region.is_some_and(|name| !is_region_name(name)) {
+                return Err(row.invalid(column, NAME_NEEDED));
+            }
+            sheet.regions.get_or_insert_default().push(region.map(RegionName::from));
         }
         if let Some(column) = indices.present {
             let word = row.text(column);
@@ -314,6 +325,7 @@ fn write_taxels<W: Write>(table: &mut TableWriter<W>, patch: &Patch, link: &str)
             Some(c) => table.numbers(<[f64; 6]>::from(c[v])),
             None => table.empty(6),
         }
+        table.cell(taxels.regions.as_ref().and_then(|regions| regions[v].as_deref()).unwrap_or_default());
         table.end_row()?;
     }
     Ok(())

@@ -184,6 +184,11 @@ fn read_ids(
         _ => "one for each taxel".into(),
     };
     need_shape(path, array, width as u64, &needed)?;
+    ids_of(path, array, width)
+}
+
+/// The ids of an array of `width` numbers or texts.
+pub(in crate::io) fn ids_of(path: &Path, array: &StoredArray, width: usize) -> Result<Vec<TaxelId>, IoError> {
     let invalid_id = |k: usize, found: String| {
         let element = format!("{}, element {k}", array.element());
         invalid(path, element, found, "the number of a taxel, 0 to 4294967295")

@@ -15,6 +15,8 @@ pub(super) struct LaidReadings {
     frames: Box<dyn Frames>,
     decoder: Decoder,
     pub(super) facts: StreamFacts,
+    /// Most frames that are decoded at once: each of a stream, which may be a live one, by itself.
+    most: usize,
     /// The readings and times of some frames, and which of these comes next.
     values: Vec<f64>,
     seconds: Vec<f64>,
@@ -44,6 +46,7 @@ impl LaidReadings {
         let laid = Self {
             frames: stream.source,
             decoder,
+            most: if stream.frames.is_some() { MAX_FRAMES } else { 1 },
             facts: stream.facts,
             values: Vec::new(),
             seconds: Vec::new(),
@@ -72,7 +75,7 @@ impl LaidReadings {
     /// Decodes the next frames; false if there are none.
     fn decode(&mut self) -> Result<bool, IoError> {
         let width: usize = self.facts.cells.iter().product();
-        let few = (MAX_NUMBERS / width.max(1)).clamp(1, MAX_FRAMES);
+        let few = (MAX_NUMBERS / width.max(1)).clamp(1, self.most);
         let wanted = if self.has_begun { few } else { self.decoder.frames_to_learn() };
         self.raw.clear();
         let (mut whole, mut real, mut count) = (Vec::new(), Vec::new(), 0);

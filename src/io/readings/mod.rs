@@ -230,7 +230,11 @@ impl ReadingsReader {
                 OpenStream { facts, frames: about.frames, sheet: None, source: Box::new(source) }
             }
         };
-        let (laid, about) = LaidReadings::open(path, opened, layout.as_ref())?;
+        Self::laid(path, opened, layout.as_ref())
+    }
+
+    fn laid(path: &Path, opened: OpenStream, layout: Option<&Layout>) -> Result<Self, IoError> {
+        let (laid, about) = LaidReadings::open(path, opened, layout)?;
         Ok(Self::of(Source::Laid(Box::new(laid)), about))
     }
 
@@ -283,6 +287,23 @@ impl ReadingsReader {
     pub fn stream(path: &Path, input: impl Read + Send + 'static) -> Result<Self, IoError> {
         let (text, about) = TextReadings::open(path, Box::new(input), false)?;
         Ok(Self::of(Source::Text(text), about))
+    }
+
+    /// Reads a stream by a layout. Frames from which the layout takes a zero, or with which it is checked, are kept first.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn stream_with(
+        path: &Path,
+        input: impl Read + Send + 'static,
+        layout: &Layout,
+    ) -> Result<Self, IoError> {
+        let (text, about) = TextReadings::open(path, Box::new(input), false)?;
+        let facts = about.facts();
+        Wanted { stream: None, layout: Some(layout) }
+            .choose(path, &[(String::new(), facts.cells.clone())])?;
+        let source: Box<dyn Frames> = Box::new(Source::Text(text));
+        Self::laid(path, OpenStream { facts, frames: None, sheet: None, source }, Some(layout))
     }
 
     /// Reads a recording in memory.

@@ -9,6 +9,7 @@ use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::invalid;
 use crate::io::file::times::time_column;
 use crate::io::layout::{Layout, StreamFacts, TimeUnit};
+use crate::io::readings::arrays::ids_of;
 use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
 
 struct Arrays {
@@ -71,6 +72,14 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         facts.units =
             ArrayRows::open(path, units, units.header.shape.iter().product::<u64>().min(64) as usize)?
                 .texts(path)?;
+    }
+    if let Some(ids) = named("ids").or_else(|| named("taxel_ids")) {
+        // Those of another array, as of another sensor, are not of these cells.
+        let count = usize::try_from(ids.header.shape.iter().product::<u64>()).unwrap_or(usize::MAX);
+        let is_of_cells = facts.cells.contains(&count) || facts.cells.iter().product::<usize>() == count;
+        if ids.header.shape.len() == 1 && ids.header.elements.is_read() && is_of_cells {
+            facts.ids = Some(ids_of(path, ids, count)?);
+        }
     }
     let source = Arrays {
         path: path.into(),

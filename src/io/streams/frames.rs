@@ -5,7 +5,6 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::io::IoError;
-use crate::io::file::invalid;
 use crate::io::layout::{Layout, Statement, StreamFacts};
 use crate::skin::{Draft, Sheet as SkinSheet, TaxelId};
 
@@ -61,8 +60,7 @@ impl Wanted<'_> {
                     Some(name) => format!("no stream {name:?}"),
                     None => format!("{} streams", streams.len()),
                 };
-                let needed = format!("one of {}", list.collect::<Vec<_>>().join(", "));
-                Err(invalid(path, "streams", found, needed))
+                Err(IoError::Streams { path: path.into(), found, known: list.collect() })
             }
         }
     }

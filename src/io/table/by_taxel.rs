@@ -8,8 +8,8 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
-use crate::io::table::each_row_of;
-use crate::skin::{PatchId, Skin, TaxelId};
+use crate::io::table::{Row, each_row_of};
+use crate::skin::{PatchId, Skin, TaxelId, Taxels};
 
 /// No skin is sharper: a fingertip distinguishes two points at a tenth of the distance that a forearm
 /// needs.
@@ -31,19 +31,10 @@ pub struct TaxelTable<T> {
 /// If the file cannot be read, a column is missing, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
 pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoError> {
-    let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
-    for (patch, known) in skin.patches.enumerate() {
-        for (vertex, id) in known.taxels.ids.enumerate() {
-            homes.entry(*id).or_insert((patch, vertex, 0)).2 += 1;
-        }
-    }
+    let homes = Homes::new(skin.patches.iter().map(|patch| &patch.taxels));
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
     let unused = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
-        let &(patch, vertex, count) =
-            homes.get(&row.taxel(id)?).ok_or_else(|| row.invalid(id, "the id of a taxel of the skin"))?;
-        if count > 1 {
-            return Err(row.invalid(id, format!("the id of one taxel, not of {count}")));
-        }
+        let (patch, vertex) = homes.of(row, id)?;
         let found = row.number(factor)?;
         if !FACTORS.contains(&found) {
             return Err(row.invalid(factor, "a number from 0.01 to 100"));
@@ -57,6 +48,30 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoErro
         patch.taxels.acuities = Some(acuities.map(|acuity| acuity.unwrap_or(1.0)));
     }
     Ok(unused)
+}
+
+/// Where the taxel of each id is.
+pub(super) struct Homes(HashMap<TaxelId, (PatchId, VertexId, usize)>);
+
+impl Homes {
+    pub(super) fn new<'a>(patches: impl Iterator<Item = &'a Taxels>) -> Self {
+        let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
+        for (patch, taxels) in patches.enumerate() {
+            for (vertex, id) in taxels.ids.enumerate() {
+                homes.entry(*id).or_insert((PatchId::new(patch), vertex, 0)).2 += 1;
+            }
+        }
+        Self(homes)
+    }
+
+    /// The taxel whose id is in a cell.
+    pub(super) fn of(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId), IoError> {
+        match self.0.get(&row.taxel(id)?) {
+            None => Err(row.invalid(id, "the id of a taxel of the skin")),
+            Some((patch, vertex, 1)) => Ok((*patch, *vertex)),
+            Some((_, _, count)) => Err(row.invalid(id, format!("the id of one taxel, not of {count}"))),
+        }
+    }
 }
 
 /// Reads a table of gains: columns `id,gain`.

@@ -18,7 +18,7 @@ use crate::skin::{Presence, TaxelId};
 
 /// Columns of a table of lookups, but for those that a table adds.
 const COLUMNS: &str = "contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,\
-                       x,y,z,nx,ny,nz,fields,presence,live_taxel_id,frame";
+                       x,y,z,nx,ny,nz,fields,presence,live_taxel_id,region,frame";
 
 /// What stands in the column `patch` of a contact that touches none.
 pub(super) const OFF_SKIN: &str = "off skin";
@@ -60,6 +60,8 @@ pub struct LookupPlace<'a> {
     pub patch: &'a str,
     /// Name of its link.
     pub link: &'a str,
+    /// Name of the region of the field, if it is in one.
+    pub region: Option<&'a str>,
     /// Where it is on the map of the level.
     pub cell: Cell,
     /// What the taxel of the cell is.
@@ -74,7 +76,7 @@ pub struct LookupPlace<'a> {
 
 /// Writes a table of lookups with columns
 /// `contact,level,patch,face,b0,b1,b2,u,v,px,py,field,taxel_id,distance,link,x,y,z,nx,ny,nz,fields`,
-/// `presence`, `live_taxel_id` and `frame`, then those that a table adds.
+/// `presence`, `live_taxel_id`, `region` and `frame`, then those that a table adds.
 ///
 /// `fields` has `vertex:weight` for each receptive field that the contact lies in, with `;` between
 /// them. A contact off the skin has `off skin` as its patch, and otherwise only its distance. Decimals
@@ -184,7 +186,7 @@ impl Text {
                 push_cell(rows, OFF_SKIN);
                 rows.extend([b','; 10]);
                 push_distance(rows, row.distance);
-                rows.extend([b','; 10]);
+                rows.extend([b','; 11]);
             }
         }
         let rows = &mut self.rows;
@@ -229,6 +231,7 @@ impl Text {
             Some(taxel) => push_whole(rows, taxel.0.into()),
             None => rows.push(b','),
         }
+        push_cell(rows, place.region.unwrap_or_default());
     }
 }
 

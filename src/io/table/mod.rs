@@ -13,6 +13,8 @@ pub(super) mod lookups;
 pub(super) mod motion;
 pub(super) mod region_writer;
 pub(super) mod response;
+pub(super) mod regions;
+pub(super) mod summary;
 pub(super) mod writer;
 
 use std::collections::HashSet;

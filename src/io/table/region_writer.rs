@@ -12,14 +12,14 @@ use crate::signal::{ContactEvent, ContactRegion, Touch};
 use crate::skin::Skin;
 
 const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,\
-                       major,minor,angle,peak_taxel_id,peak";
+                       major,minor,angle,peak_taxel_id,peak,region";
 
 /// Writes the contacts of a recording frame by frame.
 ///
-/// `frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,peak_taxel_id,peak`:
+/// `frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,peak_taxel_id,peak,region`:
 /// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
 /// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
-/// gives the state of the contact in the frame before. SI units; decimals are the shortest that read back
+/// gives the state of the contact in the frame before. `region` is that of the taxel with the largest reading. SI units; decimals are the shortest that read back
 /// as the same `f64`. A force that does not follow from the unit of the channel, and a time that is not
 /// known, are empty cells.
 ///
@@ -70,6 +70,8 @@ impl RegionWriter {
             table.numbers([region.map.x, region.map.y, region.major, region.minor, region.angle]);
             table.whole(patch.taxels.ids[region.peak_taxel].0);
             table.numbers([region.peak]);
+            let regions = patch.taxels.regions.as_ref();
+            table.cell(regions.and_then(|all| all[region.peak_taxel].as_deref()).unwrap_or_default());
             table.end_row()?;
         }
         Ok(())

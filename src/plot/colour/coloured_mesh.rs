@@ -110,7 +110,7 @@ impl<'a> ColouredMesh<'a> {
         limits: &ScaleLimits,
     ) -> Result<Self, PlotError> {
         let need_map = |what| level.ok_or_else(|| patch.no_map(what));
-        let (is_scale, has_dots) = (paint != Paint::Fields, paint.has_dots());
+        let (is_scale, has_dots) = (!matches!(paint, Paint::Fields | Paint::Regions), paint.has_dots());
         let of_taxels =
             |fill| Ok(Self { mesh: patch.mesh, owner: MeshOwner::Taxels, fill, is_scale, has_dots });
         match paint {
@@ -132,6 +132,23 @@ impl<'a> ColouredMesh<'a> {
                         of_taxels(Fill::Cells { groups, colours })
                     }
                 }
+            }
+            Paint::Regions => {
+                let mut names = vec![None];
+                let groups = patch.mesh.positions.ids().map(|taxel| {
+                    let region = patch.region(taxel);
+                    let known = names.iter().position(|name| *name == region);
+                    let number = known.unwrap_or_else(|| {
+                        names.push(region);
+                        names.len() - 1
+                    });
+                    VertexId::new(number).raw()
+                });
+                let groups: IdVec<VertexId, u32> = groups.collect();
+                let mut colours = field_colours(&groups, patch.mesh, names.len());
+                // Taxels of no region have the colour of skin.
+                colours.iter_mut().take(1).for_each(|colour| *colour = SKIN);
+                of_taxels(Fill::Cells { groups, colours })
             }
             Paint::Sigma => {
                 let groups = patch.sigmas()?.map(|&s| step(limits.place(paint, s)));

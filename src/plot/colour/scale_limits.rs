@@ -38,6 +38,12 @@ impl ScaleLimits {
             || levels.iter().flat_map(|l| l.level.mesh.triangles.ids().map(|f| face_stretch(l, f)));
         let (values, range) = match paint {
             Paint::Fields => (Vec::new(), [0.0, 1.0]),
+            Paint::Regions => {
+                let mut taxels =
+                    patches.iter().flat_map(|patch| patch.mesh.positions.ids().map(|v| patch.region(v)));
+                taxels.find_map(|region| region).ok_or(PlotError::NoRegions)?;
+                (Vec::new(), [0.0, 1.0])
+            }
             Paint::Angle => {
                 let values = sorted(stretches().map(|s| s.angle.abs()));
                 let most = share(&values, 99).unwrap_or(1.0).clamp(1.01, 100.0);

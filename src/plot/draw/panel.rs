@@ -1,6 +1,8 @@
 //! A panel: one picture of one patch, with its caption.
 
-use glam::DQuat;
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec2};
 
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
@@ -13,10 +15,10 @@ use crate::plot::draw::map_view::{draw_map, on_places};
 use crate::plot::draw::view_3d::draw_in_space;
 use crate::plot::layout::{Caption, Slot, View, minus, number, printable};
 use crate::plot::patch_view::PatchView;
-use crate::plot::picture::{Path, Shape, Stroke};
+use crate::plot::picture::{Anchor, Path, Shape, Stroke};
 use crate::plot::{Paint, PlotError, PlotOptions, Viewpoint};
 use crate::pyramid::{LevelId, Prolongation};
-use crate::skin::Taxels;
+use crate::skin::{RegionName, Taxels};
 use crate::unfold::Unfolding;
 
 pub(crate) struct Panel<'a> {
@@ -113,6 +115,9 @@ impl<'a> Panel<'a> {
                 coloured.has_dots &= level.uv.len() <= FINE;
                 let mut shapes = draw_map(self.patch, level, &coloured, view);
                 shapes.extend(fault(level).map(|_| warning(view)));
+                if options.paint == Paint::Regions {
+                    shapes.extend(self.region_labels(level, view));
+                }
                 shapes
             }
             Look::InSpace(camera, level) => {
@@ -144,6 +149,23 @@ impl<'a> Panel<'a> {
                 draw_in_space(&patch, &coloured, camera, view, Vec::new(), &dots)
             }
         })
+    }
+
+    /// The name of each region on a map, at the place nearest to the mean of its places.
+    fn region_labels(&self, level: &MapLevel, view: &View) -> Vec<Shape> {
+        let mut places = BTreeMap::<&RegionName, Vec<DVec2>>::new();
+        for (place, &at) in level.uv.enumerate() {
+            if let Some(region) = self.patch.region(level.level.origins[level.vertex_of(place)]) {
+                places.entry(region).or_default().push(at);
+            }
+        }
+        let label = |(name, places): (&RegionName, Vec<DVec2>)| {
+            let mean = places.iter().sum::<DVec2>() / places.len() as f64;
+            let order = |a: &&DVec2, b: &&DVec2| a.distance(mean).total_cmp(&b.distance(mean));
+            let at = view.to_pixels(*places.iter().min_by(order)?);
+            Some(Shape::text(printable(name), at, Anchor::Middle))
+        };
+        places.into_iter().filter_map(label).collect()
     }
 
     /// The taxels that are the centres of a level's fields; all of them without fields.

@@ -37,7 +37,8 @@ impl Layout {
 
     /// The legend of hollow dots, at the lower right, to the left of the legend of the colours.
     pub(crate) fn legend_of_hollow_dots(&self, paint: Paint) -> Vec<Shape> {
-        let colours = if paint == Paint::Fields { 0.0 } else { WIDTH_OF_COLOURS * self.em };
+        let colours =
+            if matches!(paint, Paint::Fields | Paint::Regions) { 0.0 } else { WIDTH_OF_COLOURS * self.em };
         let at = DVec2::new(f64::from(self.width) - self.margin - colours - 0.4 * self.em, self.foot());
         let dot =
             Shape::Dots { centres: vec![at], radius: 0.25 * self.em, colour: Colour::WHITE, has_rim: true };
@@ -48,7 +49,7 @@ impl Layout {
     /// The legend of the colours, at the lower right; nothing for colours that only distinguish fields.
     pub(crate) fn legend(&self, paint: Paint, limits: &ScaleLimits) -> Vec<Shape> {
         let (scale, name, labels): (Scale, _, [String; 3]) = match paint {
-            Paint::Fields => return Vec::new(),
+            Paint::Fields | Paint::Regions => return Vec::new(),
             Paint::Angle => (SEQUENTIAL, "s1/s2", ends(limits, 1.0, None)),
             Paint::Area => (DIVERGING, "area on map / on skin", ends(limits, 1.0, Some("1"))),
             Paint::Sigma => (SEQUENTIAL, "sigma, mm", ends(limits, 1e3, None)),

@@ -153,6 +153,11 @@ impl ContactTracker {
         &self.found[..self.shown]
     }
 
+    /// The readings of the last frame above those at rest: what contacts are measured from.
+    pub(in crate::signal) fn values(&self) -> &IdVec<PatchId, IdVec<VertexId, f64>> {
+        &self.values
+    }
+
     /// Stores the found regions as those of the last frame.
     fn keep_last(&mut self) {
         for region in self.found.drain(..) {

@@ -57,6 +57,7 @@ pub(super) fn patch_of(
         presence: file.presence.unwrap_or_else(|| vec![Presence::Present; in_file.len()]).into(),
         covariances: file.covariances.map(IdVec::from),
         joints: file.joints.map(IdVec::from),
+        regions: file.regions.map(IdVec::from),
     };
     let filled = mesh.triangles.len() - own;
     let patch = Patch { name, link: components.sheet.link.unwrap_or_default(), mesh, filled, taxels };

@@ -21,7 +21,8 @@ export interface Paint {
   label: string;
   unit: string;
   values: Float32Array[] | null;
-  categories: { of: Uint8Array[]; names: string[] } | null;
+  /** `grey` is the category that has no colour. */
+  categories: { of: ArrayLike<number>[]; names: string[]; grey: number } | null;
   ramp: Rgb[];
   lo: number;
   hi: number;
@@ -35,16 +36,17 @@ export function mix(ramp: Rgb[], x: number): Rgb {
 }
 
 /** All that can be shown of these patches; `level` numbers the fields. */
-export function paintNames(patches: Patch[], recording: string | null): [string, string][] {
+export function paintNames(patches: Patch[], recording: string | null, hasRegions: boolean): [string, string][] {
   const names: [string, string][] = [];
   if (recording !== null) names.push(['recording', recording]);
   names.push(['field', 'receptive field'], ['angle', 'angle distortion s1/s2'], ['area', 'area on the map / on the skin'], ['receptive', 'receptive area']);
   for (const { name } of patches.flatMap((p) => p.values)) if (!names.some(([n]) => n === name)) names.push([name, name]);
+  if (hasRegions) names.push(['region', 'region']);
   names.push(['presence', 'presence'], ['patch', 'patch'], ['plain', 'none']);
   return names;
 }
 
-export function paint(name: string, patches: Patch[], level: number): Paint {
+export function paint(name: string, patches: Patch[], level: number, regions: string[]): Paint {
   const none = { name, unit: '', values: null, categories: null, ramp: SEQUENTIAL, lo: 0, hi: 1 };
   const scale = (label: string, unit: string, values: Float32Array[], ramp = SEQUENTIAL): Paint => {
     const [lo, hi] = limits(values);
@@ -54,10 +56,12 @@ export function paint(name: string, patches: Patch[], level: number): Paint {
     case 'plain': return { ...none, label: '' };
     case 'patch': {
       const names = patches.map((p) => p.header.name);
-      return { ...none, label: 'patch', categories: { of: patches.map((p, k) => new Uint8Array(p.places).fill(k % 12)), names } };
+      return { ...none, label: 'patch', categories: { of: patches.map((p, k) => new Uint8Array(p.places).fill(k % 12)), names, grey: -1 } };
     }
+    case 'region':
+      return { ...none, label: 'region', categories: { of: patches.map((p) => Uint16Array.from(p.taxelOf, (t) => p.region[t])), names: ['no region', ...regions], grey: 0 } };
     case 'presence':
-      return { ...none, label: 'presence', categories: { of: patches.map((p) => Uint8Array.from(p.taxelOf, (t) => [3, 0, 1][p.presence[t]])), names: ['present', 'thermal pad', '', 'absent'] } };
+      return { ...none, label: 'presence', categories: { of: patches.map((p) => Uint8Array.from(p.taxelOf, (t) => [3, 0, 1][p.presence[t]])), names: ['present', 'thermal pad', '', 'absent'], grey: 3 } };
     case 'field': return { ...none, label: level === 0 ? 'at level 0 every taxel is its own field' : `receptive fields of level ${level}` };
     case 'angle': return { ...scale('angle distortion s1/s2', '', patches.map((p) => p.byPlace(([a, b]) => Math.min(100, Math.abs(a / b))))), lo: 1 };
     case 'area': {
@@ -93,7 +97,7 @@ export function colour(paint: Paint, patch: Patch, index: number, level: number,
       set(k, x === x ? table[Math.min(255, Math.max(0, Math.round((x - paint.lo) * scale)))] : UNKNOWN);
     }
   } else if (paint.categories) {
-    for (let k = 0; k < patch.places; k++) set(k, paint.categories.names[paint.categories.of[index][k]] === 'absent' ? UNKNOWN : CATEGORIES[paint.categories.of[index][k] % 12]);
+    for (let k = 0; k < patch.places; k++) set(k, paint.categories.of[index][k] === paint.categories.grey ? UNKNOWN : CATEGORIES[paint.categories.of[index][k] % 12]);
   } else if (paint.name === 'field' && level > 0 && patch.fields.length > 1) {
     const shown = Math.min(level, patch.fields.length - 1);
     const shades = patch.shades(shown);

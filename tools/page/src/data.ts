@@ -8,7 +8,7 @@ export interface PatchHeader {
   name: string; link: number; taxels: number; filled: number;
   pose: number[]; sheet: number[]; offset: number[];
   space: Box; map: Box; between: Box; most_turn: number;
-  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; areas: ValuesHeader;
+  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; region: number; areas: ValuesHeader;
   keys: number; turns: number; key_origins: number; key_rows: Rows | null;
   values: ValuesHeader[]; levels: LevelHeader[];
 }
@@ -20,7 +20,7 @@ export interface RecordingHeader {
 }
 export interface Header {
   version: string; title: string; links: { name: string; parent: number | null }[];
-  patches: PatchHeader[]; recording: RecordingHeader | null; arrays: [number, number, number][];
+  patches: PatchHeader[]; regions: string[]; recording: RecordingHeader | null; arrays: [number, number, number][];
 }
 export type Numbers = Uint8Array | Uint16Array | Uint32Array;
 

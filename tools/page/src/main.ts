@@ -55,7 +55,7 @@ class Page {
     }, 1e-9)) as [number, number];
     this.view = new View(byId<HTMLCanvasElement>('canvas'), this.patches, this.sheet);
     if (header.recording && !header.recording.is_live) this.readRecording();
-    this.paints = paint('plain', this.patches, 0);
+    this.paints = paint('plain', this.patches, 0, []);
     this.controls();
     this.tree();
     this.restore();
@@ -227,6 +227,7 @@ class Page {
     const presence = ['absent', 'present', 'thermal pad'][patch.presence[at.taxel]];
     row('id', `${patch.ids[at.taxel]}${presence === 'present' ? '' : `, ${presence}`}${at === this.pinned ? ' (kept)' : ''}`);
     row('patch', `${patch.header.name}, ${this.data.header.links[patch.header.link].name}`);
+    if (patch.region[at.taxel] > 0) row('region', this.data.header.regions[patch.region[at.taxel] - 1]);
     row('position', `${position.toArray().map(mm).join(', ')} mm`);
     row('normal', normal.toArray().map((x) => x.toFixed(2).replace('-', '\u2212')).join(', '));
     const places = patch.placesOf(at.taxel), [dx, dy] = patch.header.offset;
@@ -273,7 +274,7 @@ class Page {
       p.categories.names.forEach((name, k) => {
         if (!name) return;
         const span = document.createElement('span'), swatch = text('span', '', 'swatch');
-        swatch.style.background = `rgb(${(name === 'absent' ? UNKNOWN : CATEGORIES[k % 12]).join()})`;
+        swatch.style.background = `rgb(${(k === p.categories!.grey ? UNKNOWN : CATEGORIES[k % 12]).join()})`;
         span.append(swatch, name);
         says.append(span);
       });
@@ -401,7 +402,7 @@ class Page {
     const recording = this.data.header.recording;
     this.paints = name === 'recording' && recording
       ? recordingPaint(recording.channel, recording.unit, untouched(recording), recording.hi, this.patches)
-      : paint(name, this.patches, this.level);
+      : paint(name, this.patches, this.level, this.data.header.regions);
     byId<HTMLSelectElement>('colour').value = name;
     if (name === 'recording') this.setFrame(this.frame);
     this.isRecolouring = this.isRelighting = true;
@@ -609,7 +610,7 @@ class Page {
   private controls(): void {
     const { recording } = this.data.header;
     const select = byId<HTMLSelectElement>('colour');
-    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null)) {
+    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null, this.data.header.regions.length > 0)) {
       const option = text('option', label) as HTMLOptionElement;
       option.value = name;
       select.append(option);

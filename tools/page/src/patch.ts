@@ -27,6 +27,8 @@ export class Patch {
   readonly taxelOf: Uint32Array;
   readonly ids: Numbers;
   readonly presence: Numbers;
+  /** The region of each taxel, from 1 on; 0 is none. */
+  readonly region: Numbers;
   readonly areas: Float32Array;
   readonly sheet: Float32Array;
   /** Places at the times 0, 1/4, 1/2 and 3/4, in the frame of the link. */
@@ -69,6 +71,7 @@ export class Patch {
     for (let f = 0; f < this.faces; f++) for (let c = 0; c < 3; c++) this.triangles[3 * f + c] = triangles.numbers[c * this.faces + f];
     this.ids = data.array(header.ids).numbers;
     this.presence = data.array(header.presence).numbers;
+    this.region = data.array(header.region).numbers;
     this.areas = scaled(data.array(header.areas.data).numbers, header.areas.lo, header.areas.hi);
     this.values = header.values.map((v) => ({ name: v.name, unit: v.unit, of: scaled(data.array(v.data).numbers, v.lo, v.hi) }));
     this.pose = affine(header.pose);

@@ -254,6 +254,14 @@ fn option_help(error: &Error) -> &'static str {
             PlotError::Skin(_) => CORRECT,
             _ => BUILD_AGAIN,
         },
+        Error::Map(
+            MapError::RegionName { .. }
+            | MapError::NoTaxelInRegion { .. }
+            | MapError::NoPatchOfRegion { .. }
+            | MapError::Corners { .. }
+            | MapError::OutsideMap { .. }
+            | MapError::Crosses { .. },
+        ) => "correct --regions",
         Error::Map(MapError::Rounded { .. }) => {
             "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
              link, or leave such patches out with `dermatome build --keep-going`"
@@ -312,6 +320,7 @@ fn io_help(error: &IoError) -> String {
         IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several"
         }
+        IoError::Streams { .. } => "name one with --stream NAME; `dermatome convert` of one sensor makes its skin",
         IoError::ReplacesInput { .. } => "write to another file",
         _ => CORRECT_FILE,
     }

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
-use crate::options::{BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder};
+use crate::options::{
+    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
+};
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -21,6 +23,7 @@ impl GivenPaths {
         inputs.extend(all_read::<BoundaryArg>(given));
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
+        inputs.extend(all_read::<RegionSource>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -47,6 +50,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<CutArg>(),
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
+            TypeId::of::<RegionSource>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)

@@ -260,10 +260,11 @@ impl<'a> AnswerRows<'a, '_> {
         position: DVec3,
         normal: DVec3,
     ) -> LookupPlace<'a> {
-        let Robot { patches, links, live, .. } = self.answers.robot;
-        let (presence, live_taxel) = live.nearest(patch, &cell);
-        let (patch, link) = (&patches[patch], &links[link]);
-        LookupPlace { patch, link, cell, presence, live_taxel, position, normal }
+        let robot = self.answers.robot;
+        let (presence, live_taxel) = robot.live.nearest(patch, &cell);
+        let region = robot.region(patch, &cell);
+        let (patch, link) = (&robot.patches[patch], &robot.links[link]);
+        LookupPlace { patch, link, region, cell, presence, live_taxel, position, normal }
     }
 
     fn row<const N: usize>(

@@ -189,7 +189,7 @@ fn row<'a>(
     };
     let cell = place.cell;
     let (presence, live_taxel) = robot.live.nearest(place.patch, &cell);
-    let patch = &robot.patches[place.patch];
-    let place = LookupPlace { patch, link, cell, presence, live_taxel, position, normal };
+    let (patch, region) = (&robot.patches[place.patch], robot.region(place.patch, &cell));
+    let place = LookupPlace { patch, link, region, cell, presence, live_taxel, position, normal };
     LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra: &[] }
 }

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use dermatome::Error;
-use dermatome::contact::LiveTaxels;
+use dermatome::contact::{Cell, LiveTaxels};
 use dermatome::id::IdVec;
 use dermatome::io::{MotionFile, read_motion, read_robot};
-use dermatome::map::SkinMap;
+use dermatome::map::{FieldRegions, SkinMap};
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{LinkId, Motion, PatchId, link_names, world_pose};
 use glam::DAffine3;
@@ -17,7 +17,7 @@ use crate::console::notes::{first_names, note, note_columns};
 use crate::console::print::plain;
 use crate::files::input::{read_map_first, select_patches};
 use crate::files::outputs;
-use crate::options::{Common, JointsArg};
+use crate::options::{Common, JointsArg, RegionsArgs};
 
 pub(super) struct Robot {
     pub(super) map: SkinMap,
@@ -28,6 +28,7 @@ pub(super) struct Robot {
     /// Whether it carries one in the file, chosen or not.
     pub(super) has_skin: IdVec<LinkId, bool>,
     pub(super) levels: Vec<LevelId>,
+    regions: FieldRegions,
 }
 
 fn carries(map: &SkinMap) -> IdVec<LinkId, bool> {
@@ -40,9 +41,11 @@ impl Robot {
         path: &Path,
         patches: &[Pattern],
         chosen: &[usize],
+        regions: &RegionsArgs,
         common: &Common,
     ) -> anyhow::Result<Self> {
         let mut map = read_map_first(path)?;
+        regions.apply(&mut map, common)?;
         let has_skin = carries(&map);
         let all = map.patches.into_iter().collect();
         map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
@@ -67,6 +70,7 @@ impl Robot {
             patches: map.patches.map(|patch| patch.name.clone()),
             live: LiveTaxels::new(&map),
             levels: levels.collect(),
+            regions: FieldRegions::new(&map),
             map,
         })
     }
@@ -76,6 +80,11 @@ impl Robot {
         let (patch, mut last) = (&self.map.patches[patch], None);
         let levels = self.levels.iter().map(|&level| patch.nearest_level(level));
         levels.filter(move |&level| last.replace(level) != Some(level))
+    }
+
+    /// The name of the region of a field.
+    pub(super) fn region(&self, patch: PatchId, cell: &Cell) -> Option<&str> {
+        self.regions.name(patch, cell.level, cell.field)
     }
 
     /// How the links move: the poses of a table, or an animation of a glTF file, by default of the

@@ -5,6 +5,7 @@ mod flatten;
 mod patches;
 mod paths;
 mod read;
+mod regions;
 mod robot;
 mod values;
 
@@ -19,6 +20,7 @@ pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use paths::{InPath, LayoutArg, MayRead, OutFile, OutFolder, layout_arg};
 pub(crate) use read::{ReadArgs, Spacing, Unit};
+pub(crate) use regions::{RegionSource, RegionsArgs};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};
 pub(crate) use values::{Choice, length, length_mm, number, one_of, side_mm, word_of};
 

@@ -1,0 +1,66 @@
+//! Values of groups of taxels: the law of receptive fields, with whole taxels.
+
+use crate::map::SkinMap;
+use crate::signal::Quantity;
+
+/// Pools readings over groups of taxels, such as named regions.
+#[derive(Debug, Clone)]
+pub struct GroupPool {
+    groups: Vec<Option<usize>>,
+    areas: Vec<f64>,
+    count: usize,
+}
+
+impl GroupPool {
+    /// Groups of the taxels of a map: the number of each, below `count`, in the order of the map; `None` for none. Taxels
+    /// that are not present are in none.
+    ///
+    /// # Panics
+    /// If there is not one for each taxel.
+    pub fn new(map: &SkinMap, groups: impl IntoIterator<Item = Option<usize>>, count: usize) -> Self {
+        let taxels = || map.patches.iter().map(|patch| &patch.taxels);
+        let mut groups: Vec<_> = groups.into_iter().collect();
+        let presence: Vec<_> = taxels().flat_map(|taxels| taxels.presence.iter().copied()).collect();
+        assert_eq!(groups.len(), presence.len(), "one group for each taxel");
+        for (group, presence) in groups.iter_mut().zip(presence) {
+            *group = group.filter(|&group| group < count && presence.reads_pressure());
+        }
+        let areas = taxels().flat_map(|taxels| taxels.areas.iter().copied()).collect();
+        Self { groups, areas, count }
+    }
+
+    /// The named regions of a map.
+    pub fn of_regions(map: &SkinMap) -> Self {
+        let regions = map.regions();
+        let groups = regions.of_taxels.iter().flat_map(|of| of.iter()).map(|region| Some((*region)?.index()));
+        Self::new(map, groups.collect::<Vec<_>>(), regions.names.len())
+    }
+
+    /// Number of groups.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The value of each group: the sum of amounts, the mean of averages weighted by the areas of taxels; NaN where no
+    /// taxel has a reading.
+    ///
+    /// # Panics
+    /// If there is not one value for each taxel, in the order of the map.
+    pub fn pool(&self, values: &[f64], quantity: Quantity) -> Vec<f64> {
+        assert_eq!(values.len(), self.groups.len(), "one reading for each taxel");
+        let mut sums = vec![(0.0, 0.0); self.count];
+        for ((group, area), value) in self.groups.iter().zip(&self.areas).zip(values) {
+            let Some(group) = group.filter(|_| value.is_finite()) else { continue };
+            let weight = if quantity == Quantity::Extensive { 1.0 } else { *area };
+            let (sum, total) = &mut sums[group];
+            *sum += weight * value;
+            *total += weight;
+        }
+        let value = |(sum, total): (f64, f64)| match quantity {
+            _ if total == 0.0 => f64::NAN,
+            Quantity::Extensive => sum,
+            Quantity::Intensive => sum / total,
+        };
+        sums.into_iter().map(value).collect()
+    }
+}

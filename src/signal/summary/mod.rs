@@ -1,0 +1,219 @@
+//! Sums of a trial, as in pressure mapping: by region, patch, link, contact and of the whole skin.
+//!
+//! Every frame gives a [`Load`] for each group of taxels: its peak, mean, force, contact area and centre of pressure.
+//! [`Summary`] adds them up over the frames: peaks, means, integrals over time and the path of the centre of pressure
+//! (`totals`). A taxel is loaded if its reading is above the threshold; force and sum are of all readings.
+//!
+//! Integrals follow the trapezoidal rule between consecutive frames. Between frames that are farther apart than
+//! [`GAP`] mean intervals, and where times do not rise, nothing is added; [`Summary::gaps`] counts both.
+
+mod load;
+mod totals;
+
+use std::collections::BTreeMap;
+
+use crate::id::IdVec;
+use crate::map::{RegionId, Regions, SkinMap};
+use crate::pyramid::LevelId;
+use crate::signal::contacts::ContactTracker;
+use crate::signal::summary::load::Adder;
+use crate::signal::{Channel, ContactEvent};
+use crate::skin::{LinkId, PatchId};
+
+pub use load::Load;
+pub use totals::Totals;
+
+/// Frames that are this many mean intervals apart have a gap between them.
+const GAP: f64 = 10.0;
+
+/// What a sum is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Group {
+    /// The whole skin.
+    Whole,
+    /// The taxels on a link.
+    Link(LinkId),
+    /// The taxels of a patch.
+    Patch(PatchId),
+    /// The taxels of a named region.
+    Region(RegionId),
+    /// The taxels of a contact, by its track; they differ from frame to frame.
+    Contact(u64),
+}
+
+/// Adds up a recording.
+///
+/// It allocates only when a contact begins.
+#[derive(Debug, Clone)]
+pub struct Summary {
+    /// What is added up.
+    pub channel: Channel,
+    regions: Regions,
+    links: IdVec<PatchId, LinkId>,
+    adder: IdVec<PatchId, Adder>,
+    /// The groups that do not change, and their loads in the last frame.
+    loads: Vec<(Group, Load)>,
+    /// Where patches, links and regions begin among them.
+    starts: [usize; 3],
+    /// The place of each link among them.
+    link_places: IdVec<LinkId, Option<usize>>,
+    totals: Vec<Totals>,
+    contacts: BTreeMap<u64, (PatchId, Totals)>,
+    /// Times of the first and of the last frame, and the number of frames.
+    times: [f64; 2],
+    frames: usize,
+    gaps: usize,
+}
+
+impl Summary {
+    /// A summary of the readings of a channel on a map.
+    pub fn new(map: &SkinMap, channel: &Channel) -> Self {
+        let regions = map.regions();
+        let links = map.patches.map(|patch| patch.link);
+        let mut link_places = map.links.map(|_| None);
+        let mut groups = vec![Group::Whole];
+        for link in map.links.ids().filter(|link| links.iter().any(|of| of == link)) {
+            link_places[link] = Some(groups.len());
+            groups.push(Group::Link(link));
+        }
+        let patches = groups.len();
+        groups.extend(map.patches.ids().map(Group::Patch));
+        let first_region = groups.len();
+        groups.extend(regions.names.ids().map(Group::Region));
+        let adder = map.patches.map(|patch| {
+            let positions = &patch.levels[LevelId::default()].level.mesh.positions;
+            Adder::new(patch.link, channel, &patch.taxels, positions)
+        });
+        let mut this = Self {
+            channel: channel.clone(),
+            regions,
+            links,
+            adder,
+            totals: vec![Totals::default(); groups.len()],
+            loads: groups.into_iter().map(|group| (group, Load::default())).collect(),
+            starts: [1, patches, first_region],
+            link_places,
+            contacts: BTreeMap::new(),
+            times: [f64::NAN; 2],
+            frames: 0,
+            gaps: 0,
+        };
+        this.count_taxels(map);
+        this
+    }
+
+    /// Adds the frame that a tracker of the same map and channel has seen last; nothing while it knows no threshold.
+    ///
+    /// # Panics
+    /// If the tracker is of another map.
+    pub fn add(&mut self, time: f64, tracker: &ContactTracker) {
+        let Some(threshold) = tracker.threshold() else { return };
+        let [first_link, first_patch, first_region] = self.starts;
+        self.loads.iter_mut().for_each(|(_, load)| *load = Load::default());
+        for (patch, values) in tracker.values().enumerate() {
+            let adder = &self.adder[patch];
+            let mut of_patch = Load::default();
+            for (taxel, &value) in values.enumerate() {
+                let Some(load) = adder.load(patch, taxel, value, threshold) else { continue };
+                of_patch.merge(&load);
+                if let Some(region) = self.regions.of_taxels[patch][taxel] {
+                    self.loads[first_region + region.index()].1.merge(&load);
+                }
+            }
+            self.loads[first_patch + patch.index()].1 = of_patch;
+            if let Some(place) = self.link_places[self.links[patch]] {
+                self.loads[place].1.merge(&of_patch);
+            }
+        }
+        debug_assert!(first_link <= first_patch, "links come before patches");
+        let mut whole = Load::default();
+        self.loads[first_link..first_patch].iter().for_each(|(_, load)| whole.merge(load));
+        self.loads[0].1 = whole;
+
+        let step = self.step(time);
+        for (totals, (_, load)) in self.totals.iter_mut().zip(&self.loads) {
+            totals.add(time, step, load);
+        }
+        for region in tracker.contacts().iter().filter(|region| region.event != ContactEvent::Release) {
+            let adder = &self.adder[region.patch];
+            let mut load = Load::default();
+            for &taxel in &region.taxels {
+                let value = tracker.values()[region.patch][taxel];
+                // All taxels of a contact are loaded, also those between its two thresholds.
+                if let Some(of_taxel) = adder.load(region.patch, taxel, value, f64::NEG_INFINITY) {
+                    load.merge(&of_taxel);
+                }
+            }
+            let entry = self.contacts.entry(region.track);
+            entry.or_insert_with(|| (region.patch, Totals::default())).1.add(time, step, &load);
+        }
+    }
+
+    /// The time since the last frame, if it is known, rises and is no gap.
+    fn step(&mut self, time: f64) -> Option<f64> {
+        let [first, last] = self.times;
+        let mean = (last - first) / self.frames.saturating_sub(1) as f64;
+        self.frames += 1;
+        self.times = if self.frames == 1 { [time; 2] } else { [first, time] };
+        let step = time - last;
+        // False for NaN: no times, or no frame before.
+        let is_step = step > 0.0 && (self.frames == 2 || mean.is_nan() || step <= GAP * mean);
+        self.gaps += usize::from(!is_step && step.is_finite());
+        is_step.then_some(step)
+    }
+
+    /// How often a time was not after the one before, or farther from it than ten mean intervals.
+    pub fn gaps(&self) -> usize {
+        self.gaps
+    }
+
+    /// The loads of the last frame, but for those of contacts.
+    pub fn loads(&self) -> &[(Group, Load)] {
+        &self.loads
+    }
+
+    /// What was added up, in the order of [`Group`]: contacts come last.
+    pub fn totals(&self) -> impl Iterator<Item = (Group, &Totals)> {
+        let groups = self.loads.iter().map(|(group, _)| *group).zip(&self.totals);
+        groups.chain(self.contacts.iter().map(|(track, (_, totals))| (Group::Contact(*track), totals)))
+    }
+
+    /// Names of what a group is of: of its patch, its link and itself; the first two are empty where it may have several.
+    pub fn names<'a>(&'a self, map: &'a SkinMap, group: Group) -> [std::borrow::Cow<'a, str>; 3] {
+        let of_patch =
+            |id: PatchId| [map.patches[id].name.as_str(), map.links[map.patches[id].link].name.as_str()];
+        let ([patch, link], name) = match group {
+            Group::Whole => (["", ""], "".into()),
+            Group::Link(id) => (["", map.links[id].name.as_str()], map.links[id].name.as_str().into()),
+            Group::Patch(id) => (of_patch(id), map.patches[id].name.as_str().into()),
+            Group::Region(id) => (["", ""], (&*self.regions.names[id]).into()),
+            Group::Contact(track) => {
+                let patch = self.contacts.get(&track).map(|(patch, _)| of_patch(*patch));
+                (patch.unwrap_or_default(), track.to_string().into())
+            }
+        };
+        [patch.into(), link.into(), name]
+    }
+
+    /// Counts the working taxels of each group, and their areas.
+    fn count_taxels(&mut self, map: &SkinMap) {
+        for (id, patch) in map.patches.enumerate() {
+            for (taxel, presence) in patch.taxels.presence.enumerate() {
+                let region = self.regions.of_taxels[id][taxel];
+                for (totals, (group, _)) in self.totals.iter_mut().zip(&self.loads) {
+                    let is_in = match *group {
+                        Group::Whole => true,
+                        Group::Link(link) => link == patch.link,
+                        Group::Patch(of) => of == id,
+                        Group::Region(of) => Some(of) == region,
+                        Group::Contact(_) => false,
+                    };
+                    if is_in && presence.reads_pressure() {
+                        totals.taxels += 1;
+                        totals.area += patch.taxels.areas[taxel];
+                    }
+                }
+            }
+        }
+    }
+}
