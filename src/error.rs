@@ -27,6 +27,8 @@ pub enum Error {
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
     #[error(transparent)]
+    Response(#[from] crate::response::ResponseError),
+    #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),
     #[error(transparent)]
     Atlas(#[from] crate::atlas::AtlasError),
@@ -94,6 +96,7 @@ kinds!(
     Flatten(crate::flatten::FlattenError),
     Map(crate::map::MapError),
     Signal(crate::signal::SignalError),
+    Response(crate::response::ResponseError),
     Contact(crate::contact::ContactError),
     Atlas(crate::atlas::AtlasError),
     Image(crate::image::ImageError),

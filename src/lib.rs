@@ -45,6 +45,7 @@ pub mod map;
 pub mod atlas;
 pub mod unfold;
 pub mod signal;
+pub mod response;
 pub mod image;
 pub mod contact;
 pub mod io;

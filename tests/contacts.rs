@@ -124,7 +124,7 @@ fn every_press_of_more_than_three_taxels_is_found_and_nothing_else() {
                 quantity,
                 noise,
                 dead,
-                radius,
+                radii: vec![radius],
                 presses: 12,
                 rate: 50.0,
                 seed,

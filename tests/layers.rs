@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const MODULES: &[&str] = &[
     "id", "parallel", "run", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "robot", "remesh", "calib",
-    "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "image", "io", "plot",
+    "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "response", "image", "io", "plot",
     "report", "error", "recording", "page", "pipeline",
 ];
 

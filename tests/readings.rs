@@ -743,7 +743,7 @@ fn gains_and_bounds_follow_the_baseline() {
         zero: Zero::First(1),
         gains: vec![(TaxelId(2), 10.0), (TaxelId(101), -1.0), (TaxelId(999), 3.0)],
         clip: Some([-1.5, 15.0]),
-        split_hz: None,
+        ..ConditionOptions::default()
     };
     let (out, conditioner) = condition(&map, &options, &[(0.0, 5.0), (1.0, 6.0), (2.0, 7.0)]);
     let found: Vec<Vec<f64>> = out.iter().map(|f| taxels(f, 0)).collect();

@@ -35,21 +35,21 @@ fn readings<'a>(skin: &'a Skin, frame: &'a Frame) -> impl Iterator<Item = (f64, 
 fn a_press_on_a_plane_has_the_force_of_its_cap() {
     let skin = Skin::from_mesh("plane", shapes::lattice(60, 60, 0.004));
     let options = TouchOptions { seed: 4, ..TouchOptions::default() };
-    let cap = PI * options.depth.powi(2) * (options.radius - options.depth / 3.0);
+    let cap = PI * options.depths[0].powi(2) * (options.radii[0] - options.depths[0] / 3.0);
     let mut inside = 0;
     for (_, touch) in record(&skin, &options) {
         let Some(touch) = touch else { continue };
-        let depth = options.radius - touch.sphere.z;
+        let depth = options.radii[0] - touch.sphere.z;
         let near_border = touch.sphere.min_element().min(touch.sphere.y) < 0.0
             || [touch.sphere.x, 0.236 - touch.sphere.x, touch.sphere.y, 0.204 - touch.sphere.y]
                 .iter()
                 .any(|d| *d < 0.012);
         // Shallow contacts are small against the parts that triangles are divided into.
-        if near_border || depth < 0.5 * options.depth {
+        if near_border || depth < 0.5 * options.depths[0] {
             continue;
         }
         inside += 1;
-        let volume = PI * depth * depth * (options.radius - depth / 3.0);
+        let volume = PI * depth * depth * (options.radii[0] - depth / 3.0);
         assert!((touch.force / (options.stiffness * volume) - 1.0).abs() < 4e-3, "{touch:?}");
         assert!(touch.centre.distance(touch.sphere.with_z(0.0)) < 2e-5, "{touch:?}");
         assert!(touch.force <= options.stiffness * cap * 1.004);
@@ -83,7 +83,7 @@ fn readings_add_up_to_the_force() {
                 let centre = felt.iter().map(|&r| force(r) * r.1).sum::<DVec3>() / sum;
                 // Where the skin ends, a disc feels what is not skin.
                 if touch.taxels < 15
-                    || touch.centre.distance(touch.sphere) > options.radius - 0.5 * options.depth
+                    || touch.centre.distance(touch.sphere) > options.radii[0] - 0.5 * options.depths[0]
                 {
                     continue;
                 }
@@ -104,10 +104,10 @@ fn noise_drift_and_dead_taxels_move_no_press() {
     let absent = 7.into();
     skin.patches[PatchId::new(0)].taxels.presence[absent] = Presence::Absent;
     let plain = TouchOptions { rate: 20.0, presses: 2, ..TouchOptions::default() };
-    let disturbed = TouchOptions { noise: 100.0, drift: 50.0, dead: 0.1, ..plain };
+    let disturbed = TouchOptions { noise: 100.0, drift: 50.0, dead: 0.1, ..plain.clone() };
     let (a, b) = (record(&skin, &plain), record(&skin, &disturbed));
     assert_eq!(format!("{a:?}"), format!("{:?}", record(&skin, &plain)));
-    assert_ne!(format!("{a:?}"), format!("{:?}", record(&skin, &TouchOptions { seed: 1, ..plain })));
+    assert_ne!(format!("{a:?}"), format!("{:?}", record(&skin, &TouchOptions { seed: 1, ..plain.clone() })));
     let area = PI * plain.taxel_radius.powi(2);
     let (mut squares, mut count, mut dead) = (0.0, 0.0, 0);
     for ((clean, one), (noisy, other)) in a.iter().zip(&b) {
@@ -149,7 +149,7 @@ fn spheres_at_once_stay_apart() {
             );
             for other in &touches[..k] {
                 let apart = touch.sphere.distance(other.sphere);
-                assert!(apart > 2.0 * options.radius - 0.004, "{apart} m at {} s", touch.time);
+                assert!(apart > 2.0 * options.radii[0] - 0.004, "{apart} m at {} s", touch.time);
             }
         }
     }
@@ -165,20 +165,26 @@ fn invalid_options_are_refused() {
     let skin = Skin::from_mesh("skin", shapes::square());
     let d = TouchOptions::default();
     for options in [
-        TouchOptions { radius: -1.0, ..d },
-        TouchOptions { depth: 0.015, ..d },
-        TouchOptions { rate: 0.0, ..d },
-        TouchOptions { duration: f64::NAN, ..d },
-        TouchOptions { noise: -1.0, ..d },
-        TouchOptions { dead: 1.0, ..d },
-        TouchOptions { presses: usize::MAX, ..d },
-        TouchOptions { touches: 0, ..d },
-        TouchOptions { touches: 101, ..d },
-        TouchOptions { readout: ReadoutOptions { gain_spread: -0.1, ..d.readout }, ..d },
-        TouchOptions { readout: ReadoutOptions { flicker: f64::NAN, ..d.readout }, ..d },
+        TouchOptions { radii: vec![-1.0], ..d.clone() },
+        TouchOptions { radii: Vec::new(), ..d.clone() },
+        TouchOptions { depths: [0.002, 0.001], ..d.clone() },
+        TouchOptions { aspect: 0.5, ..d.clone() },
+        TouchOptions { exponent: 0.0, ..d.clone() },
+        TouchOptions { hysteresis: -0.1, ..d.clone() },
+        TouchOptions { steps: vec![0.0], ..d.clone() },
+        TouchOptions { depths: [0.015; 2], ..d.clone() },
+        TouchOptions { rate: 0.0, ..d.clone() },
+        TouchOptions { duration: f64::NAN, ..d.clone() },
+        TouchOptions { noise: -1.0, ..d.clone() },
+        TouchOptions { dead: 1.0, ..d.clone() },
+        TouchOptions { presses: usize::MAX, ..d.clone() },
+        TouchOptions { touches: 0, ..d.clone() },
+        TouchOptions { touches: 101, ..d.clone() },
+        TouchOptions { readout: ReadoutOptions { gain_spread: -0.1, ..d.readout }, ..d.clone() },
+        TouchOptions { readout: ReadoutOptions { flicker: f64::NAN, ..d.readout }, ..d.clone() },
         TouchOptions {
             readout: ReadoutOptions { faults: d.readout.faults.with(TaxelState::Swapped, 3), ..d.readout },
-            ..d
+            ..d.clone()
         },
     ] {
         let refused = TouchSimulation::new(&skin, &options);
@@ -210,7 +216,7 @@ fn readings_follow_the_true_response() {
         is_inverted: true,
         ..ReadoutOptions::default()
     };
-    let spread = TouchOptions { readout, ..plain };
+    let spread = TouchOptions { readout, ..plain.clone() };
     let (felt, read) = (record(&skin, &plain), record(&skin, &spread));
     let truth = TouchSimulation::new(&skin, &spread).unwrap().response().clone();
     let count = skin.patches[PatchId::new(0)].mesh.positions.len();
@@ -237,11 +243,12 @@ fn faults_are_what_the_truth_says() {
     let skin = Skin::from_mesh("skin", shapes::cap(400, 0.1, 1.0));
     let plain = TouchOptions { rate: 20.0, presses: 60, noise: 100.0, seed: 3, ..TouchOptions::default() };
     let faults = FaultCounts::kinds().iter().fold(FaultCounts::default(), |all, &kind| all.with(kind, 3));
-    let faulty = TouchOptions { readout: ReadoutOptions { faults, ..ReadoutOptions::default() }, ..plain };
+    let faulty =
+        TouchOptions { readout: ReadoutOptions { faults, ..ReadoutOptions::default() }, ..plain.clone() };
     let (clean, frames) = (record(&skin, &plain), record(&skin, &faulty));
     let truth = TouchSimulation::new(&skin, &faulty).unwrap().response().clone();
     let area = PI * plain.taxel_radius.powi(2);
-    let (press, sigma) = (area * plain.stiffness * plain.depth, area * plain.noise);
+    let (press, sigma) = (area * plain.stiffness * plain.depths[0], area * plain.noise);
     for kind in FaultCounts::kinds() {
         let count = truth.taxels.iter().filter(|known| known.state == *kind).count();
         let needed = match kind {

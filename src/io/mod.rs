@@ -99,7 +99,8 @@ pub use table::contacts::{
 pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_motion};
-pub use table::region_writer::{RegionWriter, write_touches};
+pub use table::region_writer::{RegionWriter, write_steps, write_touches};
 pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};
+pub use table::series::{Series, read_series};
 pub use table::summary::{LoadWriter, SummaryCell, summary_rows, write_summary};

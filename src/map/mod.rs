@@ -366,6 +366,23 @@ impl SkinMap {
         Self { links: vec![link].into(), patches: vec![patch].into(), ..Self::default() }
     }
 
+    /// A skin as a map of level 0 alone, seen along z, for what needs its taxels and neighbours only, such as
+    /// [recordings](crate::recording::Recording). It may overlap itself, and is not [valid](Self::validate) where it
+    /// has no area.
+    pub fn of_taxels(skin: &Skin) -> Self {
+        const PIXEL: f64 = 1e-3;
+        let patch = |patch: &Patch| {
+            let level = Level::finest(patch.mesh.clone(), patch.taxels.areas.clone());
+            let uv = patch.mesh.positions.map(|p| p.truncate());
+            PatchMap::unmeasured(patch, vec![(level, None)], vec![uv].into(), PIXEL)
+        };
+        Self {
+            links: skin.links.clone(),
+            patches: skin.patches.map(patch),
+            animations: skin.animations.clone(),
+        }
+    }
+
     /// Checks every rule of a map, in time linear in its size.
     ///
     /// Links come after their parents and have rigid poses, patches have names of their own and

@@ -91,11 +91,21 @@ impl Intake {
         if frames > 0 {
             all.push(argument("zero", format!("the mean of the first {frames} frames, subtracted")));
         }
+        for channel in self.conditioner.pressures() {
+            let what = format!("unit of {}", channel.name);
+            all.retain(|known| known.what != what);
+            let unit = if channel.unit.is_empty() { "none: its response is relative" } else { &channel.unit };
+            all.push(argument(&what, unit.to_owned()));
+        }
         all
     }
 
     pub(super) fn baseline(&self) -> usize {
         self.conditioner.frames_to_learn()
+    }
+
+    pub(super) fn zeros(&self) -> Vec<f64> {
+        self.conditioner.zeros()
     }
 
     pub(super) fn frames(&self) -> Option<u64> {

@@ -130,6 +130,12 @@ impl Recording {
         })
     }
 
+    /// The zero of each taxel in the first channel, patch after patch, as far as it is known by now; NaN where it is
+    /// not. Without a [zero](crate::signal::Zero) it is 0.
+    pub fn zeros(&self) -> Vec<f64> {
+        self.intake.zeros()
+    }
+
     /// Number of frames that will be passed on in all, if it is known.
     pub fn frames(&self) -> Option<u64> {
         self.intake.frames()

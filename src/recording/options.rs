@@ -116,6 +116,8 @@ impl RecordingReport {
                 "without a zero, since none of the first frames has one, and masked",
             ),
             (condition.unknown_gains as u64, "gain", "of no taxel of the map"),
+            (condition.faulty as u64, "taxel", "faulty, as the response says, and masked"),
+            (condition.without_gain as u64, "taxel", "without a gain in the response, and masked"),
             (condition.zero.retaken, "zero", "taken again, since it was taken in contact"),
             (
                 condition.zero.replaced,

@@ -1,7 +1,7 @@
 //! Makes raw readings comparable: removes offset, gain and spikes, and splits slow and fast components.
 //!
 //! In this order, for each taxel and channel: the baseline is subtracted, which is the mean of the first
-//! frames; the rest is multiplied by the taxel's gain and clipped; on request a first-order low pass splits
+//! frames; the rest is multiplied by the taxel's gain, becomes a pressure by its response, and is clipped; on request a first-order low pass splits
 //! it into a slow and a fast component, as slow- and fast-adapting receptors do. The filter is exact for
 //! readings that are constant between frames: `slow += (1 - exp(-2 pi f dt)) (x - slow)` with `dt` the time
 //! since that taxel's last reading.
@@ -13,7 +13,9 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::numeric::storable;
 use crate::signal::zero::{ZeroReport, ZeroTracker};
-use crate::signal::{Channel, Frame, SignalError, Stage};
+use crate::signal::{
+    Channel, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, unit_ratio,
+};
 use crate::skin::{PatchId, TaxelId};
 
 /// Largest memory of the frames of a baseline, in bytes.
@@ -31,6 +33,8 @@ pub enum Zero {
     First(usize),
     /// It drifts, and is followed where nothing touches ([`ZeroTracker`]).
     Follow,
+    /// At the zeros of the [response](ConditionOptions::response).
+    Stored,
 }
 
 /// Options of conditioning.
@@ -40,6 +44,9 @@ pub struct ConditionOptions {
     pub zero: Zero,
     /// Then readings are multiplied by these factors; 1 for other ids.
     pub gains: Vec<(TaxelId, f64)>,
+    /// Then readings of touch become pressures by the response of each taxel. Those of a faulty taxel, or of one whose
+    /// gain is not known where others are, are masked. Without an exponent a response is linear.
+    pub response: Option<Response>,
     /// Then readings are clipped to these bounds, in the unit of the channel.
     pub clip: Option<[f64; 2]>,
     /// Cut-off frequency that splits each channel into `NAME.slow` and `NAME.fast`, in Hz. The two add up to
@@ -61,6 +68,10 @@ pub struct ConditionReport {
     pub without_baseline: usize,
     /// Gains whose id no taxel has.
     pub unknown_gains: usize,
+    /// Taxels of the map that the response calls faulty; they are masked.
+    pub faulty: usize,
+    /// Other taxels whose gain the response does not know; they are masked.
+    pub without_gain: usize,
     /// What happened to zeros that are followed.
     pub zero: ZeroReport,
 }
@@ -95,12 +106,30 @@ pub struct Conditioner {
     inputs: usize,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
+    curves: Option<Curves>,
     tracker: Option<Box<ZeroTracker>>,
     baseline: Baseline,
     clip: Option<[f64; 2]>,
     filter: Option<LowPass>,
     time: f64,
     out: Frame,
+}
+
+/// How readings become pressures.
+#[derive(Debug, Clone)]
+struct Curves {
+    /// One for each taxel, patch after patch.
+    taxels: IdVec<PatchId, Vec<Curve>>,
+    /// Which channels are those of touches.
+    is_of_touch: Vec<bool>,
+    scale: Option<Scale>,
+}
+
+/// A gain, NaN for a taxel that is masked, and an exponent if it is known.
+#[derive(Debug, Clone, Copy)]
+struct Curve {
+    gain: f64,
+    exponent: Option<f64>,
 }
 
 /// One number per patch, channel and taxel, in this order.
@@ -153,9 +182,22 @@ impl Conditioner {
         let gain = |id: &TaxelId| gain_of.get(id).copied().unwrap_or(1.0);
         let tracker = (options.zero == Zero::Follow).then(|| Box::new(ZeroTracker::new(map, channels)));
         let inputs = channels.len();
-        let channels = match options.split_hz {
-            Some(_) => channels.iter().flat_map(parts).collect(),
-            None => channels.to_vec(),
+        let mut report = ConditionReport { unknown_gains, ..ConditionReport::default() };
+        let response = options.response.as_ref();
+        let curves =
+            response.map(|response| Curves::new(map, channels, response, &mut report)).transpose()?;
+        let stored = match options.zero {
+            Zero::Stored => stored_zeros(map, inputs, response)?,
+            _ => Vec::new(),
+        };
+        let read = channels.iter().enumerate();
+        let channels = read.map(|(k, channel)| match &curves {
+            Some(curves) if curves.is_of_touch[k] => curves.channel(channel),
+            _ => channel.clone(),
+        });
+        let channels: Vec<Channel> = match options.split_hz {
+            Some(_) => channels.flat_map(|channel| parts(&channel)).collect(),
+            None => channels.collect(),
         };
         let (entries, at) = match options.zero {
             Zero::First(frames) if frames > 0 => (numbers, 0.0),
@@ -167,10 +209,11 @@ impl Conditioner {
         };
         Ok(Self {
             gains: map.patches.map(|patch| patch.taxels.ids.iter().map(gain).collect()),
+            curves,
             tracker,
             baseline: Baseline {
                 frames,
-                values: vec![at; entries],
+                values: if stored.is_empty() { vec![at; entries] } else { stored },
                 counts: vec![0; if frames > 0 { entries } else { 0 }],
             },
             clip: options.clip,
@@ -183,13 +226,38 @@ impl Conditioner {
             out: Frame::new(map, channels.len()),
             inputs,
             channels,
-            report: ConditionReport { unknown_gains, ..ConditionReport::default() },
+            report,
         })
+    }
+
+    /// The zero of each taxel in the first channel, patch after patch, as far as it is known by now; NaN where it is
+    /// not.
+    pub(crate) fn zeros(&self) -> Vec<f64> {
+        let taxels = self.gains.iter().map(Vec::len);
+        if let Some(tracker) = &self.tracker {
+            return tracker.zeros();
+        }
+        let mut start = 0;
+        let of_patch = |count: usize| {
+            let values = (0..count).map(|k| self.baseline.values.get(start + k).copied().unwrap_or(0.0));
+            let values: Vec<f64> = values.collect();
+            start += count * self.inputs;
+            values
+        };
+        taxels.flat_map(of_patch).collect()
     }
 
     /// The channels of conditioned frames: the input channels, or the slow and fast component of each.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
+    }
+
+    /// Those that are pressures by the response, if it has gains.
+    pub(crate) fn pressures(&self) -> impl Iterator<Item = &Channel> {
+        let curves = self.curves.as_ref().filter(|curves| curves.scale.is_some());
+        let parts = self.channels.len() / self.inputs.max(1);
+        let is_one = move |k: usize| curves.is_some_and(|curves| curves.is_of_touch[k / parts.max(1)]);
+        self.channels.iter().enumerate().filter(move |(k, _)| is_one(*k)).map(|(_, channel)| channel)
     }
 
     /// The effects so far.
@@ -231,7 +299,8 @@ impl Stage for Conditioner {
         }
         self.out.time = frame.time;
         let mut start = 0;
-        for ((read, gains), out) in frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut()) {
+        let patches = frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut());
+        for (patch, ((read, gains), out)) in patches.enumerate() {
             assert_eq!(read.len(), self.inputs, "one array per channel");
             for (channel, read) in read.iter().enumerate() {
                 assert_eq!(read.len(), gains.len(), "one reading per taxel");
@@ -247,6 +316,10 @@ impl Stage for Conditioner {
                         .zip(baseline)
                         .for_each(|(((out, &x), gain), offset)| *out = gain * (x - offset)),
                     None => amplified.for_each(|((out, &x), gain)| *out = gain * x),
+                }
+                if let Some(curves) = self.curves.as_ref().filter(|curves| curves.is_of_touch[channel]) {
+                    let taxels = out[0].iter_mut().zip(&curves.taxels[PatchId::new(patch)]);
+                    taxels.for_each(|(x, curve)| *x = curve.pressure(*x));
                 }
                 let mut mask = |x: &mut f64| {
                     self.report.too_large += u64::from(!x.is_nan() && storable(*x).is_nan());
@@ -267,6 +340,104 @@ impl Stage for Conditioner {
         }
         &self.out
     }
+}
+
+impl Curves {
+    fn new(
+        map: &SkinMap,
+        channels: &[Channel],
+        response: &Response,
+        report: &mut ConditionReport,
+    ) -> Result<Self, SignalError> {
+        let is_of_touch: Vec<bool> =
+            channels.iter().map(|channel| channel.is_of_touch() && !channel.is_tangential()).collect();
+        for (channel, _) in channels.iter().zip(&is_of_touch).filter(|(_, is)| **is) {
+            let [found, needed] = [&channel.unit, &response.unit];
+            if !found.is_empty() && !needed.is_empty() && unit_ratio(found, needed) != Some(1.0) {
+                let (unit, needed) = (found.clone(), needed.clone());
+                return Err(SignalError::ResponseUnit { channel: channel.name.clone(), unit, needed });
+            }
+        }
+        let known = by_taxel(map, response)?;
+        let has_gains = response.taxels.iter().any(|taxel| taxel.gain.is_some());
+        let mut curve = |id: &TaxelId| {
+            let taxel = known.get(id);
+            let is_faulty = taxel.is_some_and(|taxel| taxel.state.is_fault());
+            report.faulty += usize::from(is_faulty);
+            let gain = match taxel.and_then(|taxel| taxel.gain) {
+                _ if is_faulty => f64::NAN,
+                Some(gain) => gain,
+                None if has_gains => {
+                    report.without_gain += 1;
+                    f64::NAN
+                }
+                // A response of states alone.
+                None => 1.0,
+            };
+            Curve { gain, exponent: taxel.and_then(|taxel| taxel.exponent) }
+        };
+        let taxels = map.patches.map(|patch| patch.taxels.ids.iter().map(&mut curve).collect());
+        Ok(Self { taxels, is_of_touch, scale: if has_gains { response.scale } else { None } })
+    }
+
+    /// What the pressures of a channel are.
+    fn channel(&self, read: &Channel) -> Channel {
+        let name = if read.name.starts_with("force") { "pressure" } else { &read.name };
+        let channel =
+            |unit: &str| Channel { name: name.into(), unit: unit.into(), quantity: Quantity::Intensive };
+        match self.scale {
+            Some(Scale::Pascals) => channel("Pa"),
+            Some(Scale::Relative) => channel(""),
+            None => read.clone(),
+        }
+    }
+}
+
+impl Curve {
+    fn pressure(self, x: f64) -> f64 {
+        match self.exponent {
+            // `max` would turn a missing reading into zero.
+            _ if x.is_nan() => x,
+            Some(exponent) => self.gain.abs() * (self.gain.signum() * x).max(0.0).powf(exponent),
+            None => self.gain * x,
+        }
+    }
+}
+
+/// What a response says of each taxel, refused if it is of none of the map.
+fn by_taxel<'r>(
+    map: &SkinMap,
+    response: &'r Response,
+) -> Result<HashMap<TaxelId, &'r TaxelResponse>, SignalError> {
+    let known: HashMap<TaxelId, &TaxelResponse> =
+        response.taxels.iter().map(|taxel| (taxel.taxel, taxel)).collect();
+    let mut ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+    match (response.taxels.first(), ids.clone().next()) {
+        (Some(first), Some(&known_id)) if !ids.any(|id| known.contains_key(id)) => {
+            let (taxels, first) = (response.taxels.len(), first.taxel);
+            Err(SignalError::ForeignResponse { taxels, first, known: known_id })
+        }
+        _ => Ok(known),
+    }
+}
+
+/// The zeros of a response, the same for all channels; NaN where they are not known.
+fn stored_zeros(
+    map: &SkinMap,
+    channels: usize,
+    response: Option<&Response>,
+) -> Result<Vec<f64>, SignalError> {
+    let Some(response) = response.filter(|response| response.taxels.iter().any(|taxel| taxel.zero.is_some()))
+    else {
+        return Err(SignalError::NoStoredZeros);
+    };
+    let known = by_taxel(map, response)?;
+    let zero = |id: &TaxelId| known.get(id).and_then(|taxel| taxel.zero).unwrap_or(f64::NAN);
+    let of_patch = |ids: &IdVec<_, TaxelId>| {
+        let zeros: Vec<f64> = ids.iter().map(zero).collect();
+        zeros.repeat(channels)
+    };
+    Ok(map.patches.iter().flat_map(|patch| of_patch(&patch.taxels.ids)).collect())
 }
 
 fn parts(channel: &Channel) -> [Channel; 2] {

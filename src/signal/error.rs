@@ -39,6 +39,18 @@ pub enum SignalError {
     ChannelTwice { name: String },
     #[error("the readings have no channel {name:?}; they have {}", list(known))]
     NoChannel { name: String, known: Vec<String> },
+    #[error(
+        "channel {channel:?} is in {unit:?}, and the response is of readings in {needed:?}; readings in that unit, or a \
+         response of these are needed"
+    )]
+    ResponseUnit { channel: String, unit: String, needed: String },
+    #[error(
+        "none of the {taxels} taxels of the response is in the map; the first is {first}, that of the map {known}; a response \
+         of the same skin is needed"
+    )]
+    ForeignResponse { taxels: usize, first: TaxelId, known: TaxelId },
+    #[error("stored zeros need a response that has some")]
+    NoStoredZeros,
     #[error("slow and fast components need times, and the readings have none")]
     NoTimes,
     #[error("{option} is {found}; {needed} is needed")]

@@ -101,6 +101,14 @@ const ENDS: [(&str, &str, &[&str]); 19] = [
             "dermatome report forearm/map.glb touch.csv -o touch.html",
         ],
     ),
+    (
+        "response",
+        "",
+        &[
+            "dermatome touch meshes/sphere_cap.glb -o touches.csv --presses 60 --sphere-mm 8,15 --depth-mm 1,3 --rate-hz 20",
+            "dermatome response meshes/sphere_cap.glb touches.csv -o response.csv",
+        ],
+    ),
     ("simulate", "", &["dermatome simulate -o seen.g2o --truth truth.csv --spacing-mm 4mm --outliers 0.1"]),
     (
         "summary",

@@ -20,6 +20,7 @@ mod plot;
 mod readings;
 mod render;
 mod report;
+mod response;
 mod shell;
 mod simulate;
 mod summary;
@@ -80,6 +81,8 @@ enum Command {
     Render(render::Args),
     /// Write a page that shows the skin, its map and a recording in a browser.
     Report(report::Args),
+    /// Estimate how readings become pressures, from touches, steps of pressure or known forces.
+    Response(response::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
     /// Add up a recording by region, patch, link and contact.
@@ -165,6 +168,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Plot(args) => plot::run(args, common),
         Command::Render(args) => render::run(args, common),
         Command::Report(args) => report::run(args, common),
+        Command::Response(args) => response::run(args, common),
         Command::Simulate(args) => simulate::run(args, common),
         Command::Summary(args) => summary::run(args, common),
         Command::Touch(args) => touch::run(args, common),

@@ -4,10 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains};
+use dermatome::io::{
+    IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains, read_response,
+};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
-use dermatome::signal::{ConditionOptions, Duplicates, Zero};
+use dermatome::signal::{ConditionOptions, Duplicates, Response, Scale, Zero};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
@@ -42,12 +44,15 @@ pub(crate) struct ReadingsArgs {
     #[arg(long, value_parser = one_of(&DUPLICATES), default_value = "refuse", hide = true)]
     duplicates: Duplicates,
     /// Subtract the zero of each taxel: `follow` (it drifts, and is followed where nothing touches), first=N (the mean
-    /// of the first N frames), or a number
-    #[arg(long, value_name = "follow|first=N|NUMBER", value_parser = zero, allow_hyphen_values = true)]
-    zero: Option<Zero>,
+    /// of the first N frames), `stored` (that of --response), or a number
+    #[arg(long, value_name = "follow|stored|first=N|NUMBER", value_parser = zero, allow_hyphen_values = true)]
+    pub(crate) zero: Option<Zero>,
     /// Multiply the readings of each taxel: a table with columns id,gain
     #[arg(long, value_name = "F.csv")]
     gain: Option<InPath>,
+    /// Turn readings into pressures, and mask faulty taxels: a table that `dermatome response` writes
+    #[arg(long, value_name = "F.csv", conflicts_with = "gain")]
+    pub(crate) response: Option<InPath>,
     /// Clip readings to these bounds; the number of clipped readings is printed
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     clip: Option<[f64; 2]>,
@@ -126,9 +131,10 @@ fn zero(text: &str) -> Result<Zero, String> {
     let zero = match text.strip_prefix("first=") {
         Some(frames) => first(frames),
         None if text == "follow" => Some(Zero::Follow),
+        None if text == "stored" => Some(Zero::Stored),
         None => number(),
     };
-    zero.ok_or_else(|| "needed: follow, first=N with N frames, or a number".into())
+    zero.ok_or_else(|| "needed: follow, stored, first=N with N frames, or a number".into())
 }
 
 /// Two numbers, the lower one first.
@@ -144,6 +150,40 @@ impl ReadingsArgs {
     /// Opens readings on a map: those of a file, or of standard input.
     pub(crate) fn open(
         &self,
+        frames: FrameRange,
+        path: &Path,
+        map: &Arc<SkinMap>,
+        common: &Common,
+    ) -> anyhow::Result<Recording> {
+        let response = self.response(common)?;
+        self.open_with(response, frames, path, map, common)
+    }
+
+    /// What is said of the response of taxels, if anything is.
+    pub(crate) fn response(&self, common: &Common) -> anyhow::Result<Option<Response>> {
+        let Some(path) = &self.response else {
+            if self.zero == Some(Zero::Stored) {
+                return Err(advise("--zero stored takes the zeros of a response", "name it with --response"));
+            }
+            return Ok(None);
+        };
+        let (response, unused) = read_response(path).map_err(Error::from)?;
+        note_columns(path, &unused, common);
+        if response.taxels.iter().any(|taxel| taxel.gain.is_some())
+            && response.taxels.iter().all(|taxel| taxel.exponent.is_none())
+        {
+            note!(common, "{}: no exponent is known; pressures are proportional to readings", path.display());
+        }
+        if response.scale == Some(Scale::Relative) {
+            note!(common, "{}: its gains are relative; pressures have no unit", path.display());
+        }
+        Ok(Some(response))
+    }
+
+    /// [`Self::open`] with another response.
+    pub(crate) fn open_with(
+        &self,
+        response: Option<Response>,
         frames: FrameRange,
         path: &Path,
         map: &Arc<SkinMap>,
@@ -182,6 +222,7 @@ impl ReadingsArgs {
             condition: ConditionOptions {
                 zero: self.zero.unwrap_or_default(),
                 gains,
+                response,
                 clip: self.clip,
                 split_hz: self.split,
             },

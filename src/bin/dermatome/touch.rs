@@ -3,7 +3,7 @@
 use std::{collections::HashSet, process::ExitCode};
 
 use dermatome::Error;
-use dermatome::io::{ReadingsWriter, write_response, write_touches};
+use dermatome::io::{ReadingsWriter, write_response, write_steps, write_touches};
 use dermatome::signal::{
     FaultCounts, Quantity, ReadoutOptions, TaxelState, Touch, TouchOptions, TouchSimulation,
 };
@@ -31,12 +31,18 @@ pub(crate) struct Args {
     /// Number of spheres that press at once, at least a diameter apart
     #[arg(long, value_name = "N", default_value_t = 1)]
     touches: usize,
-    /// Radius of the sphere
-    #[arg(long = "sphere-mm", value_name = "MM", default_value = "15", value_parser = length_mm)]
-    sphere: f64,
-    /// How deep the sphere is pressed in
-    #[arg(long = "depth-mm", value_name = "MM", default_value = "2", value_parser = length_mm)]
-    depth: f64,
+    /// Radius of the sphere; of several radii each press has one, at random
+    #[arg(long = "sphere-mm", value_name = "MM,...", default_value = "15", value_delimiter = ',', value_parser = length_mm)]
+    spheres: Vec<f64>,
+    /// How deep the sphere is pressed in; of two depths each press has one between them
+    #[arg(long = "depth-mm", value_name = "MM[,MM]", default_value = "2", value_parser = one_or_two_mm)]
+    depths: [f64; 2],
+    /// Ellipsoids instead of spheres: the largest ratio of their two radii of curvature
+    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    aspect: f64,
+    /// How unsteady the depth of a press is: the standard deviation of its logarithm
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    wobble: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
     #[arg(long, value_name = "KPA", default_value_t = 20.0)]
     stiffness_kpa: f64,
@@ -55,6 +61,22 @@ pub(crate) struct Args {
     /// Radius of the disc on which a taxel feels
     #[arg(long = "taxel-mm", value_name = "MM", default_value = "2", value_parser = length_mm)]
     taxel: f64,
+    /// A cover spreads pressures: the standard deviation along each axis
+    #[arg(long = "blur-mm", value_name = "MM", default_value = "0", value_parser = length_mm)]
+    blur: f64,
+    /// Response curve: pressure is the reading to this power, both relative to the pressure of a press
+    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    exponent: f64,
+    /// Width of the loop that readings describe as pressure rises and falls, relative
+    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    hysteresis: f64,
+    /// A bag instead of spheres: it presses on all taxels with these pressures, up and down again in each press; the
+    /// truth is a table time,pressure
+    #[arg(long = "bag-kpa", value_name = "KPA,...", value_delimiter = ',')]
+    bag: Vec<f64>,
+    /// How uneven the pressure of the bag is, standard deviation between taxels, relative
+    #[arg(long, value_name = "F", default_value_t = 0.0, requires = "bag")]
+    uneven: f64,
     /// What a taxel reads
     #[arg(long, value_parser = one_of(&READS), default_value = "force")]
     reads: Quantity,
@@ -97,6 +119,16 @@ pub(crate) struct Args {
     seed: u64,
 }
 
+/// One length, or the smallest and the largest, in m; bare numbers are in mm.
+fn one_or_two_mm(text: &str) -> Result<[f64; 2], String> {
+    let lengths = text.split(',').map(length_mm).collect::<Result<Vec<_>, _>>()?;
+    match lengths[..] {
+        [one] => Ok([one; 2]),
+        [least, most] => Ok([least, most]),
+        _ => Err("needed: one length, or the smallest and the largest, as in 1,4".into()),
+    }
+}
+
 const READS: [Choice<Quantity>; 2] = [
     ("force", Quantity::Extensive, "The force on its disc, in N"),
     ("pressure", Quantity::Intensive, "The mean pressure on its disc, in Pa"),
@@ -132,18 +164,33 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let taxels = skin.patches.iter().map(|patch| &patch.taxels);
     let output = common.outputs.file(&args.output);
     let mut writer = ReadingsWriter::create(output, taxels, simulation.channel()).map_err(Error::from)?;
+    let mut steps: Vec<[f64; 2]> = Vec::new();
     while let Some((frame, now)) = simulation.next_frame() {
         writer.write(frame).map_err(Error::from)?;
         touches.extend_from_slice(now);
+        let (time, pressure) = (frame.time, simulation.bag_pressure());
+        if steps.last().is_none_or(|[_, last]| *last != pressure) {
+            steps.push([time, pressure]);
+        }
     }
     writer.finish().map_err(Error::from)?;
     if let Some(path) = &args.truth {
-        write_touches(common.outputs.file(path), &skin, &touches).map_err(Error::from)?;
+        let path = common.outputs.file(path);
+        let truth = if args.bag.is_empty() {
+            write_touches(path, &skin, &touches)
+        } else {
+            write_steps(path, &steps)
+        };
+        truth.map_err(Error::from)?;
     }
     if let Some(path) = &args.true_response {
         write_response(common.outputs.file(path), simulation.response()).map_err(Error::from)?;
     }
     outputs::publish(common)?;
+    if !args.bag.is_empty() {
+        note!(common, "{} frames, {} steps of pressure", simulation.frames(), steps.len());
+        return Ok(ExitCode::SUCCESS);
+    }
     let distinct = |number: fn(&Touch) -> usize| touches.iter().map(number).collect::<HashSet<_>>().len();
     let most = touches.iter().map(|touch| touch.force).fold(0.0, f64::max);
     note!(
@@ -159,8 +206,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 impl Args {
     fn options(&self) -> TouchOptions {
         TouchOptions {
-            radius: self.sphere,
-            depth: self.depth,
+            radii: self.spheres.clone(),
+            depths: self.depths,
+            aspect: self.aspect,
+            wobble: self.wobble,
             stiffness: self.stiffness_kpa * 1e6,
             presses: self.presses,
             touches: self.touches,
@@ -169,6 +218,11 @@ impl Args {
             pause: self.pause_s,
             rate: self.rate_hz,
             taxel_radius: self.taxel,
+            blur: self.blur,
+            exponent: self.exponent,
+            hysteresis: self.hysteresis,
+            steps: self.bag.iter().map(|kpa| kpa * 1e3).collect(),
+            uneven: self.uneven,
             quantity: self.reads,
             noise: self.noise_kpa * 1e3,
             drift: self.drift_kpa * 1e3,

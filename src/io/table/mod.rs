@@ -14,6 +14,7 @@ pub(super) mod motion;
 pub(super) mod region_writer;
 pub(super) mod response;
 pub(super) mod regions;
+pub(super) mod series;
 pub(super) mod summary;
 pub(super) mod writer;
 

@@ -117,3 +117,22 @@ pub fn write_touches(path: impl Into<OutPath>, skin: &Skin, touches: &[Touch]) -
         Ok(())
     })
 }
+
+/// Writes the steps of a pressure that is the same everywhere as CSV, a row for each, with these columns:
+///
+/// | column | meaning |
+/// |---|---|
+/// | `time` | when the step begins, in s |
+/// | `pressure` | its pressure, in Pa |
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_steps(path: impl Into<OutPath>, steps: &[[f64; 2]]) -> Result<(), IoError> {
+    write_table(&path.into(), "time,pressure", |table| {
+        for &step in steps {
+            table.decimals(step);
+            table.end_row()?;
+        }
+        Ok(())
+    })
+}

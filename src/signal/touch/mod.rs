@@ -2,12 +2,14 @@
 //! discs around them (`(cannata)`: spheres on skins with taxels of 2 mm radius that read exact forces). The
 //! recording, whose truth is known, is for tests, examples and comparisons.
 //!
-//! In reading order: [`TouchOptions`], `sphere` (the contact model), `path` (where the sphere rolls),
-//! `simulation` (frames and their truth), `readout` (how taxels are read, and faults); `spreader` turns contacts with a force into readings.
+//! In reading order: [`TouchOptions`], `sphere` (the contact model), `probe` (ellipsoids, and taxels below a cover
+//! that blurs), `path` (where the sphere rolls), `simulation` (frames and their truth), `readout` (how taxels are read,
+//! and faults); `spreader` turns contacts with a force into readings.
 //!
-//! Not modelled: friction, and the deformation of the skin next to its contact.
+//! Not modelled: friction, and the deformation of the skin next to its contact, but for the blur.
 
 mod path;
+mod probe;
 mod readout;
 mod simulation;
 mod sphere;
@@ -20,12 +22,17 @@ pub use simulation::{Touch, TouchSimulation};
 pub use spreader::{Press, Spreader};
 
 /// Spheres that press and roll on a skin, and the taxels that sense them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TouchOptions {
-    /// Radius of the sphere, in m.
-    pub radius: f64,
-    /// Its depth, in m; less than its radius.
-    pub depth: f64,
+    /// Radii of the spheres, in m: each press is that of a sphere with one of them, chosen at random.
+    pub radii: Vec<f64>,
+    /// The smallest and the largest depth of a press, in m; less than the radii.
+    pub depths: [f64; 2],
+    /// Most ratio of the two radii of curvature where an ellipsoid touches; 1: spheres. Each press has a ratio from 1
+    /// on, evenly, and another direction. The smaller radius is that of [`Self::radii`].
+    pub aspect: f64,
+    /// How unsteady depths are within a press: the standard deviation of their logarithm.
+    pub wobble: f64,
     /// Stiffness of the skin: pressure over depth, in Pa/m.
     pub stiffness: f64,
     /// Number of presses, one after the other, each at another position.
@@ -44,6 +51,19 @@ pub struct TouchOptions {
     pub rate: f64,
     /// Radius of the disc on which a taxel senses, in m.
     pub taxel_radius: f64,
+    /// A cover spreads pressures before they reach the taxels: the standard deviation of a normal distribution along
+    /// each axis, in m.
+    pub blur: f64,
+    /// Response curve: the pressure is the reading to the power of this, both relative to the pressure of a press of
+    /// middle depth.
+    pub exponent: f64,
+    /// Width of the loop that readings describe as pressure rises and falls, relative to the reading.
+    pub hysteresis: f64,
+    /// Instead of spheres, a bag presses on all taxels with these pressures (Pa), up and down again, in each press;
+    /// empty: spheres.
+    pub steps: Vec<f64>,
+    /// How uneven the pressure of the bag is: the standard deviation between taxels, relative; new with each press.
+    pub uneven: f64,
     /// The reading of a taxel: the force on its disc in N (extensive) or the mean pressure on it in Pa
     /// (intensive).
     pub quantity: Quantity,
@@ -65,8 +85,10 @@ impl Default for TouchOptions {
     /// where the skin is flat.
     fn default() -> Self {
         Self {
-            radius: 0.015,
-            depth: 0.002,
+            radii: vec![0.015],
+            depths: [0.002; 2],
+            aspect: 1.0,
+            wobble: 0.0,
             stiffness: 2e7,
             presses: 5,
             touches: 1,
@@ -75,6 +97,11 @@ impl Default for TouchOptions {
             pause: 0.25,
             rate: 100.0,
             taxel_radius: 0.002,
+            blur: 0.0,
+            exponent: 1.0,
+            hysteresis: 0.0,
+            steps: Vec::new(),
+            uneven: 0.0,
             quantity: Quantity::Extensive,
             noise: 0.0,
             drift: 0.0,
@@ -92,17 +119,39 @@ impl TouchOptions {
     /// Checks every number.
     pub(super) fn validate(&self) -> Result<(), SignalError> {
         let bad = |option: &str, found: f64, needed: &str| Err(SignalError::option(option, found, needed));
-        for (option, metres) in [
-            ("the radius of the sphere in m", self.radius),
-            ("the depth in m", self.depth),
-            ("the radius of a taxel in m", self.taxel_radius),
-        ] {
+        let [shallow, deep] = self.depths;
+        let depths = [("the depth in m", shallow), ("the depth in m", deep)];
+        let radii = self.radii.iter().map(|&radius| ("the radius of the sphere in m", radius));
+        let taxel = ("the radius of a taxel in m", self.taxel_radius);
+        for (option, metres) in radii.clone().chain(depths).chain([taxel]) {
             if !(1e-6..=1e3).contains(&metres) {
                 return bad(option, metres, "1e-6 to 1000");
             }
         }
-        if self.depth >= self.radius {
-            return bad("the depth in m", self.depth, "less than the radius of the sphere");
+        let smallest = self.radii.iter().copied().fold(f64::INFINITY, f64::min);
+        if smallest == f64::INFINITY {
+            return bad("the number of radii of spheres", 0.0, "1 or more");
+        }
+        if deep < shallow {
+            return bad("the largest depth in m", deep, "no less than the smallest");
+        }
+        if deep >= smallest {
+            return bad("the depth in m", deep, "less than the radius of the sphere");
+        }
+        for (option, number, range) in [
+            ("the ratio of the radii of an ellipsoid", self.aspect, 1.0..=100.0),
+            ("the exponent", self.exponent, 0.2..=5.0),
+            ("the wobble", self.wobble, 0.0..=0.5),
+            ("the hysteresis", self.hysteresis, 0.0..=0.5),
+            ("the unevenness of the bag", self.uneven, 0.0..=0.3),
+            ("the blur in m", self.blur, 0.0..=0.1),
+        ] {
+            if !range.contains(&number) {
+                return bad(option, number, &format!("{} to {}", range.start(), range.end()));
+            }
+        }
+        if let Some(&step) = self.steps.iter().find(|&&step| !(1e-3..=1e9).contains(&step)) {
+            return bad("the pressure of a bag in Pa", step, "0.001 to 1e9");
         }
         for (option, number) in [
             ("the stiffness in Pa/m", self.stiffness),

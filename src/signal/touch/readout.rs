@@ -18,7 +18,7 @@ use crate::skin::{PatchId, Presence, Skin};
 pub struct ReadoutOptions {
     /// Standard deviation of the logarithm of the gains.
     pub gain_spread: f64,
-    /// Standard deviation of the logarithm of the exponents, whose median is 1.
+    /// Standard deviation of the logarithm of the exponents, whose median is [`TouchOptions::exponent`].
     pub exponent_spread: f64,
     /// Drift of all zeros with temperature, in Pa/s; each taxel has a coefficient of its own, 1 give or take 0.3.
     pub warming: f64,
@@ -72,6 +72,8 @@ pub(super) mod stream {
     pub(crate) const READOUT: u64 = 4;
     pub(crate) const FLICKER: u64 = 5;
     pub(crate) const FAULTS: u64 = 6;
+    pub(crate) const BODIES: u64 = 7;
+    pub(crate) const BAG: u64 = 8;
 }
 
 /// Share of the pressure that leaks into another taxel.
@@ -110,6 +112,7 @@ pub(super) struct Readout {
     press: f64,
     unit: f64,
     options: ReadoutOptions,
+    hysteresis: f64,
     noise_sigma: f64,
     last: f64,
     felt: Vec<f64>,
@@ -129,6 +132,8 @@ struct TaxelReadout {
     /// Frames from which on and before which it jumps, is stuck or has a step.
     events: Vec<[usize; 2]>,
     reading: f64,
+    /// Its reading of pressure alone, which lags by the hysteresis.
+    shown: f64,
 }
 
 impl Readout {
@@ -148,13 +153,14 @@ impl Readout {
                     patch,
                     taxel,
                     sensitivity: (options.readout.gain_spread * gain).exp(),
-                    exponent: (options.readout.exponent_spread * exponent).exp(),
+                    exponent: options.exponent * (options.readout.exponent_spread * exponent).exp(),
                     drift: rate,
                     coefficient: 1.0 + COEFFICIENT_SPREAD * coefficient,
                     flicker: [0.0; FLICKER_S.len()],
                     state: TaxelState::Ok,
                     events: Vec::new(),
                     reading: 0.0,
+                    shown: 0.0,
                 });
             }
         }
@@ -170,9 +176,10 @@ impl Readout {
             truth: Response::default(),
             noise: Random::new(options.seed, stream::NOISE),
             flicker: Random::new(options.seed, stream::FLICKER),
-            press: unit * options.stiffness * options.depth,
+            press: unit * options.stiffness * 0.5 * (options.depths[0] + options.depths[1]),
             unit,
             options: options.readout,
+            hysteresis: options.hysteresis,
             noise_sigma: options.noise,
             last: 0.0,
         };
@@ -315,7 +322,7 @@ impl Readout {
 
     /// Turns the true values of a frame into readings.
     pub(super) fn read(&mut self, number: usize, frame: &mut Frame) {
-        let Self { taxels, felt, options, press, unit, .. } = self;
+        let Self { taxels, felt, options, press, unit, hysteresis, .. } = self;
         for (x, own) in felt.iter_mut().zip(taxels.iter()) {
             *x = frame.values[own.patch][0][own.taxel];
         }
@@ -329,6 +336,8 @@ impl Readout {
         for (own, &x) in taxels.iter_mut().zip(felt.iter()) {
             let x = if own.state == TaxelState::Silent { SILENT * x } else { x };
             let mut x = *press * (x * own.sensitivity / *press).max(0.0).powf(own.exponent.recip());
+            own.shown = own.shown.clamp(x * (1.0 - 0.5 * *hysteresis), x * (1.0 + 0.5 * *hysteresis));
+            x = own.shown;
             let drift = own.drift + options.warming * own.coefficient;
             x += *unit * drift * frame.time;
             if options.flicker > 0.0 {

@@ -7,6 +7,7 @@ use crate::mesh::Adjacency;
 use crate::numeric::Random;
 use crate::signal::touch::TouchOptions;
 use crate::signal::touch::path::Walker;
+use crate::signal::touch::probe::{Probe, Sensor};
 use crate::signal::touch::readout::{Readout, stream};
 use crate::signal::touch::sphere::Sphere;
 use crate::signal::{Channel, Frame, Quantity, Response, SignalError};
@@ -23,7 +24,7 @@ pub struct Touch {
     pub press: usize,
     /// The patch that is touched.
     pub patch: PatchId,
-    /// Centre of the sphere.
+    /// Centre of the sphere or ellipsoid.
     pub sphere: DVec3,
     /// Centre of pressure: the mean of the skin's points, weighted by their pressure.
     pub centre: DVec3,
@@ -73,8 +74,23 @@ pub struct TouchSimulation<'a> {
     presses: Vec<Press>,
     /// The area of each patch, in m^2.
     areas: Vec<f64>,
-    contacts: Vec<(Sphere, Touch)>,
+    contacts: Vec<(Probe, Touch)>,
     touches: Vec<Touch>,
+    sensor: Sensor,
+    /// Sizes and directions of the spheres, and how unsteady their depths are.
+    bodies: Random,
+    bag: Bag,
+}
+
+/// The bag that presses on all taxels.
+#[derive(Debug, Clone)]
+struct Bag {
+    /// Its pressure, in Pa.
+    pressure: f64,
+    placement: Option<usize>,
+    /// The share of the pressure that each live taxel gets, patch after patch.
+    shares: Vec<f64>,
+    random: Random,
 }
 
 #[derive(Debug, Clone)]
@@ -82,9 +98,16 @@ struct Press {
     number: usize,
     patch: PatchId,
     walker: Walker,
+    probe: Probe,
+    /// Its depth where it is steady, in m, and the logarithm of the depth over it, in standard deviations.
+    depth: f64,
+    wobble: f64,
     /// How far the sphere has rolled, in m.
     rolled: f64,
 }
+
+/// How much of the unsteadiness of a depth stays after a hundredth of a press.
+const STEADINESS: f64 = 0.974;
 
 /// Share of a press in which the sphere goes down, and in which it goes up.
 const RAMP: f64 = 0.2;
@@ -129,7 +152,15 @@ impl<'a> TouchSimulation<'a> {
             channel: Channel { name: name.into(), unit: unit.into(), quantity },
             frames,
             skin,
-            options: *options,
+            sensor: Sensor::new(options),
+            bodies: Random::new(options.seed, stream::BODIES),
+            bag: Bag {
+                pressure: 0.0,
+                placement: None,
+                shares: vec![1.0; live.iter().map(Vec::len).sum()],
+                random: Random::new(options.seed, stream::BAG),
+            },
+            options: options.clone(),
             places: Random::new(options.seed, stream::PLACES),
             readout,
             live,
@@ -169,15 +200,21 @@ impl<'a> TouchSimulation<'a> {
         let (frame, time) = (self.next, self.next as f64 / self.options.rate);
         self.next += 1;
         self.frame.time = time;
-        self.touch(frame, time);
+        if self.options.steps.is_empty() {
+            self.touch(frame, time);
+        } else {
+            self.fill_bag(time);
+        }
         let reading =
             if self.options.quantity == Quantity::Extensive { self.options.taxel_area() } else { 1.0 };
+        let mut shares = self.bag.shares.iter();
         for (id, live) in self.live.enumerate() {
             let patch = &self.skin.patches[id];
-            for &taxel in live {
-                let mut felt = 0.0;
-                for (sphere, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
-                    let pressure = pressure(sphere, patch, taxel, &self.options);
+            for (&taxel, share) in live.iter().zip(&mut shares) {
+                let mut felt = self.bag.pressure * share;
+                for (probe, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
+                    let (at, normal) = (patch.mesh.positions[taxel], patch.taxels.normals[taxel]);
+                    let pressure = self.options.stiffness * self.sensor.depth(probe, at, normal);
                     touch.taxels += usize::from(pressure > 0.0);
                     felt += pressure;
                 }
@@ -190,17 +227,44 @@ impl<'a> TouchSimulation<'a> {
         Some((&self.frame, &self.touches))
     }
 
-    /// Finds the contacts of the spheres at this time; does not count their taxels yet.
-    fn touch(&mut self, frame: usize, time: f64) {
-        let TouchOptions { duration, pause, presses, depth, radius, roll, .. } = self.options;
-        self.contacts.clear();
+    /// The pressure of the bag in the latest frame, in Pa; 0 without a bag.
+    pub fn bag_pressure(&self) -> f64 {
+        self.bag.pressure
+    }
+
+    /// The number of the turn at this time, and the share of it that has passed; `None` in a pause.
+    fn turn_at(&self, time: f64) -> Option<(usize, f64)> {
+        let TouchOptions { duration, pause, presses, .. } = self.options;
         let turn = (time - pause) / (duration + pause);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
         let number = (turn + 1e-9).floor().max(0.0) as usize;
         let share = (time - pause - number as f64 * (duration + pause)) / duration;
-        if number >= presses || !(0.0..=1.0).contains(&share) {
-            return;
+        (number < presses && (0.0..=1.0).contains(&share)).then_some((number, share))
+    }
+
+    /// The pressure of the bag at this time: up its steps and down again.
+    fn fill_bag(&mut self, time: f64) {
+        self.bag.pressure = 0.0;
+        let Some((number, share)) = self.turn_at(time) else { return };
+        let steps = &self.options.steps;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the share is 0 to 1")]
+        let step = (share * 2.0 * steps.len() as f64) as usize;
+        let step = step.min(2 * steps.len() - 1);
+        self.bag.pressure = steps[step.min(2 * steps.len() - 1 - step)];
+        while self.bag.placement.is_none_or(|last| last < number) {
+            self.bag.placement = Some(self.bag.placement.map_or(0, |last| last + 1));
+            let Bag { shares, random, .. } = &mut self.bag;
+            shares
+                .iter_mut()
+                .for_each(|share| *share = (1.0 + self.options.uneven * random.normal()).max(0.0));
         }
+    }
+
+    /// Finds the contacts of the spheres at this time; does not count their taxels yet.
+    fn touch(&mut self, frame: usize, time: f64) {
+        let TouchOptions { duration, roll, wobble, rate, .. } = self.options;
+        self.contacts.clear();
+        let Some((number, share)) = self.turn_at(time) else { return };
         while self.turn.is_none_or(|turn| turn < number) {
             let turn = self.turn.map_or(0, |turn| turn + 1);
             self.turn = Some(turn);
@@ -208,19 +272,31 @@ impl<'a> TouchSimulation<'a> {
         }
         // Speed is zero at both ends of the descent.
         let way = (share.min(1.0 - share) / RAMP).clamp(0.0, 1.0);
-        let depth = depth * way * way * (3.0 - 2.0 * way);
+        let way = way * way * (3.0 - 2.0 * way);
         let rolled = roll * ((share - RAMP) / (1.0 - 2.0 * RAMP)).clamp(0.0, 1.0);
         for press in &mut self.presses {
             let (patch, adjacency) = (&self.skin.patches[press.patch], &self.adjacency[press.patch]);
             press.walker.advance(&patch.mesh, adjacency, rolled - press.rolled);
             press.rolled = rolled;
-            let Some(centre) = above(&press.walker, patch, radius - depth) else { continue };
-            let sphere = Sphere { centre, radius };
-            if let Some((force, centre)) = contact(&sphere, patch, &self.options) {
-                let (press, patch) = (press.number, press.patch);
-                let touch =
-                    Touch { frame, time, press, patch, sphere: sphere.centre, centre, force, taxels: 0 };
-                self.contacts.push((sphere, touch));
+            let mut depth = press.depth * way;
+            if wobble > 0.0 {
+                let kept = STEADINESS.powf(100.0 / (rate * duration));
+                press.wobble = kept * press.wobble + (1.0 - kept * kept).sqrt() * self.bodies.normal();
+                // Never as deep as its radius.
+                depth *= (wobble * press.wobble - 0.5 * wobble * wobble).exp();
+                depth = depth.min(0.99 * press.probe.sphere.radius);
+            }
+            let radius = press.probe.sphere.radius;
+            let Some((centre, normal)) = above(&press.walker, patch, radius - depth) else { continue };
+            press.probe.sphere.centre = centre;
+            // Rolling does not turn the body about the normal.
+            let axis = press.probe.axis.reject_from_normalized(normal).try_normalize();
+            press.probe.axis = axis.unwrap_or_else(|| normal.any_orthonormal_vector());
+            if let Some((force, centre)) = contact(&press.probe, press.depth, patch, &self.options) {
+                let (number, patch) = (press.number, press.patch);
+                let sphere = press.probe.sphere.centre;
+                let touch = Touch { frame, time, press: number, patch, sphere, centre, force, taxels: 0 };
+                self.contacts.push((press.probe, touch));
             }
         }
     }
@@ -248,12 +324,20 @@ impl<'a> TouchSimulation<'a> {
         });
         let patch = PatchId::new(patch.unwrap_or(self.areas.len() - 1));
         let walker = Walker::random(&self.skin.patches[patch].mesh, &mut self.places)?;
-        Some(Press { number, patch, walker, rolled: 0.0 })
+        let TouchOptions { radii, depths: [shallow, deep], aspect, .. } = &self.options;
+        let random = &mut self.bodies;
+        let sphere = Sphere { centre: DVec3::ZERO, radius: radii[random.below(radii.len())] };
+        let depth = shallow + (deep - shallow) * random.uniform();
+        let probe =
+            Probe { sphere, axis: random.direction(), aspect: 1.0 + (aspect - 1.0) * random.uniform() };
+        Some(Press { number, patch, walker, probe, depth, wobble: random.normal(), rolled: 0.0 })
     }
 
     /// Whether a press keeps its distance from the others of its turn while they roll.
     fn has_room(&self, press: &Press) -> bool {
-        let TouchOptions { radius, roll, .. } = self.options;
+        let roll = self.options.roll;
+        // Half the distance that two bodies need.
+        let reach = |press: &Press| press.probe.reach();
         let link = |press: &Press| self.skin.patches[press.patch].link;
         let mut presses: Vec<Press> =
             self.presses.iter().filter(|other| link(other) == link(press)).cloned().collect();
@@ -267,44 +351,38 @@ impl<'a> TouchSimulation<'a> {
                 }
                 // Neither the spheres nor the points under them may come closer.
                 let foot = press.walker.point;
-                [foot, above(&press.walker, patch, radius).unwrap_or(foot)]
+                let above = above(&press.walker, patch, press.probe.sphere.radius);
+                (reach(press), [foot, above.map_or(foot, |(centre, _)| centre)])
             });
             let places: Vec<_> = places.collect();
-            let is_apart =
-                |other: &[DVec3; 2]| other.iter().zip(places[0]).all(|(&a, b)| a.distance(b) >= 2.0 * radius);
+            let (own, here) = places[0];
+            let is_apart = |(other, there): &(f64, [DVec3; 2])| {
+                there.iter().zip(here).all(|(&a, b)| a.distance(b) >= own + other)
+            };
             places[1..].iter().all(is_apart)
         })
     }
 }
 
-/// The point at a height above the skin.
-fn above(walker: &Walker, patch: &Patch, height: f64) -> Option<DVec3> {
+/// The point at a height above the skin, and the normal there.
+fn above(walker: &Walker, patch: &Patch, height: f64) -> Option<(DVec3, DVec3)> {
     let corners = patch.mesh.triangles[walker.face].into_iter();
     let normals = corners.zip(walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
     let normal = normals.sum::<DVec3>().try_normalize()?;
-    Some(walker.point + height * normal)
+    Some((walker.point + height * normal, normal))
 }
 
-/// Mean pressure on the disc of a taxel, in Pa.
-fn pressure(sphere: &Sphere, patch: &Patch, taxel: VertexId, options: &TouchOptions) -> f64 {
-    let (at, normal) = (patch.mesh.positions[taxel], patch.taxels.normals[taxel]);
-    let reach = sphere.radius + options.taxel_radius;
-    if at.distance_squared(sphere.centre) >= reach * reach {
-        return 0.0;
-    }
-    options.stiffness * sphere.volume_under_disc(at, normal, options.taxel_radius) / options.taxel_area()
-}
-
-/// Force and centre of pressure of the whole contact; `None` if nothing is touched.
-fn contact(sphere: &Sphere, patch: &Patch, options: &TouchOptions) -> Option<(f64, DVec3)> {
+/// Force and centre of pressure of the whole contact, at most this deep; `None` if nothing is touched.
+fn contact(probe: &Probe, depth: f64, patch: &Patch, options: &TouchOptions) -> Option<(f64, DVec3)> {
     let (mesh, normals) = (&patch.mesh, &patch.taxels.normals);
-    let radius = (options.depth * (2.0 * options.radius - options.depth)).sqrt();
+    let (centre, reach) = (probe.sphere.centre, probe.reach());
+    let radius = (depth * (2.0 * probe.sphere.radius - depth)).max(0.0).sqrt();
     let (mut volume, mut moment) = (0.0, DVec3::ZERO);
     for face in mesh.triangles.ids() {
         let corners = mesh.corners(face);
         let longest =
             (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max).sqrt();
-        if corners[0].distance_squared(sphere.centre) > (sphere.radius + longest).powi(2) {
+        if corners[0].distance_squared(centre) > (reach + longest).powi(2) {
             continue;
         }
         let normals = mesh.triangles[face].map(|v| normals[v]);
@@ -313,7 +391,7 @@ fn contact(sphere: &Sphere, patch: &Patch, options: &TouchOptions) -> Option<(f6
         for weights in parts_of_a_triangle(parts) {
             let mix = |of: &[DVec3; 3]| of.iter().zip(weights).map(|(x, w)| w * *x).sum::<DVec3>();
             let point = mix(&corners);
-            let depth = sphere.depth(point, mix(&normals).normalize_or_zero());
+            let depth = probe.depth(point, mix(&normals).normalize_or_zero());
             volume += area * depth;
             moment += area * depth * point;
         }

@@ -88,6 +88,14 @@ impl ZeroTracker {
         &self.out
     }
 
+    /// The zero of each taxel in the first channel, patch after patch; NaN where it is not known.
+    pub(crate) fn zeros(&self) -> Vec<f64> {
+        match self.tracks.first() {
+            Some(Some(track)) => track.zeros().collect(),
+            _ => vec![f64::NAN; self.out.values.iter().map(|channels| channels[0].len()).sum()],
+        }
+    }
+
     /// What happened so far, in all channels.
     pub fn report(&self) -> ZeroReport {
         let reports = self.tracks.iter().flatten().map(|track| track.report);

@@ -160,6 +160,11 @@ impl Track {
         }
     }
 
+    /// The zeros by now.
+    pub(super) fn zeros(&self) -> impl Iterator<Item = f64> {
+        self.taxels.iter().map(|taxel| taxel.zero)
+    }
+
     /// Takes the readings of a frame: noise, excess, and which taxels are active.
     pub(super) fn see(&mut self, read: impl Iterator<Item = f64>, interval: f64) {
         let median_noise = if self.frames < FIRST_NOISE_FRAMES { self.median_noise() } else { f64::NAN };

@@ -906,7 +906,7 @@ pub(crate) fn condition_readings<'py>(
         None => Zero::First(count("baseline", baseline)?),
         Some(zero) => word("zero", zero, &[("follow", Zero::Follow)])?,
     };
-    let condition = ConditionOptions { zero, gains, clip, split_hz };
+    let condition = ConditionOptions { zero, gains, response: None, clip, split_hz };
     let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
@@ -999,8 +999,8 @@ pub(crate) fn simulate_touch<'py>(
         _ => return Err(bad("skin", skin.get_type().name()?, "a Skin or a Map")),
     };
     let options = TouchOptions {
-        radius,
-        depth,
+        radii: vec![radius],
+        depths: [depth; 2],
         stiffness,
         presses: count("presses", presses)?,
         touches: count("touches", touches)?,

@@ -1,0 +1,60 @@
+//! Tables of a quantity over time: steps of a pressure, forces.
+
+use std::path::Path;
+
+use crate::io::IoError;
+use crate::io::file::Source;
+use crate::io::table::Table;
+use crate::signal::unit_ratio;
+
+/// A quantity over time, and the names of columns that are not used.
+pub type Series = (Vec<[f64; 2]>, Vec<String>);
+
+/// Reads a table of a quantity over time: a column of times (`time`, or as in `time[ms]`) and one with the name of
+/// the quantity, in `unit`, or in the one that it names, as `pressure[kPa]`. Returns rows of a time in s and a value in
+/// `unit`, in their order.
+///
+/// # Errors
+/// If the file cannot be read, has no row, a column is missing or in a unit of something else, or a cell is not a
+/// finite number.
+pub fn read_series(path: &Path, quantity: &str, unit: &str) -> Result<Series, IoError> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    let columns = &table.columns;
+    let named = |name: &str| {
+        name.split_once('[').map_or(name, |(name, _)| name).trim().eq_ignore_ascii_case(quantity)
+    };
+    let found = columns.names.iter().position(|name| named(name));
+    let value = match found {
+        Some(value) => value,
+        None => columns.need(quantity)?,
+    };
+    let given = columns.names[value].split_once('[').map(|(_, unit)| unit.trim_end_matches(']').trim());
+    let Some(ratio) =
+        given.map_or(Some(1.0), |given| spelled(given).find_map(|given| unit_ratio(&given, unit)))
+    else {
+        let needed = format!("a unit of {quantity}, as {quantity}[{unit}]");
+        return Err(columns.at().invalid(columns.describe(), needed));
+    };
+    let Some(time) = columns.find_time()? else {
+        return Err(columns.at().invalid(columns.describe(), "a column `time`"));
+    };
+    let known = ["time", &columns.names[value]];
+    let unused = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
+    let mut rows = Vec::new();
+    table.each_row(&mut |row| {
+        rows.push([row.time(time)?, ratio * row.number(value)?]);
+        Ok(())
+    })?;
+    if rows.is_empty() {
+        return Err(source.invalid("the table", "no row below the names of its columns", "rows of times"));
+    }
+    Ok((rows, unused))
+}
+
+/// A unit as it stands, and as it is usually written: names of columns may be in lower case.
+fn spelled(unit: &str) -> impl Iterator<Item = String> {
+    let usual = ["Pa", "kPa", "hPa", "MPa", "N", "mN", "kN"];
+    let usual = usual.into_iter().find(|usual| usual.eq_ignore_ascii_case(unit)).map(str::to_owned);
+    std::iter::once(unit.to_owned()).chain(usual)
+}

@@ -1,0 +1,300 @@
+//! Gain and exponent of each taxel from steps of a pressure that is the same everywhere, as under a bag of air.
+//!
+//! Of each step the middle half counts. For each taxel a line is fitted to `ln(reading)` over `ln(pressure)`; its slope
+//! is the reciprocal of the exponent. Slopes of one kind of taxel differ little, and are known badly from a few steps: each
+//! is shrunk towards their median by as much as its own error requires (an estimator of James and Stein). Where the
+//! bag is put on the skin several times, the differences between these placements tell how evenly it presses.
+
+use crate::id::{IdVec, VertexId};
+use crate::numeric::median_of;
+use crate::response::ResponseError;
+use crate::signal::Frame;
+use crate::skin::{PatchId, Skin};
+
+/// Pressures of a bag, in Pa: others are in another unit.
+const PRESSURES: [f64; 2] = [10.0, 1e8];
+
+/// The share of a step before and after which readings do not count: they settle.
+const SETTLES: f64 = 0.25;
+
+/// Steps whose pressures differ by less than this share are one.
+const SAME: f64 = 0.02;
+
+/// How unevenly a bag presses, relative: of one placement, from which it cannot be seen.
+const UNEVEN: f64 = 0.03;
+
+/// A reading is pressed above this share of its median over taxels.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Residuals of the logarithm of readings (rms) from which steps and readings do not belong to each other.
+const MOST_RESIDUAL: f64 = 0.5;
+
+/// Error of a gain that no step shows.
+const LEAST_SIGMA: f64 = 0.01;
+
+/// One step of a pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Step {
+    from: f64,
+    to: f64,
+    pressure: f64,
+    /// The bag was put on the skin this often before.
+    placement: usize,
+}
+
+/// What readings of one taxel in a step are.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    sum: f64,
+    count: f64,
+    range: [f64; 2],
+}
+
+/// Estimates gains and exponents from recordings under a pressure that is the same everywhere.
+pub struct StepEstimator<'s> {
+    skin: &'s Skin,
+    steps: Vec<Step>,
+    /// Step after step, taxel after taxel.
+    seen: Vec<Seen>,
+    taxels: usize,
+    times: [f64; 2],
+}
+
+/// The response curve of a taxel: pressure in Pa is `gain` times its reading to the power of `exponent`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TaxelCurve {
+    /// NaN where no step was felt.
+    pub gain: f64,
+    /// NaN where all steps have one pressure; the gain is then that of an exponent of 1.
+    pub exponent: f64,
+    /// The standard deviation of the logarithm of the pressure, in the middle of the steps.
+    pub sigma: f64,
+}
+
+/// How curves were found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepReport {
+    /// Steps of pressure, and placements of the bag.
+    pub steps: usize,
+    /// See [`Self::steps`].
+    pub placements: usize,
+    /// The lowest and the highest pressure, in Pa.
+    pub pressures: [f64; 2],
+    /// How unevenly the bag presses, relative; NaN after a single placement.
+    pub uneven: f64,
+    /// The median exponent.
+    pub exponent: f64,
+}
+
+/// The curves of all taxels, and how they were found.
+pub type Curves = (IdVec<PatchId, IdVec<VertexId, TaxelCurve>>, StepReport);
+
+impl<'s> StepEstimator<'s> {
+    /// An estimator for steps of pressure: rows of a time in s, and the pressure in Pa from then on. The last row ends
+    /// the step before it, or lasts to the end of the recording.
+    ///
+    /// # Errors
+    /// If there is no step, times do not grow, or a pressure is negative, not a number, or hardly in Pa.
+    pub fn new(skin: &'s Skin, rows: &[[f64; 2]]) -> Result<Self, ResponseError> {
+        skin.validate()?;
+        let mut steps: Vec<Step> = Vec::new();
+        let mut placement = 0;
+        for (k, &[time, pressure]) in rows.iter().enumerate() {
+            if !time.is_finite() || (k > 0 && time <= rows[k - 1][0]) {
+                return Err(ResponseError::StepTime { row: k + 1, found: time });
+            }
+            if !(pressure == 0.0 || (PRESSURES[0]..=PRESSURES[1]).contains(&pressure)) {
+                return Err(ResponseError::StepPressure { row: k + 1, found: pressure });
+            }
+            let to = rows.get(k + 1).map_or(f64::INFINITY, |next| next[0]);
+            if pressure == 0.0 {
+                placement += usize::from(!steps.is_empty());
+                continue;
+            }
+            match steps.last_mut() {
+                Some(last) if last.to == time && (pressure / last.pressure - 1.0).abs() < SAME => {
+                    last.to = to
+                }
+                _ => steps.push(Step { from: time, to, pressure, placement }),
+            }
+        }
+        // Zeros at the beginning and the end, and twice in a row, are no further placements.
+        let mut numbers: Vec<usize> = steps.iter().map(|step| step.placement).collect();
+        numbers.dedup();
+        for step in &mut steps {
+            step.placement = numbers.iter().position(|&n| n == step.placement).unwrap_or(0);
+        }
+        if steps.is_empty() {
+            return Err(ResponseError::NoSteps { rows: rows.len() });
+        }
+        let taxels = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
+        let none = Seen { sum: 0.0, count: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY] };
+        let seen = vec![none; steps.len() * taxels];
+        Ok(Self { skin, steps, seen, taxels, times: [f64::INFINITY, f64::NEG_INFINITY] })
+    }
+
+    /// Takes the next frame: the first channel, with zeros subtracted.
+    ///
+    /// # Panics
+    /// If it does not have the patches and taxels of the skin.
+    pub fn see(&mut self, frame: &Frame) {
+        let time = frame.time;
+        self.times = [self.times[0].min(time), self.times[1].max(time)];
+        let inside = |step: &Step| {
+            let margin = SETTLES * (step.to.min(self.times[1]) - step.from);
+            let last = if step.to.is_finite() { step.to - margin } else { f64::INFINITY };
+            (step.from + margin.max(0.0)..=last).contains(&time)
+        };
+        let Some(step) = self.steps.iter().position(inside) else { return };
+        let read = frame.values.iter().flat_map(|channels| channels[0].iter());
+        for (seen, &x) in self.seen[step * self.taxels..].iter_mut().zip(read).filter(|(_, x)| x.is_finite())
+        {
+            seen.sum += x;
+            seen.count += 1.0;
+            seen.range = [seen.range[0].min(x), seen.range[1].max(x)];
+        }
+    }
+
+    /// The curves of all taxels.
+    ///
+    /// # Errors
+    /// If the recording does not last as long as the steps, or its readings do not follow them.
+    pub fn solve(self) -> Result<Curves, ResponseError> {
+        let felt = (0..self.steps.len()).filter(|&k| self.row(k).iter().any(|seen| seen.count > 0.0));
+        let (found, needed) = (felt.count(), self.steps.len());
+        if found < needed {
+            let steps = [self.steps[0].from, self.steps[needed - 1].from];
+            return Err(ResponseError::StepsOutside { found, needed, steps, recording: self.times });
+        }
+        let points: Vec<Vec<(Step, f64)>> = (0..self.taxels).map(|taxel| self.points(taxel)).collect();
+        let pressures = self.steps.iter().map(|step| step.pressure);
+        let range = [pressures.clone().fold(f64::INFINITY, f64::min), pressures.fold(0.0, f64::max)];
+        let has_one_pressure = range[1] < range[0] * (1.0 + SAME);
+        let mut lines: Vec<Option<Line>> =
+            points.iter().map(|points| Line::through(points, has_one_pressure)).collect();
+        shrink(&mut lines, has_one_pressure);
+        let mut residuals: Vec<f64> = lines.iter().flatten().map(|line| line.residual).collect();
+        let mut slopes: Vec<f64> = lines.iter().flatten().map(|line| line.slope).collect();
+        let residual = median_of(&mut residuals).unwrap_or(f64::NAN);
+        let slope = median_of(&mut slopes).unwrap_or(f64::NAN);
+        if !(slope > 0.1 && residual < MOST_RESIDUAL) {
+            return Err(ResponseError::StepsDoNotFit { slope, residual });
+        }
+        let placements = self.steps.last().map_or(0, |step| step.placement + 1);
+        let uneven = unevenness(&lines, &points, placements);
+        let bag = if uneven.is_nan() { UNEVEN } else { uneven } / (placements as f64).sqrt();
+        let mut next = lines.iter();
+        let mut curve = || {
+            let Some(Some(line)) = next.next() else {
+                return TaxelCurve { gain: f64::NAN, exponent: f64::NAN, sigma: f64::NAN };
+            };
+            let exponent = line.slope.recip();
+            let own = exponent * line.residual / line.count.sqrt();
+            TaxelCurve {
+                gain: (-line.offset * exponent).exp(),
+                exponent: if has_one_pressure { f64::NAN } else { exponent },
+                sigma: bag.hypot(own).hypot(LEAST_SIGMA),
+            }
+        };
+        let curves = self.skin.patches.map(|patch| patch.mesh.positions.ids().map(|_| curve()).collect());
+        let (steps, exponent) = (needed, if has_one_pressure { f64::NAN } else { slope.recip() });
+        Ok((curves, StepReport { steps, placements, pressures: range, uneven, exponent }))
+    }
+
+    fn row(&self, step: usize) -> &[Seen] {
+        &self.seen[step * self.taxels..][..self.taxels]
+    }
+
+    /// The mean readings of a taxel in the steps that it feels, without those at its limit.
+    fn points(&self, taxel: usize) -> Vec<(Step, f64)> {
+        let at = |k: usize| &self.seen[k * self.taxels + taxel];
+        let most = (0..self.steps.len()).map(|k| at(k).range[1]).fold(f64::NEG_INFINITY, f64::max);
+        let is_at_most = |k: usize| at(k).range == [most; 2];
+        let pressure = |k: usize| self.steps[k].pressure;
+        let limits = || (0..self.steps.len()).filter(|&k| is_at_most(k)).map(pressure);
+        let lowest = limits().fold(f64::INFINITY, f64::min);
+        // The same reading at quite different pressures is a limit.
+        let is_limited = limits().any(|pressure| pressure > 1.1 * lowest);
+        let steps = (0..self.steps.len()).filter(|&k| at(k).count > 0.0 && !(is_limited && is_at_most(k)));
+        let points = steps.map(|k| (self.steps[k], at(k).sum / at(k).count));
+        points.filter(|(_, reading)| *reading > LEAST_SHARE * most && *reading > 0.0).collect()
+    }
+}
+
+/// `ln(reading) = offset + slope ln(pressure)`.
+struct Line {
+    offset: f64,
+    slope: f64,
+    /// The means of both logarithms, and the sum of the squares of that of pressure about its mean.
+    means: [f64; 2],
+    spread: f64,
+    residual: f64,
+    count: f64,
+}
+
+impl Line {
+    fn through(points: &[(Step, f64)], has_one_pressure: bool) -> Option<Self> {
+        let count = points.len() as f64;
+        let logs = || points.iter().map(|(step, reading)| (step.pressure.ln(), reading.ln()));
+        let (x, y) = logs().fold((0.0, 0.0), |(x, y), (p, c)| (x + p / count, y + c / count));
+        let spread = logs().map(|(p, _)| (p - x).powi(2)).sum::<f64>();
+        if points.is_empty() || (spread < SAME * SAME && !has_one_pressure) {
+            return None;
+        }
+        let slope =
+            if has_one_pressure { 1.0 } else { logs().map(|(p, c)| (p - x) * (c - y)).sum::<f64>() / spread };
+        Some(
+            Self { offset: y - slope * x, slope, means: [x, y], spread, residual: 0.0, count }
+                .measured(points),
+        )
+    }
+
+    fn measured(mut self, points: &[(Step, f64)]) -> Self {
+        let left = |(step, c): &(Step, f64)| (c.ln() - self.offset - self.slope * step.pressure.ln()).powi(2);
+        self.residual = (points.iter().map(left).sum::<f64>() / (self.count - 2.0).max(1.0)).sqrt();
+        self
+    }
+}
+
+/// Moves slopes towards their median, as far as their error says.
+fn shrink(lines: &mut [Option<Line>], has_one_pressure: bool) {
+    if has_one_pressure {
+        return;
+    }
+    let mut slopes: Vec<f64> = lines.iter().flatten().map(|line| line.slope).collect();
+    let mut residuals: Vec<f64> = lines.iter().flatten().map(|line| line.residual).collect();
+    let mut spreads: Vec<f64> = lines.iter().flatten().map(|line| line.spread).collect();
+    let (Some(residual), Some(spread)) = (median_of(&mut residuals), median_of(&mut spreads)) else { return };
+    let Some(middle) = median_of(&mut slopes) else { return };
+    let variance = slopes.iter().map(|slope| (slope - middle).powi(2)).sum::<f64>() / slopes.len() as f64;
+    let own = (variance - residual * residual / spread).max(1e-5);
+    for line in lines.iter_mut().flatten() {
+        let error = residual * residual / line.spread;
+        line.slope = middle + (line.slope - middle) * own / (own + error);
+        line.offset = line.means[1] - line.slope * line.means[0];
+    }
+}
+
+/// The standard deviation of pressures between placements at one taxel, relative; NaN with fewer than two.
+fn unevenness(lines: &[Option<Line>], points: &[Vec<(Step, f64)>], placements: usize) -> f64 {
+    if placements < 2 {
+        return f64::NAN;
+    }
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (line, points) in lines.iter().zip(points) {
+        let Some(line) = line else { continue };
+        let mean = |placement: usize| {
+            let of = points.iter().filter(|(step, _)| step.placement == placement);
+            let left = of.map(|(step, c)| (c.ln() - line.offset) / line.slope - step.pressure.ln());
+            let (sum, count) = left.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+            (count > 0.0).then(|| sum / count)
+        };
+        let means: Vec<f64> = (0..placements).filter_map(mean).collect();
+        let middle = means.iter().sum::<f64>() / means.len() as f64;
+        if means.len() > 1 {
+            sum += means.iter().map(|x| (x - middle).powi(2)).sum::<f64>();
+            count += means.len() as f64 - 1.0;
+        }
+    }
+    if count > 0.0 { f64::sqrt(sum / count) } else { f64::NAN }
+}
