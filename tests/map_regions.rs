@@ -212,10 +212,9 @@ fn fields_and_pools_follow_the_taxels() {
     let pool = GroupPool::of_regions(&map);
     let ones = vec![1.0; positions.len()];
     assert_eq!(pool.pool(&ones, Quantity::Extensive), [left.len() as f64]);
-    let areas: Vec<f64> = patch.taxels.areas.to_vec();
     let mut some = vec![f64::NAN; positions.len()];
     (some[left[0].1.index()], some[left[1].1.index()]) = (1.0, 4.0);
-    let [a, b] = [left[0], left[1]].map(|(_, v)| areas[v.index()]);
+    let [a, b] = [left[0], left[1]].map(|(_, v)| patch.taxels.areas[v]);
     assert!((pool.pool(&some, Quantity::Intensive)[0] - (a + 4.0 * b) / (a + b)).abs() < 1e-12);
     assert!(pool.pool(&vec![f64::NAN; positions.len()], Quantity::Extensive)[0].is_nan(), "nothing is known");
     assert_eq!(map.patches[id].taxels.ids[VertexId::new(0)], TaxelId(1));

@@ -74,6 +74,10 @@ impl Intake {
         self.conditioner.channels()
     }
 
+    pub(super) fn has_readings(&self) -> impl Iterator<Item = bool> + '_ {
+        self.join.is_matched()
+    }
+
     /// What is known about the readings, and by whom.
     pub(super) fn statements(&self) -> Vec<Statement> {
         let argument = |what: &str, value: String| Statement::new(what, value, StatementSource::Argument);

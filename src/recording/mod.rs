@@ -11,8 +11,9 @@
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
 //!
-//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5.
+//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to [`Health`](crate::signal::Health).
 
+mod examine;
 mod intake;
 mod levels;
 mod options;
@@ -32,6 +33,7 @@ use crate::signal::{
     Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, Summary, TrackerOptions,
 };
 
+pub use examine::examine;
 pub use levels::Carried;
 pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
 
@@ -134,6 +136,11 @@ impl Recording {
     /// not. Without a [zero](crate::signal::Zero) it is 0.
     pub fn zeros(&self) -> Vec<f64> {
         self.intake.zeros()
+    }
+
+    /// Whether each taxel, patch after patch, has a column of the readings.
+    pub fn has_readings(&self) -> impl Iterator<Item = bool> + '_ {
+        self.intake.has_readings()
     }
 
     /// Number of frames that will be passed on in all, if it is known.

@@ -55,6 +55,13 @@ pub enum SignalError {
     NoTimes,
     #[error("{option} is {found}; {needed} is needed")]
     Option { option: String, found: f64, needed: String },
+    #[error(
+        "no channel of the readings ({}) measures touches: a force, pressure, charge or counts",
+        list(known)
+    )]
+    NoTouch { known: Vec<String> },
+    #[error("the readings have no frame; at least one is needed")]
+    NoFrames,
     #[error("the skin has no working taxel that could sense a touch")]
     NoTaxels,
     #[error("a frame with {found:?} values in its patches; one of the map, with {needed:?}, is needed")]

@@ -130,6 +130,11 @@ impl Join {
         &self.report
     }
 
+    /// Whether each taxel, patch after patch, gets readings.
+    pub fn is_matched(&self) -> impl Iterator<Item = bool> + '_ {
+        self.sources.iter().flatten().map(Option::is_some)
+    }
+
     /// Copies the readings `values[channel * width + column]` into a frame; taxels without a finite one
     /// become NaN. Returns how many readings of matched taxels are missing, NaN or infinite. Does not change
     /// the frame's time.

@@ -7,7 +7,8 @@
 //! ([`Conditioner`]), `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
 //! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]),
-//! `summary` adds up a recording ([`Summary`]), `pool` carries readings to named regions ([`GroupPool`]).
+//! `health` finds faulty taxels ([`Health`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
+//! regions ([`GroupPool`]).
 //!
 //! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
 //! a receptive field whose taxels all are. Zero is a reading.
@@ -20,6 +21,7 @@ mod edges;
 mod error;
 mod fill;
 mod frame;
+mod health;
 mod match_taxels;
 mod pool;
 mod response;
@@ -37,6 +39,7 @@ pub use edges::Edges;
 pub use error::SignalError;
 pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
+pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};

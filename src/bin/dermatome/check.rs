@@ -1,4 +1,6 @@
-//! `check`: the problems of a skin.
+//! `check`: the problems of a skin, and with recordings of its taxels.
+
+mod recordings;
 
 use std::process::ExitCode;
 
@@ -7,16 +9,19 @@ use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, ch
 
 use serde_json::{Value, json};
 
+use crate::check::recordings::{RecordingArgs, finding_as_json, sentences, summary_as_json};
 use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
 use crate::console::print::{line, print, print_json};
-use crate::files::input::{read_draft_of, read_map_if_any};
-use crate::options::{Common, InPath, ReadArgs};
+use crate::files::input::{read_draft_of, read_map_if_any, read_skin};
+use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
 ///
 /// Errors are what `build` refuses; warnings are what it accepts, though it is probably a mistake; notes
-/// are nothing wrong. That taxels are bare is a note on standard error.
+/// are nothing wrong. That taxels are bare is a note on standard error. With recordings, errors are taxels that cannot be
+/// trusted too: dead, stuck, noisy, jumping, chattering, saturated, silent or swapped ones, crosstalk, and steps and turns of modules; those
+/// that nothing touched are untested.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
@@ -27,28 +32,48 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     read: ReadArgs,
+    #[command(flatten)]
+    recordings: RecordingArgs,
 }
 
 /// A line holds no more elements; `--json` gives them all.
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    args.recordings.check()?;
     let draft = read_draft_of(&args.file, &args.read, false)?;
     // A map that lookups refuse is no skin without findings.
-    read_map_if_any(&args.file)?;
+    let map = read_map_if_any(&args.file)?;
     let options = args.read.options(&[&args.file]);
     let findings = check(&draft, &options);
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note!(common, "{found}"));
     let is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
+    let mut health = None;
+    if is_refused && !args.recordings.is_empty() {
+        note!(common, "the recordings are not judged: first the skin must have no errors");
+    } else if !args.recordings.is_empty() {
+        let skin = match map {
+            Some(map) => map.skin(),
+            None => read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common)?,
+        };
+        health = Some((args.recordings.examine(&skin, common)?, skin));
+    }
     if args.json {
-        print_json("dermatome.check/1", &as_json(&findings, &draft))?;
-    } else if findings.is_empty() {
+        let mut object = as_json(&findings, &draft);
+        if let (Some((report, skin)), Some(all)) = (&health, object["findings"].as_array_mut()) {
+            all.extend(report.findings.iter().map(|finding| finding_as_json(finding, skin)));
+            object["health"] = summary_as_json(report);
+        }
+        print_json("dermatome.check/1", &object)?;
+    } else if findings.is_empty() && health.is_none() {
         print("no findings\n")?;
     } else {
-        print(&findings.iter().map(|f| sentence(f, &draft)).collect::<String>())?;
+        let of_skin: String = findings.iter().map(|f| sentence(f, &draft)).collect();
+        print(&(of_skin + &health.as_ref().map_or(String::new(), |(report, _)| sentences(report))))?;
     }
-    Ok(if is_refused { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })
+    let is_faulty = health.is_some_and(|(report, _)| !report.findings.is_empty());
+    Ok(if is_refused || is_faulty { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })
 }
 
 fn as_json(findings: &[Finding], draft: &Draft) -> Value {

@@ -147,6 +147,22 @@ pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl ReadingsArgs {
+    /// The zero that is asked for.
+    pub(crate) fn zero(&self) -> Option<Zero> {
+        self.zero
+    }
+
+    /// Opens all frames of a file with another zero.
+    pub(crate) fn open_at(
+        &self,
+        zero: Zero,
+        path: &Path,
+        map: &Arc<SkinMap>,
+        common: &Common,
+    ) -> anyhow::Result<Recording> {
+        Self { zero: Some(zero), ..self.clone() }.open(FrameRange::default(), path, map, common)
+    }
+
     /// Opens readings on a map: those of a file, or of standard input.
     pub(crate) fn open(
         &self,

@@ -91,6 +91,26 @@ pub fn read_gains(path: &Path) -> Result<TaxelTable<(TaxelId, f64)>, IoError> {
     Ok(TaxelTable { rows, unused })
 }
 
+/// Reads a table of the modules of taxels: columns `taxel_id,module`.
+///
+/// # Errors
+/// If the file cannot be read, a column is missing, a module has no name, or an id comes twice.
+pub fn read_modules(path: &Path) -> Result<TaxelTable<(TaxelId, String)>, IoError> {
+    let (mut rows, mut seen) = (Vec::new(), HashSet::new());
+    let unused = each_row_of(path, ["taxel_id", "module"], &mut |row, [id, module]| {
+        let taxel = row.taxel(id)?;
+        if !seen.insert(taxel) {
+            return Err(row.invalid(id, "each id once"));
+        }
+        if row.text(module).is_empty() {
+            return Err(row.invalid(module, "the name of a module"));
+        }
+        rows.push((taxel, row.text(module).to_owned()));
+        Ok(())
+    })?;
+    Ok(TaxelTable { rows, unused })
+}
+
 /// Reads the places of boundary taxels: columns `taxel_id,u,v`, map positions in m.
 ///
 /// # Errors

@@ -69,6 +69,7 @@ pub(crate) fn check_signals(_: &str, bytes: &[u8], _: &mut Random, counts: &mut 
             gains: (0..random.below(3)).map(|_| (TaxelId(1), value(random, 0.4))).collect(),
             clip: random.chance(0.3).then(|| [0.0, value(random, 0.4).abs()]),
             split_hz: random.chance(0.3).then(|| value(random, 0.4)),
+            response: None,
         },
         fill: *random.pick(&[Fill::None, Fill::Neighbours]),
         ..RecordingOptions::default()
