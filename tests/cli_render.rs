@@ -369,7 +369,7 @@ fn readings_are_conditioned() {
         4.0 - 2.0,
         "the mean of the first second, and of the five frames that there are"
     );
-    refuses(folder.path(), "render map/map.glb r.csv -o d.npz --zero first=0", &["follow, first=N"]);
+    refuses(folder.path(), "render map/map.glb r.csv -o d.npz --zero first=0", &["follow, stored, first=N"]);
     assert_eq!(last(&["--clip", "0,2.5"]), 2.5);
     let gains: String = (1..=120).fold("id,gain\n".into(), |text, id| text + &format!("{id},0.5\n"));
     fs::write(folder.path().join("g.csv"), gains).unwrap();
@@ -426,11 +426,7 @@ fn a_recording_with_its_sensors_becomes_images() {
         &["--rate and the layout l.json state the same thing"],
     );
     refuses(&folder, &format!("{with_layout} --stream left"), &["no stream \"left\""]);
-    refuses(
-        &folder,
-        "render map/map.glb - -o a.npz --layout l.json",
-        &["a layout and a stream are of a file"],
-    );
+    refuses(&folder, "render map/map.glb - -o a.npz --layout l.json", &["standard input", "an empty file"]);
     refuses(&folder, &format!("{render} --layout l.txt"), &["a file that ends in .json"]);
     let said = json(&dermatome(&folder, &with_layout).output().unwrap().stdout);
     assert_eq!((&said["frames"], &said["matched"]), (&2.into(), &35.into()));

@@ -34,8 +34,8 @@ const JUMPS: u32 = 3;
 const JUMP_SHARE: f64 = 0.2;
 const JUMP_LIKE: f64 = 0.3;
 
-/// Chattering: lone changes; recordings without faults have up to ten.
-const LONE: u32 = 20;
+/// Chattering: lone changes; recordings without faults have up to 16.
+const LONE: u32 = 30;
 
 /// What the second pass says.
 pub(super) struct Judged {
@@ -56,7 +56,12 @@ impl Judged {
     /// Whether the readings of one taxel may leak into another one, as far as the other rules go.
     pub(super) fn may_leak(&self, from: usize, into: usize) -> bool {
         let jumps = |k: usize| self.is_jumping[k] || self.is_chattering[k];
-        self.is_ok[from] && self.is_ok[into] && !jumps(from) && !jumps(into) && !self.is_swapped[from]
+        // What leaks in changes alone too.
+        self.is_ok[from]
+            && self.is_ok[into]
+            && !jumps(from)
+            && !self.is_jumping[into]
+            && !self.is_swapped[from]
     }
 }
 
@@ -143,7 +148,10 @@ impl Health {
         let (survey, sight) = (&self.survey, &self.sight);
         let mut judged = self.judge();
         let leaks = sight.leaks.found(&survey.sigma, &sight.energy, &judged.is_swapped);
-        leaks.iter().for_each(|leak| judged.is_swapped[leak.into as usize] = false);
+        for leak in &leaks {
+            let into = leak.into as usize;
+            (judged.is_swapped[into], judged.is_chattering[into]) = (false, false);
+        }
         let (mut findings, mut in_module) = (Vec::new(), vec![false; self.around.len()]);
         for (module, turn) in sight.modules.iter().zip(&judged.turns) {
             let (kind, evidence) = if module.steps > 0 {

@@ -22,8 +22,9 @@ const HOME: usize = 3;
 const JUMP: f64 = 20.0;
 const JUMP_THRESHOLDS: f64 = 2.0;
 
-/// A lone change, likewise; those of the neighbours are at most this share of it.
-const LONE_THRESHOLDS: f64 = 5.0 / 3.0;
+/// A lone change, in thresholds; those of the neighbours are at most this share of it. Where few neighbours work, quick
+/// touches change by less.
+const LONE_THRESHOLDS: f64 = 2.0;
 const LONE_SHARE: f64 = 0.3;
 
 /// Touched neighbours that surround a taxel; the share of their readings below which it does not react.
