@@ -105,7 +105,7 @@ const ENDS: [(&str, &str, &[&str]); 20] = [
         "response",
         "",
         &[
-            "dermatome touch meshes/sphere_cap.glb -o touches.csv --presses 60 --sphere-mm 8,15 --depth-mm 1,3 --rate-hz 20",
+            "dermatome touch meshes/sphere_cap.glb -o touches.csv --presses 60 --sphere-mm 15 --rate-hz 20",
             "dermatome response meshes/sphere_cap.glb touches.csv -o response.csv",
         ],
     ),

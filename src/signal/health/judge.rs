@@ -1,5 +1,7 @@
 //! The rules: what the sums say of each taxel.
 
+use std::collections::{HashMap, HashSet};
+
 use crate::signal::health::around::Around;
 use crate::signal::health::modules::Module;
 use crate::signal::health::survey::Seen;
@@ -26,13 +28,16 @@ const LIKE: f64 = 0.15;
 const LIKE_TIMES: f64 = 3.0;
 
 /// Silent: touches all around that it does not feel, at least, and of all of them.
-const ABSENT: u32 = 3;
+const ABSENT: u32 = 4;
 const ABSENT_SHARE: f64 = 0.75;
 
 /// Jumping: contacts that begin with a jump, at least, and of all; the likeness at another place that explains them.
 const JUMPS: u32 = 3;
 const JUMP_SHARE: f64 = 0.2;
 const JUMP_LIKE: f64 = 0.3;
+
+/// Crosstalk: a taxel that seems to leak into more than this many reads what is common to them.
+const MOST_INTO: usize = 3;
 
 /// Chattering: lone changes; recordings without faults have up to 16.
 const LONE: u32 = 30;
@@ -147,7 +152,14 @@ impl Health {
     pub fn report(&self) -> HealthReport {
         let (survey, sight) = (&self.survey, &self.sight);
         let mut judged = self.judge();
-        let leaks = sight.leaks.found(&survey.sigma, &sight.energy, &judged.is_swapped);
+        let mut leaks = sight.leaks.found(&survey.sigma, &sight.energy, &judged.is_swapped);
+        let stepped =
+            sight.modules.iter().filter(|module| module.steps > 0).flat_map(|module| &module.taxels);
+        let stepped: HashSet<usize> = stepped.copied().collect();
+        leaks.retain(|leak| ![leak.from, leak.into].iter().any(|&k| stepped.contains(&(k as usize))));
+        let mut into = HashMap::<u32, usize>::new();
+        leaks.iter().for_each(|leak| *into.entry(leak.from).or_default() += 1);
+        leaks.retain(|leak| into[&leak.from] <= MOST_INTO);
         for leak in &leaks {
             let into = leak.into as usize;
             (judged.is_swapped[into], judged.is_chattering[into]) = (false, false);
