@@ -81,7 +81,7 @@ enum Command {
     Render(render::Args),
     /// Write a page that shows the skin, its map and a recording in a browser.
     Report(report::Args),
-    /// Estimate how readings become pressures, from touches, steps of pressure or known forces.
+    /// Estimate how readings become pressures, from touches or steps of pressure.
     Response(response::Args),
     /// Simulate observations of a skin with known taxel poses.
     Simulate(simulate::Args),
