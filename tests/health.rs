@@ -92,8 +92,7 @@ fn faults_are_found_where_they_are() {
         (TaxelState::Crosstalk, 1),
     ];
     let faults = counts.iter().fold(FaultCounts::default(), |all, &(kind, count)| all.with(kind, count));
-    // Silent taxels need touches all around them.
-    let (readings, truth) = record(&skin, &TouchOptions { presses: 250, ..presses(faults, 5) });
+    let (readings, truth) = record(&skin, &presses(faults, 5));
     let report = judge(&skin, &[readings], &HealthOptions::default()).unwrap();
     let is_true = |finding: &HealthFinding| {
         let mut own = truth.taxels.iter().filter(|known| finding.taxels.contains(&known.taxel));

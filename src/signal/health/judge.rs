@@ -28,8 +28,8 @@ const LIKE: f64 = 0.15;
 const LIKE_TIMES: f64 = 3.0;
 
 /// Silent: touches all around that it does not feel, at least, and of all of them.
-const ABSENT: u32 = 4;
-const ABSENT_SHARE: f64 = 0.75;
+const ABSENT: u32 = 3;
+const ABSENT_SHARE: f64 = 0.9;
 
 /// Jumping: contacts that begin with a jump, at least, and of all; the likeness at another place that explains them.
 const JUMPS: u32 = 3;
