@@ -18,8 +18,8 @@ const TOUCHES: u32 = 3;
 /// Neighbours that must work.
 const NEIGHBOURS: usize = 3;
 
-/// Swapped: strong touches away from the ring, with those around it that it does not feel, at least so many and this
-/// share of all; at home at most this share. Likeness at the other place, at least, and over that at its own.
+/// Swapped: the least number of strong touches away from the ring, alone and with the touches around it that it does
+/// not feel; the least share of them, and the largest share of touches at home. Likeness at the other place, at least, and over that at its own.
 const AWAY: u32 = 2;
 const AWAY_OR_ABSENT: u32 = 3;
 const AWAY_SHARE: f64 = 0.7;

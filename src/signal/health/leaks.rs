@@ -22,7 +22,7 @@ const FRAMES: f64 = 4.0;
 const TOUCH_ERRORS: f64 = 3.0;
 const AGREES_SHARE: f64 = 0.5;
 const AGREES_ERRORS: f64 = 1.5;
-/// Touches that agree: at least so many, and this share of those that count.
+/// The least number of touches that agree, and their least share of the touches that count.
 const AGREE: u32 = 3;
 const AGREE_SHARE: f64 = 0.75;
 

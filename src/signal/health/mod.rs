@@ -42,7 +42,7 @@ use crate::skin::TaxelId;
 pub use report::{HealthFinding, HealthReport};
 
 /// The ring of a taxel is quiet below this many standard deviations of the median noise, or this share of the threshold,
-/// for so many frames before and after.
+/// in this number of frames before and after.
 const QUIET: f64 = 4.0;
 const QUIET_THRESHOLD: f64 = 0.5;
 const QUIET_FRAMES: usize = 2;
