@@ -8,6 +8,7 @@ use std::{env, fs, process};
 use dermatome::contact::IndexOptions;
 use dermatome::id::{IdVec, VertexId};
 use dermatome::io::{self, Readings, ReadingsLayout, ReadingsReader};
+use dermatome::map::SkinMap;
 use dermatome::skin::{Link, TaxelId, Weld, check as check_draft};
 use dermatome::{AssembleOptions, ContactIndex, Draft, LevelId, MapIndex, Skin, assemble, calibrate, remesh};
 use glam::{DAffine3, DVec3};
@@ -49,7 +50,9 @@ pub(crate) fn generate(random: &mut Random) -> (String, Vec<u8>) {
         "json" | "gltf" => damage_json(&bytes, random),
         "npy" => damage_npy(&bytes, random),
         "npz" => damage_npz(&bytes, random),
-        "csv" | "obj" | "off" | "g2o" | "txt" | "log" => damage_cells(&bytes, random),
+        "csv" | "obj" | "off" | "g2o" | "txt" | "log" | "asf" | "asc" | "lst" | "jsonl" => {
+            damage_cells(&bytes, random)
+        }
         "urdf" | "dae" | "xml" => damage_attribute(&bytes, random),
         _ => None,
     };
@@ -245,6 +248,25 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
                 Err(_) => false,
             }
         }
+        // A recording of another program, alone or by one of the layouts.
+        "recording" => check_recording(file, random)?,
+        // A damaged layout, with one of the recordings.
+        "layout" => match io::Layout::read(file) {
+            Ok(layout) => {
+                let recordings = SEEDS.iter().filter(|(name, _)| is_recording(name)).collect::<Vec<_>>();
+                let (name, bytes) = random.pick(&recordings);
+                let other = FOLDER.join(format!("of-layout-{name}"));
+                fs::write(&other, bytes).map_err(text)?;
+                read_recording(&other, Some(layout))?
+            }
+            Err(_) => false,
+        },
+        "regions" => {
+            let mut map = SkinMap::flat(dermatome::mesh::shapes::lattice(5, 5, 0.01), 1e-3);
+            let found = io::read_regions(file, &mut map);
+            map.validate().map_err(text)?;
+            found.is_ok()
+        }
         "contacts" => {
             io::read_contacts(path, bytes).is_ok_and(|(_, rows)| rows.take(100).any(|row| row.is_ok()))
         }
@@ -300,6 +322,47 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
     };
     *counts.entry("read").or_default() += u64::from(is_read);
     Ok(())
+}
+
+fn is_recording(name: &str) -> bool {
+    name.starts_with("recording.") || ["readings.npz", "readings.npy", "readings.csv"].contains(&name)
+}
+
+/// Reads a damaged recording by itself or by a layout, drafts a layout of it, and reads where its sensors are.
+fn check_recording(file: &Path, random: &mut Random) -> Result<bool, String> {
+    if let Ok(draft) = io::ReadingsReader::draft_layout(file, None) {
+        serde_json::from_str::<Value>(&draft).map_err(|error| format!("a draft is no JSON: {error}"))?;
+    }
+    if let Ok(draft) = io::read_draft(file) {
+        check_finite(&draft)?;
+    }
+    if random.chance(0.5) {
+        return read_recording(file, None);
+    }
+    let layouts = SEEDS.iter().filter(|(name, _)| name.starts_with("layout.")).collect::<Vec<_>>();
+    let (name, layout) = random.pick(&layouts);
+    let layout = io::Layout::parse(Path::new(name), &String::from_utf8_lossy(layout)).map_err(text)?;
+    read_recording(file, Some(layout))
+}
+
+/// Reads a recording; what is read has a value for each taxel and finite times that are known or NaN.
+fn read_recording(file: &Path, layout: Option<io::Layout>) -> Result<bool, String> {
+    let options = io::ReadOptions { layout, ..io::ReadOptions::default() };
+    let Ok(mut reader) = ReadingsReader::open(file, options) else { return Ok(false) };
+    let (mut values, mut time) = (Vec::new(), 0.0);
+    for _ in 0..1000 {
+        match reader.read(&mut values, &mut time) {
+            Ok(true) if values.len() != reader.width * reader.channels.len() => {
+                return Err("a frame of another size".into());
+            }
+            Ok(true) if time.is_infinite() => return Err("an infinite time".into()),
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(_) => return Ok(false),
+        }
+    }
+    std::hint::black_box(reader.statements());
+    Ok(true)
 }
 
 fn check_finite(draft: &Draft) -> Outcome {

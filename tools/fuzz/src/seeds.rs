@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 /// Files as they are. The beginning of a name says what reads it.
 #[rustfmt::skip]
-const TEXTS: [(&str, &str); 24] = [
+const TEXTS: [(&str, &str); 38] = [
     ("acuities.csv", "id,acuity\n1,2\n2,0.5\n"),
     ("boundary.csv", "id,x,y\n1,0,0\n2,1,0\n3,0,1\n"),
     ("contacts.csv", "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n"),
@@ -30,6 +30,34 @@ const TEXTS: [(&str, &str); 24] = [
     ("readings.dates.csv", "time,1,2\n2024-01-02T03:04:05.5Z,1,2\n2024-01-02T03:04:06Z,3,4\n"),
     ("readings.txt", "1 2 3\n0 0.0 0.5 1 2\n1 0.1 0.6 1 2\n2 0.2 0.7 nan 2\n"),
     ("readings.log", "0 1700000000.5 1 2 3\n1 1700000000.6 1 2 4\n2 1700000000.7 0 2 5\n"),
+    ("recording.asf", "DATA_TYPE MOVIE\nROWS 2\nCOLS 3\nROW_SPACING 5 mm\nCOL_SPACING 5 mm\nSECONDS_PER_FRAME 0.1\nSTART_FRAME 1\nEND_FRAME 2\n\
+      UNITS raw\nASCII_DATA @@\n\nFrame 1,0,,,Raw Sum=,,15\nB,1,2\n3,4,5\n\nFrame 2,0.1,,,Raw Sum=,,5\nB,1,1\n1,1,1\n@@\n"),
+    ("recording.lst", "\t\tPage 1\n\tSensor area: 1 cm2\tTime/picture:10.0 ms\n\tSensor size: 1.0x1.0 cm\n\tPict-No.: 1 x\n\t26\t27\tForce\n\
+      30\t1\t2\t0.3\nForce\t0.1\t0.2\t0.3\n\u{c}\tPage 2\n\tPict-No.: 2\n\t26\t27\tForce\n30\t0\t1\t0.1\nForce\t0\t0.1\t0.1\n"),
+    ("recording.asc", "file name: a\nmat type s\ntime per frame [secs]: 0.5 scanning rate [Hz]: 2\npressure values in kPa\ntime[secs] 4 9\n 5.0 1 2\n\
+      \x20 5.5 0 1\n MPP 1 2\n time[secs] force[N] x y\n 5.0 0.5 0 0\n 5.5 0.2 0 0\nsensor 4 9\nx[c] 0 1\ny[c] 0 0\narea 1 2\n"),
+    ("recording.pedar.asc", "file name:  a.sol\tdate/time 1\nsensor type:  y-1\ntotal time [secs]: 0.02\ttime per frame [secs]: 0.01\t\
+      scanning rate [Hz]: 100\npressure values in kPa\nleft insole: 1,2,\nright insole: 1,2,\n\ntime[secs]\t1\t2\t1\t2\n\
+      \x20 0.01\t1\t2\t3\t4\n  0.02\t0\t2\t5\t4\n"),
+    ("recording.xsensor.csv", "File:,\"walk.XSN\",,\n,,,\nUnits:,kPa,,\n,,,\nThreshold:,1\nFRAME,5\n,,,\nDate, 2026 Jan 31\nTime, 23:59:59.1\n,,,\n\
+      SENSOR,left\n,,,\nRows,2\nColumns,2\nSensel Width (cm),1\nSensel Height (cm),1\nEst. Load (N),1\n,,,\nSENSELS\n,,,\n1,2,,\n,,,\n3,4,,\n,,,\n\
+      Name,Heel\nCells,2\nEst. Load (N),99\nFRAME,6\n,,,\nDate, 2026 Jan 31\nTime, 23:59:59.3\n,,,\nSENSOR,left\n,,,\nRows,2\nColumns,2\n\
+      Sensel Width (cm),1\nSensel Height (cm),1\nEst. Load (N),0.9\n,,,\nSENSELS\n,,,\n1,2,,\n,,,\n3,3,,\n,,,\n"),
+    ("recording.stappone.csv", "sole_id,timestamp,accel_x,pressure_01,pressure_02,corrupt\n1,1768494979568,0,350,474,0\n\
+      1,1768494979584,0,351,474,1\n1,1768494979600,0,352,474,0\n"),
+    ("recording.jsonl", "{\"message\": \"Welcome\"}\n{\"message\": 7, \"time\": 1.5, \"1\": {\"data\": \"8000,80FF,6000\", \"taxels\": 1, \"model\": \"XR\"}}\n\
+      {\"message\": 8, \"time\": 1.6, \"1\": {\"data\": \"8000,80FF,6009\", \"taxels\": 1, \"model\": \"XR\"}}\n"),
+    ("recording.log", "0 1700000000.5 240 240 240\n1 1700000000.6 240 230 240\n2 1700000000.7 0 2 5\n"),
+    ("layout.grid.json", "{\"dermatome_layout\": 1, \"axes\": [\"frame\", \"row\", \"col\"], \"time\": {\"rate\": 10}, \"channels\": [{\"name\": \
+      \"pressure\", \"unit\": \"count\"}], \"press\": \"raises\", \"zero\": 0, \"taxels\": {\"shape\": [2, 3], \"first_id\": 1, \"flip\": [\"row\"]}}"),
+    ("layout.xela.json", "{\"dermatome_layout\": 1, \"axes\": [\"frame\", \"taxel\", \"component\"], \"time\": {\"unit\": \"s\"}, \"channels\": \
+      [{\"name\": \"normal\", \"unit\": \"count\", \"component\": 2}], \"press\": \"raises\", \"zero\": {\"first\": 1}, \"taxels\": {\"shape\": [1], \"first_id\": 0}}"),
+    ("layout.ids.json", "{\"dermatome_layout\": 1, \"axes\": [\"frame\", \"taxel\"], \"time\": {\"unit\": \"s\", \"between\": [0.01, 10]}, \"channels\": \
+      [{\"name\": \"p\", \"unit\": \"kPa\", \"scale\": 0.5}], \"press\": \"lowers\", \"zero\": 240, \"missing\": [-1], \"taxels\": {\"ids\": [3, 4, 9]}}"),
+    ("layout.file.json", "{\"dermatome_layout\": 1, \"axes\": [\"frame\", \"taxel\"], \"time\": {\"stream\": \"timestamps\", \"unit\": \"s\"}, \"channels\": \
+      [{\"name\": \"p\", \"unit\": \"count\"}], \"press\": \"raises\", \"zero\": {\"first\": 2}, \"taxels\": {\"ids\": \"file\"}}"),
+    ("regions.csv", "taxel_id,region\n1,thumb\n2,thumb\n9,palm\n"),
+    ("regions.json", "[{\"patch\": \"skin\", \"region\": \"left\", \"uv\": [[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]]}]"),
     ("skin.txt", "name left\nspatial_sampling taxel\ntaxel2Repr ( 0 1 2 3 -1 -2 3 3 3 3 3 3 )\n[calibration]\n0 0 0 0 0 1\n0.01 0 0 0 0 1\n\
       0 0.01 0 0 0 1\n0.01 0.01 0 0 0 1\n0 0 0 0 0 0\n0.02 0 0 0 0 1\n0 0.02 0 0 0 1\n0.02 0.02 0 0 0 1\n0.03 0 0 0 0 1\n0.03 0.01 0 0 0 1\n\
       0.03 0.02 0 0 0 1\n0.03 0.03 0 0 0 1\n"),

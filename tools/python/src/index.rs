@@ -85,6 +85,8 @@ pub(crate) struct PyHits {
     field: Option<Py<PyArray1<i64>>>,
     /// (k,) uint32 array or None: Id of the taxel at its centre.
     taxel_id: Option<Py<PyArray1<u32>>>,
+    /// (k,) int32 array or None: Number of the named region of that field in `Map.regions`, -1 for none.
+    region: Option<Py<PyArray1<i32>>>,
     /// Matrix or None: Weights of all fields of the level, (k, fields of the whole map in its order).
     fields: Option<Py<PyMatrix>>,
 }
@@ -103,7 +105,7 @@ impl PyHits {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
         let of_skin =
             ["patch", "link", "face", "barycentric", "distance", "point", "normal", "least", "most"];
-        let of_map = ["level", "uv", "pixel", "field", "taxel_id", "fields"];
+        let of_map = ["level", "uv", "pixel", "field", "taxel_id", "region", "fields"];
         reduced(slf, &[&of_skin[..], &of_map[..]].concat())
     }
 
@@ -355,6 +357,7 @@ impl PyIndex {
         let Columns { patch, link, face, barycentric, distance, point, normal, ranges, cells } =
             columns.map_err(|e: ContactError| error(e))?;
         let [least, most] = ranges.map_or([None, None], |ranges| ranges.map(Some));
+        let patches = if level.is_some() { patch.clone() } else { Vec::new() };
         let mut found = PyHits {
             patch: vector(py, patch).unbind(),
             link: vector(py, link).unbind(),
@@ -370,9 +373,21 @@ impl PyIndex {
             pixel: None,
             field: None,
             taxel_id: None,
+            region: None,
             fields: None,
         };
         if let Some(CellColumns { level, uv, pixel, field, taxel, weights, fields }) = cells {
+            let regions = self.map.get().field_regions();
+            let region_of = |(&patch, (&level, &field)): (&i32, (&i32, &i64))| {
+                let id = |number: i64| u32::try_from(number).ok();
+                let region = Option::zip(id(patch.into()), Option::zip(id(level.into()), id(field)));
+                let region = region.and_then(|(patch, (level, field))| {
+                    regions.region(patch.into(), level.into(), field.into())
+                });
+                region.map_or(-1, |region| region.raw() as i32)
+            };
+            let places = patches.iter().zip(level.iter().zip(&field));
+            found.region = Some(vector(py, places.map(region_of).collect::<Vec<_>>()).unbind());
             found.level = Some(vector(py, level).unbind());
             found.uv = Some(matrix(py, uv)?.unbind());
             found.pixel = Some(matrix(py, pixel)?.unbind());

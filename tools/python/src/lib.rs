@@ -61,7 +61,7 @@ mod _dermatome {
         run_command,
         signal::{
             PyContactTracker, PyRenderer, as_floats, as_numbers, condition_readings, is_extensive,
-            join_readings, read_readings, simulate_touch,
+            join_readings, read_readings, simulate_touch, summarise_readings,
         },
         skin::{PySkin, check},
     };

@@ -1,7 +1,7 @@
 //! `build`, `Map`, `Patch` and `Level`: the maps of a skin as arrays.
 
 use std::{
-    collections::{BTreeSet, hash_map::DefaultHasher},
+    collections::{BTreeSet, HashMap, hash_map::DefaultHasher},
     fs,
     hash::{Hash, Hasher},
     io::Write,
@@ -14,21 +14,22 @@ use dermatome::{
     contact::{IndexOptions, MapIndex},
     id::VertexId,
     io::{
-        ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, replace_file,
+        ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, read_regions,
+        replace_file,
     },
-    map::{MapLevel, PatchMap},
+    map::{FieldRegions, MapLevel, PatchMap},
     pipeline::{BuildOptions, MagnifyOver, build_with},
     pyramid::{CoarsenOptions, Level, LevelId},
     report::measure,
     run::{Progress, Stage},
-    signal::{Contrast, Duplicates, Frame, Join, Restrictor},
+    signal::{Contrast, Duplicates, Frame, GroupPool, Join, Quantity, Restrictor},
     skin::{PatchId, Presence, Skin},
 };
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
     prelude::*,
-    types::{PyBytes, PyDict, PyTuple},
+    types::{PyBytes, PyDict, PyMapping, PyTuple},
 };
 use rayon::prelude::*;
 
@@ -66,6 +67,7 @@ pub(crate) struct PyMap {
     /// The file that it was read from: what is written again has other last bits.
     file: Arc<[u8]>,
     back: OnceLock<Arc<MapIndex>>,
+    regions: OnceLock<FieldRegions>,
 }
 
 /// Patch, level and index of each field.
@@ -89,7 +91,7 @@ pub(crate) fn starts(map: &SkinMap, level: LevelId) -> Vec<usize> {
 
 impl PyMap {
     fn new(map: SkinMap, file: Vec<u8>) -> Self {
-        Self { map: Arc::new(map), file: file.into(), back: OnceLock::new() }
+        Self { map: Arc::new(map), file: file.into(), back: OnceLock::new(), regions: OnceLock::new() }
     }
 
     /// The map of a file.
@@ -117,6 +119,11 @@ impl PyMap {
         let map = Arc::clone(&self.map);
         let made = run(py, 0, move |_| MapIndex::new(&map))?.map_err(error)?;
         Ok(Arc::clone(self.back.get_or_init(|| Arc::new(made))))
+    }
+
+    /// The regions of fields; found when they are first needed.
+    pub(crate) fn field_regions(&self) -> &FieldRegions {
+        self.regions.get_or_init(|| FieldRegions::new(&self.map))
     }
 
     fn taxels<'a, T: 'a>(&'a self, of: impl Fn(PatchId, &'a PatchMap) -> Vec<T>) -> Vec<T> {
@@ -303,6 +310,111 @@ impl PyMap {
     #[getter]
     fn link_of<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         vector(py, self.taxels(|_, patch| vec![patch.link.raw(); patch.taxels.ids.len()]))
+    }
+
+    /// tuple of str: Names of the regions, in the order of their first taxels.
+    #[getter]
+    fn regions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.map.regions().names.iter().map(|name| &**name))
+    }
+
+    /// (N,) int32 array: The number of each taxel's region in `regions`, -1 for none.
+    #[getter]
+    fn region_of<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i32>> {
+        let regions = self.map.regions();
+        let of_taxels = regions.of_taxels.iter().flat_map(|of| of.iter().copied());
+        vector(py, of_taxels.map(|region| region.map_or(-1, |region| region.raw() as i32)))
+    }
+
+    /// The map with other named regions; taxels that are not named keep theirs.
+    ///
+    /// Parameters
+    /// ----------
+    /// regions : str, os.PathLike or mapping of str to sequence of int
+    ///     "link" for the names of the links; a table with columns taxel_id,region (.csv); polygons on the maps (.json); or
+    ///     the ids of the taxels of each region.
+    ///
+    /// Returns
+    /// -------
+    /// Map
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+    /// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid)).with_regions({"rim": range(1, 13)})
+    /// >>> skin_map.regions, int((skin_map.region_of == 0).sum())
+    /// (('rim',), 12)
+    fn with_regions(&self, py: Python<'_>, regions: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut map = SkinMap::clone(&self.map);
+        if let Ok(named) = regions.cast::<PyMapping>() {
+            let homes: HashMap<u32, (PatchId, VertexId)> = map
+                .patches
+                .enumerate()
+                .flat_map(|(id, patch)| {
+                    patch.taxels.ids.enumerate().map(move |(v, taxel)| (taxel.0, (id, v)))
+                })
+                .collect();
+            for item in named.items()?.iter() {
+                let (name, ids): (String, Bound<'_, PyAny>) = item.extract()?;
+                let ids: Vec<u32> = ids.try_iter()?.map(|id| id?.extract()).collect::<PyResult<_>>()?;
+                let home = |id: &u32| {
+                    homes.get(id).copied().ok_or_else(|| bad("regions", id, "the id of a taxel of the map"))
+                };
+                let taxels: Vec<_> = ids.iter().map(home).collect::<PyResult<_>>()?;
+                map.set_regions(taxels, &name).map_err(error)?;
+            }
+        } else {
+            let path: PathBuf = regions.extract()?;
+            if path.as_os_str() == "link" {
+                map.set_regions_by_link().map_err(error)?;
+            } else {
+                read_regions(&path, &mut map).map_err(error)?;
+            }
+        }
+        run(py, 0, move |_| Self::of_file(map_to_bytes(&map)?))?.map_err(|e: IoError| error(e))
+    }
+
+    /// Carry readings of the taxels to the named regions.
+    ///
+    /// Parameters
+    /// ----------
+    /// values : (..., N) array_like
+    ///     Readings in the order of the map; NaN where there is none.
+    /// extensive : bool
+    ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures, which are weighted by the
+    ///     areas of the taxels.
+    ///
+    /// Returns
+    /// -------
+    /// (..., R) float32 array
+    ///     One value for each of `regions`; NaN where no taxel of a region has a reading.
+    #[pyo3(signature = (values, *, extensive=false))]
+    fn pool_regions<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        extensive: bool,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        self.pool_groups(py, values, &GroupPool::of_regions(&self.map), extensive)
+    }
+
+    /// As `pool_regions`, for groups of taxels with numbers below `count`, -1 for none.
+    #[pyo3(signature = (values, groups, count, *, extensive=false))]
+    fn _pool_groups<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        groups: Vec<i64>,
+        count: usize,
+        extensive: bool,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let needed = self.n_taxels();
+        if groups.len() != needed {
+            return Err(bad_shape("groups", &[groups.len()], format!("shape ({needed},)")));
+        }
+        let groups = groups.into_iter().map(|group| usize::try_from(group).ok());
+        self.pool_groups(py, values, &GroupPool::new(&self.map, groups, count), extensive)
     }
 
     /// list of dict: The measures of every patch and level, as `report.json` has them.
@@ -646,6 +758,32 @@ impl PyMap {
         let points = matrix(py, column().map(|place| place.0.to_array()))?;
         let normals = matrix(py, column().map(|place| place.1.to_array()))?;
         Ok((points, normals, vector(py, column().map(|place| place.2))))
+    }
+}
+
+impl PyMap {
+    fn pool_groups<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        groups: &GroupPool,
+        extensive: bool,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let values = floats("values", values)?;
+        let needed = self.n_taxels();
+        let Some((_, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
+            return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
+        };
+        let shape: Vec<usize> = frames.iter().copied().chain([groups.count()]).collect();
+        let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
+        let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
+        let mut writer = pooled.readwrite();
+        let frames =
+            writer.as_slice_mut()?.chunks_mut(groups.count().max(1)).zip(values.chunks(needed.max(1)));
+        for (out, values) in frames {
+            out.iter_mut().zip(groups.pool(values, quantity)).for_each(|(out, value)| *out = narrow(value));
+        }
+        Ok(pooled)
     }
 }
 

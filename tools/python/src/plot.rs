@@ -77,6 +77,7 @@ impl PyPicture {
             ("angle", Paint::Angle),
             ("area", Paint::Area),
             ("sigma", Paint::Sigma),
+            ("regions", Paint::Regions),
         ];
         if let Some(angle) = args.view.iter().flatten().find(|angle| !angle.is_finite()) {
             return Err(bad("view", angle, "two angles"));

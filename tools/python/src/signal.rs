@@ -12,12 +12,13 @@ use dermatome::{
     contact::{ContactError, MapPlace},
     id::VertexId,
     image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
-    io::{Readings, ReadingsLayout, ReadingsReader},
+    io::{Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
     pyramid::LevelId,
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState, Zero,
+        Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState,
+        Zero,
     },
     skin::{PatchId, Presence, TaxelId},
 };
@@ -320,6 +321,16 @@ impl PyRenderer {
             let patch = &self.map().patches[patch];
             let is_taxel = patch.nearest_level(self.plan.level) == LevelId::default();
             if is_taxel { patch.taxels.ids[vertex].0 } else { vertex.raw() }
+        })
+    }
+
+    /// (H, W) int32 array: Number of the named region in `Map.regions` of the field nearest to each pixel, -1 for none.
+    #[getter]
+    fn region<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
+        let regions = self.map.get().field_regions();
+        self.pixels(py, -1, |patch, vertex| {
+            let level = self.map().patches[patch].nearest_level(self.plan.level);
+            regions.region(patch, level, vertex).map_or(-1, |region| region.raw() as i32)
         })
     }
 
@@ -945,6 +956,60 @@ pub(crate) fn condition_readings<'py>(
     conditioned.set_item("measured", measured)?;
     conditioned.set_item("remarks", remarks)?;
     Ok(conditioned)
+}
+
+/// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, the threshold, and the number of
+/// gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
+#[pyfunction]
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None))]
+pub(crate) fn summarise_readings<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    values: &Bound<'py, PyAny>,
+    timestamps: &Bound<'py, PyAny>,
+    channel: &str,
+    unit: &str,
+    threshold: Option<f64>,
+) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
+    let values = floats("values", values)?;
+    let &[frames, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, N)"));
+    };
+    let readings = Readings {
+        ids: None,
+        channels: vec![Channel::new(channel, unit).map_err(error)?],
+        width,
+        times: one_each("timestamps", timestamps, frames)?,
+        values: values.as_slice()?.to_vec(),
+    };
+    // Contacts need a threshold above 0.
+    let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
+    let map = Arc::clone(&map.get().map);
+    let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
+        let mut recording =
+            Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
+        recording.summarise(&TrackerOptions { threshold, ..recording.tracker_options(0) })?;
+        while recording.next_step()?.is_some() {
+            stop.check();
+        }
+        let summary = recording.summary();
+        let rows = summary.map_or_else(Vec::new, |summary| summary_rows(&map, summary));
+        Ok((rows, recording.threshold(), summary.map_or(0, Summary::gaps)))
+    })?;
+    let (rows, threshold, gaps) = made.map_err(error)?;
+    let list = PyList::empty(py);
+    for row in rows {
+        let dict = PyDict::new(py);
+        for (name, cell) in row {
+            match cell {
+                SummaryCell::Text(text) => dict.set_item(name, text)?,
+                SummaryCell::Number(number) => dict.set_item(name, number)?,
+                SummaryCell::Count(count) => dict.set_item(name, count)?,
+            }
+        }
+        list.append(dict)?;
+    }
+    Ok((list, threshold, gaps))
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.

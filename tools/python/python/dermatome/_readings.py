@@ -343,15 +343,69 @@ class Readings:
         parts = [map.pool(values[:, k : k + 1], level, extensive=kind, threads=threads) for k, kind in kinds]
         return np.concatenate(parts, axis=1)
 
-    def by_area(self, map: Map, areas: Mapping[str, int] | ArrayLike) -> NDArray[np.float32]:
+    def summary(self, map: Map, *, channel: str | None = None, threshold: float | None = None) -> list[dict[str, Any]]:
+        """The sums of a trial, as in pressure mapping: of the whole skin, its links, patches, named regions and contacts.
+
+        Parameters
+        ----------
+        map : Map
+            The map in whose order they are; `Map.with_regions` names regions.
+        channel : str, optional
+            The channel that is added up; by default the first.
+        threshold : float, optional
+            A taxel is loaded above this, in the unit of the channel; 0: above 0. By default it is estimated from the first
+            frames, in which nothing should touch the skin, and their mean is subtracted.
+
+        Returns
+        -------
+        list of dict
+            One for each group, with the columns of `dermatome summary`; None where something is not known.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1)
+        >>> whole, *others = readings.summary(palm, threshold=0)
+        >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
+        ('whole', 81.0, True)
+        """
+        from dermatome._dermatome import summarise_readings
+
+        joined = self.on(map)
+        names = joined.channels or ("",)
+        if channel is not None and channel not in names:
+            raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
+        number = 0 if channel is None else names.index(channel)
+        unit = joined.units[number] if joined.units else ""
+        rows, found, _ = summarise_readings(
+            map, joined.values[:, number], joined.timestamps, names[number], unit, threshold=threshold
+        )
+        if found is None:
+            raise DataError("threshold: found none, and the noise cannot be estimated from one frame; needed: a number")
+        return rows
+
+    def by_region(self, map: Map) -> NDArray[np.float32]:
+        """The value of each named region of a map, (T, C, R): sums of channels that are amounts, averages of others.
+
+        Averages are weighted by the areas of taxels; NaN where no taxel of a region has a reading.
+        """
+        import numpy as np
+
+        values = self.on(map).values
+        parts = [map.pool_regions(values[:, k], extensive=kind) for k, kind in enumerate(self.extensive)]
+        return np.stack(parts, axis=1)
+
+    def by_area(self, map: Map, areas: Mapping[str, int] | ArrayLike | None = None) -> NDArray[np.float32]:
         """The value of each functional area of Open-X-Tactile, (T, C, 24): sums of channels that are amounts, averages of others.
 
         Parameters
         ----------
         map : Map
             The map in whose order they are.
-        areas : mapping of str to int, or (N,) array_like of int
+        areas : mapping of str to int, or (N,) array_like of int, optional
             The area of each patch, or of each taxel of the map, -1 for none; `dermatome.recordings.AREAS` are their names.
+            By default the named regions of the map that have such a name.
 
         Returns
         -------

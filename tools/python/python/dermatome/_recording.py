@@ -239,8 +239,8 @@ class Recording:
             raise DataError(f"{self.path}: found no pitch and no positions of taxels; needed: Skin.read or Skin.from_arrays")
         return found
 
-    def write_oxt(self, path: str | os.PathLike[str], map: Map, level: int = 1, *, areas: Mapping[str, int], side: str = "right") -> None:
-        """Write images of a map as a Zarr of Open-X-Tactile, which FTP-1 reads: `SIDE_tactile_data_map (T, patches, H, W)`.
+    def write_oxt(self, path: str | os.PathLike[str], map: Map, level: int = 1, *, areas: Mapping[str, int] | None = None, side: str = "right") -> None:
+        """Write images of a map as a Zarr of Open-X-Tactile, which FTP-1 reads: `SIDE_tactile_data_map (T, areas, H, W)`.
 
         Parameters
         ----------
@@ -250,10 +250,11 @@ class Recording:
             The map.
         level : int
             The level that is drawn; a patch without it has its coarsest level.
-        areas : mapping of str to int
+        areas : mapping of str to int, optional
             The functional area of each patch, 0 to 23: 0 to 4 are the tips of thumb to little finger, 5 is the palm. A
-            patch that is not in it is left out. Images have pixels of one size, and are padded to one size with 0, as is
-            what shows no skin; a missing reading is NaN.
+            patch that is not in it is left out. By default the named regions of the map that have the name of an area
+            (`dermatome.recordings.AREAS`): an image of each, of the patch that has most of its taxels. Images have pixels
+            of one size, and are padded to one size with 0, as is what shows no skin; a missing reading is NaN.
         side : {"right", "left"}
             The hand.
         """

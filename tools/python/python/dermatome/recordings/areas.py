@@ -30,11 +30,16 @@ AREAS = (
 )
 
 
-def by_area(readings: Readings, map: Map, areas: Any) -> NDArray[np.float32]:
-    """The values of all areas (T, C, 24) of readings in the order of a map."""
+def area_numbers(map: Map, areas: Any) -> NDArray[np.int64]:
+    """The area of each taxel of a map, -1 for none: of its patch, as given, or by the name of its region."""
     import numpy as np
 
-    if isinstance(areas, Mapping):
+    if areas is None:
+        known = [AREAS.index(name) if name in AREAS else -1 for name in map.regions]
+        if not any(number >= 0 for number in known):
+            raise DataError(f"areas: found none, and the regions {list(map.regions)[:10]}; needed: areas, or regions named as {list(AREAS[:7])}, ...")
+        numbers = np.array([*known, -1])[map.region_of]
+    elif isinstance(areas, Mapping):
         wrong = [patch for patch in areas if patch not in map.patches]
         if wrong:
             raise DataError(f"areas: found the patch {wrong[0]!r}; needed: one of {list(map.patches)[:10]}")
@@ -45,17 +50,14 @@ def by_area(readings: Readings, map: Map, areas: Any) -> NDArray[np.float32]:
             raise DataError(f"areas: found shape {numbers.shape}; needed: ({map.n_taxels},), one for each taxel")
     if numbers.dtype.kind not in "iu" or not ((numbers >= -1) & (numbers < len(AREAS))).all():
         raise DataError(f"areas: found numbers that are no areas; needed: -1 to {len(AREAS) - 1}")
-    of_taxel = np.concatenate([patch.levels[0].areas for patch in map.patches.values()])
-    made = np.full((*readings.values.shape[:2], len(AREAS)), np.nan, np.float32)
-    for area in np.unique(numbers[numbers >= 0]):
-        taxels = np.flatnonzero((numbers == area) & (map.present == 1))
-        values = readings.values[:, :, taxels]
-        known, weights = np.isfinite(values), of_taxel[taxels]
-        sums = np.where(known, values, 0).astype(np.float64)
-        weighted, total = sums @ weights, known @ weights
-        with np.errstate(all="ignore"):
-            average = weighted / total
-        for channel, extensive in enumerate(readings.extensive):
-            found = sums[:, channel].sum(axis=1) if extensive else average[:, channel]
-            made[:, channel, area] = np.where(known[:, channel].any(axis=1), found, np.nan)
-    return made
+    return numbers
+
+
+def by_area(readings: Readings, map: Map, areas: Any) -> NDArray[np.float32]:
+    """The values of all areas (T, C, 24) of readings in the order of a map."""
+    import numpy as np
+
+    numbers = [int(number) for number in area_numbers(map, areas)]
+    kinds = enumerate(readings.extensive)
+    parts = [map._pool_groups(readings.values[:, k], numbers, len(AREAS), extensive=kind) for k, kind in kinds]
+    return np.stack(parts, axis=1)

@@ -13,7 +13,7 @@ from typing import Any
 
 from dermatome._adapter import level_of, need
 from dermatome._errors import DataError, FileError
-from dermatome.recordings.areas import AREAS
+from dermatome.recordings.areas import AREAS, area_numbers
 
 # The name of the group.
 GROUP = "map"
@@ -23,24 +23,28 @@ CHUNK = 1 << 21
 MOST_BYTES = 10**9
 
 
-def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[str, int], side: str) -> None:
-    """Images of the patches of a map as one group."""
+def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[str, int] | None, side: str) -> None:
+    """Images of the areas of a map as one group."""
     np = need("numpy", "zarr")
     if side not in ("right", "left"):
         raise DataError(f"side: found {side!r}; needed: 'right' or 'left'")
-    if not areas:
+    if areas is not None and not areas:
         raise DataError(f"areas: found none; needed: the area, 0 to {len(AREAS) - 1}, of a patch of {list(map.patches)[:10]}")
-    for patch, area in areas.items():
+    for patch, area in (areas or {}).items():
         level_of(map, patch, level)
         if not isinstance(area, int) or not 0 <= area < len(AREAS):
             raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {len(AREAS) - 1}")
+    chosen = _areas_of_regions(np, map) if areas is None else [(patch, area) for patch, area in areas.items()]
     with _Target(path) as target:
         images, times, stops = (_Rows(target, name) for name in (f"data/{side}_tactile_data_{GROUP}", "data/timestamps", "meta/episode_ends"))
         renderers: list[Any] = []
+        shown: list[Any] = []
         episode: int | None = None
         for part in recording.chunks(map):
-            renderers = renderers or _renderers(map, level, list(areas), part)
-            images.add(_images(np, renderers, part.values))
+            if not renderers:
+                renderers = _renderers(map, level, [patch for patch, _ in chosen], part)
+                shown = [_shown(np, map, drawn, None if areas else area) for drawn, (_, area) in zip(renderers, chosen)]
+            images.add(_images(np, renderers, shown, part.values))
             if part.episode != episode and times.count:
                 stops.add(np.array([times.count], "<i8"))
             episode = part.episode
@@ -50,7 +54,7 @@ def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[st
         stops.add(np.array([times.count], "<i8"))
         for array in (images, times, stops):
             array.end()
-        about = {f"{side}_tactile_area_{GROUP}": list(areas.values()), f"{side}_tactile_sensor_{GROUP}": "dermatome"}
+        about = {f"{side}_tactile_area_{GROUP}": [area for _, area in chosen], f"{side}_tactile_sensor_{GROUP}": "dermatome"}
         for name, each in {**about, f"{side}_tactile_type_{GROUP}": "matrix", "sub_task_instruction": " "}.items():
             rows = _Rows(target, f"data/{name}")
             rows.add(np.array([each] * times.count))
@@ -68,15 +72,41 @@ def _renderers(map: Any, level: int, patches: list[str], part: Any) -> list[Any]
     return [map.renderer(number, patch=patch, pixel=pixel, **how) for number, patch in zip(numbers, patches)]
 
 
-def _images(np: Any, renderers: list[Any], values: Any) -> Any:
-    """The images of all patches, (T, patches, H, W), or (T, patches, H, W, C) of several channels."""
-    height, width = (max(each.shape[axis] for each in renderers) for axis in (0, 1))
+def _areas_of_regions(np: Any, map: Any) -> list[tuple[str, int]]:
+    """The patch with most taxels of each area that a region of the map is named as, and the number of the area."""
+    numbers, names = area_numbers(map, None), list(map.patches)
+    found = sorted({int(number) for number in numbers if number >= 0})
+    return [(names[np.bincount(map.patch_of[numbers == number]).argmax()], number) for number in found]
+
+
+def _shown(np: Any, map: Any, renderer: Any, area: int | None) -> Any:
+    """Which pixels of an image show its area, and the rows and columns around them; of no area the whole image."""
+    mask = renderer.mask
+    if area is None:
+        return mask, (slice(None), slice(None))
+    # The number of the field in the whole level, whose region is the one with the largest weight.
+    mask = mask & (np.array([*_region_areas(map), -1])[renderer.region] == area)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        raise DataError(f"areas: found no pixel of {AREAS[area]!r}; needed: a finer level, or a larger region")
+    return mask, (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+
+
+def _region_areas(map: Any) -> list[int]:
+    """The number of the area of each region, -1 for none."""
+    return [AREAS.index(name) if name in AREAS else -1 for name in map.regions]
+
+
+def _images(np: Any, renderers: list[Any], shown: list[Any], values: Any) -> Any:
+    """The images of all areas, (T, areas, H, W), or (T, areas, H, W, C) of several channels."""
+    sizes = [mask[box].shape for mask, box in shown]
+    height, width = (max(size[axis] for size in sizes) for axis in (0, 1))
     made = np.zeros((len(values), len(renderers), values.shape[1], height, width), "<f4")
-    for k, renderer in enumerate(renderers):
+    for k, (renderer, (mask, box), size) in enumerate(zip(renderers, shown, sizes)):
         drawn = renderer(values)
         # No skin is 0, as in other recordings; a missing reading stays NaN.
-        drawn[:, :, ~renderer.mask] = 0
-        made[:, k, :, : drawn.shape[2], : drawn.shape[3]] = drawn
+        drawn[:, :, ~mask] = 0
+        made[:, k, :, : size[0], : size[1]] = drawn[(..., *box)]
     return made[:, :, 0] if values.shape[1] == 1 else np.moveaxis(made, 2, -1)
 
 

@@ -1,0 +1,102 @@
+"""Named regions and the sums of a trial."""
+
+import copy
+import json
+import pickle
+
+import dermatome
+import numpy as np
+import pytest
+from dermatome import Readings
+from dermatome.recordings import AREAS
+
+
+@pytest.fixture(scope="module")
+def hand():
+    """A sheet of 12 x 12 taxels: ids 1 to 72 are the palm, 133 to 144 the tip of the thumb."""
+    grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
+    made = dermatome.build(dermatome.Skin.from_arrays(grid, outside=(0, 0, 1)))
+    return made.with_regions({"palm": range(1, 73), "tip of thumb": range(133, 145)})
+
+
+def test_regions_travel_with_the_map(hand, tmp_path):
+    assert hand.regions == ("palm", "tip of thumb")
+    expected = np.select([hand.ids <= 72, hand.ids >= 133], [0, 1], -1)
+    assert np.array_equal(hand.region_of, expected)
+    for other in (pickle.loads(pickle.dumps(hand)), copy.deepcopy(hand)):
+        assert other == hand and other.regions == hand.regions
+    hand.write(tmp_path / "map.glb")
+    assert np.array_equal(dermatome.Map.read(tmp_path / "map.glb").region_of, expected)
+    (tmp_path / "r.csv").write_text("taxel_id,region\n100,back\n")
+    assert hand.with_regions(tmp_path / "r.csv").regions == ("palm", "back", "tip of thumb")
+    low, high = (getattr(hand.patches["skin"].levels[0].uv, of)(axis=0) for of in ("min", "max"))
+    corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+    (tmp_path / "p.json").write_text(json.dumps([{"patch": "skin", "region": "all", "uv": corners}]))
+    assert "all" in hand.with_regions(tmp_path / "p.json").regions
+    hits = hand.index().locate(hand.patches["skin"].levels[0].positions, level=0)
+    assert np.array_equal(hits.region, expected) and np.array_equal(pickle.loads(pickle.dumps(hits)).region, expected)
+    renderer = hand.renderer(0)
+    assert np.array_equal(renderer.region[renderer.mask], expected[renderer.field[renderer.mask]])
+
+
+@pytest.mark.parametrize(
+    ("regions", "said"),
+    [({"palm": [5000]}, "5000"), ({"palm": []}, "no taxel"), ({"": [1]}, "1 to 100"), ("missing.csv", "missing.csv"), ("a.txt", "unknown kind")],
+)
+def test_regions_that_are_none(hand, regions, said):
+    with pytest.raises(dermatome.Error, match=said):
+        hand.with_regions(regions)
+
+
+def test_pools_are_sums_and_weighted_means(hand):
+    values = np.arange(288, dtype=float).reshape(2, 144)
+    areas = hand.patches["skin"].levels[0].areas
+    sums, means = hand.pool_regions(values, extensive=True), hand.pool_regions(values)
+    for k in range(2):
+        chosen = hand.region_of == k
+        assert np.allclose(sums[:, k], values[:, chosen].sum(axis=1))
+        assert np.allclose(means[:, k], values[:, chosen] @ areas[chosen] / areas[chosen].sum())
+    values[:, :72] = np.nan
+    assert np.isnan(hand.pool_regions(values)[:, 0]).all()
+    readings = Readings.from_arrays(np.ones((3, 1, 144)), channels=["force"], units=["N"])
+    assert np.array_equal(readings.by_region(hand), np.tile([[[72, 12]]], (3, 1, 1)))
+    by_area = readings.by_area(hand)
+    assert by_area.shape == (3, 1, 24) and np.array_equal(by_area[0, 0, [AREAS.index("tip of thumb"), AREAS.index("palm")]], [12, 72])
+    assert np.isnan(np.delete(by_area, [0, 5], axis=2)).all()
+    with pytest.raises(dermatome.DataError, match="regions named as"):
+        readings.by_area(hand.with_regions({"other": hand.ids}))
+
+
+def test_sums_of_a_trial(hand):
+    values = np.zeros((4, 1, 144))
+    values[1:3, 0, 139:141] = [1.0, 2.0]
+    readings = Readings.from_arrays(values, timestamps=np.arange(4) / 10, channels=["force"], units=["N"])
+    rows = {(row["group"], row["name"]): row for row in readings.summary(hand, threshold=0)}
+    assert {group for group, _ in rows} == {"whole", "patch", "region", "contact"}
+    whole, tip, palm = rows["whole", ""], rows["region", "tip of thumb"], rows["region", "palm"]
+    assert whole["impulse"] == pytest.approx(0.6) and tip["impulse"] == pytest.approx(0.6) and palm["impulse"] == 0
+    assert tip["first_contact"] == pytest.approx(0.1) and tip["contact_time"] == pytest.approx(0.2) and tip["peak_taxel_id"] == 141
+    assert palm["first_contact"] is None and palm["mean"] is None
+    with pytest.raises(dermatome.DataError, match="channel"):
+        readings.summary(hand, channel="heat")
+
+
+def test_images_of_areas_are_written(hand, tmp_path):
+    pytest.importorskip("numcodecs")
+    values = np.random.default_rng(0).random((5, 144))
+    np.savez(tmp_path / "r.npz", values=values, timestamps=np.arange(5) / 10, units=["N"], channels=["force"])
+    recording = Readings.open(tmp_path / "r.npz")
+    recording.write_oxt(tmp_path / "o.zarr", hand, 0)
+    back = Readings.open(tmp_path / "o.zarr")
+    assert back.says["area"] == [0, 5]
+    images = np.concatenate([values for _, values in back.raw()])
+    renderer = hand.renderer(0, extensive=True)
+    drawn = renderer(values)[:, 0]
+    for k, region in enumerate((1, 0)):
+        mask = renderer.mask & (renderer.region == region)
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+        expected = np.where(mask, drawn, 0)[(slice(None), *box)]
+        assert np.allclose(images[:, k, : expected.shape[1], : expected.shape[2]], expected, rtol=1e-6)
+    with pytest.raises(dermatome.DataError, match="areas"):
+        recording.write_oxt(tmp_path / "p.zarr", hand.with_regions({"other": hand.ids}), 0)
