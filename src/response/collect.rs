@@ -9,15 +9,8 @@ use crate::id::VertexId;
 use crate::mesh::edges;
 use crate::numeric::{Csr, median_of};
 use crate::response::press::{Foot, HOT, Press, PressFrame, Surface};
-use crate::signal::Frame;
+use crate::signal::{Frame, RunningNoise};
 use crate::skin::{Patch, Skin};
-
-/// The standard deviation of noise over the mean size of the difference of two readings: sqrt(pi) / 2.
-const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;
-
-/// Differences count up to this many times the median noise, and the noise is that of this many frames.
-const MOST_DIFFERENCE: f64 = 3.0;
-const NOISE_FRAMES: f64 = 200.0;
 
 /// Frames from which noise is learned before a touch is seen.
 const START_FRAMES: u64 = 10;
@@ -84,9 +77,7 @@ struct OnePatch<'s> {
 /// What is known of the readings of a taxel.
 #[derive(Debug, Clone, Copy)]
 struct Channel {
-    last: f64,
-    noise: f64,
-    differences: f64,
+    noise: RunningNoise,
     most: f64,
     at_most: u32,
     was_at_most: bool,
@@ -116,9 +107,7 @@ impl<'s> Collector<'s> {
         };
         let patches: Vec<_> = skin.patches.iter().map(patch).collect();
         const UNKNOWN: Channel = Channel {
-            last: f64::NAN,
-            noise: f64::NAN,
-            differences: 0.0,
+            noise: RunningNoise::UNKNOWN,
             most: f64::NEG_INFINITY,
             at_most: 0,
             was_at_most: false,
@@ -265,19 +254,11 @@ impl<'s> Collector<'s> {
         self.count += 1;
         for (channel, x) in self.channel.iter_mut().zip(read) {
             if !x.is_finite() {
-                channel.last = f64::NAN;
+                channel.noise.interrupt();
                 channel.was_at_most = false;
                 continue;
             }
-            let size = NOISE_OF_DIFFERENCE * (x - channel.last).abs();
-            if !size.is_nan() {
-                channel.differences += 1.0;
-                let gain = channel.differences.recip().max(NOISE_FRAMES.recip());
-                let known = if channel.noise.is_nan() { size } else { channel.noise };
-                let most = if median > 0.0 { MOST_DIFFERENCE * median } else { f64::INFINITY };
-                channel.noise = known + gain * (size.min(most) - known);
-            }
-            channel.last = x;
+            channel.noise.see(x, if median > 0.0 { median } else { f64::NAN });
             self.largest = self.largest.max(x);
             if x > channel.most {
                 (channel.most, channel.at_most, channel.is_stuck_at_most) = (x, 0, false);
@@ -291,7 +272,7 @@ impl<'s> Collector<'s> {
 
     fn median_noise(&self) -> f64 {
         let mut known: Vec<f64> =
-            self.channel.iter().map(|channel| channel.noise).filter(|noise| !noise.is_nan()).collect();
+            self.channel.iter().map(|channel| channel.noise.sigma).filter(|noise| !noise.is_nan()).collect();
         median_of(&mut known).unwrap_or(0.0)
     }
 }
@@ -299,7 +280,7 @@ impl<'s> Collector<'s> {
 impl Channel {
     fn least_noise(&self, median: f64, floor: f64) -> f64 {
         // `max` takes the other number for NaN.
-        self.noise.max(LEAST_NOISE * median).max(floor).max(f64::MIN_POSITIVE)
+        self.noise.sigma.max(LEAST_NOISE * median).max(floor).max(f64::MIN_POSITIVE)
     }
 }
 

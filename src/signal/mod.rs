@@ -4,7 +4,7 @@
 //! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
 //! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
-//! ([`Conditioner`]), `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
+//! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
 //! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]),
 //! `health` finds faulty taxels ([`Health`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
@@ -23,6 +23,7 @@ mod fill;
 mod frame;
 mod health;
 mod match_taxels;
+mod noise;
 mod pool;
 mod response;
 mod restrict;
@@ -41,6 +42,7 @@ pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
+pub(crate) use noise::RunningNoise;
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;

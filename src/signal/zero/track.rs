@@ -3,6 +3,7 @@
 use std::mem;
 
 use crate::numeric::{Csr, median_of, storable};
+use crate::signal::RunningNoise;
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
 const ACTIVE: f64 = 5.0;
@@ -29,20 +30,11 @@ const LIMIT: f64 = 2.0;
 const START_S: f64 = 1.0;
 const START_FRAMES: u32 = 5;
 
-/// Frames from which the noise is estimated anew: older ones fade.
-const NOISE_FRAMES: f64 = 200.0;
-
 /// Frames in which differences are limited by the median noise, because that of a taxel is not known yet.
 const FIRST_NOISE_FRAMES: u32 = 50;
 
-/// The standard deviation of normal noise over the mean size of the difference of two readings: sqrt(pi) / 2.
-const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;
-
 /// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
 const QUANTISATION: f64 = 0.288_675_134_594_812_9;
-
-/// Differences over `sigma` that count for the noise, at most.
-const MOST_DIFFERENCE: f64 = 3.0;
 
 /// Frames below zero after which a zero is taken again.
 const BELOW_FRAMES: u32 = 5;
@@ -104,6 +96,8 @@ pub(super) struct Track {
 #[derive(Debug, Clone)]
 struct Taxel {
     zero: f64,
+    noise: RunningNoise,
+    /// The noise, and at least that of rounding.
     sigma: f64,
     last: f64,
     peak: f64,
@@ -124,6 +118,7 @@ struct Taxel {
 
 const UNKNOWN: Taxel = Taxel {
     zero: f64::NAN,
+    noise: RunningNoise::UNKNOWN,
     sigma: f64::NAN,
     last: f64::NAN,
     peak: 0.0,
@@ -170,7 +165,6 @@ impl Track {
         let median_noise = if self.frames < FIRST_NOISE_FRAMES { self.median_noise() } else { f64::NAN };
         self.now += if self.frames == 0 { 0.0 } else { interval };
         self.frames += 1;
-        let gain = f64::from(self.frames).recip().max(NOISE_FRAMES.recip());
         let recovered = 1.0 - (-interval / RECOVERY_TIME_S).exp();
         self.active.clear();
         for (k, ((taxel, excess), c)) in (0..).zip(self.taxels.iter_mut().zip(&mut self.excess).zip(read)) {
@@ -181,20 +175,14 @@ impl Track {
                 continue;
             }
             if taxel.zero.is_nan() {
-                *taxel = Taxel { zero: c, last: c, zero_since: self.now, free_since: self.now, ..UNKNOWN };
+                *taxel = Taxel { zero: c, zero_since: self.now, free_since: self.now, ..UNKNOWN };
             }
-            let d = c - taxel.last;
             taxel.last = c;
+            let d = taxel.noise.see(c, if median_noise.is_nan() { taxel.sigma } else { median_noise });
             if d != 0.0 {
                 self.quantum = self.quantum.min(d.abs());
             }
-            let size = NOISE_OF_DIFFERENCE * d.abs();
-            if taxel.sigma.is_nan() {
-                taxel.sigma = if taxel.age == 0 { f64::NAN } else { size };
-            } else {
-                let known = if median_noise.is_nan() { taxel.sigma } else { median_noise };
-                taxel.sigma += gain * (size.min(MOST_DIFFERENCE * known) - taxel.sigma);
-            }
+            taxel.sigma = taxel.noise.sigma;
             if self.quantum.is_finite() && taxel.sigma.is_finite() {
                 taxel.sigma = taxel.sigma.max(QUANTISATION * self.quantum);
             }
