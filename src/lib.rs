@@ -38,6 +38,7 @@ pub mod robot;
 #[cfg(feature = "robots")]
 pub mod remesh;
 pub mod calib;
+pub mod diff;
 pub mod cut;
 pub mod pyramid;
 pub mod flatten;

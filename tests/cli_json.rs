@@ -59,6 +59,7 @@ fn every_object_keeps_to_its_schema() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     write_skin(&at.join("cap.glb"), &Skin::from_mesh("cap", shapes::cap(300, 0.1, 1.2))).unwrap();
+    write_skin(&at.join("larger.glb"), &Skin::from_mesh("cap", shapes::cap(300, 0.11, 1.2))).unwrap();
     write_skin(&at.join("ring.obj"), &Skin::from_mesh("ring", shapes::torus(12, 8, 0.05, 0.02))).unwrap();
     fs::write(
         at.join("two.obj"),
@@ -81,6 +82,7 @@ fn every_object_keeps_to_its_schema() {
     keep("calibrate", &run(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
+    keep("diff", &run(at, "diff cap.glb larger.glb --json"));
     keep("flatten", &run(at, "flatten ring.obj -o f.obj --json"));
     keep("info", &run(at, "info cap.glb --json"));
     keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));

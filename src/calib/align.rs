@@ -17,11 +17,14 @@ pub(crate) struct Correlation {
 }
 
 impl Correlation {
-    pub(crate) fn new(pairs: &[(DVec3, DVec3)]) -> Self {
-        let count = pairs.len() as f64;
-        let from = pairs.iter().map(|p| p.0).sum::<DVec3>() / count;
-        let to = pairs.iter().map(|p| p.1).sum::<DVec3>() / count;
-        let matrix = pairs.iter().map(|p| outer(p.1 - to, p.0 - from)).fold(DMat3::ZERO, |sum, m| sum + m);
+    /// Each pair counts by its weight, or as much as every other.
+    pub(crate) fn new(pairs: &[(DVec3, DVec3)], weights: Option<&[f64]>) -> Self {
+        let weight = |k: usize| weights.map_or(1.0, |weights| weights[k]);
+        let total: f64 = (0..pairs.len()).map(weight).sum();
+        let weighted = || pairs.iter().enumerate().map(|(k, &(from, to))| (weight(k), from, to));
+        let from = weighted().map(|(w, from, _)| w * from).sum::<DVec3>() / total;
+        let to = weighted().map(|(w, _, to)| w * to).sum::<DVec3>() / total;
+        let matrix = weighted().fold(DMat3::ZERO, |sum, (w, a, b)| sum + outer(w * (b - to), a - from));
         Self { from, to, matrix }
     }
 }
@@ -68,7 +71,7 @@ pub fn compare(
         return Err(CalibError::UnequalPoses { found: found.len(), needed: truth.len() });
     }
     let pairs: Vec<(DVec3, DVec3)> = found.iter().zip(truth).map(|(f, t)| (f.position, t.position)).collect();
-    let Correlation { from, to, matrix } = Correlation::new(&pairs);
+    let Correlation { from, to, matrix } = Correlation::new(&pairs, None);
     let rotation = if matrix == DMat3::ZERO { DQuat::IDENTITY } else { nearest_rotation(&matrix) };
     let alignment = Pose { position: to - rotation * from, rotation };
     let rms = |motion: &Pose| {

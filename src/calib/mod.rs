@@ -52,6 +52,7 @@ mod solve;
 use std::time::Instant;
 
 pub use align::{Comparison, compare};
+pub(crate) use align::{Correlation, nearest_rotation};
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};
 pub use observations::information::Information;
@@ -61,8 +62,8 @@ pub use observations::{
     TaxelVariable,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
-pub(crate) use pose::FARTHEST;
 pub use pose::Pose;
+pub(crate) use pose::{FARTHEST, outer};
 pub use simulate::{SimulateOptions, Simulation, simulate, simulate_with};
 pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;

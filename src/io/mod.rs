@@ -95,6 +95,7 @@ pub use table::calibration::{
 pub use table::contacts::{
     ContactRow, ContactRows, MapCoordinates, MapPlaceRow, MapPlaceRows, read_contacts, read_map_places,
 };
+pub use table::diff::write_diff;
 #[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};

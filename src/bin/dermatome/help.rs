@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 20] = [
+const ENDS: [(&str, &str, &[&str]); 21] = [
     (
         "bench",
         OF_COSTS,
@@ -43,6 +43,14 @@ const ENDS: [(&str, &str, &[&str]); 20] = [
     ("coarsen", OF_LEVELS, &["dermatome coarsen meshes/forearm.glb -o levels.glb"]),
     ("completions", "", &["dermatome completions bash"]),
     ("convert", "", &["dermatome convert meshes/forearm.glb forearm.csv"]),
+    (
+        "diff",
+        "",
+        &[
+            "dermatome convert meshes/forearm.glb before.csv",
+            "dermatome diff before.csv meshes/forearm.glb -o changes.csv",
+        ],
+    ),
     (
         "export",
         OF_LEVELS,

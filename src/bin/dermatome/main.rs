@@ -8,6 +8,7 @@ mod check;
 mod coarsen;
 mod console;
 mod convert;
+mod diff;
 mod export;
 mod files;
 mod flatten;
@@ -39,7 +40,7 @@ use crate::options::Common;
 /// The extension of a file determines its format. `-` is standard input for the observations of
 /// `calibrate`, the contacts of `lookup` and the readings of `render` and `plot`, and standard output
 /// for `lookup`, `plot`, `render` and `simulate`. Lengths may have a unit, as in 5mm, 2cm or 0.1m.
-/// Exit codes: 0 success; 1 `build` would refuse what `check` read, or `build --keep-going` left out patches; 2 bad
+/// Exit codes: 0 success; 1 `build` would refuse what `check` read, `diff` found changes, or `build --keep-going` left out patches; 2 bad
 /// usage or bad input, `calibrate` did not converge, or `lookup` refused rows; 128 plus the number of
 /// the signal that stopped the run, 130 after ^C.
 #[derive(Debug, Parser)]
@@ -65,6 +66,8 @@ enum Command {
     Coarsen(coarsen::Args),
     /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
+    /// List what changed between two files of one skin: exit code 1 if anything did.
+    Diff(diff::Args),
     /// Export a map to simulators, robots and tables.
     Export(export::Args),
     /// Map one mesh to the plane, at full precision.
@@ -160,6 +163,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Check(args) => check::run(args, common),
         Command::Coarsen(args) => coarsen::run(args, common),
         Command::Convert(args) => convert::run(args, common),
+        Command::Diff(args) => diff::run(args, common),
         Command::Export(args) => export::run(args, common),
         Command::Flatten(args) => flatten::run(args, common),
         Command::Info(args) => info::run(args, common),

@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::calib::align::{Correlation, nearest_rotation};
 use crate::calib::pose::outer;
 use crate::calib::solve::normal_equations::{number_rows, pair_of, row_pairs};
 use crate::calib::{
     CalibError, ContactMeasurement, Displacement, DisplacementId, DisplacementMeasurement, Initialization,
     Model, Observations, Pose, PoseMeasurement, Poses, components,
 };
+use crate::calib::{Correlation, nearest_rotation};
 use crate::id::{IdVec, VertexId};
 use crate::sparse::{BlockSlot, BlockSystem, Pattern, SparseError};
 
@@ -209,7 +209,7 @@ fn align_to_contacts(observations: &Observations, poses: &mut Poses) {
         }
         let pairs: Vec<(DVec3, DVec3)> =
             touches.iter().map(|c| (poses[c.taxel].position, observed_position(&c.measurement))).collect();
-        let Correlation { from, to, matrix: mut votes } = Correlation::new(&pairs);
+        let Correlation { from, to, matrix: mut votes } = Correlation::new(&pairs, None);
         // Points are weighted by their squared distance, directions as if they were as far apart as the
         // points.
         let spread = pairs.iter().map(|p| p.0.distance_squared(from)).sum::<f64>() / pairs.len() as f64;

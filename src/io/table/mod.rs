@@ -7,6 +7,7 @@ pub(super) mod by_taxel;
 pub(super) mod calibration;
 pub(super) mod cells;
 pub(super) mod contacts;
+pub(super) mod diff;
 #[cfg(feature = "robots")]
 pub(super) mod joints;
 pub(super) mod lookups;

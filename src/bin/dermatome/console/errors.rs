@@ -11,6 +11,7 @@ use dermatome::Error;
 use dermatome::atlas::AtlasError;
 use dermatome::calib::CalibError;
 use dermatome::cut::CutError;
+use dermatome::diff::DiffError;
 use dermatome::flatten::FlattenError;
 use dermatome::image::ImageError;
 use dermatome::io::{Feature, IoError, file_kind};
@@ -184,6 +185,12 @@ fn option_help(error: &Error) -> &'static str {
                 "give the taxels triangles, or normals that distinguish the sides of thin parts; check --unit"
             }
             _ => CORRECT,
+        },
+        Error::Diff(e) => match e {
+            DiffError::NothingShared { .. } => {
+                "compare two files of one skin; `dermatome info` lists their patches"
+            }
+            _ => "change the option: `dermatome help diff` lists what each takes",
         },
         Error::Flatten(e) => match e {
             FlattenError::NotADisk { .. } => "leave out --cut none, or give each piece a file of its own",

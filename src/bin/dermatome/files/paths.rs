@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
+use crate::diff::Modules;
 use crate::options::{
     BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
 };
@@ -24,6 +25,7 @@ impl GivenPaths {
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
+        inputs.extend(all_read::<Modules>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -51,6 +53,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
+            TypeId::of::<Modules>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)

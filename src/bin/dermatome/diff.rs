@@ -1,0 +1,177 @@
+//! `dermatome diff A B`: what changed between two files of one skin.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use dermatome::Error;
+use dermatome::diff::{Change, ChangeKind, Diff, DiffOptions, diff};
+use dermatome::io::{read_modules, write_diff};
+use dermatome::skin::{Draft, TaxelId};
+use serde_json::{Value, json};
+
+use crate::console::errors::INCOMPLETE;
+use crate::console::notes::{note, note_columns, note_count};
+use crate::console::print::{line, print, print_json};
+use crate::files::input::read_draft_of;
+use crate::files::outputs;
+use crate::options::{Common, InPath, MayRead, OutFile, ReadArgs, length_mm};
+
+/// List what changed between two files of one skin: exit code 1 if anything did.
+///
+/// Taxels are matched by id; each link is aligned by the motion that most of its taxels follow. Modules and taxels are
+/// compared with their neighbours: moved, turned, swapped, mirrored, renumbered, missing and new ones are listed.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The skin before: any file that `build` or `calibrate` reads or writes
+    before: InPath,
+    /// The skin after
+    after: InPath,
+    /// Table of the changes
+    #[arg(short, long, value_name = "OUT.csv")]
+    output: Option<OutFile>,
+    /// The module of each taxel: a table with columns taxel_id,module, or N: the same id / N [default: as the files say]
+    #[arg(long, value_name = "M.csv|N", value_parser = modules)]
+    modules: Option<Modules>,
+    /// Standard deviation of a difference along each axis [default: estimated from the files]
+    #[arg(long = "sigma-mm", value_name = "MM", value_parser = length_mm)]
+    sigma: Option<f64>,
+    /// Print the changes as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+/// Which taxels are one module.
+#[derive(Debug, Clone)]
+pub(crate) enum Modules {
+    Of(u32),
+    Table(PathBuf),
+}
+
+fn modules(text: &str) -> Result<Modules, String> {
+    match text.parse() {
+        Ok(0) => Err("needed: a number of taxels from 1 on, or a table".into()),
+        Ok(size) => Ok(Modules::Of(size)),
+        Err(_) => Ok(Modules::Table(text.into())),
+    }
+}
+
+impl MayRead for Modules {
+    fn file(&self) -> Option<&Path> {
+        if let Self::Table(path) = self { Some(path) } else { None }
+    }
+}
+
+/// A line holds no more ids; `--json` and the table have them all.
+const SHOWN: usize = 8;
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    args.output.as_deref().map_or(Ok(()), outputs::check_table)?;
+    let [before, after] = [&args.before, &args.after].map(|path| read_draft_of(path, &args.read, false));
+    let (before, after) = (before?, after?);
+    let modules = match &args.modules {
+        None => Vec::new(),
+        Some(Modules::Of(size)) => modules_of(&before, *size),
+        Some(Modules::Table(path)) => {
+            let table = read_modules(path).map_err(Error::from)?;
+            note_columns(path, &table.unused, common);
+            table.rows
+        }
+    };
+    let options = DiffOptions { modules, sigma: args.sigma, ..DiffOptions::default() };
+    let found = diff(&before, &after, &options).map_err(Error::from)?;
+    if let Some(path) = &args.output {
+        write_diff(common.outputs.file(path), &found).map_err(Error::from)?;
+        outputs::publish(common)?;
+    }
+    for (path, count) in [&args.before, &args.after].into_iter().zip(found.ambiguous) {
+        let why = format!("of {} whose id is not unique, left out", path.display());
+        note_count(common, count as u64, "taxels", &why);
+    }
+    for link in found.links.iter().filter(|link| 2 * link.unchanged < link.taxels) {
+        let name = &link.name;
+        note!(
+            common,
+            "link {name:?}: only {} of {} taxels are where the others say; what is listed may be the rest",
+            link.unchanged,
+            link.taxels
+        );
+    }
+    if args.json {
+        print_json("dermatome.diff/1", &as_json(&found))?;
+    } else {
+        print(&sentences(&found))?;
+    }
+    Ok(if found.changes.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
+}
+
+/// Ids of one module give the same number divided by its size.
+fn modules_of(draft: &Draft, size: u32) -> Vec<(TaxelId, String)> {
+    let ids = draft.sheets.iter().filter_map(|sheet| sheet.ids.as_ref()).flatten();
+    ids.map(|id| (*id, (id.0 / size).to_string())).collect()
+}
+
+fn sentences(found: &Diff) -> String {
+    let changes: String = found.changes.iter().map(|change| line(&sentence(change)) + "\n").collect();
+    let many = if found.changes.len() == 1 { "change" } else { "changes" };
+    changes + &format!("{} taxels compared by {}, {} {many}\n", found.matched, found.by, found.changes.len())
+}
+
+/// `module 7 of palm moved by 3.1 mm, turned by 2.0 deg (12 sigma) [taxels 1, 2 and 8 more]`.
+fn sentence(change: &Change) -> String {
+    let Change { kind, subject, name, other, patch, distance, angle, sigmas, .. } = change;
+    let what = match name.as_str() {
+        "" => format!("a {subject} without a name"),
+        _ => format!("{subject} {name}"),
+    };
+    let of = if patch.is_empty() || patch == name { String::new() } else { format!(" of {patch}") };
+    let (millimetres, degrees) = (1e3 * distance, angle.to_degrees());
+    let at = other.as_ref().map_or(String::new(), |other| format!(", to the place of {subject} {other}"));
+    let how = match kind {
+        ChangeKind::Frame => format!("moved as a whole by {millimetres:.2} mm and {degrees:.2} deg"),
+        ChangeKind::Mirrored => "has its ids the other way round: mirrored".into(),
+        ChangeKind::Moved => format!("moved by {millimetres:.2} mm and turned by {degrees:.1} deg{at}"),
+        ChangeKind::Turned => format!("turned by {degrees:.1} deg at its place"),
+        ChangeKind::Swapped => {
+            format!("exchanged its place with {subject} {}", other.as_deref().unwrap_or_default())
+        }
+        ChangeKind::Renumbered => format!("has other ids: {}", few(&change.others)),
+        ChangeKind::Missing => "is missing in the second file".into(),
+        ChangeKind::New => "is new in the second file".into(),
+    };
+    let sure = if sigmas.is_nan() { String::new() } else { format!(" ({sigmas:.1} sigma)") };
+    format!("{what}{of} {how}{sure} [taxels {}]", few(&change.taxels))
+}
+
+fn few(ids: &[TaxelId]) -> String {
+    let shown = ids.iter().take(SHOWN).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    if ids.len() > SHOWN { format!("{shown} and {} more", ids.len() - SHOWN) } else { shown }
+}
+
+fn as_json(found: &Diff) -> Value {
+    let known = |x: f64| Some(x).filter(|x| x.is_finite());
+    let ids = |ids: &[TaxelId]| ids.iter().map(|id| id.0).collect::<Vec<_>>();
+    let change = |change: &Change| {
+        let is_measured = !change.sigmas.is_nan();
+        json!({
+            "kind": change.kind.to_string(), "subject": change.subject.to_string(), "name": change.name,
+            "other": change.other, "link": change.link, "patch": change.patch,
+            "taxels": ids(&change.taxels), "others": ids(&change.others),
+            "distance_mm": is_measured.then_some(1e3 * change.distance),
+            "angle_deg": is_measured.then_some(change.angle.to_degrees()),
+            "sigmas": known(change.sigmas), "p": known(change.p),
+        })
+    };
+    let links = found.links.iter().map(|link| {
+        let (moved, rotation) = (link.motion.position, link.motion.rotation);
+        json!({
+            "name": link.name, "taxels": link.taxels, "unchanged": link.unchanged,
+            "translation": moved.to_array(), "rotation": rotation.to_array(),
+        })
+    });
+    json!({
+        "matched": found.matched, "by": found.by.to_string(), "ambiguous": found.ambiguous,
+        "links": links.collect::<Vec<_>>(), "changes": found.changes.iter().map(change).collect::<Vec<_>>(),
+    })
+}

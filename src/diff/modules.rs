@@ -1,0 +1,160 @@
+//! Rigid modules: which moved beside those around them, and how.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::FRAC_PI_6;
+
+use glam::{DMat3, DVec3};
+
+use crate::calib::{Pose, outer};
+use crate::diff::align::common_motion;
+use crate::diff::comparison::{Comparison, Test};
+use crate::diff::pairs::Pair;
+use crate::diff::spread::{shared, spread};
+use crate::diff::{Change, ChangeKind, Subject};
+use crate::numeric::symmetric_eigen;
+
+/// Modules are tested twice: those that moved are no neighbours to compare with.
+const ROUNDS: usize = 2;
+
+/// The pairs of each module, by its patch and name.
+pub(super) fn members_of_modules(pairs: &[Pair]) -> BTreeMap<(&str, &str), Vec<usize>> {
+    let mut modules: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (k, pair) in pairs.iter().enumerate() {
+        if let Some(name) = &pair.before.module {
+            modules.entry((&*pair.before.patch, &**name)).or_default().push(k);
+        }
+    }
+    modules
+}
+
+/// A module, its motion beside that of its neighbours, and whether that is more than noise.
+pub(super) struct Module<'p> {
+    pub(super) name: &'p str,
+    pub(super) members: Vec<usize>,
+    pub(super) centre: DVec3,
+    pub(super) motion: Pose,
+    pub(super) shift: DVec3,
+    /// Root mean squares of how far its turn moves its taxels, for the part of the turn about each principal axis, in m.
+    pub(super) turn: DVec3,
+    /// Standard deviations of shift and turn, up to a common factor each.
+    pub(super) expected: [f64; 2],
+    pub(super) shift_test: Test,
+    pub(super) turn_test: Test,
+    pub(super) is_changed: bool,
+}
+
+impl<'p> Comparison<'p> {
+    /// The modules, tested against those around them.
+    pub(super) fn modules(&self) -> Vec<Module<'p>> {
+        let noise = self.noise();
+        let named = members_of_modules(&self.link.pairs).into_iter();
+        let mut modules: Vec<Module<'p>> =
+            named.map(|((_, name), members)| self.module(name, members, noise)).collect();
+        for _ in 0..ROUNDS {
+            let is_changed = self.is_in_changed(&modules);
+            for module in &mut modules {
+                let around: BTreeSet<usize> = module
+                    .members
+                    .iter()
+                    .flat_map(|&k| &self.neighbours[k])
+                    .copied()
+                    .filter(|k| !is_changed[*k] && !module.members.contains(k))
+                    .collect();
+                let background = shared(around.iter().map(|&k| self.differences[k]));
+                module.shift = module.motion.apply(module.centre) - module.centre - background;
+                // Of two means of independent numbers.
+                let parts = [module.members.len(), around.len().max(1)].map(|count| 1.0 / count as f64);
+                module.expected[0] = module.expected[1] * (1.0 + parts[1] / parts[0]).sqrt();
+            }
+            let still = || modules.iter().filter(|module| !module.is_changed);
+            let shifts = spread(still().map(|module| (module.shift, module.expected[0])));
+            let turns = spread(still().map(|module| (module.turn, module.expected[1])));
+            for module in &mut modules {
+                module.shift_test = Test::new(module.shift, self.sigma(module.expected[0], shifts));
+                module.turn_test = Test::new(module.turn, self.sigma(module.expected[1], turns));
+                module.is_changed = module.shift_test.p.min(module.turn_test.p) < self.chance;
+            }
+        }
+        modules
+    }
+
+    fn module(&self, name: &'p str, members: Vec<usize>, noise: f64) -> Module<'p> {
+        let count = members.len() as f64;
+        let pairs: Vec<(DVec3, DVec3)> =
+            members.iter().map(|&k| (self.expected[k], self.link.pairs[k].after.position)).collect();
+        let (motion, _) = common_motion(&pairs, noise);
+        let centre = pairs.iter().map(|(from, _)| *from).sum::<DVec3>() / count;
+        let stated = members.iter().map(|&k| self.stated[k]).sum::<f64>() / count;
+        let (moments, axes) = self.moments(&members, centre);
+        let turn = axes.transpose() * motion.rotation.to_scaled_axis();
+        let across = DVec3::splat(moments.element_sum()) - moments;
+        const NONE: Test = Test { sigmas: 0.0, p: 1.0 };
+        Module {
+            name,
+            centre,
+            motion,
+            shift: DVec3::ZERO,
+            turn: turn * across.max(DVec3::ZERO).map(f64::sqrt),
+            expected: [stated / count.sqrt(); 2],
+            members,
+            shift_test: NONE,
+            turn_test: NONE,
+            is_changed: false,
+        }
+    }
+
+    /// Mean squares of the distances from the centre along each principal axis, and these axes.
+    fn moments(&self, members: &[usize], centre: DVec3) -> (DVec3, DMat3) {
+        let away = |&k: &usize| self.expected[k] - centre;
+        let sum = members.iter().map(away).fold(DMat3::ZERO, |sum, x| sum + outer(x, x));
+        let (values, vectors) = symmetric_eigen(&sum.to_cols_array_2d());
+        let axes = DMat3::from_cols_array_2d(&vectors).transpose();
+        (DVec3::from_array(values) / members.len() as f64, axes)
+    }
+
+    pub(super) fn of_modules(&self, modules: &[Module<'_>]) -> Vec<Change> {
+        // The module at whose place each is now.
+        let place = |module: &Module<'_>| {
+            let now = module.motion.apply(module.centre);
+            let distance = |other: &usize| modules[*other].centre.distance_squared(now);
+            (0..modules.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+        };
+        let places: Vec<usize> = modules.iter().map(place).collect();
+        let mut changes = Vec::new();
+        for (number, module) in modules.iter().enumerate().filter(|(_, module)| module.is_changed) {
+            let now = places[number];
+            let is_swapped = now != number && places[now] == number;
+            if is_swapped && now < number {
+                continue;
+            }
+            let is_moved = module.shift_test.p < self.chance;
+            let kind = match () {
+                () if is_swapped => ChangeKind::Swapped,
+                () if self.is_flipped(module) => ChangeKind::Mirrored,
+                () if is_moved => ChangeKind::Moved,
+                () => ChangeKind::Turned,
+            };
+            let test = if module.shift_test.sigmas > module.turn_test.sigmas {
+                module.shift_test
+            } else {
+                module.turn_test
+            };
+            changes.push(Change {
+                other: (now != number).then(|| modules[now].name.to_owned()),
+                distance: module.shift.length(),
+                angle: module.motion.rotation.to_scaled_axis().length(),
+                ..self.change(kind, Subject::Module, module.name, &module.members, test)
+            });
+        }
+        changes
+    }
+
+    /// Whether a flat module lies on its face: no repair does that, so its ids run the other way round.
+    fn is_flipped(&self, module: &Module<'_>) -> bool {
+        let (moments, axes) = self.moments(&module.members, module.centre);
+        let least = moments.min_position();
+        let normal = axes.col(least);
+        let is_flat = module.members.len() > 3 && moments[least] < 0.01 * moments.element_sum();
+        is_flat && normal.dot(module.motion.rotation * normal) < -FRAC_PI_6.cos()
+    }
+}

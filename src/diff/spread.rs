@@ -1,0 +1,54 @@
+//! Neighbours on a link, what differences they share, and how much differences usually spread.
+
+use glam::DVec3;
+
+use crate::numeric::median_of;
+
+/// Nearest taxels with which a taxel is compared.
+const NEIGHBOURS: usize = 12;
+
+/// The standard deviation of normal numbers over their median size.
+const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
+
+/// Differences from which their spread is estimated.
+const LEAST_DIFFERENCES: usize = 8;
+
+/// The nearest others of each position.
+pub(super) fn neighbours(positions: &[DVec3]) -> Vec<Vec<usize>> {
+    let nearest = |k: usize| {
+        let distance = |&other: &usize| positions[k].distance_squared(positions[other]);
+        let mut others: Vec<usize> = (0..positions.len()).filter(|&other| other != k).collect();
+        if others.len() > NEIGHBOURS {
+            others.select_nth_unstable_by(NEIGHBOURS, |a, b| {
+                distance(a).total_cmp(&distance(b)).then(a.cmp(b))
+            });
+            others.truncate(NEIGHBOURS);
+        }
+        others
+    };
+    (0..positions.len()).map(nearest).collect()
+}
+
+/// What differences share: their mean along each axis, of the middle half; 0 without any.
+pub(super) fn shared(differences: impl Iterator<Item = DVec3> + Clone) -> DVec3 {
+    let along = |axis: usize| {
+        let mut all: Vec<f64> = differences.clone().map(|d| d[axis]).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        let cut = all.len() / 4;
+        let middle = &all[cut..all.len() - cut];
+        middle.iter().sum::<f64>() / (middle.len() as f64).max(1.0)
+    };
+    DVec3::new(along(0), along(1), along(2))
+}
+
+/// The standard deviation of differences over what was expected of each of them, from the median of their components,
+/// and enlarged by its own uncertainty; `None` of too few.
+pub(super) fn spread(differences: impl Iterator<Item = (DVec3, f64)>) -> Option<f64> {
+    let mut sizes: Vec<f64> = differences.flat_map(|(d, expected)| (d / expected).abs().to_array()).collect();
+    let count = sizes.len() / 3;
+    if count < LEAST_DIFFERENCES {
+        return None;
+    }
+    let median = median_of(&mut sizes)?;
+    Some(DEVIATION_OF_MEDIAN * median * (1.0 + 2.0 / (count as f64).sqrt()))
+}
