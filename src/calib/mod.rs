@@ -38,6 +38,7 @@
 //! [`calibrate()`] calls them in this order. `simulate` is separate.
 
 mod align;
+mod bodies;
 mod calibration;
 mod error;
 mod observations;
@@ -52,13 +53,18 @@ mod solve;
 use std::time::Instant;
 
 pub use align::{Comparison, compare};
+pub use bodies::{
+    BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel, CalibratedTaxel, Folds,
+    HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModulePose, MotionTest, NamedTaxel,
+    ProbeOffset, Tolerance, TouchId, TouchNoise, TurnedModule, fit_bodies, fit_bodies_with,
+};
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Model, ObservationId, Observations, PerObservation, PoseMeasurement,
-    TaxelVariable,
+    TaxelVariable, TouchRow,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub(crate) use pose::FARTHEST;

@@ -88,9 +88,11 @@ pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
-pub use table::by_taxel::{TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_seams};
+pub use table::by_taxel::{
+    TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_modules_if_any, read_seams,
+};
 pub use table::calibration::{
-    read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
+    read_triangles, read_truth, write_bodies, write_calibration, write_inliers, write_triangles, write_truth,
 };
 pub use table::contacts::{
     ContactRow, ContactRows, MapCoordinates, MapPlaceRow, MapPlaceRows, read_contacts, read_map_places,

@@ -1,6 +1,9 @@
 //! `calibrate`: observations in, skin out.
 
 mod args;
+mod bodies;
+mod body_summary;
+mod drawing;
 mod inputs;
 mod results;
 
@@ -26,6 +29,9 @@ use crate::console::progress;
 use crate::options::{Common, word_of};
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    if let Some(cad) = &args.cad.cad {
+        return bodies::run(args, cad, common);
+    }
     let outputs = results::check(args)?;
     let inputs = Inputs::read(args, common)?;
     let observations = &inputs.observations;

@@ -78,7 +78,7 @@ impl LossFunction {
     }
 
     /// The loss with squared bounds that are larger by `factor`.
-    fn scaled(self, factor: f64) -> Self {
+    pub(crate) fn scaled(self, factor: f64) -> Self {
         Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
     }
 

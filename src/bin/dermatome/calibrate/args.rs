@@ -2,6 +2,7 @@
 
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
+use crate::calibrate::bodies::CadArgs;
 use crate::options::{Choice, InPath, OutFile, Unit, one_of};
 
 /// Arguments of `calibrate`.
@@ -11,8 +12,8 @@ pub(crate) struct Args {
     ///
     /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may
     /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
-    /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. No other columns and no
-    /// empty cells.
+    /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. Contacts may have the columns touch,
+    /// contact, weight and qx,qy,qz,qw, which --cad uses. No other columns and no empty cells.
     pub(super) observations: InPath,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once
@@ -60,6 +61,8 @@ pub(crate) struct Args {
     /// Print the result as JSON
     #[arg(long)]
     pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) cad: CadArgs,
 }
 
 /// The loss function; `None`: chosen by what the observations need.
