@@ -45,6 +45,10 @@ pub enum CalibError {
     InvalidContact { contact: ContactObservationId, id: TaxelId, reason: &'static str },
     #[error("there are {found} touches of {needed} contacts; needed: one for each, or none")]
     UnequalTouches { found: usize, needed: usize },
+    #[error(
+        "observations of poses cannot be followed touch by touch; needed: displacements or contacts of positions"
+    )]
+    FollowedPoses,
     #[error("the drawing has no taxel; needed: at least one")]
     EmptyCad,
     #[error(

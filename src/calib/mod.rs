@@ -35,12 +35,14 @@
 //!
 //! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
 //! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
-//! [`calibrate()`] calls them in this order. `simulate` is separate.
+//! [`calibrate()`] calls them in this order. `simulate` is separate. `follow` calibrates touch by touch, and `bodies` moves
+//! the rigid bodies of a drawn skin ([`fit_bodies()`]).
 
 mod align;
 mod bodies;
 mod calibration;
 mod error;
+mod follow;
 mod observations;
 mod options;
 mod pose;
@@ -60,6 +62,7 @@ pub use bodies::{
 };
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};
+pub use follow::{FollowedSolve, FollowedTouch, Follower, Innovation};
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,

@@ -81,8 +81,8 @@ pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};
 pub use observations::{
-    builder::ObservationRemark, observations_from_stream, observations_to_stream, read_observations,
-    write_observations,
+    TouchStream, builder::ObservationRemark, observations_from_stream, observations_to_stream,
+    read_observations, touches_from_stream, write_observations,
 };
 pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]

@@ -1,9 +1,11 @@
 //! How well contacts that were held back are predicted, when the skin moves as one body, by patches or by modules:
 //! which level the touches support.
 
+use super::cad::CadSkin;
+use super::misassembly::Assembled;
 use super::options::{BodyLevel, BodyOptions, Folds};
+use super::solve::solve;
 use super::touches::Touches;
-use super::{Assembled, CadSkin, solve};
 use crate::calib::CalibError;
 use crate::numeric::{Random, argsort, nth_smallest};
 use crate::run::Run;
@@ -67,7 +69,7 @@ pub(super) fn score(
         let held_back = touches.of_contacts(|contact| fold_of[contact] == fold);
         let assembled = Assembled::new(options, cad, &kept, run)?;
         for distances in &mut all {
-            let fit = solve::solve(options, distances.level, &assembled.hierarchy, &kept, run)?;
+            let fit = solve(options, distances.level, &assembled.hierarchy, &kept, run)?;
             for touch in &held_back.all {
                 let distance = fit.placement.error(&assembled.hierarchy, touch).0.length();
                 distances.touches.push(distance);

@@ -9,16 +9,17 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::cad::ModuleId;
-use super::options::{BodyLevel, BodyOptions};
+use super::cad::{CadSkin, ModuleId};
+use super::options::{BodyLevel, BodyOptions, Misassembly};
 use super::placement::Hierarchy;
-use super::solve::Solved;
+use super::solve::{Solved, solve};
 use super::touches::Touches;
-use crate::calib::Loss;
 use crate::calib::pose::{exp, hat, log};
 use crate::calib::solve::loss::LossFunction;
+use crate::calib::{CalibError, Loss};
 use crate::id::{IdVec, VertexId};
 use crate::numeric::symmetric_eigen;
+use crate::run::Run;
 
 /// How much lower the cost of a hypothesis must be: odds of 1 to e^12.
 const LEAST_GAIN: f64 = 25.0;
@@ -47,6 +48,30 @@ pub struct Misassembled {
     pub turned: Vec<TurnedModule>,
 }
 
+/// The drawing with modules where they look to be.
+pub(super) struct Assembled {
+    pub(super) hierarchy: Hierarchy,
+    pub(super) misassembled: Misassembled,
+}
+
+impl Assembled {
+    pub(super) fn new(
+        options: &BodyOptions,
+        cad: &CadSkin,
+        touches: &Touches,
+        run: Run<'_>,
+    ) -> Result<Self, CalibError> {
+        let drawn = Hierarchy::new(cad);
+        let mounted = solve(options, BodyLevel::Mount, &drawn, touches, run)?;
+        let mut hierarchy = drawn.clone();
+        let misassembled = correct(options, &cad.slots(), &mounted, touches, &mut hierarchy);
+        match options.misassembly {
+            Misassembly::Corrected => Ok(Self { hierarchy, misassembled }),
+            Misassembly::Reported => Ok(Self { hierarchy: drawn, misassembled }),
+        }
+    }
+}
+
 /// A touch of one module, in the frame of the drawing.
 struct OwnTouch {
     position: DVec3,
@@ -66,7 +91,7 @@ impl OwnTouch {
 
 /// Finds modules that are exchanged or turned, from a fit of the mount alone, and moves the taxels of the hierarchy to
 /// where they are then.
-pub(super) fn correct(
+fn correct(
     options: &BodyOptions,
     slots: &IdVec<ModuleId, Vec<VertexId>>,
     mounted: &Solved,
@@ -78,6 +103,9 @@ pub(super) fn correct(
     let exchanged = exchanged(options, &own, &places);
     let drawn = hierarchy.clone();
     for &[a, b] in &exchanged {
+        // Each is on the patch of the other, too.
+        let patches = [a, b].map(|module| drawn.chains[module][1]);
+        (hierarchy.chains[a][1], hierarchy.chains[b][1]) = (patches[1], patches[0]);
         for (&v, &w) in slots[a].iter().zip(&slots[b]) {
             (hierarchy.positions[v], hierarchy.normals[v]) = (drawn.positions[w], drawn.normals[w]);
             (hierarchy.positions[w], hierarchy.normals[w]) = (drawn.positions[v], drawn.normals[v]);

@@ -46,34 +46,10 @@ pub use touches::TouchId;
 use crate::calib::{CalibError, Observations};
 use crate::run::Run;
 use covariance::covariances;
-use placement::Hierarchy;
+use misassembly::Assembled;
 use solve::{Solved, solve};
 use system::BodySystem;
 use touches::Touches;
-
-/// The drawing with modules where they look to be.
-struct Assembled {
-    hierarchy: Hierarchy,
-    misassembled: Misassembled,
-}
-
-impl Assembled {
-    fn new(
-        options: &BodyOptions,
-        cad: &CadSkin,
-        touches: &Touches,
-        run: Run<'_>,
-    ) -> Result<Self, CalibError> {
-        let drawn = Hierarchy::new(cad);
-        let mounted = solve(options, BodyLevel::Mount, &drawn, touches, run)?;
-        let mut hierarchy = drawn.clone();
-        let misassembled = misassembly::correct(options, &cad.slots(), &mounted, touches, &mut hierarchy);
-        match options.misassembly {
-            Misassembly::Corrected => Ok(Self { hierarchy, misassembled }),
-            Misassembly::Reported => Ok(Self { hierarchy: drawn, misassembled }),
-        }
-    }
-}
 
 /// Finds where the mount, the patches and the modules of a drawn skin are, from touches.
 ///

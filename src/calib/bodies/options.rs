@@ -100,8 +100,8 @@ pub struct BodyOptions {
     pub folds: Option<Folds>,
 }
 
-/// Bounds of the toolbox of Rustler et al. 2021 `(rustler2021)` for patches and modules of a Nao, but 1 mm for a
-/// module: with 0.5 mm contacts of the Nao that were held back are predicted worse.
+/// Those of patches and modules are the bounds of the toolbox of `(rustler2021)` for a Nao, but 1 mm instead of 0.5 mm for a
+/// module: held-back contacts of a Nao are predicted within 0.1 mm of each other by both.
 impl Default for BodyOptions {
     fn default() -> Self {
         Self {

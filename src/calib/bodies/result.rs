@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::cad::{CadSkin, ModuleId};
+use super::cad::{CadSkin, CadTaxel, ModuleId};
 use super::covariance::{BodyCovariances, of_taxel};
 use super::folds::HeldBack;
 use super::misassembly::Misassembled;
@@ -187,7 +187,7 @@ impl Fit<'_> {
 
     fn taxels(&self, covariances: &BodyCovariances) -> IdVec<VertexId, CalibratedTaxel> {
         let centres = self.hierarchy.chains.map(|chain| self.centre(*chain));
-        let of = |(v, taxel): (VertexId, &super::CadTaxel)| {
+        let of = |(v, taxel): (VertexId, &CadTaxel)| {
             let placed = self.solved.placement.taxel(self.hierarchy, v);
             let module = taxel.module;
             CalibratedTaxel {

@@ -1,6 +1,7 @@
 //! The fit: Gauss-Newton under Tukey's loss whose bound shrinks in stages, so that no good start is needed and
-//! outliers lose their influence; last, least squares on the inliers. The noise of touches without a stated one
-//! is estimated after each stage, along the normal and in the tangent plane apart.
+//! outliers lose their influence; last, least squares on the inliers. Where the noise is not stated it is estimated
+//! after each stage, along the normal and in the tangent plane apart, and Tukey's loss is kept to the end: the tails of
+//! such noise are not known. The fit shrinks residuals, which is not corrected: with few touches a module estimates are too small.
 
 use glam::{DMat3, DVec3};
 
@@ -14,9 +15,14 @@ use crate::id::IdVec;
 use crate::numeric::median;
 use crate::run::Run;
 
-/// Factors of the bounds of Tukey's loss, one for each stage; four Gauss-Newton steps each follow the weights.
-const STAGES: [f64; 6] = [8.0, 4.0, 2.0, 1.0, 1.0, 1.0];
+/// First factor of the bound of Tukey's loss, which halves from stage to stage; larger where the drawing is farther from
+/// the touches, so that none is rejected before the mount has moved.
+const FIRST_SCALE: f64 = 8.0;
 
+/// Stages with the bound itself: each estimates the noise anew.
+const LAST_STAGES: usize = 3;
+
+/// Gauss-Newton steps of a stage, after which the weights follow.
 const STEPS_PER_STAGE: usize = 4;
 
 /// Most steps of the last stage. Its weights change a few times at most.
@@ -125,6 +131,18 @@ impl Fit<'_> {
     }
 }
 
+/// The factors of the bound in the stages, from one that leaves an error of `farthest` bounds some weight.
+fn scales(farthest: f64) -> Vec<f64> {
+    let mut scales = vec![1.0; LAST_STAGES];
+    let mut next = 2.0;
+    while next <= FIRST_SCALE || next < 2.0 * farthest && next.is_finite() {
+        scales.push(next);
+        next *= 2.0;
+    }
+    scales.reverse();
+    scales
+}
+
 /// Fits all bodies down to `level`.
 pub(super) fn solve(
     options: &BodyOptions,
@@ -145,7 +163,8 @@ pub(super) fn solve(
         Ok::<f64, CalibError>(system.advance(at, &step))
     };
     let tukey = LossFunction::new(Loss::Tukey, 3);
-    for scale in STAGES {
+    let farthest = fit.chi2(&placement).iter().fold(0.0_f64, |most, (chi2, _)| most.max(*chi2));
+    for scale in scales((farthest / tukey.bound2()).sqrt()) {
         for _ in 0..STEPS_PER_STAGE {
             let weights = fit.weights(&fit.chi2(&placement), tukey.scaled(scale * scale));
             steps += 1;

@@ -125,6 +125,11 @@ impl ObservationsBuilder {
         Ok(())
     }
 
+    /// Whether no observation was read.
+    pub(super) fn is_empty(&self) -> bool {
+        self.edges.is_empty() && self.contacts.is_empty()
+    }
+
     /// The touch of the next contact.
     pub(super) fn touch(&mut self, row: TouchRow) {
         self.observations.touches.push(row);

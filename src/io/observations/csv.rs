@@ -8,7 +8,7 @@ use crate::calib::{
 use crate::io::error::Result;
 use crate::io::file::{Lines, OutPath, excerpt, invalid, unfit};
 use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of};
-use crate::io::observations::touch_columns::{self, TOUCH_COLUMNS, TouchColumns};
+use crate::io::observations::touch_columns::{self, TOUCH, TOUCH_COLUMNS, TouchColumns};
 use crate::io::table::cells::{Cells, Separator};
 use crate::io::table::writer::write_table;
 use crate::io::table::{Columns, Row, Table};
@@ -32,7 +32,7 @@ const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may contain, for messages.
-const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
+pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
                       ixx,ixy,ixz,iyy,iyz,izz; of contacts also touch, contact, weight, qx,qy,qz,qw, separated by commas";
 
 /// Whether a line is the header of a table, whatever separates its words: g2o has no such words.
@@ -49,11 +49,13 @@ pub(super) fn is_header(line: &str) -> bool {
     })
 }
 
-struct ColumnIndices {
+pub(super) struct ColumnIndices {
     taxel: usize,
     subject: Subject,
     uncertainty: Uncertainty,
     touch: Option<TouchColumns>,
+    /// The number of the touch of a row.
+    pub(super) group: Option<usize>,
 }
 
 #[derive(Clone, Copy)]
@@ -69,7 +71,7 @@ enum Uncertainty {
 }
 
 impl ColumnIndices {
-    fn new(columns: &Columns) -> Result<Self> {
+    pub(super) fn new(columns: &Columns) -> Result<Self> {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
@@ -77,7 +79,7 @@ impl ColumnIndices {
         };
         let mut touch = None;
         let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
-            used.extend(["j"].into_iter().chain(OFFSET));
+            used.extend(["j", TOUCH].into_iter().chain(OFFSET));
             Subject::Displacement { other: columns.need("j")?, offset: columns.need_vector(OFFSET)? }
         } else {
             used.extend(POSITION);
@@ -111,7 +113,12 @@ impl ColumnIndices {
             let found = format!("a column {}, which is redundant next to {}", excerpt(name), used.join(","));
             return Err(columns.at().invalid(found, TABLES));
         }
-        Ok(Self { taxel, subject, uncertainty, touch })
+        Ok(Self { taxel, subject, uncertainty, touch, group: columns.find(TOUCH) })
+    }
+
+    /// The standard deviation that is assumed, if the table gives none.
+    pub(super) fn assumed_sigma(&self) -> Option<f64> {
+        matches!(self.uncertainty, Uncertainty::Assumed).then_some(DEFAULT_SIGMA)
     }
 }
 
@@ -124,14 +131,16 @@ pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations> {
     }
     let table = Table::open(lines)?;
     let columns = ColumnIndices::new(&table.columns)?;
-    if matches!(columns.uncertainty, Uncertainty::Assumed) {
-        builder.assumed_sigma = Some(DEFAULT_SIGMA);
-    }
+    builder.assumed_sigma = columns.assumed_sigma();
     table.each_row(&mut |row| read_row(row, &columns, &mut builder))?;
     builder.finish()
 }
 
-fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBuilder) -> Result<()> {
+pub(super) fn read_row(
+    row: Row<'_>,
+    columns: &ColumnIndices,
+    builder: &mut ObservationsBuilder,
+) -> Result<()> {
     let (id, at) = (row.taxel(columns.taxel)?, &row.at);
     let information = information(row, &columns.uncertainty)?;
     if let Some(touch) = columns.touch {

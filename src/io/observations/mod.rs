@@ -4,6 +4,7 @@ pub(super) mod builder;
 mod csv;
 mod g2o;
 mod touch_columns;
+mod touch_stream;
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -16,6 +17,8 @@ use crate::io::IoError;
 use crate::io::file::{Lines, OutPath, cannot_read, file_kind, invalid, replace_file};
 use crate::io::observations::builder::{ObservationRemark, ReadObservations};
 use crate::skin::TaxelId;
+
+pub use touch_stream::{TouchStream, touches_from_stream};
 
 /// What files of observations may end in.
 const KINDS: &str = ".g2o, .csv";

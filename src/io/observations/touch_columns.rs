@@ -7,7 +7,8 @@ use crate::io::error::Result;
 use crate::io::table::writer::TableWriter;
 use crate::io::table::{Columns, Row};
 
-const TOUCH: &str = "touch";
+/// The number of a touch.
+pub(super) const TOUCH: &str = "touch";
 const CONTACT: &str = "contact";
 const WEIGHT: &str = "weight";
 const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];

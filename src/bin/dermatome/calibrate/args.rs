@@ -2,7 +2,7 @@
 
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
-use crate::calibrate::bodies::CadArgs;
+use crate::calibrate::cad_args::CadArgs;
 use crate::options::{Choice, InPath, OutFile, Unit, one_of};
 
 /// Arguments of `calibrate`.
@@ -58,6 +58,14 @@ pub(crate) struct Args {
     /// Write the result even if the solve did not converge
     #[arg(long)]
     pub(super) keep: bool,
+    /// Solve after each touch of a table that is still being written, and print a line of JSON for each
+    ///
+    /// A touch is a row, or the rows with one number in a column touch. The last result is that of all touches at once.
+    #[arg(long, conflicts_with_all = ["cad", "contacts", "triangles", "truth", "json", "clip_information"])]
+    pub(super) follow: bool,
+    /// Solve after every N touches
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = touches, requires = "follow")]
+    pub(super) every: usize,
     /// Print the result as JSON
     #[arg(long)]
     pub(super) json: bool,
@@ -87,6 +95,11 @@ const STARTS: [Choice<Initialization>; 3] = [
     ("tree", Initialization::SpanningTree, "Chained along a spanning tree"),
     ("file", Initialization::InitialValues, "The values in the file"),
 ];
+
+/// A number of touches.
+fn touches(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "needed: a number of touches, at least 1".into())
+}
 
 impl Args {
     pub(super) fn options(&self) -> CalibOptions {

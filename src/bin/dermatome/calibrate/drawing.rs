@@ -9,7 +9,7 @@ use dermatome::calib::{BodyCalibration, CadSkin, CalibratedTaxel, NamedTaxel};
 use dermatome::io::{TaxelTable, read_draft, read_modules, read_modules_if_any};
 use dermatome::skin::{AssembleOptions, Draft, Sheet, Skin, TaxelId, assemble};
 
-use crate::calibrate::bodies::CadArgs;
+use crate::calibrate::cad_args::CadArgs;
 use crate::console::errors::advise;
 use crate::console::notes::{note_columns, note_remarks};
 use crate::files::outputs;
