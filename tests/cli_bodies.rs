@@ -103,8 +103,7 @@ fn what_is_assumed_is_printed() {
     let (_, taxels) = drawing();
     let text = contacts(&taxels[..21]).replace(",sigma", "").replace(",0.0005", "");
     fs::write(at.join("some.csv"), text).unwrap();
-    let said =
-        ["gives no uncertainty; it is estimated", "1 modules were not touched and keep their drawn pose"];
+    let said = ["gives no uncertainty; it is estimated", "a module keeps its drawn pose on its patch: `m3`"];
     let run = notes(at, "calibrate some.csv --cad cad.csv --fit-probe -o out.csv", &said);
     let printed = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
     assert!(printed.contains("module m3") && printed.contains("offset of the probe"), "{printed}");

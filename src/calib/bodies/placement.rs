@@ -67,7 +67,7 @@ impl Hierarchy {
                 sums[body].1 += 1.0;
             }
         }
-        // A patch whose modules were all exchanged with those of others still has its taxels.
+        // A patch may have no module.
         self.centres = sums.map(|(sum, count)| *sum / f64::max(*count, 1.0));
     }
 

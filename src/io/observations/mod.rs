@@ -102,7 +102,7 @@ fn read_lines(
 /// displacements alone, `i,j,dx,dy,dz`, or contacts alone, `i,x,y,z[,nx,ny,nz,sigma_n]`, with their
 /// information.
 ///
-/// A table has no initial values and no taxels but those of its rows.
+/// A table has no initial values and no taxels but those of its rows; a graph has no touches.
 ///
 /// # Errors
 /// [`IoError::Write`]; [`IoError::Unfit`] for contacts with normals, which g2o has no line for, and

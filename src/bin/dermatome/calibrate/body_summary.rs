@@ -159,8 +159,7 @@ pub(super) fn notes(found: &BodyCalibration, cad: &CadSkin, common: &Common) {
     }
     if !found.untouched.is_empty() {
         let names: Vec<String> = found.untouched.iter().map(|&module| name(module)).collect();
-        let (count, names) = (names.len(), first_names(&names));
-        note!(common, "{count} modules were not touched and keep their drawn pose on their patch: {names}");
+        note!(common, "without a touch, a module keeps its drawn pose on its patch: {}", first_names(&names));
     }
 }
 
