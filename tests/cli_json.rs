@@ -80,6 +80,11 @@ fn every_object_keeps_to_its_schema() {
     keep("timings", &fs::read(at.join("map/timings.json")).unwrap());
     run(at, "touch map/map.glb -o r.csv --presses 1 --rate-hz 20");
     keep("calibrate", &run(at, "calibrate o.g2o -o s.csv --truth t.csv --json"));
+    let rows = "0,0,0,0,0,0,0,0,1\n1,0.01,0,0,1,0,0,0,1\n2,0,0.01,0,2,0,0,0,1\n3,0.01,0.01,0,3,0,0,0,1\n";
+    fs::write(at.join("p.csv"), format!("i,x,y,z,contact,qx,qy,qz,qw\n{rows}")).unwrap();
+    let drawn = "0,0,0,0,a\n1,0.01,0,0,a\n2,0,0.01,0,a\n3,0.01,0.01,0,a\n";
+    fs::write(at.join("d.csv"), format!("taxel_id,x,y,z,module\n{drawn}")).unwrap();
+    keep("bodies", &run(at, "calibrate p.csv --cad d.csv --fit-probe --folds 2 -o b.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
     keep("diff", &run(at, "diff cap.glb larger.glb --json"));
@@ -87,6 +92,10 @@ fn every_object_keeps_to_its_schema() {
     keep("info", &run(at, "info cap.glb --json"));
     keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
     keep("summary", &run(at, "summary map/map.glb r.csv -o sums.csv --json"));
+
+    let followed = run(at, "calibrate p.csv --follow -o b.csv");
+    let line = std::str::from_utf8(&followed).unwrap().lines().next().unwrap();
+    printed.insert("dermatome.touch/1".to_owned(), serde_json::from_str(line).unwrap());
 
     let documented = documented();
     assert_eq!(printed.keys().collect::<Vec<_>>(), documented.keys().collect::<Vec<_>>());

@@ -4,7 +4,8 @@ use std::{fs, path::PathBuf};
 
 use dermatome::calib::{
     ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId, DisplacementMeasurement,
-    Information, Model, Pose, PoseMeasurement, SimulateOptions, calibrate, calibrated_skin, simulate,
+    Information, Model, Pose, PoseMeasurement, SimulateOptions, TouchRow, calibrate, calibrated_skin,
+    simulate,
 };
 use dermatome::id::VertexId;
 use dermatome::io::{
@@ -51,6 +52,34 @@ fn simulated_graphs_come_back_bit_by_bit() {
         assert!(remarks.is_empty(), "{remarks:?}");
         assert!(back == observations, "{model:?}");
     }
+}
+
+/// Touches come back with their contacts; a table has the same columns in every row.
+#[test]
+fn touches_of_contacts_go_into_a_table_and_come_back() {
+    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,sigma\n5,0.1,0,0,3,9,1,0.6,0,0,0.8,0.5\n7,0.2,0,0,3,9,0.25,0,0,0,1,0.5\n";
+    let (folder, path) = file("a.csv", text);
+    let (mut observations, remarks) = read_observations(&path, &[]).unwrap();
+    assert!(remarks.is_empty(), "{remarks:?}");
+    let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
+    let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
+    assert_eq!(rows[0], TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe });
+    assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
+    let copy = folder.path().join("b.csv");
+    write_observations(&copy, &observations).unwrap();
+    assert!(read_observations(&copy, &[]).unwrap().0 == observations);
+    // Touches are numbered in one table.
+    let error = read_observations(&path, &[copy.clone()]).unwrap_err().to_string();
+    assert!(error.contains("all contacts in one table"), "{error}");
+    observations.touches[ContactObservationId::new(1)].contact = None;
+    let error = write_observations(&copy, &observations).unwrap_err().to_string();
+    assert!(error.contains("the same columns in every row"), "{error}");
+    observations.touches = observations.touches.iter().take(1).copied().collect();
+    assert_eq!(
+        observations.validate().unwrap_err().to_string(),
+        "there are 1 touches of 2 contacts; needed: one for each, or none"
+    );
+    assert!(refusal("a.csv", "i,x,y,z,qx,qy,qz\n1,0,0,0,0,0,0\n").contains("qw"));
 }
 
 #[test]

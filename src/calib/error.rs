@@ -43,6 +43,35 @@ pub enum CalibError {
     /// not symmetric.
     #[error("contact {contact} of taxel {id} is not valid: {reason}")]
     InvalidContact { contact: ContactObservationId, id: TaxelId, reason: &'static str },
+    #[error("there are {found} touches of {needed} contacts; needed: one for each, or none")]
+    UnequalTouches { found: usize, needed: usize },
+    #[error(
+        "observations of poses cannot be followed touch by touch; needed: displacements or contacts of positions"
+    )]
+    FollowedPoses,
+    #[error("the drawing has no taxel; needed: at least one")]
+    EmptyCad,
+    #[error(
+        "taxel {id} of the drawing contains a number that is not finite, a length above 1e9 m or a normal that is not of unit length"
+    )]
+    InvalidCadTaxel { id: TaxelId },
+    #[error("taxel {id}, vertex {vertex} of the drawing, is on a module or patch that does not exist")]
+    UnknownModule { id: TaxelId, vertex: VertexId },
+    #[error("module {name} of the drawing has no taxel")]
+    EmptyModule { name: String },
+    #[error("row {} of the contacts is of taxel {id}, which the drawing does not have", contact.index() + 1)]
+    NotInCad { contact: ContactObservationId, id: TaxelId },
+    #[error(
+        "row {} of the contacts, of taxel {id}, has no orientation of the probe (qx,qy,qz,qw), without which its offset cannot be fitted",
+        contact.index() + 1
+    )]
+    NoProbeOrientation { contact: ContactObservationId, id: TaxelId },
+    #[error(
+        "rows {} and {} of the contacts are of one touch, but repeat different contacts",
+        first.index() + 1,
+        contact.index() + 1
+    )]
+    TouchInTwoContacts { contact: ContactObservationId, first: ContactObservationId },
     /// An edge or contact does not fit the model: rotations without poses, or poses without rotations.
     #[error("{observation} of taxel {id} does not fit the {model} model: {needed}")]
     WrongModel { observation: ObservationId, id: TaxelId, model: Model, needed: &'static str },

@@ -35,11 +35,14 @@
 //!
 //! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
 //! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
-//! [`calibrate()`] calls them in this order. `simulate` is separate.
+//! [`calibrate()`] calls them in this order. `simulate` is separate. `follow` calibrates touch by touch, and `bodies` moves
+//! the rigid bodies of a drawn skin ([`fit_bodies()`]).
 
 mod align;
+mod bodies;
 mod calibration;
 mod error;
+mod follow;
 mod observations;
 mod options;
 mod pose;
@@ -53,13 +56,19 @@ use std::time::Instant;
 
 pub use align::{Comparison, compare};
 pub(crate) use align::{Correlation, nearest_rotation};
+pub use bodies::{
+    BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel, CalibratedTaxel, Folds,
+    HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModulePose, MotionTest, NamedTaxel,
+    ProbeOffset, Tolerance, TouchId, TouchNoise, TurnedModule, fit_bodies, fit_bodies_with,
+};
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};
+pub use follow::{FollowedSolve, FollowedTouch, Follower, Innovation};
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Model, ObservationId, Observations, PerObservation, PoseMeasurement,
-    TaxelVariable,
+    TaxelVariable, TouchRow,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub use pose::Pose;

@@ -81,16 +81,18 @@ pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};
 pub use observations::{
-    builder::ObservationRemark, observations_from_stream, observations_to_stream, read_observations,
-    write_observations,
+    TouchStream, builder::ObservationRemark, observations_from_stream, observations_to_stream,
+    read_observations, touches_from_stream, write_observations,
 };
 pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
-pub use table::by_taxel::{TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_seams};
+pub use table::by_taxel::{
+    TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_modules_if_any, read_seams,
+};
 pub use table::calibration::{
-    read_triangles, read_truth, write_calibration, write_inliers, write_triangles, write_truth,
+    read_triangles, read_truth, write_bodies, write_calibration, write_inliers, write_triangles, write_truth,
 };
 pub use table::contacts::{
     ContactRow, ContactRows, MapCoordinates, MapPlaceRow, MapPlaceRows, read_contacts, read_map_places,

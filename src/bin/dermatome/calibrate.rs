@@ -1,6 +1,11 @@
 //! `calibrate`: observations in, skin out.
 
 mod args;
+mod bodies;
+mod body_summary;
+mod cad_args;
+mod drawing;
+mod follow;
 mod inputs;
 mod results;
 
@@ -26,6 +31,12 @@ use crate::console::progress;
 use crate::options::{Common, word_of};
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    if let Some(cad) = &args.cad.cad {
+        return bodies::run(args, cad, common);
+    }
+    if args.follow {
+        return follow::run(args, common);
+    }
     let outputs = results::check(args)?;
     let inputs = Inputs::read(args, common)?;
     let observations = &inputs.observations;

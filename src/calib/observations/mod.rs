@@ -2,7 +2,10 @@
 //! of taxels and displacements.
 
 pub(super) mod information;
+mod touch_row;
 mod validate;
+
+pub use touch_row::TouchRow;
 
 use std::fmt;
 
@@ -226,6 +229,9 @@ pub struct Observations {
     pub edges: IdVec<DisplacementId, Displacement>,
     /// Absolute observations of one taxel.
     pub contacts: IdVec<ContactObservationId, ContactObservation>,
+    /// The touch of every contact; empty if the observations do not name touches. Only
+    /// [`fit_bodies`](crate::calib::fit_bodies()) uses it.
+    pub touches: IdVec<ContactObservationId, TouchRow>,
 }
 
 impl Observations {

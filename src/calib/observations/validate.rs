@@ -24,6 +24,7 @@ impl Observations {
         self.check_taxels()?;
         self.edges.enumerate().try_for_each(|(edge, displacement)| self.check_edge(edge, displacement))?;
         self.contacts.enumerate().try_for_each(|(id, contact)| self.check_contact(id, contact))?;
+        self.check_touches()?;
         self.check_observed()
     }
 

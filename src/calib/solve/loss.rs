@@ -77,8 +77,13 @@ impl LossFunction {
         chi2 <= self.outlier2
     }
 
+    /// The square at which the loss departs from the square, or becomes constant.
+    pub(crate) fn bound2(&self) -> f64 {
+        self.bound2
+    }
+
     /// The loss with squared bounds that are larger by `factor`.
-    fn scaled(self, factor: f64) -> Self {
+    pub(crate) fn scaled(self, factor: f64) -> Self {
         Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
     }
 

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 use crate::calib::{
     ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, FARTHEST, Information,
-    Model, Observations, Pose, TaxelVariable,
+    Model, Observations, Pose, TaxelVariable, TouchRow,
 };
 use crate::id::VertexId;
 use crate::io::error::Result;
@@ -123,6 +123,16 @@ impl ObservationsBuilder {
         }
         self.contacts.push((id, at.line, touch));
         Ok(())
+    }
+
+    /// Whether no observation was read.
+    pub(super) fn is_empty(&self) -> bool {
+        self.edges.is_empty() && self.contacts.is_empty()
+    }
+
+    /// The touch of the next contact.
+    pub(super) fn touch(&mut self, row: TouchRow) {
+        self.observations.touches.push(row);
     }
 
     pub(super) fn fix(&mut self, id: TaxelId, at: &LineLocation<'_>) {

@@ -8,6 +8,7 @@ use crate::calib::{
 use crate::io::error::Result;
 use crate::io::file::{Lines, OutPath, excerpt, invalid, unfit};
 use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of};
+use crate::io::observations::touch_columns::{self, TOUCH, TOUCH_COLUMNS, TouchColumns};
 use crate::io::table::cells::{Cells, Separator};
 use crate::io::table::writer::write_table;
 use crate::io::table::{Columns, Row, Table};
@@ -31,8 +32,8 @@ const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may contain, for messages.
-const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
-                      ixx,ixy,ixz,iyy,iyz,izz, separated by commas";
+pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
+                      ixx,ixy,ixz,iyy,iyz,izz; of contacts also touch, contact, weight, qx,qy,qz,qw, separated by commas";
 
 /// Whether a line is the header of a table, whatever separates its words: g2o has no such words.
 pub(super) fn is_header(line: &str) -> bool {
@@ -48,10 +49,13 @@ pub(super) fn is_header(line: &str) -> bool {
     })
 }
 
-struct ColumnIndices {
+pub(super) struct ColumnIndices {
     taxel: usize,
     subject: Subject,
     uncertainty: Uncertainty,
+    touch: Option<TouchColumns>,
+    /// The number of the touch of a row.
+    pub(super) group: Option<usize>,
 }
 
 #[derive(Clone, Copy)]
@@ -67,18 +71,21 @@ enum Uncertainty {
 }
 
 impl ColumnIndices {
-    fn new(columns: &Columns) -> Result<Self> {
+    pub(super) fn new(columns: &Columns) -> Result<Self> {
         let mut used = vec!["i"];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
             return Err(columns.at().invalid(columns.describe(), TABLES));
         };
+        let mut touch = None;
         let subject = if has("j") || OFFSET.iter().any(|name| has(name)) {
-            used.extend(["j"].into_iter().chain(OFFSET));
+            used.extend(["j", TOUCH].into_iter().chain(OFFSET));
             Subject::Displacement { other: columns.need("j")?, offset: columns.need_vector(OFFSET)? }
         } else {
             used.extend(POSITION);
             let position = columns.need_vector(POSITION)?;
+            touch = TouchColumns::find(columns)?;
+            used.extend(TOUCH_COLUMNS);
             let normal = columns.find_vector(NORMAL)?;
             if normal.is_some() {
                 used.extend(NORMAL.into_iter().chain([NORMAL_SIGMA]));
@@ -106,7 +113,12 @@ impl ColumnIndices {
             let found = format!("a column {}, which is redundant next to {}", excerpt(name), used.join(","));
             return Err(columns.at().invalid(found, TABLES));
         }
-        Ok(Self { taxel, subject, uncertainty })
+        Ok(Self { taxel, subject, uncertainty, touch, group: columns.find(TOUCH) })
+    }
+
+    /// The standard deviation that is assumed, if the table gives none.
+    pub(super) fn assumed_sigma(&self) -> Option<f64> {
+        matches!(self.uncertainty, Uncertainty::Assumed).then_some(DEFAULT_SIGMA)
     }
 }
 
@@ -119,16 +131,21 @@ pub(super) fn read(lines: Lines<impl BufRead>) -> Result<ReadObservations> {
     }
     let table = Table::open(lines)?;
     let columns = ColumnIndices::new(&table.columns)?;
-    if matches!(columns.uncertainty, Uncertainty::Assumed) {
-        builder.assumed_sigma = Some(DEFAULT_SIGMA);
-    }
+    builder.assumed_sigma = columns.assumed_sigma();
     table.each_row(&mut |row| read_row(row, &columns, &mut builder))?;
     builder.finish()
 }
 
-fn read_row(row: Row<'_>, columns: &ColumnIndices, builder: &mut ObservationsBuilder) -> Result<()> {
+pub(super) fn read_row(
+    row: Row<'_>,
+    columns: &ColumnIndices,
+    builder: &mut ObservationsBuilder,
+) -> Result<()> {
     let (id, at) = (row.taxel(columns.taxel)?, &row.at);
     let information = information(row, &columns.uncertainty)?;
+    if let Some(touch) = columns.touch {
+        builder.touch(touch.read(row)?);
+    }
     match columns.subject {
         Subject::Displacement { other, offset } => {
             let ids = [id, row.taxel(other)?];
@@ -205,9 +222,11 @@ fn write_contacts(observations: &Observations, path: &OutPath) -> Result<()> {
         |c: &ContactObservation| matches!(c.measurement, ContactMeasurement::PositionNormal { .. });
     let with_normals = observations.contacts.iter().any(has_normal);
     let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
-    let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied()).chain(INFORMATION);
+    let touches = touch_columns::written(observations);
+    let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied());
+    let header = header.chain(touches.iter().copied()).chain(INFORMATION);
     write_table(path, &header.collect::<Vec<_>>().join(","), |table| {
-        for contact in &observations.contacts {
+        for (number, contact) in observations.contacts.enumerate() {
             let id = observations.taxels[contact.taxel].id;
             let refuse =
                 |found: &str, needed| Err(unfit(path, format!("the contact of taxel {id}"), found, needed));
@@ -224,7 +243,11 @@ fn write_contacts(observations: &Observations, path: &OutPath) -> Result<()> {
             let normal = normal.map(|(n, info)| n.to_array().into_iter().chain([info.sqrt().recip()]));
             let normal = normal.into_iter().flatten();
             table.whole(id.0);
-            table.decimals(position.to_array().into_iter().chain(normal).chain(information.upper()));
+            table.decimals(position.to_array().into_iter().chain(normal));
+            if !touch_columns::write(&touches, &observations.touch_of(number), table) {
+                return refuse("a touch without a number that others have", "the same columns in every row");
+            }
+            table.decimals(information.upper());
             table.end_row()?;
         }
         Ok(())

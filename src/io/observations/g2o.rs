@@ -157,7 +157,7 @@ impl Line<'_> {
 
 /// Writes parameters, taxels, those that are fixed, edges and contacts, in this order.
 pub(super) fn write(out: &mut dyn Write, observations: &Observations, path: &Path) -> Result<()> {
-    let Observations { model, taxels, edges, contacts } = observations;
+    let Observations { model, taxels, edges, contacts, .. } = observations;
     let mut text = Vec::new();
     let mut line = |words: fmt::Arguments<'_>, numbers: &[f64]| {
         text.clear();

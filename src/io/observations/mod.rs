@@ -3,6 +3,8 @@
 pub(super) mod builder;
 mod csv;
 mod g2o;
+mod touch_columns;
+mod touch_stream;
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -16,6 +18,8 @@ use crate::io::file::{Lines, OutPath, cannot_read, file_kind, invalid, replace_f
 use crate::io::observations::builder::{ObservationRemark, ReadObservations};
 use crate::skin::TaxelId;
 
+pub use touch_stream::{TouchStream, touches_from_stream};
+
 /// What files of observations may end in.
 const KINDS: &str = ".g2o, .csv";
 
@@ -27,7 +31,8 @@ const KINDS: &str = ".g2o, .csv";
 /// three ways: `sigma`, the standard deviation of every axis in m; `sx,sy,sz`, one for each axis;
 /// or `ixx,ixy,ixz,iyy,iyz,izz`, the information in 1/m^2. Without any, 1 mm per axis is assumed
 /// and remarked. No cell may be empty, and no other column is allowed: a misspelt name is not
-/// silently ignored. Lines after `#` are comments.
+/// silently ignored. Contacts may have the columns of [`TouchRow`](crate::calib::TouchRow): `touch` and `contact`,
+/// whole numbers, `weight`, above 0, and `qx,qy,qz,qw`. Lines after `#` are comments.
 ///
 /// The observations of `more` files are appended, as contacts come in a table of their own. A pose
 /// that one of them fixes is fixed; its initial value is used where there is none yet.
@@ -97,7 +102,7 @@ fn read_lines(
 /// displacements alone, `i,j,dx,dy,dz`, or contacts alone, `i,x,y,z[,nx,ny,nz,sigma_n]`, with their
 /// information.
 ///
-/// A table has no initial values and no taxels but those of its rows.
+/// A table has no initial values and no taxels but those of its rows; a graph has no touches.
 ///
 /// # Errors
 /// [`IoError::Write`]; [`IoError::Unfit`] for contacts with normals, which g2o has no line for, and
@@ -130,6 +135,20 @@ pub fn observations_to_stream(
 /// `other` is used if `into` has none.
 fn append(into: &mut Observations, other: Observations, path: &Path) -> Result<(), IoError> {
     check_model(into, &other, path)?;
+    let is_torn = !other.touches.is_empty() && !into.contacts.is_empty()
+        || !into.touches.is_empty() && !other.contacts.is_empty();
+    if is_torn {
+        let needed = "all contacts in one table: the numbers of touches are those of their table";
+        return Err(invalid(
+            path,
+            "the file",
+            "contacts next to those of another table with touches",
+            needed,
+        ));
+    }
+    other.touches.iter().for_each(|row| {
+        into.touches.push(*row);
+    });
     let known: HashMap<TaxelId, VertexId> = into.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
     let taxels = &other.taxels;
     let place = |v: VertexId| {

@@ -8,7 +8,8 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
-use crate::io::table::{Row, each_row_of};
+use crate::io::file::Source;
+use crate::io::table::{Row, Table, each_row_of};
 use crate::skin::{PatchId, Skin, TaxelId, Taxels};
 
 /// No skin is sharper: a fingertip distinguishes two points at a tenth of the distance that a forearm
@@ -109,6 +110,15 @@ pub fn read_modules(path: &Path) -> Result<TaxelTable<(TaxelId, String)>, IoErro
         Ok(())
     })?;
     Ok(TaxelTable { rows, unused })
+}
+
+/// Reads the modules of taxels as [`read_modules`], if the table has a column `module`.
+///
+/// # Errors
+/// As [`read_modules`].
+pub fn read_modules_if_any(path: &Path) -> Result<Option<TaxelTable<(TaxelId, String)>>, IoError> {
+    let has_modules = Table::of(&Source::open(path)?)?.columns.find("module").is_some();
+    has_modules.then(|| read_modules(path)).transpose()
 }
 
 /// Reads the places of boundary taxels: columns `taxel_id,u,v`, map positions in m.

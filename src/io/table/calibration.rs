@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::{Calibration, Observations, Pose, Verdict};
+use crate::calib::{BodyCalibration, CadSkin, Calibration, Observations, Pose, Verdict};
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
@@ -34,6 +34,41 @@ pub fn write_calibration(path: impl Into<OutPath>, calibration: &Calibration) ->
                 Some(c) => table.decimals([c.sigma()].into_iter().chain(<[f64; 6]>::from(c))),
                 None => table.empty(7),
             }
+            table.end_row()?;
+        }
+        Ok(())
+    })
+}
+
+/// Writes the taxels of a drawing where touches place them:
+/// `id,x,y,z,nx,ny,nz,patch,module,sigma,cxx,cxy,cxz,cyy,cyz,czz`, in m; cells of normals are empty where the drawing has
+/// none, and there is no such column if no taxel has one.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_bodies(
+    path: impl Into<OutPath>,
+    cad: &CadSkin,
+    calibration: &BodyCalibration,
+) -> Result<(), IoError> {
+    let path = &path.into();
+    let has_normals = calibration.taxels.iter().any(|taxel| taxel.normal.is_some());
+    let normals = if has_normals { ",nx,ny,nz" } else { "" };
+    let header = format!("id,x,y,z{normals},patch,module,sigma,cxx,cxy,cxz,cyy,cyz,czz");
+    write_table(path, &header, |table| {
+        for (taxel, drawn) in calibration.taxels.iter().zip(&cad.taxels) {
+            let module = &cad.modules[drawn.module];
+            table.whole(taxel.id.0);
+            table.decimals(taxel.position.to_array());
+            match taxel.normal {
+                Some(normal) => table.decimals(normal.to_array()),
+                None if has_normals => table.empty(3),
+                None => {}
+            }
+            table.cell(&cad.patches[module.patch]);
+            table.cell(&module.name);
+            let covariance = taxel.covariance;
+            table.decimals([covariance.sigma()].into_iter().chain(<[f64; 6]>::from(covariance)));
             table.end_row()?;
         }
         Ok(())

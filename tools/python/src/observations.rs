@@ -5,7 +5,7 @@ use std::{path::PathBuf, sync::Arc};
 use dermatome::{
     calib::{
         ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-        Observations, Pose, PoseMeasurement, TaxelVariable,
+        Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow,
     },
     id::VertexId,
     io::{read_observations, write_observations},
@@ -106,6 +106,7 @@ impl PyObservations {
         taxels: Vec<TaxelState>,
         edges: Vec<EdgeState>,
         contacts: Vec<ContactState>,
+        touches: Vec<TouchState>,
         remarks: Vec<String>,
     ) -> PyResult<Self> {
         let count = taxels.len();
@@ -122,12 +123,19 @@ impl PyObservations {
         let contact = |(of, numbers): ContactState| {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
+        let touch = |(touch, contact, weight, probe): TouchState| TouchRow {
+            touch,
+            contact,
+            weight,
+            probe: probe.map(DQuat::from_array),
+        };
         let made = || {
             Some(Observations {
                 model: if is_poses { Model::Poses } else { Model::Positions },
                 taxels: taxels.into_iter().map(variable).collect(),
                 edges: edges.into_iter().map(edge).collect::<Option<_>>()?,
                 contacts: contacts.into_iter().map(contact).collect::<Option<_>>()?,
+                touches: touches.into_iter().map(touch).collect(),
             })
         };
         let made =
@@ -137,7 +145,7 @@ impl PyObservations {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
         let (py, Self { observations, remarks }) = (slf.py(), slf.get());
-        let Observations { model, taxels, edges, contacts } = &**observations;
+        let Observations { model, taxels, edges, contacts, touches } = &**observations;
         let variable = |taxel: &TaxelVariable| (taxel.id.0, taxel.initial.as_ref().map(numbers), taxel.fixed);
         let taxels: Vec<TaxelState> = taxels.iter().map(variable).collect();
         let edge =
@@ -145,7 +153,9 @@ impl PyObservations {
         let edges: Vec<EdgeState> = edges.iter().map(edge).collect();
         let contact = |of: &ContactObservation| (of.taxel.raw(), of_contact(&of.measurement));
         let contacts: Vec<ContactState> = contacts.iter().map(contact).collect();
-        let state = (*model == Model::Poses, taxels, edges, contacts, remarks.clone());
+        let touch = |row: &TouchRow| (row.touch, row.contact, row.weight, row.probe.map(|q| q.to_array()));
+        let touches: Vec<TouchState> = touches.iter().map(touch).collect();
+        let state = (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone());
         Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
     }
 
@@ -172,6 +182,9 @@ type EdgeState = ([u32; 2], Vec<f64>);
 
 /// A taxel, and the numbers of its contact.
 type ContactState = (u32, Vec<f64>);
+
+/// A touch: its number, that of its contact, its weight, and the orientation of the probe.
+type TouchState = (Option<u64>, Option<u64>, f64, Option<[f64; 4]>);
 
 /// A pose as position and quaternion.
 fn numbers(pose: &Pose) -> [f64; 7] {

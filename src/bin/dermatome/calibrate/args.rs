@@ -2,6 +2,7 @@
 
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 
+use crate::calibrate::cad_args::CadArgs;
 use crate::options::{Choice, InPath, OutFile, Unit, one_of};
 
 /// Arguments of `calibrate`.
@@ -11,8 +12,8 @@ pub(crate) struct Args {
     ///
     /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may
     /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
-    /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. No other columns and no
-    /// empty cells.
+    /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. Contacts may have the columns touch,
+    /// contact, weight and qx,qy,qz,qw, which --cad uses. No other columns and no empty cells.
     pub(super) observations: InPath,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once
@@ -57,9 +58,19 @@ pub(crate) struct Args {
     /// Write the result even if the solve did not converge
     #[arg(long)]
     pub(super) keep: bool,
+    /// Solve after each touch of a table that is still being written, and print a line of JSON for each
+    ///
+    /// A touch is a row, or the rows with one number in a column touch. The last result is that of all touches at once.
+    #[arg(long, conflicts_with_all = ["cad", "contacts", "triangles", "truth", "json", "clip_information"])]
+    pub(super) follow: bool,
+    /// Solve after every N touches
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = touches, requires = "follow")]
+    pub(super) every: usize,
     /// Print the result as JSON
     #[arg(long)]
     pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) cad: CadArgs,
 }
 
 /// The loss function; `None`: chosen by what the observations need.
@@ -84,6 +95,11 @@ const STARTS: [Choice<Initialization>; 3] = [
     ("tree", Initialization::SpanningTree, "Chained along a spanning tree"),
     ("file", Initialization::InitialValues, "The values in the file"),
 ];
+
+/// A number of touches.
+fn touches(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "needed: a number of touches, at least 1".into())
+}
 
 impl Args {
     pub(super) fn options(&self) -> CalibOptions {

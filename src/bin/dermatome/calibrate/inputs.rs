@@ -41,6 +41,9 @@ impl Inputs {
         };
         let (mut observations, remarks) = read.map_err(Error::from)?;
         remarks.iter().for_each(|remark| note!(common, "{remark}"));
+        if !observations.touches.is_empty() {
+            note!(common, "columns of touches count only with --cad: every row is an observation of its own");
+        }
         // What is assumed is a length in metres, which must not become one in the unit of the file.
         let is_assumed =
             |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });

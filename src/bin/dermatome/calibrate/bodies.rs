@@ -1,0 +1,84 @@
+//! `calibrate --cad`: touches move the bodies of a drawn skin.
+
+use std::io::{BufReader, stdin};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::Context;
+use dermatome::Error;
+use dermatome::calib::{TouchNoise, fit_bodies};
+use dermatome::io::{
+    ObservationRemark, observations_from_stream, read_observations, write_bodies, write_skin,
+};
+
+use crate::calibrate::args::Args;
+use crate::calibrate::body_summary::{BodySummary, notes, print_bodies};
+use crate::calibrate::drawing::Drawing;
+use crate::calibrate::results::{OutputKind, check};
+use crate::console::errors::{BAD_INPUT, advise};
+use crate::console::notes::{note, remark_lost};
+use crate::console::print::print_json;
+use crate::console::progress;
+use crate::files::outputs::{self, is_stream};
+use crate::options::Common;
+
+/// Fits the bodies of the drawing `cad`.
+pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<ExitCode> {
+    let outputs = check(args)?;
+    if let Some((path, _)) = outputs.iter().find(|(_, kind)| matches!(kind, OutputKind::Graph)) {
+        return Err(advise(
+            format!("{}: a graph has no place for bodies", path.display()),
+            "write a table .csv or a skin, as .glb",
+        ));
+    }
+    let drawing = Drawing::read(cad, &args.cad, common)?;
+    let read = if is_stream(&args.observations) {
+        observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &[])
+    } else {
+        read_observations(&args.observations, &[])
+    };
+    let (mut observations, remarks) = read.map_err(Error::from)?;
+    let is_assumed = |remark: &&ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
+    remarks.iter().filter(|remark| !is_assumed(remark)).for_each(|remark| note!(common, "{remark}"));
+    let noise = if remarks.iter().any(|remark| is_assumed(&remark)) {
+        note!(common, "the table gives no uncertainty; it is estimated from the touches");
+        TouchNoise::Estimated
+    } else {
+        TouchNoise::Stated
+    };
+    observations.scale(args.unit.metres());
+    let bar = progress::bar(common);
+    bar.set_message("calibrating");
+    let clock = Instant::now();
+    let found = fit_bodies(&observations, &drawing.cad, &args.cad.options(noise))
+        .map_err(Error::from)
+        .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
+    let seconds = clock.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+    if !common.quiet {
+        notes(&found, &drawing.cad, common);
+    }
+    if !found.converged && !args.keep {
+        let what = format!("{}: not converged; nothing was written", args.observations.display());
+        return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
+    }
+    let file = |path: &Path| common.outputs.file(path);
+    for (path, kind) in outputs {
+        if matches!(kind, OutputKind::Table) {
+            write_bodies(file(path), &drawing.cad, &found).map_err(Error::from)?;
+            outputs::drop_triangles(path, common)?;
+        } else {
+            let skin = drawing.calibrated(&found, common)?;
+            write_skin(file(path), &skin).map_err(Error::from)?;
+            remark_lost(path, &skin, common);
+        }
+    }
+    outputs::publish(common)?;
+    if args.json {
+        print_json("dermatome.bodies/1", &BodySummary::new(&found, &drawing.cad, seconds))?;
+    } else if !common.quiet {
+        print_bodies(&found)?;
+    }
+    Ok(if found.converged { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
+}

@@ -1,0 +1,271 @@
+//! The result of [`fit_bodies`](crate::calib::fit_bodies()): plain data.
+
+use std::collections::BTreeSet;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::cad::{CadSkin, CadTaxel, ModuleId};
+use super::covariance::{BodyCovariances, of_taxel};
+use super::folds::HeldBack;
+use super::misassembly::Misassembled;
+use super::options::{BodyLevel, BodyOptions, TouchNoise};
+use super::placement::{BodyId, Hierarchy, precision};
+use super::solve::{EstimatedNoise, Solved};
+use super::system::deviation;
+use super::touches::{TouchId, Touches};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{Covariance, Matrix6, chi_square_tail, symmetric_eigen};
+use crate::skin::TaxelId;
+
+/// A taxel where the fit places it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibratedTaxel {
+    /// The vendor's id.
+    pub id: TaxelId,
+    /// Its position, in m.
+    pub position: DVec3,
+    /// Its unit normal, if the drawing has one.
+    pub normal: Option<DVec3>,
+    /// Covariance of the position, in m^2, from those of the bodies that carry it.
+    pub covariance: Covariance,
+}
+
+/// Whether the motion of a body is as small as its tolerance says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionTest {
+    /// Squared motion over its expected covariance: that of the tolerance less that of the result.
+    pub chi2: f64,
+    /// Numbers of the motion that the touches determine.
+    pub degrees_of_freedom: usize,
+    /// Probability of a larger motion if the tolerance is right.
+    pub p: f64,
+}
+
+impl MotionTest {
+    /// Whether the drawing is believable: one true drawing in a thousand is not.
+    pub fn is_believable(&self) -> bool {
+        self.p >= 1e-3
+    }
+}
+
+/// Where a module is in the frame of the link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModulePose {
+    /// Mean of its taxels, in m.
+    pub centre: DVec3,
+    /// Its rotation from the drawing.
+    pub rotation: DQuat,
+    /// Covariance of the centre in m^2 and of the rotation vector in rad^2, in the frame of the link.
+    pub covariance: [[f64; 6]; 6],
+}
+
+/// What the fit says about a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyFit {
+    /// The level of the body.
+    pub level: BodyLevel,
+    /// Name of the patch or module; `mount` for the mount.
+    pub name: String,
+    /// Contacts of its taxels, without rejected ones.
+    pub contacts: usize,
+    /// Motion of its centre relative to its parent, in m.
+    pub translation: DVec3,
+    /// Rotation vector relative to its parent, in rad.
+    pub rotation: DVec3,
+    /// Standard deviations of the length of both, in m and rad; `None` if the body does not move.
+    pub sigmas: Option<[f64; 2]>,
+    /// The test of the motion; `None` without a contact, or if the body does not move.
+    pub test: Option<MotionTest>,
+    /// Where a module is; `None` for other bodies.
+    pub pose: Option<ModulePose>,
+}
+
+/// The offset of the probe in its own frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbeOffset {
+    /// The offset, in m.
+    pub offset: DVec3,
+    /// Standard deviation of each axis, in m.
+    pub sigmas: DVec3,
+}
+
+/// Where the bodies of a skin are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyCalibration {
+    /// The taxels, in the order of the drawing.
+    pub taxels: IdVec<VertexId, CalibratedTaxel>,
+    /// The mount, then the patches, then the modules.
+    pub bodies: Vec<BodyFit>,
+    /// The probe's offset, if it is fitted.
+    pub probe: Option<ProbeOffset>,
+    /// The standoff and its standard deviation, in m, if it is fitted.
+    pub standoff: Option<[f64; 2]>,
+    /// Standard deviations along the normal and per axis of the tangent plane, in m, of touches of one, two, three and
+    /// more taxels; `None` if they are stated.
+    pub noise: Option<EstimatedNoise>,
+    /// Number of touches and of contacts.
+    pub counts: [usize; 2],
+    /// Touches that are outliers, numbered in the order of their first rows.
+    pub rejected: Vec<TouchId>,
+    /// Weighted sum of the squared whitened errors of inliers and of the motions over their tolerances.
+    pub chi2: f64,
+    /// Numbers that the contacts of inliers observe. The motions have as many unknowns as priors.
+    pub degrees_of_freedom: f64,
+    /// Modules without a touch: they keep their drawn pose relative to their patch.
+    pub untouched: Vec<ModuleId>,
+    /// Modules that look exchanged or turned.
+    pub misassembled: Misassembled,
+    /// Prediction of contacts that were held back, if that was asked for.
+    pub held_back: Option<HeldBack>,
+    /// Gauss-Newton steps of the last fit.
+    pub steps: usize,
+    /// Whether the last step was negligible.
+    pub converged: bool,
+}
+
+/// A fit and what it is of.
+pub(super) struct Fit<'f> {
+    pub(super) cad: &'f CadSkin,
+    pub(super) options: &'f BodyOptions,
+    pub(super) hierarchy: &'f Hierarchy,
+    pub(super) touches: &'f Touches,
+    pub(super) solved: &'f Solved,
+    /// Squared motions over their tolerances.
+    pub(super) prior: f64,
+}
+
+impl Fit<'_> {
+    pub(super) fn result(
+        &self,
+        covariances: &BodyCovariances,
+        misassembled: Misassembled,
+        held_back: Option<HeldBack>,
+    ) -> BodyCalibration {
+        let Self { cad, options, hierarchy, touches, solved, prior } = self;
+        let contacts = self.contacts_of_bodies();
+        let chains = hierarchy.chains.enumerate();
+        let is_untouched = |module: &ModuleId| {
+            !touches.all.iter().any(|t| t.taxels.iter().any(|&(v, _)| hierarchy.module_of(v) == *module))
+        };
+        let of_inliers = touches.all.enumerate().filter(|(id, _)| solved.inliers[*id]);
+        let errors: f64 = of_inliers.clone().map(|(id, touch)| touch.weight * solved.chi2[id]).sum();
+        let (probe, standoff) = covariances.probe;
+        let diagonal = DVec3::new(probe.x_axis.x, probe.y_axis.y, probe.z_axis.z);
+        let rejected = solved.inliers.enumerate().filter(|(_, is_inlier)| !**is_inlier);
+        BodyCalibration {
+            taxels: self.taxels(covariances),
+            bodies: hierarchy.levels.ids().map(|body| self.body(body, contacts[body], covariances)).collect(),
+            probe: options.probe.map(|_| ProbeOffset {
+                offset: solved.placement.offset,
+                sigmas: diagonal.map(|variance| variance.max(0.0).sqrt()),
+            }),
+            standoff: options.standoff.map(|_| [solved.placement.standoff, standoff.max(0.0).sqrt()]),
+            noise: (options.noise == TouchNoise::Estimated).then_some(solved.noise),
+            counts: [touches.all.len(), touches.contacts],
+            rejected: rejected.map(|(touch, _)| touch).collect(),
+            chi2: errors + prior,
+            degrees_of_freedom: 3.0 * of_inliers.map(|(_, touch)| touch.weight).sum::<f64>(),
+            untouched: chains.map(|(module, _)| module).filter(is_untouched).collect(),
+            misassembled,
+            held_back,
+            steps: solved.steps,
+            converged: solved.converged,
+        }
+        .named_as(cad)
+    }
+
+    /// Number of contacts of inliers that each body carries.
+    fn contacts_of_bodies(&self) -> IdVec<BodyId, usize> {
+        let mut contacts = self.hierarchy.levels.map(|_| BTreeSet::new());
+        for (touch, _) in self.touches.all.iter().zip(&self.solved.inliers).filter(|(_, inlier)| **inlier) {
+            for body in touch.taxels.iter().flat_map(|&(v, _)| self.hierarchy.chain(v)) {
+                contacts[body].insert(touch.contact);
+            }
+        }
+        contacts.map(BTreeSet::len)
+    }
+
+    fn taxels(&self, covariances: &BodyCovariances) -> IdVec<VertexId, CalibratedTaxel> {
+        let centres = self.hierarchy.chains.map(|chain| self.centre(*chain));
+        let of = |(v, taxel): (VertexId, &CadTaxel)| {
+            let placed = self.solved.placement.taxel(self.hierarchy, v);
+            let module = taxel.module;
+            CalibratedTaxel {
+                id: taxel.id,
+                position: placed.position,
+                normal: placed.normal.try_normalize(),
+                covariance: of_taxel(&covariances.modules[module], placed.position - centres[module]),
+            }
+        };
+        self.cad.taxels.enumerate().map(of).collect()
+    }
+
+    /// Where the centre of a module is.
+    fn centre(&self, chain: [BodyId; 3]) -> DVec3 {
+        let at = &self.solved.placement;
+        chain.into_iter().rev().fold(self.hierarchy.centres[chain[2]], |position, body| {
+            let (motion, centre) = (at.motions[body], self.hierarchy.centres[body]);
+            centre + motion.translation + motion.rotation * (position - centre)
+        })
+    }
+
+    fn body(&self, body: BodyId, contacts: usize, covariances: &BodyCovariances) -> BodyFit {
+        let at = &self.solved.placement;
+        let level = self.hierarchy.levels[body];
+        let motion = deviation(at, body);
+        let covariance = covariances.bodies[body];
+        let root = |part: DMat3| (part.x_axis.x + part.y_axis.y + part.z_axis.z).max(0.0).sqrt();
+        let chain = self.hierarchy.chains.enumerate().find(|(_, chain)| chain[2] == body);
+        let pose = chain.map(|(module, chain)| ModulePose {
+            centre: self.centre(*chain),
+            rotation: chain.iter().fold(DQuat::IDENTITY, |all, &b| all * at.motions[b].rotation),
+            covariance: rows(&covariances.modules[module]),
+        });
+        let test = covariance.filter(|_| contacts > 0).map(|c| self.test(level, motion, &c));
+        BodyFit {
+            level,
+            name: String::new(),
+            contacts,
+            translation: DVec3::from_slice(&motion),
+            rotation: DVec3::from_slice(&motion[3..]),
+            sigmas: covariance.map(|c| [root(c.0[0][0]), root(c.0[1][1])]),
+            test,
+            pose,
+        }
+    }
+
+    /// If the tolerance `S_0` is right, a result of covariance `S` is distributed with `S_0 - S` about the drawing.
+    fn test(&self, level: BodyLevel, motion: [f64; 6], covariance: &Matrix6) -> MotionTest {
+        let scale = precision(self.options, level).map(f64::sqrt);
+        let shrunk = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                f64::from(u8::from(i == j)) - scale[i] * covariance.entry(i, j) * scale[j]
+            })
+        });
+        let (values, vectors) = symmetric_eigen::<6>(&shrunk);
+        let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
+        for (k, &value) in values.iter().enumerate().filter(|(_, value)| **value > LEAST_DETERMINED) {
+            let along: f64 = (0..6).map(|i| vectors[i][k] * motion[i] * scale[i]).sum();
+            chi2 += along * along / value;
+            degrees_of_freedom += 1;
+        }
+        let p = if degrees_of_freedom == 0 { 1.0 } else { chi_square_tail(chi2, degrees_of_freedom as f64) };
+        MotionTest { chi2, degrees_of_freedom, p }
+    }
+}
+
+/// A direction of a motion counts as determined if touches remove this share of the variance of its tolerance.
+const LEAST_DETERMINED: f64 = 0.05;
+
+fn rows(matrix: &Matrix6) -> [[f64; 6]; 6] {
+    std::array::from_fn(|i| std::array::from_fn(|j| matrix.entry(i, j)))
+}
+
+impl BodyCalibration {
+    fn named_as(mut self, cad: &CadSkin) -> Self {
+        let names = ["mount"].into_iter().chain(cad.patches.iter().map(String::as_str));
+        let names = names.chain(cad.modules.iter().map(|module| module.name.as_str()));
+        self.bodies.iter_mut().zip(names).for_each(|(body, name)| body.name = name.to_owned());
+        self
+    }
+}

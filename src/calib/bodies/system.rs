@@ -1,0 +1,205 @@
+//! The normal equations of all bodies: blocks of six unknowns, one for each body that moves and one for the probe.
+
+use glam::{DMat3, DVec3};
+
+use super::options::{BodyLevel, BodyOptions};
+use super::placement::{BodyId, Columns, Hierarchy, Placement, precision};
+use super::touches::{Touch, TouchId, Touches};
+use crate::calib::CalibError;
+use crate::calib::pose::log;
+use crate::id::IdVec;
+use crate::sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern};
+
+/// Unknowns of a block.
+pub(super) const BLOCK: usize = 6;
+
+/// The unknowns of a fit in blocks.
+pub(super) struct BodySystem<'o> {
+    options: &'o BodyOptions,
+    level: BodyLevel,
+    /// Block row of each body that moves.
+    rows: IdVec<BodyId, Option<usize>>,
+    /// Block row of the probe's offset and the standoff.
+    probe: Option<usize>,
+    system: BlockSystem,
+}
+
+/// The weight of a touch, and the information of its error.
+pub(super) type Weighted = (f64, DMat3);
+
+impl<'o> BodySystem<'o> {
+    pub(super) fn new(
+        options: &'o BodyOptions,
+        level: BodyLevel,
+        hierarchy: &Hierarchy,
+        touches: &Touches,
+    ) -> Result<Self, CalibError> {
+        let mut count = 0;
+        let mut number = |moves: bool| {
+            moves.then(|| {
+                count += 1;
+                count - 1
+            })
+        };
+        let rows = hierarchy.levels.map(|of| number(*of <= level));
+        let probe = number(options.probe.or(options.standoff).is_some());
+        let mut pairs = Vec::new();
+        for chain in &hierarchy.chains {
+            join(&mut pairs, chain.iter().filter_map(|&body| rows[body]).chain(probe));
+        }
+        for touch in touches.all.iter().filter(|touch| touch.taxels.len() > 1) {
+            let bodies = touch.taxels.iter().flat_map(|&(v, _)| hierarchy.chain(v));
+            join(&mut pairs, bodies.filter_map(|body| rows[body]));
+        }
+        let system = BlockSystem::new(Pattern::new(count, pairs), BLOCK).map_err(CalibError::Sparse)?;
+        Ok(Self { options, level, rows, probe, system })
+    }
+
+    /// Number of block rows.
+    pub(super) fn blocks(&self) -> usize {
+        self.system.blocks()
+    }
+
+    pub(super) fn row(&self, body: BodyId) -> Option<usize> {
+        self.rows[body]
+    }
+
+    pub(super) fn probe_row(&self) -> Option<usize> {
+        self.probe
+    }
+
+    /// The factor of the Gauss-Newton matrix and the gradient at a placement.
+    pub(super) fn linearise(
+        &self,
+        hierarchy: &Hierarchy,
+        at: &Placement,
+        touches: &Touches,
+        weights: &IdVec<TouchId, Weighted>,
+    ) -> Result<(BlockFactor<'_>, Vec<f64>), CalibError> {
+        let mut matrix = self.system.zero();
+        let mut gradient = vec![0.0; BLOCK * self.blocks()];
+        for (touch, &(weight, information)) in touches.all.iter().zip(weights) {
+            self.add(&mut matrix, &mut gradient, hierarchy, at, touch, information * weight);
+        }
+        self.add_priors(&mut matrix, &mut gradient, hierarchy, at);
+        Ok((matrix.factor().map_err(CalibError::Sparse)?, gradient))
+    }
+
+    fn add(
+        &self,
+        matrix: &mut BlockMatrix<'_>,
+        gradient: &mut [f64],
+        hierarchy: &Hierarchy,
+        at: &Placement,
+        touch: &Touch,
+        information: DMat3,
+    ) {
+        let linear = at.linearised(hierarchy, touch, self.level);
+        let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
+        let mut blocks: Vec<(usize, Columns)> =
+            rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
+        blocks.sort_unstable_by_key(|block| block.0);
+        let weighted_error = information * linear.error;
+        for (k, (row, columns)) in blocks.iter().enumerate() {
+            let weighted = columns.map(|column| information * column);
+            for (sum, column) in gradient[BLOCK * row..].iter_mut().zip(columns) {
+                *sum += column.dot(weighted_error);
+            }
+            for (below, others) in &blocks[k..] {
+                if let Some(slot) = self.system.slot(*below, *row) {
+                    matrix.add(slot, |a, b| others[a].dot(weighted[b]));
+                }
+            }
+        }
+    }
+
+    /// The columns of the unknowns that are fitted; zero for others.
+    fn of_probe(&self, mut columns: Columns) -> Columns {
+        if self.options.probe.is_none() {
+            columns[..3].fill(DVec3::ZERO);
+        }
+        if self.options.standoff.is_none() {
+            columns[3] = DVec3::ZERO;
+        }
+        columns
+    }
+
+    fn add_priors(
+        &self,
+        matrix: &mut BlockMatrix<'_>,
+        gradient: &mut [f64],
+        hierarchy: &Hierarchy,
+        at: &Placement,
+    ) {
+        let mut add = |row: usize, precision: [f64; BLOCK], deviation: [f64; BLOCK]| {
+            // Rows of a pattern are below 2^32.
+            if let Ok(block) = u32::try_from(row) {
+                matrix.add(BlockSlot::diagonal(block), |a, b| if a == b { precision[a] } else { 0.0 });
+            }
+            for (k, (p, d)) in precision.into_iter().zip(deviation).enumerate() {
+                gradient[BLOCK * row + k] += p * d;
+            }
+        };
+        for (body, row) in self.rows.enumerate() {
+            if let Some(row) = *row {
+                add(row, precision(self.options, hierarchy.levels[body]), deviation(at, body));
+            }
+        }
+        if let Some(row) = self.probe {
+            let (o, h) = (at.offset, at.standoff);
+            add(row, self.probe_precision(), [o.x, o.y, o.z, h, 0.0, 0.0]);
+        }
+    }
+
+    /// Inverse variances of the offset and the standoff. What is not fitted has any precision: it stays 0.
+    fn probe_precision(&self) -> [f64; BLOCK] {
+        let of = |sigma: Option<f64>| sigma.map_or(1.0, |sigma| sigma.powi(-2));
+        let (o, h) = (of(self.options.probe), of(self.options.standoff));
+        [o, o, o, h, 1.0, 1.0]
+    }
+
+    /// Twice the cost of the priors.
+    pub(super) fn prior_chi2(&self, hierarchy: &Hierarchy, at: &Placement) -> f64 {
+        let sum = |precision: [f64; BLOCK], deviation: [f64; BLOCK]| {
+            precision.into_iter().zip(deviation).map(|(p, d)| p * d * d).sum::<f64>()
+        };
+        let moving = self.rows.enumerate().filter(|(_, row)| row.is_some());
+        let bodies = moving
+            .map(|(body, _)| sum(precision(self.options, hierarchy.levels[body]), deviation(at, body)))
+            .sum::<f64>();
+        let (o, h) = (at.offset, at.standoff);
+        let probe = self.probe.map_or(0.0, |_| sum(self.probe_precision(), [o.x, o.y, o.z, h, 0.0, 0.0]));
+        bodies + probe
+    }
+
+    /// Moves a placement by a step; returns its largest number.
+    pub(super) fn advance(&self, at: &mut Placement, step: &[f64]) -> f64 {
+        for (body, row) in self.rows.enumerate() {
+            if let Some(row) = *row {
+                at.advance(body, &step[BLOCK * row..]);
+            }
+        }
+        if let Some(row) = self.probe {
+            let step = &step[BLOCK * row..];
+            at.offset += DVec3::from_slice(step);
+            at.standoff += step[3];
+        }
+        step.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
+    }
+}
+
+/// The six numbers of a motion: translation and rotation vector.
+pub(super) fn deviation(at: &Placement, body: BodyId) -> [f64; BLOCK] {
+    let (t, r) = (at.motions[body].translation, log(at.motions[body].rotation));
+    [t.x, t.y, t.z, r.x, r.y, r.z]
+}
+
+/// Appends all pairs of some rows.
+fn join(pairs: &mut Vec<(usize, usize)>, rows: impl Iterator<Item = usize>) {
+    let mut rows: Vec<usize> = rows.collect();
+    rows.sort_unstable();
+    rows.dedup();
+    for (k, &row) in rows.iter().enumerate() {
+        pairs.extend(rows[k + 1..].iter().map(|&other| (row, other)));
+    }
+}

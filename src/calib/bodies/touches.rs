@@ -1,0 +1,152 @@
+//! Touches: the rows of a table of contacts that observe one point, and which touches repeat a contact.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use glam::{DMat3, DVec3};
+
+use super::cad::CadSkin;
+use crate::calib::{
+    CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchRow,
+};
+use crate::id::{IdVec, VertexId, define_id};
+use crate::skin::TaxelId;
+
+define_id!(
+    /// A touch: one or more taxels that feel the probe at once.
+    pub TouchId, "t"
+);
+
+/// One touch.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Touch {
+    /// Its taxels in the drawing, and their weights, of sum 1.
+    pub(super) taxels: Vec<(VertexId, f64)>,
+    /// Mean of the observed positions, in m.
+    pub(super) position: DVec3,
+    /// Orientation of the probe.
+    pub(super) probe: DMat3,
+    /// Mean of the stated information. All rows observe one point, so it does not grow with their number.
+    pub(super) information: DMat3,
+    /// Number of its contact, dense.
+    pub(super) contact: usize,
+    /// Weight of the touch: one over the touches of its contact.
+    pub(super) weight: f64,
+}
+
+/// All touches, in the order of their first rows.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Touches {
+    pub(super) all: IdVec<TouchId, Touch>,
+    /// Number of contacts.
+    pub(super) contacts: usize,
+}
+
+/// A touch while its rows are read.
+struct RowSum {
+    first: ContactObservationId,
+    contact: Option<u64>,
+    taxels: Vec<(VertexId, f64)>,
+    weight: f64,
+    position: DVec3,
+    probe: DMat3,
+    information: DMat3,
+}
+
+impl Touches {
+    /// The touches of observations, on a drawing.
+    ///
+    /// # Errors
+    /// If the observations are not contacts of positions, a taxel is not in the drawing, the rows of a touch are in
+    /// different contacts, or an offset of the probe `needs` orientations and there are none.
+    pub(super) fn new(
+        observations: &Observations,
+        cad: &CadSkin,
+        needs_orientation: bool,
+    ) -> Result<Self, CalibError> {
+        if let Some((edge, found)) = observations.edges.enumerate().next() {
+            let id = observations.taxels[found.from].id;
+            let (observation, needed) = (ObservationId::Edge(edge), "contacts alone next to a drawing");
+            return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
+        }
+        let vertices: HashMap<TaxelId, VertexId> = cad.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
+        let (mut sums, mut numbers) = (IdVec::<TouchId, RowSum>::default(), HashMap::new());
+        for (contact, observed) in observations.contacts.enumerate() {
+            let (row, id) = (observations.touch_of(contact), observations.taxels[observed.taxel].id);
+            let vertex = *vertices.get(&id).ok_or(CalibError::NotInCad { contact, id })?;
+            if needs_orientation && row.probe.is_none() {
+                return Err(CalibError::NoProbeOrientation { contact, id });
+            }
+            let touch = match row.touch.map(|number| numbers.entry(number)) {
+                Some(Entry::Occupied(known)) => *known.get(),
+                Some(Entry::Vacant(place)) => *place.insert(sums.push(RowSum::new(contact, row))),
+                None => sums.push(RowSum::new(contact, row)),
+            };
+            let sum = &mut sums[touch];
+            if sum.contact != row.contact {
+                return Err(CalibError::TouchInTwoContacts { contact, first: sum.first });
+            }
+            let (position, information) = match &observed.measurement {
+                ContactMeasurement::Position { position, information }
+                | ContactMeasurement::PositionNormal { position, information, .. } => {
+                    (*position, information)
+                }
+                ContactMeasurement::Pose { .. } => {
+                    let (observation, needed) =
+                        (ObservationId::Contact(contact), "positions next to a drawing");
+                    return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
+                }
+            };
+            sum.taxels.push((vertex, row.weight));
+            sum.weight += row.weight;
+            sum.position += row.weight * position;
+            sum.probe += row.weight * DMat3::from_quat(row.probe.unwrap_or_default());
+            sum.information += row.weight * information.matrix();
+        }
+        Ok(Self::of_sums(sums))
+    }
+
+    fn of_sums(sums: IdVec<TouchId, RowSum>) -> Self {
+        let (mut numbers, mut counts) = (HashMap::<u64, usize>::new(), Vec::<usize>::new());
+        let mut all: IdVec<TouchId, Touch> = IdVec::default();
+        for sum in sums {
+            let new = counts.len();
+            let contact = sum.contact.map_or(new, |number| *numbers.entry(number).or_insert(new));
+            if contact == new {
+                counts.push(0);
+            }
+            counts[contact] += 1;
+            let share = sum.weight.recip();
+            all.push(Touch {
+                taxels: sum.taxels.into_iter().map(|(v, w)| (v, w * share)).collect(),
+                position: share * sum.position,
+                probe: sum.probe * share,
+                information: sum.information * share,
+                contact,
+                weight: 1.0,
+            });
+        }
+        all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
+        Self { all, contacts: counts.len() }
+    }
+
+    /// Those for which `takes` is true of the contact.
+    pub(super) fn of_contacts(&self, takes: impl Fn(usize) -> bool) -> Self {
+        let taken = self.all.iter().filter(|touch| takes(touch.contact)).cloned();
+        Self { all: taken.collect(), contacts: self.contacts }
+    }
+}
+
+impl RowSum {
+    fn new(first: ContactObservationId, row: TouchRow) -> Self {
+        Self {
+            first,
+            contact: row.contact,
+            taxels: Vec::new(),
+            weight: 0.0,
+            position: DVec3::ZERO,
+            probe: DMat3::ZERO,
+            information: DMat3::ZERO,
+        }
+    }
+}

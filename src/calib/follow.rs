@@ -1,0 +1,337 @@
+//! On-line calibration: observations come touch by touch, and after each the taxels are solved anew.
+//!
+//! A touch is judged before it enters: its innovation, the difference between its measurements and what the last
+//! solution predicts, is compared with its covariance `A P A' + R`, where `P` is the joint covariance of the taxels that
+//! it names. A full solve of 500 positions takes milliseconds, so no factor is kept from touch to touch.
+//!
+//! The positions model only. What does not fit is not rejected here: the loss of the options decides in each solve.
+
+use std::collections::HashMap;
+
+use glam::{DMat3, DVec3};
+
+use crate::calib::{
+    CalibError, CalibOptions, Calibration, ContactMeasurement, DisplacementMeasurement, Information,
+    LinearSystem, Model, Observations, Pose, Problem, calibrate_with, free_under,
+};
+use crate::id::{IdVec, VertexId};
+use crate::numeric::quantile;
+use crate::run::Run;
+use crate::skin::TaxelId;
+use crate::sparse::{BlockSystem, Pattern};
+
+/// Share of the touches that fit if the stated noise is right.
+const FITTING_SHARE: f64 = 0.999;
+
+/// How a touch differs from what was known before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation {
+    /// Squared difference over its covariance.
+    pub chi2: f64,
+    /// Numbers that are compared.
+    pub degrees_of_freedom: usize,
+}
+
+impl Innovation {
+    /// Whether the stated noise explains it: of true touches one in a thousand is not explained.
+    pub fn fits(&self) -> bool {
+        self.chi2 <= quantile(FITTING_SHARE, self.degrees_of_freedom as f64)
+    }
+}
+
+/// What a touch changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FollowedTouch {
+    /// Number of the touch, from 1.
+    pub touch: usize,
+    /// The taxels that it names, ascending.
+    pub taxels: Vec<TaxelId>,
+    /// How it differs from what was known; `None` if nothing it measures was known.
+    pub innovation: Option<Innovation>,
+    /// The solve that followed; `None` if it was left to a later touch.
+    pub solved: Option<FollowedSolve>,
+}
+
+/// A solve after a touch.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FollowedSolve {
+    /// The taxels were solved.
+    Solved {
+        /// Largest motion of a taxel that was known before, in m.
+        moved: f64,
+        /// The least certain taxel and its standard deviation, in m, if covariances are computed.
+        worst: Option<(TaxelId, f64)>,
+    },
+    /// The observations so far do not determine this taxel.
+    Undetermined(TaxelId),
+}
+
+/// Solves a growing set of observations; see [`Calibration::follow`].
+#[derive(Debug, Clone)]
+pub struct Follower {
+    options: CalibOptions,
+    every: usize,
+    observations: Observations,
+    vertices: HashMap<TaxelId, VertexId>,
+    touches: usize,
+    /// The observations of the last solve, from where it put the taxels, and its result.
+    solution: Option<(Observations, Calibration)>,
+}
+
+impl Calibration {
+    /// Solves observations that come touch by touch, after every `every` touches.
+    ///
+    /// ```
+    /// use dermatome::calib::{CalibOptions, Calibration, Displacement, Observations, SimulateOptions, simulate};
+    /// use dermatome::{id::VertexId, run::Run};
+    ///
+    /// let all = simulate(&SimulateOptions { taxels: 20, ..SimulateOptions::default() })?.observations;
+    /// let mut follower = Calibration::follow(&CalibOptions::default(), 1);
+    /// for edge in &all.edges {
+    ///     let taxels = vec![all.taxels[edge.from], all.taxels[edge.to]].into();
+    ///     let (from, to) = (VertexId::new(0), VertexId::new(1));
+    ///     let edges = vec![Displacement { from, to, ..edge.clone() }].into();
+    ///     follower.push(&Observations { taxels, edges, ..Observations::default() }, Run::default())?;
+    /// }
+    /// let (_, found) = follower.finish(Run::default())?;
+    /// assert_eq!(found.poses.len(), 20);
+    /// # Ok::<(), dermatome::calib::CalibError>(())
+    /// ```
+    pub fn follow(options: &CalibOptions, every: usize) -> Follower {
+        Follower {
+            options: *options,
+            every: every.max(1),
+            observations: Observations::default(),
+            vertices: HashMap::new(),
+            touches: 0,
+            solution: None,
+        }
+    }
+}
+
+impl Follower {
+    /// Judges a touch, adds its observations, and solves if it is time. The taxels of `touch` may be new.
+    ///
+    /// # Errors
+    /// If the touch breaks a rule ([`Observations::validate`]) or is not of the positions model, then it is not added; as
+    /// [`calibrate`](crate::calib::calibrate()), but a taxel that is not determined yet is no error.
+    pub fn push(&mut self, touch: &Observations, run: Run<'_>) -> Result<FollowedTouch, CalibError> {
+        touch.validate()?;
+        if touch.model != Model::Positions {
+            return Err(CalibError::FollowedPoses);
+        }
+        let innovation = self.innovation(touch)?;
+        self.add(touch);
+        self.touches += 1;
+        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
+        taxels.sort_unstable();
+        let is_due = self.touches.is_multiple_of(self.every);
+        let solved = is_due.then(|| self.solve(run)).transpose()?;
+        Ok(FollowedTouch { touch: self.touches, taxels, innovation, solved })
+    }
+
+    /// The last solution.
+    pub fn solution(&self) -> Option<&Calibration> {
+        self.solution.as_ref().map(|(_, found)| found)
+    }
+
+    /// All observations, taxels by ascending id, and their batch calibration.
+    ///
+    /// # Errors
+    /// As [`calibrate`](crate::calib::calibrate()).
+    pub fn finish(&self, run: Run<'_>) -> Result<(Observations, Calibration), CalibError> {
+        let mut order: Vec<VertexId> = self.observations.taxels.ids().collect();
+        order.sort_unstable_by_key(|&v| self.observations.taxels[v].id);
+        let mut place = IdVec::<VertexId, VertexId>::filled(VertexId::default(), order.len());
+        let mut sorted = Observations { model: self.observations.model, ..Observations::default() };
+        for &v in &order {
+            place[v] = sorted.taxels.push(self.observations.taxels[v]);
+        }
+        for edge in &self.observations.edges {
+            let (from, to) = (place[edge.from], place[edge.to]);
+            sorted.edges.push(crate::calib::Displacement { from, to, ..edge.clone() });
+        }
+        for contact in &self.observations.contacts {
+            let taxel = place[contact.taxel];
+            sorted.contacts.push(crate::calib::ContactObservation { taxel, ..contact.clone() });
+        }
+        let found = calibrate_with(&sorted, &self.options, run)?;
+        Ok((sorted, found))
+    }
+
+    fn add(&mut self, touch: &Observations) {
+        let observations = &mut self.observations;
+        let place = touch
+            .taxels
+            .map(|taxel| *self.vertices.entry(taxel.id).or_insert_with(|| observations.taxels.push(*taxel)));
+        for edge in &touch.edges {
+            let mut edge = edge.clone();
+            (edge.from, edge.to) = (place[edge.from], place[edge.to]);
+            observations.edges.push(edge);
+        }
+        for contact in &touch.contacts {
+            let mut contact = contact.clone();
+            contact.taxel = place[contact.taxel];
+            observations.contacts.push(contact);
+        }
+    }
+
+    fn solve(&mut self, run: Run<'_>) -> Result<FollowedSolve, CalibError> {
+        let mut start = self.observations.clone();
+        if let Some((_, last)) = &self.solution {
+            // The gauge stays at the taxels that had it.
+            for (taxel, pose) in start.taxels.iter_mut().zip(&last.poses).filter(|(taxel, _)| !taxel.fixed) {
+                taxel.initial = Some(*pose);
+            }
+        }
+        let found = match calibrate_with(&start, &self.options, run) {
+            Ok(found) => found,
+            Err(CalibError::Undetermined { id }) => return Ok(FollowedSolve::Undetermined(id)),
+            Err(other) => return Err(other),
+        };
+        let before = self.solution.iter().flat_map(|(_, last)| &last.poses);
+        let moves = before.zip(&found.poses).map(|(a, b)| a.position.distance(b.position));
+        let moved = moves.fold(0.0, f64::max);
+        let sigmas = found.marginals.iter().flat_map(|m| m.positions.iter().map(|c| c.sigma()));
+        let of_ids = found.ids.iter().copied().zip(sigmas);
+        let worst = of_ids.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        self.solution = Some((start, found));
+        Ok(FollowedSolve::Solved { moved, worst })
+    }
+
+    /// The innovation of what a touch measures of taxels that are known.
+    fn innovation(&self, touch: &Observations) -> Result<Option<Innovation>, CalibError> {
+        let Some((observations, last)) = &self.solution else { return Ok(None) };
+        let weights = last.diagnostics.map(|d| d.weight);
+        let problem = Problem::new(observations, self.options.residual)?;
+        let free = free_under(&problem, &last.poses, &weights);
+        // The free component of each taxel; `None` if its position is known.
+        let mut component = last.poses.map(|_| None);
+        for (number, body) in free.iter().enumerate() {
+            body.component.taxels.iter().for_each(|&v| component[v] = Some(number));
+        }
+        let known = |v: VertexId| {
+            let here = self.vertices.get(&touch.taxels[v].id).copied();
+            here.filter(|here| here.index() < component.len())
+        };
+        let terms = terms(touch, known, &component, &last.poses);
+        if terms.is_empty() {
+            return Ok(None);
+        }
+        let system = LinearSystem::new(&problem, &free, &last.poses, &weights);
+        let joint = JointCovariance::of(&problem, &system, &terms)?;
+        joint.innovation(&terms).map(Some)
+    }
+}
+
+/// What a touch measures of known taxels: the sum of signed positions, its difference from the last solution, and its noise.
+struct Term {
+    parts: Vec<(VertexId, f64)>,
+    difference: DVec3,
+    noise: DMat3,
+}
+
+fn terms(
+    touch: &Observations,
+    known: impl Fn(VertexId) -> Option<VertexId>,
+    component: &IdVec<VertexId, Option<usize>>,
+    poses: &IdVec<VertexId, Pose>,
+) -> Vec<Term> {
+    // Information that leaves a direction open is not compared.
+    let noise =
+        |information: &Information<3>| (information.rank() == 3).then(|| information.matrix().inverse());
+    let of_edges = touch.edges.iter().filter_map(|edge| {
+        let DisplacementMeasurement::Offset { offset, information } = &edge.measurement else { return None };
+        let (from, to) = (known(edge.from)?, known(edge.to)?);
+        let difference = *offset - (poses[to].position - poses[from].position);
+        let is_known = component[from] == component[to];
+        is_known.then_some(Term {
+            parts: vec![(from, -1.0), (to, 1.0)],
+            difference,
+            noise: noise(information)?,
+        })
+    });
+    let of_contacts = touch.contacts.iter().filter_map(|contact| {
+        let (ContactMeasurement::Position { position, information }
+        | ContactMeasurement::PositionNormal { position, information, .. }) = &contact.measurement
+        else {
+            return None;
+        };
+        let taxel = known(contact.taxel)?;
+        let difference = *position - poses[taxel].position;
+        component[taxel].is_none().then_some(Term {
+            parts: vec![(taxel, 1.0)],
+            difference,
+            noise: noise(information)?,
+        })
+    });
+    of_edges.chain(of_contacts).collect()
+}
+
+/// Columns of the covariance of all taxels that belong to a few of them.
+struct JointCovariance<'p> {
+    problem: &'p Problem<'p>,
+    taxels: Vec<VertexId>,
+    columns: Vec<f64>,
+}
+
+impl<'p> JointCovariance<'p> {
+    fn of(problem: &'p Problem<'p>, system: &LinearSystem<'_>, terms: &[Term]) -> Result<Self, CalibError> {
+        let mut taxels: Vec<VertexId> =
+            terms.iter().flat_map(|term| term.parts.iter().map(|part| part.0)).collect();
+        taxels.sort_unstable();
+        taxels.dedup();
+        let (layout, moving) = (problem.layout, problem.moving());
+        let unknowns = moving * layout.unknowns();
+        let mut columns = vec![0.0; 3 * taxels.len() * unknowns];
+        for (k, &v) in taxels.iter().enumerate() {
+            let Some(row) = problem.rows[v] else { continue };
+            (0..3)
+                .for_each(|axis| columns[(3 * k + axis) * unknowns + layout.index(moving, row, axis)] = 1.0);
+        }
+        let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
+        factor.solve(&mut columns, 3 * taxels.len() * layout.columns()).map_err(CalibError::Sparse)?;
+        Ok(Self { problem, taxels, columns })
+    }
+
+    /// The covariance of two taxels; zero if one of them is fixed.
+    fn block(&self, a: VertexId, b: VertexId) -> DMat3 {
+        let (layout, moving) = (self.problem.layout, self.problem.moving());
+        let unknowns = moving * layout.unknowns();
+        let (Ok(k), Some(row)) = (self.taxels.binary_search(&b), self.problem.rows[a]) else {
+            return DMat3::ZERO;
+        };
+        if self.problem.rows[b].is_none() {
+            return DMat3::ZERO;
+        }
+        let column = |axis: usize| {
+            let of = |i: usize| self.columns[(3 * k + axis) * unknowns + layout.index(moving, row, i)];
+            DVec3::new(of(0), of(1), of(2))
+        };
+        DMat3::from_cols(column(0), column(1), column(2))
+    }
+
+    fn innovation(&self, terms: &[Term]) -> Result<Innovation, CalibError> {
+        let count = terms.len();
+        let pairs = (0..count).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let system = BlockSystem::new(Pattern::new(count, pairs), 3).map_err(CalibError::Sparse)?;
+        let mut matrix = system.zero();
+        for (i, one) in terms.iter().enumerate() {
+            for (j, other) in terms[..=i].iter().enumerate() {
+                let mut sum = if i == j { one.noise } else { DMat3::ZERO };
+                for &(a, sign_a) in &one.parts {
+                    other.parts.iter().for_each(|&(b, sign_b)| sum += self.block(a, b) * (sign_a * sign_b));
+                }
+                if let Some(slot) = system.slot(i, j) {
+                    matrix.add(slot, |a, b| sum.col(b)[a]);
+                }
+            }
+        }
+        let differences: Vec<f64> = terms.iter().flat_map(|term| term.difference.to_array()).collect();
+        let mut solved = differences.clone();
+        let factor = matrix.factor().map_err(CalibError::Sparse)?;
+        factor.solve(&mut solved, 1).map_err(CalibError::Sparse)?;
+        let chi2 = solved.iter().zip(&differences).map(|(x, y)| x * y).sum();
+        Ok(Innovation { chi2, degrees_of_freedom: 3 * count })
+    }
+}

@@ -1,0 +1,59 @@
+//! Which touch a contact belongs to: the columns of a table of contacts that the fit of rigid bodies uses.
+
+use glam::DQuat;
+
+use crate::calib::{CalibError, ContactObservationId, Observations};
+
+/// How far the squared length of the quaternion of a probe may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
+/// The touch of a contact, one for each row of a table.
+///
+/// A touch that several taxels feel has a row for each of them; all its rows observe one point of contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchRow {
+    /// Rows with the same number are one touch; `None`: a touch of its own.
+    pub touch: Option<u64>,
+    /// Touches with the same number repeat one contact, and count once together; `None`: a contact of its own.
+    pub contact: Option<u64>,
+    /// Weight of the taxel in the mean of its touch, above 0.
+    pub weight: f64,
+    /// Orientation of the probe's frame in the frame of the contacts, a unit quaternion.
+    pub probe: Option<DQuat>,
+}
+
+impl Default for TouchRow {
+    fn default() -> Self {
+        Self { touch: None, contact: None, weight: 1.0, probe: None }
+    }
+}
+
+impl Observations {
+    /// The touch of a contact; the default where the observations have none.
+    pub(crate) fn touch_of(&self, contact: ContactObservationId) -> TouchRow {
+        self.touches.get(contact).copied().unwrap_or_default()
+    }
+
+    /// Refuses touches that are not one for each contact, and numbers that no table may have.
+    pub(super) fn check_touches(&self) -> Result<(), CalibError> {
+        if !self.touches.is_empty() && self.touches.len() != self.contacts.len() {
+            let (found, needed) = (self.touches.len(), self.contacts.len());
+            return Err(CalibError::UnequalTouches { found, needed });
+        }
+        for (contact, row) in self.touches.enumerate() {
+            let invalid = |reason| {
+                let id = self.taxels[self.contacts[contact].taxel].id;
+                Err(CalibError::InvalidContact { contact, id, reason })
+            };
+            if !(row.weight > 0.0 && row.weight.is_finite()) {
+                return invalid("its weight is not a number above 0");
+            }
+            // Also refuses NaN.
+            let is_unit = |q: DQuat| (q.length_squared() - 1.0).abs() < UNIT_TOLERANCE;
+            if row.probe.is_some_and(|q| !is_unit(q)) {
+                return invalid("the orientation of its probe is not a quaternion of unit length");
+            }
+        }
+        Ok(())
+    }
+}

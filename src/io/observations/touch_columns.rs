@@ -1,0 +1,79 @@
+//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`.
+
+use std::io::Write;
+
+use crate::calib::{Observations, TouchRow};
+use crate::io::error::Result;
+use crate::io::table::writer::TableWriter;
+use crate::io::table::{Columns, Row};
+
+/// The number of a touch.
+pub(super) const TOUCH: &str = "touch";
+const CONTACT: &str = "contact";
+const WEIGHT: &str = "weight";
+const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];
+
+/// All of them.
+pub(super) const TOUCH_COLUMNS: [&str; 7] = [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw"];
+
+/// The columns that a table has.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TouchColumns {
+    touch: Option<usize>,
+    contact: Option<usize>,
+    weight: Option<usize>,
+    probe: Option<[usize; 4]>,
+}
+
+impl TouchColumns {
+    /// `None` if the table has none of them.
+    pub(super) fn find(columns: &Columns) -> Result<Option<Self>> {
+        let [touch, contact, weight] = [TOUCH, CONTACT, WEIGHT].map(|name| columns.find(name));
+        let probe = columns.find_vector(PROBE)?;
+        let has_any = touch.or(contact).or(weight).is_some() || probe.is_some();
+        Ok(has_any.then_some(Self { touch, contact, weight, probe }))
+    }
+
+    pub(super) fn read(self, row: Row<'_>) -> Result<TouchRow> {
+        let whole = |column: usize| {
+            row.text(column).parse::<u64>().map_err(|_| row.invalid(column, "a whole number, 0 or more"))
+        };
+        let weight = self.weight.map(|column| match row.number(column)? {
+            x if x > 0.0 => Ok(x),
+            _ => Err(row.invalid(column, "a weight above 0")),
+        });
+        Ok(TouchRow {
+            touch: self.touch.map(whole).transpose()?,
+            contact: self.contact.map(whole).transpose()?,
+            weight: weight.transpose()?.unwrap_or(1.0),
+            probe: self.probe.map(|columns| row.rotation(columns)).transpose()?,
+        })
+    }
+}
+
+/// The columns that a table of these observations has: those of its first contact.
+pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
+    let Some(first) = observations.touches.iter().next() else { return Vec::new() };
+    let touch = first.touch.map(|_| TOUCH);
+    let contact = first.contact.map(|_| CONTACT);
+    let probe = first.probe.map(|_| PROBE);
+    touch.into_iter().chain(contact).chain([WEIGHT]).chain(probe.into_iter().flatten()).collect()
+}
+
+/// Writes the cells of a touch under `columns`; false if it lacks one of them, or has another.
+pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<impl Write>) -> bool {
+    if columns.is_empty() {
+        return true;
+    }
+    let fits = |name: &str, is_there: bool| columns.contains(&name) == is_there;
+    if !(fits(TOUCH, row.touch.is_some())
+        && fits(CONTACT, row.contact.is_some())
+        && fits(PROBE[0], row.probe.is_some()))
+    {
+        return false;
+    }
+    [row.touch, row.contact].into_iter().flatten().for_each(|number| table.whole(number));
+    table.decimals([row.weight]);
+    table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
+    true
+}

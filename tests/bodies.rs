@@ -1,0 +1,487 @@
+//! Laws of the fit of rigid bodies: touches of simulated skins find where their modules are.
+
+use std::f64::consts::TAU;
+
+use dermatome::calib::{
+    BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadSkin, ContactMeasurement, ContactObservation,
+    ContactObservationId as ContactId, Folds, Information, NamedTaxel, Observations, TaxelVariable,
+    Tolerance, TouchNoise, TouchRow, fit_bodies,
+};
+use dermatome::id::VertexId;
+use dermatome::skin::TaxelId;
+use glam::{DQuat, DVec3};
+
+/// Random numbers of a seed (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        (self.uniform() * count as f64) as usize
+    }
+
+    fn normal(&mut self) -> f64 {
+        (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (TAU * self.uniform()).cos()
+    }
+
+    fn vector(&mut self, sigma: f64) -> DVec3 {
+        sigma * DVec3::new(self.normal(), self.normal(), self.normal())
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        self.vector(1.0).normalize()
+    }
+}
+
+/// A motion about a centre.
+#[derive(Clone, Copy)]
+struct Motion {
+    centre: DVec3,
+    translation: DVec3,
+    rotation: DQuat,
+}
+
+impl Motion {
+    fn apply(&self, x: DVec3) -> DVec3 {
+        self.centre + self.translation + self.rotation * (x - self.centre)
+    }
+
+    /// Standard deviations per axis, in mm and degrees.
+    fn random(random: &mut Random, centre: DVec3, mm: f64, degrees: f64) -> Self {
+        let translation = random.vector(1e-3 * mm);
+        Self { centre, translation, rotation: DQuat::from_scaled_axis(random.vector(degrees.to_radians())) }
+    }
+}
+
+/// Modules side by side on a cylinder: triangles of 28 taxels 14 mm apart, ten modules to a patch.
+struct Drawn {
+    /// Positions by module.
+    modules: Vec<Vec<DVec3>>,
+    normals: Vec<DVec3>,
+}
+
+const TAXELS: usize = 28;
+const PER_PATCH: usize = 10;
+
+impl Drawn {
+    fn new(count: usize) -> Self {
+        let (mut modules, mut normals) = (Vec::new(), Vec::new());
+        for module in 0..count {
+            let (row, column) = (module / PER_PATCH, module % PER_PATCH);
+            let (angle, along) = (0.3 * column as f64, 0.08 * row as f64);
+            let (sin, cos) = angle.sin_cos();
+            let (normal, u, v) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0), DVec3::Z);
+            let centre = 0.3 * normal + along * v;
+            let mut taxels = Vec::new();
+            for i in 0..7 {
+                for j in 0..7 - i {
+                    // The centroid of the triangle is at i = j = 2.
+                    let [x, y] =
+                        [i as f64 - 2.0 + 0.5 * (j as f64 - 2.0), 0.75_f64.sqrt() * (j as f64 - 2.0)];
+                    taxels.push(centre + 0.014 * (x * u + y * v));
+                }
+            }
+            modules.push(taxels);
+            normals.push(normal);
+        }
+        Self { modules, normals }
+    }
+
+    fn cad(&self) -> CadSkin {
+        let names: Vec<String> = (0..self.modules.len()).map(|m| format!("m{m}")).collect();
+        let patches: Vec<String> = (0..self.modules.len()).map(|m| format!("p{}", m / PER_PATCH)).collect();
+        let taxels = self.modules.iter().enumerate().flat_map(|(m, taxels)| {
+            let (names, patches, normal) = (&names, &patches, self.normals[m]);
+            taxels.iter().enumerate().map(move |(k, &position)| NamedTaxel {
+                id: taxel_id(m, k),
+                position,
+                normal: Some(normal),
+                module: &names[m],
+                patch: &patches[m],
+            })
+        });
+        CadSkin::new(taxels).unwrap()
+    }
+
+    fn centre(&self, modules: impl Iterator<Item = usize>) -> DVec3 {
+        let all: Vec<DVec3> = modules.flat_map(|m| self.modules[m].clone()).collect();
+        all.iter().sum::<DVec3>() / all.len() as f64
+    }
+
+    /// A skin whose mount, patches and modules moved; `place` is where each module was put.
+    fn spoiled(&self, random: &mut Random, spoil: &Spoil, place: impl Fn(usize) -> usize) -> Truth {
+        let count = self.modules.len();
+        let mount = Motion::random(random, self.centre(0..count), spoil.mount[0], spoil.mount[1]);
+        let patches: Vec<Motion> = (0..count / PER_PATCH)
+            .map(|p| {
+                let centre = self.centre(p * PER_PATCH..(p + 1) * PER_PATCH);
+                Motion::random(random, centre, spoil.patch[0], spoil.patch[1])
+            })
+            .collect();
+        let mut truth = Truth { modules: Vec::new(), centres: Vec::new(), rotations: Vec::new() };
+        for module in 0..count {
+            let at = place(module);
+            let centre = self.centre(at..at + 1);
+            let own = Motion {
+                centre,
+                translation: 1e-3 * spoil.module[0] * random.direction(),
+                rotation: DQuat::from_scaled_axis(spoil.module[1].to_radians() * random.direction()),
+            };
+            let patch = patches[at / PER_PATCH];
+            let placed = |x: DVec3| mount.apply(patch.apply(own.apply(x)));
+            let turn = if spoil.turned == Some(module) { TAU / 3.0 } else { 0.0 };
+            let turn = DQuat::from_axis_angle(self.normals[at], turn);
+            truth
+                .modules
+                .push(self.modules[at].iter().map(|&x| placed(centre + turn * (x - centre))).collect());
+            truth.centres.push(placed(centre));
+            truth.rotations.push(mount.rotation * patch.rotation * own.rotation);
+        }
+        truth
+    }
+}
+
+fn taxel_id(module: usize, slot: usize) -> TaxelId {
+    TaxelId(u32::try_from(100 * module + slot).unwrap())
+}
+
+/// How far the bodies are from the drawing, in mm and degrees: of mount and patches the standard deviation per axis, of
+/// modules the length of the motion.
+#[derive(Clone, Copy, Default)]
+struct Spoil {
+    mount: [f64; 2],
+    patch: [f64; 2],
+    module: [f64; 2],
+    turned: Option<usize>,
+}
+
+/// Where taxels truly are, by module.
+struct Truth {
+    modules: Vec<Vec<DVec3>>,
+    centres: Vec<DVec3>,
+    rotations: Vec<DQuat>,
+}
+
+/// The probe that touches: noise per axis, in m, and its offset in its own frame.
+#[derive(Clone, Copy)]
+struct Probe {
+    noise: f64,
+    offset: DVec3,
+}
+
+const STILL: Probe = Probe { noise: 3e-3, offset: DVec3::ZERO };
+
+/// `count` touches of each of the modules, each felt by one to three taxels, and repeated.
+fn touches(
+    truth: &Truth,
+    random: &mut Random,
+    modules: impl Iterator<Item = usize>,
+    count: usize,
+    probe: Probe,
+    repeats: u64,
+) -> Observations {
+    let mut observations = Observations::default();
+    let mut vertices = std::collections::HashMap::new();
+    let mut number = 0;
+    for module in modules {
+        for contact in 0..count {
+            let felt: Vec<usize> = (0..1 + random.below(3)).map(|_| random.below(TAXELS)).collect();
+            let mut felt = felt;
+            felt.sort_unstable();
+            felt.dedup();
+            let mean = felt.iter().map(|&k| truth.modules[module][k]).sum::<DVec3>() / felt.len() as f64;
+            let orientation = DQuat::from_scaled_axis(random.vector(1.0));
+            let position = mean + random.vector(probe.noise) - orientation * probe.offset;
+            let sigma = probe.noise.max(1e-4);
+            for _ in 0..repeats {
+                for &k in &felt {
+                    let id = taxel_id(module, k);
+                    let taxel: VertexId = *vertices.entry(id).or_insert_with(|| {
+                        observations.taxels.push(TaxelVariable { id, initial: None, fixed: false })
+                    });
+                    let information = Information::diagonal([sigma.powi(-2); 3]);
+                    let measurement = ContactMeasurement::Position { position, information };
+                    observations.contacts.push(ContactObservation { taxel, measurement });
+                    observations.touches.push(TouchRow {
+                        touch: Some(number),
+                        contact: Some((module * 1000 + contact) as u64),
+                        weight: 1.0,
+                        probe: Some(orientation),
+                    });
+                }
+                number += 1;
+            }
+        }
+    }
+    observations
+}
+
+fn modules(found: &BodyCalibration) -> Vec<&BodyFit> {
+    found.bodies.iter().filter(|body| body.level == BodyLevel::Module).collect()
+}
+
+/// Errors of the pose of a module: of its centre in m, and its rotation vector in rad.
+fn pose_error(body: &BodyFit, truth: &Truth, module: usize) -> [f64; 6] {
+    let pose = body.pose.unwrap();
+    let (t, r) = (
+        truth.centres[module] - pose.centre,
+        (truth.rotations[module] * pose.rotation.conjugate()).normalize().to_scaled_axis(),
+    );
+    [t.x, t.y, t.z, r.x, r.y, r.z]
+}
+
+/// `e' C^-1 e`, by elimination.
+fn squared(mut c: [[f64; 6]; 6], error: [f64; 6]) -> f64 {
+    let mut x = error;
+    for k in 0..6 {
+        for i in k + 1..6 {
+            let factor = c[i][k] / c[k][k];
+            for j in k..6 {
+                c[i][j] -= factor * c[k][j];
+            }
+            x[i] -= factor * x[k];
+        }
+    }
+    for k in (0..6).rev() {
+        for j in k + 1..6 {
+            x[k] -= c[k][j] * x[j];
+        }
+        x[k] /= c[k][k];
+    }
+    x.iter().zip(error).map(|(x, e)| x * e).sum()
+}
+
+/// Tolerances that the spoiled skin keeps: a vector of a fixed length has a third of its square on each axis.
+fn tolerant(spoil: &Spoil) -> BodyOptions {
+    let third = 3.0_f64.sqrt().recip();
+    BodyOptions {
+        mount: Tolerance::mm_deg(spoil.mount[0], spoil.mount[1]),
+        patch: Tolerance::mm_deg(spoil.patch[0], spoil.patch[1]),
+        module: Tolerance::mm_deg(third * spoil.module[0], third * spoil.module[1]),
+        ..BodyOptions::default()
+    }
+}
+
+/// Forty modules, each 5 mm and 5 degrees from the drawing, two of them exchanged and one turned by 120 degrees, are found from
+/// 20 touches each of 3 mm noise per axis, with true standard deviations. The bounds are those of the information in the
+/// touches: 3 mm / sqrt(20) per axis of the centre, and 2 degrees per axis need modules of this size.
+#[test]
+fn spoiled_modules_are_found_and_named() {
+    const SEEDS: u64 = 20;
+    let drawn = Drawn::new(40);
+    let cad = drawn.cad();
+    let spoil = Spoil { mount: [20.0, 5.0], patch: [1.0, 1.0], module: [5.0, 5.0], turned: Some(23) };
+    let place = |module| match module {
+        7 => 31,
+        31 => 7,
+        other => other,
+    };
+    let (mut translation, mut rotation, mut normalised) = (0.0, 0.0, 0.0);
+    let (mut chi2, mut degrees) = (0.0, 0.0);
+    for seed in 0..SEEDS {
+        let mut random = Random(seed);
+        let truth = drawn.spoiled(&mut random, &spoil, place);
+        let observations = touches(&truth, &mut random, 0..40, 20, STILL, 1);
+        let found = fit_bodies(&observations, &cad, &tolerant(&spoil)).unwrap();
+        let named = &found.misassembled;
+        let exchanged: Vec<_> = named.exchanged.iter().map(|pair| pair.map(|m| m.index())).collect();
+        let turned: Vec<_> = named.turned.iter().map(|t| (t.module.index(), t.degrees)).collect();
+        assert_eq!(exchanged, [[7, 31]], "seed {seed}");
+        assert_eq!(turned, [(23, 120.0)], "seed {seed}");
+        assert!(found.converged, "seed {seed}");
+        for (module, body) in modules(&found).into_iter().enumerate() {
+            let error = pose_error(body, &truth, module);
+            translation += error[..3].iter().map(|x| x * x).sum::<f64>();
+            rotation += error[3..].iter().map(|x| x * x).sum::<f64>();
+            normalised += squared(body.pose.unwrap().covariance, error);
+        }
+        chi2 += found.chi2;
+        degrees += found.degrees_of_freedom;
+    }
+    let count = 40.0 * SEEDS as f64;
+    let translation_mm = 1e3 * (translation / count).sqrt();
+    let rotation_deg = (rotation / (3.0 * count)).sqrt().to_degrees();
+    let (ratio, fit) = (normalised / (6.0 * count), chi2 / degrees);
+    println!(
+        "centre {translation_mm} mm, {rotation_deg} degrees per axis, {ratio} of dof, chi2 {fit} of dof"
+    );
+    assert!(translation_mm < 1.2, "{translation_mm} mm");
+    assert!(rotation_deg < 2.0, "{rotation_deg} degrees per axis");
+    assert!((0.9..1.1).contains(&ratio), "errors are {ratio} of their covariance");
+    assert!((0.9..1.1).contains(&fit), "chi2 is {fit} of its degrees of freedom");
+}
+
+/// Nothing is named that is not there.
+#[test]
+fn modules_in_their_places_are_not_named() {
+    let drawn = Drawn::new(20);
+    let spoil = Spoil { mount: [20.0, 5.0], patch: [1.0, 1.0], module: [5.0, 5.0], turned: None };
+    let mut random = Random(100);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let observations = touches(&truth, &mut random, 0..20, 20, STILL, 1);
+    let found = fit_bodies(&observations, &drawn.cad(), &tolerant(&spoil)).unwrap();
+    assert_eq!(found.misassembled, Default::default());
+    // The tolerance of the modules is that of the spoil.
+    let doubtful = modules(&found).iter().filter(|m| !m.test.unwrap().is_believable()).count();
+    assert!(doubtful == 0, "{doubtful} modules are doubtful under their own tolerance");
+    // With a tenth of it they are not believable.
+    let strict = BodyOptions { module: Tolerance::mm_deg(0.3, 0.3), ..tolerant(&spoil) };
+    let found = fit_bodies(&observations, &drawn.cad(), &strict).unwrap();
+    let doubtful = modules(&found).iter().filter(|m| !m.test.unwrap().is_believable()).count();
+    assert!(doubtful > 10, "only {doubtful} of 20 modules are doubtful");
+}
+
+/// An untouched module moves with its patch.
+#[test]
+fn an_untouched_module_keeps_its_drawn_pose_on_its_patch() {
+    let drawn = Drawn::new(10);
+    let spoil = Spoil { mount: [10.0, 3.0], patch: [1e-6, 1e-6], module: [1e-6, 1e-6], turned: None };
+    let mut random = Random(1);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let probe = Probe { noise: 1e-5, ..STILL };
+    let observations = touches(&truth, &mut random, 1..10, 20, probe, 1);
+    let found = fit_bodies(&observations, &drawn.cad(), &BodyOptions::default()).unwrap();
+    assert_eq!(found.untouched.iter().map(|m| m.index()).collect::<Vec<_>>(), [0]);
+    let module = modules(&found)[0];
+    assert!(module.translation.length() < 1e-12 && module.rotation.length() < 1e-12, "it follows its patch");
+    assert_eq!((module.contacts, module.test), (0, None));
+    let error = pose_error(module, &truth, 0);
+    let far = DVec3::from_slice(&error).length();
+    assert!(far < 1e-4, "{far} m, although all others show where the patch is");
+    let sigma = |k: usize| found.taxels[VertexId::new(k)].covariance.sigma();
+    assert!(sigma(0) > 2.0 * sigma(TAXELS), "its taxels are less certain than those of a touched module");
+}
+
+/// Repeats of a contact change nothing: neither the result nor its covariances.
+#[test]
+fn repeats_of_a_contact_count_once() {
+    let drawn = Drawn::new(10);
+    let spoil = Spoil { mount: [20.0, 5.0], patch: [1.0, 1.0], module: [1.0, 1.0], turned: None };
+    let fit = |repeats: u64| {
+        let mut random = Random(5);
+        let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+        let probe = Probe { offset: DVec3::new(0.0, -0.008, 0.014), ..STILL };
+        let observations = touches(&truth, &mut random, 0..10, 10, probe, repeats);
+        let options = BodyOptions { probe: Some(0.02), ..tolerant(&spoil) };
+        fit_bodies(&observations, &drawn.cad(), &options).unwrap()
+    };
+    let (once, often) = (fit(1), fit(4));
+    assert_eq!([once.counts, often.counts], [[100, 100], [400, 100]]);
+    for (a, b) in once.taxels.iter().zip(&often.taxels) {
+        let far = a.position.distance(b.position);
+        assert!(far < 1e-9 && (a.covariance.sigma() / b.covariance.sigma() - 1.0).abs() < 1e-6, "{far} m");
+    }
+    let probes = [once.probe.unwrap(), often.probe.unwrap()];
+    assert!(probes[0].sigmas.distance(probes[1].sigmas) < 1e-9, "sigmas of the offset are by contact");
+    let off = probes[0].offset - DVec3::new(0.0, -0.008, 0.014);
+    assert!((off / probes[0].sigmas).abs().max_element() < 4.0, "{off} with {}", probes[0].sigmas);
+}
+
+/// Contacts that were held back are predicted best by the bodies that moved.
+#[test]
+fn held_back_contacts_tell_which_bodies_moved() {
+    let drawn = Drawn::new(20);
+    let options = BodyOptions {
+        module: Tolerance::mm_deg(3.0, 3.0),
+        noise: TouchNoise::Estimated,
+        folds: Some(Folds { count: 4, seed: 1 }),
+        ..BodyOptions::default()
+    };
+    let supported = |module: [f64; 2]| {
+        let spoil = Spoil { mount: [20.0, 5.0], patch: [1e-6, 1e-6], module, turned: None };
+        let mut random = Random(3);
+        let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+        let probe = Probe { noise: 2e-3, ..STILL };
+        let observations = touches(&truth, &mut random, 0..20, 12, probe, 1);
+        let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        let noise = found.noise.unwrap()[0];
+        assert!(
+            noise.iter().all(|sigma| (0.9e-3..3e-3).contains(sigma)),
+            "estimated noise {noise:?} m of 2 mm"
+        );
+        found.held_back.unwrap().supported
+    };
+    assert_eq!(supported([8.0, 5.0]), BodyLevel::Module);
+    assert_eq!(supported([1e-6, 1e-6]), BodyLevel::Mount);
+}
+
+/// A fifth of the touches at random places is rejected, and moves nothing by much.
+#[test]
+fn wrong_touches_are_rejected() {
+    let drawn = Drawn::new(10);
+    let spoil = Spoil { mount: [10.0, 3.0], patch: [1.0, 1.0], module: [1.0, 1.0], turned: None };
+    let mut random = Random(8);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let probe = Probe { noise: 1e-3, ..STILL };
+    let mut observations = touches(&truth, &mut random, 0..10, 20, probe, 1);
+    let shift = |random: &mut Random| 0.1 * random.direction();
+    let mut shifts: Vec<DVec3> = Vec::new();
+    let rows: Vec<u64> = observations.touches.iter().map(|row| row.touch.unwrap()).collect();
+    (0..200).for_each(|k| shifts.push(if k % 5 == 0 { shift(&mut random) } else { DVec3::ZERO }));
+    for (contact, touch) in observations.contacts.iter_mut().zip(rows) {
+        if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
+            *position += shifts[touch as usize];
+        }
+    }
+    let found = fit_bodies(&observations, &drawn.cad(), &tolerant(&spoil)).unwrap();
+    let wrong = found.rejected.iter().filter(|t| t.index() % 5 == 0).count();
+    assert!(wrong == 40 && found.rejected.len() <= 44, "{wrong} of {}", found.rejected.len());
+    for (module, body) in modules(&found).into_iter().enumerate() {
+        let error = pose_error(body, &truth, module);
+        assert!(DVec3::from_slice(&error).length() < 2e-3, "module {module}: {error:?}");
+    }
+}
+
+#[test]
+fn unfit_input_is_refused() {
+    let drawn = Drawn::new(10);
+    let (cad, spoil) = (drawn.cad(), Spoil { mount: [1.0, 1.0], ..Spoil::default() });
+    let mut random = Random(2);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let good = touches(&truth, &mut random, 0..10, 3, STILL, 1);
+    let refused = |change: &dyn Fn(&mut Observations), options: &BodyOptions, said: &str| {
+        let mut observations = good.clone();
+        change(&mut observations);
+        let error = fit_bodies(&observations, &cad, options).unwrap_err().to_string();
+        assert!(error.contains(said), "{said:?} is not in {error}");
+    };
+    let options = BodyOptions::default();
+    let last = ContactId::new(good.contacts.len() - 1);
+    let number = good.contacts.len();
+    refused(
+        &|o| o.taxels[o.contacts[last].taxel].id = TaxelId(99_999),
+        &options,
+        "of taxel 99999, which the drawing does not have",
+    );
+    let probe = BodyOptions { probe: Some(0.02), ..options };
+    refused(&|o| o.touches[last].probe = None, &probe, &format!("row {number} of the contacts"));
+    refused(&|o| o.touches[last].weight = 0.0, &options, "its weight is not a number above 0");
+    refused(
+        &|o| o.touches[last].probe = Some(DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0)),
+        &options,
+        "not a quaternion of unit length",
+    );
+    refused(
+        &|o| {
+            let first = o.touches[ContactId::new(0)].touch;
+            o.touches[last].touch = first;
+        },
+        &options,
+        "are of one touch, but repeat different contacts",
+    );
+    refused(
+        &|_| (),
+        &BodyOptions { module: Tolerance::mm_deg(0.0, 1.0), ..options },
+        "the tolerance of a module in m is 0",
+    );
+    let folds = Some(Folds { count: 1000, seed: 0 });
+    refused(&|_| (), &BodyOptions { folds, ..options }, "the number of folds is 1000");
+    assert!(CadSkin::new([]).is_err(), "a drawing without taxels");
+}
