@@ -285,7 +285,7 @@ fn the_command_lists_changes() {
     for (k, module) in before.0.modules.iter().flatten().enumerate() {
         writeln!(modules, "{},m{module}", k + 1).unwrap();
     }
-    std::fs::write(folder.path().join("m.csv"), modules).unwrap();
+    std::fs::write(folder.path().join("m.csv"), &modules).unwrap();
     let run = common::dermatome(&folder, "diff a.csv b.csv --modules m.csv -o d.csv").assert().code(1);
     let said = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
     assert!(said.contains("module m6 of a turned by 120.0 deg at its place"), "{said}");
@@ -306,4 +306,13 @@ fn the_command_lists_changes() {
     let run = common::dermatome(&folder, "diff a.csv a.csv --modules 12").assert().success();
     assert_eq!(run.get_output().stdout, b"144 taxels compared by id, 0 changes\n");
     common::refuses(&folder, "diff a.csv b.csv --modules 0", &["from 1 on"]);
+    let text = std::fs::read_to_string(folder.path().join("a.csv")).unwrap();
+    let with_modules: String = text
+        .lines()
+        .zip(modules.lines())
+        .map(|(a, m)| format!("{a},{}\n", m.rsplit(',').next().unwrap()))
+        .collect();
+    std::fs::write(folder.path().join("named.csv"), with_modules).unwrap();
+    let run = common::dermatome(&folder, "diff named.csv b.csv").assert().code(1);
+    assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("module m6"));
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::diff::{Change, ChangeKind, Diff, DiffOptions, diff};
-use dermatome::io::{read_modules, write_diff};
+use dermatome::io::{read_modules, read_modules_if_any, write_diff};
 use dermatome::skin::{Draft, TaxelId};
 use serde_json::{Value, json};
 
@@ -71,6 +71,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let [before, after] = [&args.before, &args.after].map(|path| read_draft_of(path, &args.read, false));
     let (before, after) = (before?, after?);
     let modules = match &args.modules {
+        None if outputs::kind(&args.before) == "csv" => {
+            let table = read_modules_if_any(&args.before).map_err(Error::from)?;
+            table.map(|table| table.rows).unwrap_or_default()
+        }
         None => Vec::new(),
         Some(Modules::Of(size)) => modules_of(&before, *size),
         Some(Modules::Table(path)) => {
