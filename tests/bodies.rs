@@ -23,6 +23,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "below `count`, not negative")]
     fn below(&mut self, count: usize) -> usize {
         (self.uniform() * count as f64) as usize
     }
@@ -243,9 +244,8 @@ fn squared(mut c: [[f64; 6]; 6], error: [f64; 6]) -> f64 {
     for k in 0..6 {
         for i in k + 1..6 {
             let factor = c[i][k] / c[k][k];
-            for j in k..6 {
-                c[i][j] -= factor * c[k][j];
-            }
+            let pivot = c[k];
+            c[i].iter_mut().zip(pivot).skip(k).for_each(|(x, p)| *x -= factor * p);
             x[i] -= factor * x[k];
         }
     }
@@ -427,7 +427,7 @@ fn wrong_touches_are_rejected() {
     (0..200).for_each(|k| shifts.push(if k % 5 == 0 { shift(&mut random) } else { DVec3::ZERO }));
     for (contact, touch) in observations.contacts.iter_mut().zip(rows) {
         if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
-            *position += shifts[touch as usize];
+            *position += shifts[usize::try_from(touch).unwrap()];
         }
     }
     let found = fit_bodies(&observations, &drawn.cad(), &tolerant(&spoil)).unwrap();
