@@ -412,6 +412,23 @@ fn held_back_contacts_tell_which_bodies_moved() {
     assert_eq!(supported([1e-6, 1e-6]), BodyLevel::Mount);
 }
 
+/// A constant distance along the normals of a skin that bends is told from a motion of the mount.
+#[test]
+fn a_standoff_is_found() {
+    let drawn = Drawn::new(10);
+    let mut random = Random(6);
+    let mut truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    for (module, normal) in truth.modules.iter_mut().zip(&drawn.normals) {
+        module.iter_mut().for_each(|x| *x += 0.008 * *normal);
+    }
+    let probe = Probe { noise: 1e-3, ..STILL };
+    let observations = touches(&truth, &mut random, 0..10, 20, probe, 1);
+    let options = BodyOptions { standoff: Some(0.01), ..BodyOptions::default() };
+    let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    let [standoff, sigma] = found.standoff.unwrap();
+    assert!((standoff - 0.008).abs() < 4.0 * sigma && sigma < 1e-3, "{standoff} m with {sigma} m");
+}
+
 /// A fifth of the touches at random places is rejected, and moves nothing by much.
 #[test]
 fn wrong_touches_are_rejected() {
@@ -481,6 +498,14 @@ fn unfit_input_is_refused() {
         &BodyOptions { module: Tolerance::mm_deg(0.0, 1.0), ..options },
         "the tolerance of a module in m is 0",
     );
+    let exact = |o: &mut Observations| {
+        for contact in o.contacts.iter_mut() {
+            if let ContactMeasurement::Position { information, .. } = &mut contact.measurement {
+                *information = Information::diagonal([1e18; 3]);
+            }
+        }
+    };
+    refused(&exact, &options, "differ by more than 13 digits");
     let folds = Some(Folds { count: 1000, seed: 0 });
     refused(&|_| (), &BodyOptions { folds, ..options }, "the number of folds is 1000");
     assert!(CadSkin::new([]).is_err(), "a drawing without taxels");
