@@ -23,6 +23,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "below `count`, not negative")]
     fn below(&mut self, count: usize) -> usize {
         (self.uniform() * count as f64) as usize
     }
@@ -243,9 +244,8 @@ fn squared(mut c: [[f64; 6]; 6], error: [f64; 6]) -> f64 {
     for k in 0..6 {
         for i in k + 1..6 {
             let factor = c[i][k] / c[k][k];
-            for j in k..6 {
-                c[i][j] -= factor * c[k][j];
-            }
+            let pivot = c[k];
+            c[i].iter_mut().zip(pivot).skip(k).for_each(|(x, p)| *x -= factor * p);
             x[i] -= factor * x[k];
         }
     }
@@ -412,6 +412,23 @@ fn held_back_contacts_tell_which_bodies_moved() {
     assert_eq!(supported([1e-6, 1e-6]), BodyLevel::Mount);
 }
 
+/// A constant distance along the normals of a skin that bends is told from a motion of the mount.
+#[test]
+fn a_standoff_is_found() {
+    let drawn = Drawn::new(10);
+    let mut random = Random(6);
+    let mut truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    for (module, normal) in truth.modules.iter_mut().zip(&drawn.normals) {
+        module.iter_mut().for_each(|x| *x += 0.008 * *normal);
+    }
+    let probe = Probe { noise: 1e-3, ..STILL };
+    let observations = touches(&truth, &mut random, 0..10, 20, probe, 1);
+    let options = BodyOptions { standoff: Some(0.01), ..BodyOptions::default() };
+    let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    let [standoff, sigma] = found.standoff.unwrap();
+    assert!((standoff - 0.008).abs() < 4.0 * sigma && sigma < 1e-3, "{standoff} m with {sigma} m");
+}
+
 /// A fifth of the touches at random places is rejected, and moves nothing by much.
 #[test]
 fn wrong_touches_are_rejected() {
@@ -427,7 +444,7 @@ fn wrong_touches_are_rejected() {
     (0..200).for_each(|k| shifts.push(if k % 5 == 0 { shift(&mut random) } else { DVec3::ZERO }));
     for (contact, touch) in observations.contacts.iter_mut().zip(rows) {
         if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
-            *position += shifts[touch as usize];
+            *position += shifts[usize::try_from(touch).unwrap()];
         }
     }
     let found = fit_bodies(&observations, &drawn.cad(), &tolerant(&spoil)).unwrap();
@@ -481,6 +498,14 @@ fn unfit_input_is_refused() {
         &BodyOptions { module: Tolerance::mm_deg(0.0, 1.0), ..options },
         "the tolerance of a module in m is 0",
     );
+    let exact = |o: &mut Observations| {
+        for contact in o.contacts.iter_mut() {
+            if let ContactMeasurement::Position { information, .. } = &mut contact.measurement {
+                *information = Information::diagonal([1e18; 3]);
+            }
+        }
+    };
+    refused(&exact, &options, "differ by more than 13 digits");
     let folds = Some(Folds { count: 1000, seed: 0 });
     refused(&|_| (), &BodyOptions { folds, ..options }, "the number of folds is 1000");
     assert!(CadSkin::new([]).is_err(), "a drawing without taxels");

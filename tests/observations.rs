@@ -69,7 +69,7 @@ fn touches_of_contacts_go_into_a_table_and_come_back() {
     write_observations(&copy, &observations).unwrap();
     assert!(read_observations(&copy, &[]).unwrap().0 == observations);
     // Touches are numbered in one table.
-    let error = read_observations(&path, &[copy.clone()]).unwrap_err().to_string();
+    let error = read_observations(&path, std::slice::from_ref(&copy)).unwrap_err().to_string();
     assert!(error.contains("all contacts in one table"), "{error}");
     observations.touches[ContactObservationId::new(1)].contact = None;
     let error = write_observations(&copy, &observations).unwrap_err().to_string();

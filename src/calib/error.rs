@@ -49,6 +49,10 @@ pub enum CalibError {
         "observations of poses cannot be followed touch by touch; needed: displacements or contacts of positions"
     )]
     FollowedPoses,
+    #[error(
+        "the stated noise of the touches and the tolerances of the bodies differ by more than 13 digits; needed: a larger noise, or smaller tolerances"
+    )]
+    UnlikeTolerances,
     #[error("the drawing has no taxel; needed: at least one")]
     EmptyCad,
     #[error(

@@ -8,7 +8,7 @@ use super::touches::{Touch, TouchId, Touches};
 use crate::calib::CalibError;
 use crate::calib::pose::log;
 use crate::id::IdVec;
-use crate::sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern};
+use crate::sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError};
 
 /// Unknowns of a block.
 pub(super) const BLOCK: usize = 6;
@@ -82,7 +82,12 @@ impl<'o> BodySystem<'o> {
             self.add(&mut matrix, &mut gradient, hierarchy, at, touch, information * weight);
         }
         self.add_priors(&mut matrix, &mut gradient, hierarchy, at);
-        Ok((matrix.factor().map_err(CalibError::Sparse)?, gradient))
+        // Tolerances determine every motion, so that only rounding makes the matrix singular.
+        let explain = |error| match error {
+            SparseError::NotPositiveDefinite { .. } => CalibError::UnlikeTolerances,
+            other => CalibError::Sparse(other),
+        };
+        Ok((matrix.factor().map_err(explain)?, gradient))
     }
 
     fn add(

@@ -16,7 +16,7 @@ use crate::calibrate::inputs::Inputs;
 use crate::calibrate::results::{self, OutputKind};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::note;
-use crate::console::print::print;
+use crate::console::print::{print, say};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, Unit};
 
@@ -96,6 +96,10 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (observations, found) = follower.finish(Run::default()).map_err(Error::from)?;
     finish(&outputs, observations, &found, args, common)?;
     let converged = found.termination.is_converged();
+    if !converged {
+        // Also in a quiet run: an exit code that is not 0 needs its reason.
+        say(format_args!("warning: {}: what was written is not a minimum (exit code 2)", found.termination));
+    }
     Ok(if converged { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
 }
 
