@@ -29,6 +29,8 @@ pub enum Error {
     #[error(transparent)]
     Response(#[from] crate::response::ResponseError),
     #[error(transparent)]
+    Touches(#[from] crate::touches::TouchesError),
+    #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),
     #[error(transparent)]
     Atlas(#[from] crate::atlas::AtlasError),
@@ -97,6 +99,7 @@ kinds!(
     Map(crate::map::MapError),
     Signal(crate::signal::SignalError),
     Response(crate::response::ResponseError),
+    Touches(crate::touches::TouchesError),
     Contact(crate::contact::ContactError),
     Atlas(crate::atlas::AtlasError),
     Image(crate::image::ImageError),

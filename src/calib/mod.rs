@@ -61,8 +61,9 @@ pub use observations::{
     TaxelVariable,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
-pub(crate) use pose::FARTHEST;
 pub use pose::Pose;
+pub(crate) use pose::{FARTHEST, exp, is_within_reach};
+pub(crate) use sensor_layout::SensorLayout;
 pub use simulate::{SimulateOptions, Simulation, simulate, simulate_with};
 pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;
