@@ -8,6 +8,7 @@ use clap::{Arg, ArgMatches, Command, ValueHint};
 use crate::options::{
     BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
 };
+use crate::touches::Skipped;
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -24,6 +25,7 @@ impl GivenPaths {
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
+        inputs.extend(all_read::<Skipped>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -51,6 +53,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
+            TypeId::of::<Skipped>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)
