@@ -31,6 +31,8 @@ pub enum Error {
     #[error(transparent)]
     Diff(#[from] crate::diff::DiffError),
     #[error(transparent)]
+    Touches(#[from] crate::touches::TouchesError),
+    #[error(transparent)]
     Contact(#[from] crate::contact::ContactError),
     #[error(transparent)]
     Atlas(#[from] crate::atlas::AtlasError),
@@ -100,6 +102,7 @@ kinds!(
     Signal(crate::signal::SignalError),
     Response(crate::response::ResponseError),
     Diff(crate::diff::DiffError),
+    Touches(crate::touches::TouchesError),
     Contact(crate::contact::ContactError),
     Atlas(crate::atlas::AtlasError),
     Image(crate::image::ImageError),

@@ -47,6 +47,7 @@ pub mod atlas;
 pub mod unfold;
 pub mod signal;
 pub mod response;
+pub mod touches;
 pub mod image;
 pub mod contact;
 pub mod io;

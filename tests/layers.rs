@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const MODULES: &[&str] = &[
     "id", "parallel", "run", "numeric", "mesh", "bvh", "delaunay", "sparse", "skin", "robot", "remesh", "calib",
-    "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "response", "image", "io", "plot",
+    "cut", "pyramid", "flatten", "map", "atlas", "unfold", "contact", "signal", "response", "touches", "image", "io", "plot",
     "report", "error", "recording", "page", "pipeline",
 ];
 
 /// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.
 const DOORS: &[(&str, &[&str])] = &[
     ("glam rayon strum thiserror", &[""]),
-    ("libm", &["calib", "numeric"]),
+    ("libm", &["calib", "numeric", "touches"]),
     ("rand_pcg", &["numeric"]),
     ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),
     ("gltf", &["io/gltf"]),

@@ -14,7 +14,7 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 pub(crate) const FARTHEST: f64 = 1e9;
 
 /// Whether the coordinates are finite and within [`FARTHEST`].
-pub(super) fn is_within_reach(position: DVec3) -> bool {
+pub(crate) fn is_within_reach(position: DVec3) -> bool {
     position.to_array().iter().all(|x| x.abs() <= FARTHEST)
 }
 

@@ -23,9 +23,9 @@ const LENGTHS: RangeInclusive<f64> = 1e-6..=1e3;
 
 /// Taxels on the bottom of a sphere.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct SensorLayout {
+pub(crate) struct SensorLayout {
     /// Taxel frames: z is the outward normal, x the lattice direction.
-    pub(super) frames: IdVec<VertexId, Pose>,
+    pub(crate) frames: IdVec<VertexId, Pose>,
     /// Pairs of lattice neighbours, ascending.
     pub(super) edges: Vec<[VertexId; 2]>,
     /// The triangles between them, seen from outside.
@@ -37,7 +37,7 @@ impl SensorLayout {
     /// the sphere by the Lambert equal-area projection about the south pole, which keeps their
     /// density. Lengths in m.
     /// Fails unless lengths are positive and the taxels fit on the sphere.
-    pub(super) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
+    pub(crate) fn new(taxels: usize, spacing: f64, radius: f64) -> Result<Self, CalibError> {
         check(taxels, spacing, radius)?;
         let (cells, plane) = lattice(taxels);
         let reach = plane.iter().map(|p| p.length()).fold(0.0, f64::max) * spacing;
@@ -97,7 +97,7 @@ impl SensorLayout {
         Ok(chosen)
     }
 
-    pub(super) fn mesh(&self) -> TriMesh {
+    pub(crate) fn mesh(&self) -> TriMesh {
         TriMesh { positions: self.frames.map(|f| f.position), triangles: self.triangles.clone() }
     }
 }

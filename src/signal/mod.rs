@@ -47,5 +47,6 @@ pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;
 pub use summary::{Group, Load, Summary, Totals};
+pub(crate) use touch::Sphere;
 pub use touch::{FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchSimulation};
 pub use zero::{ZeroReport, ZeroTracker};

@@ -26,6 +26,7 @@ mod shell;
 mod simulate;
 mod summary;
 mod touch;
+mod touches;
 
 use std::{ffi::OsString, process::ExitCode};
 
@@ -92,6 +93,8 @@ enum Command {
     Summary(summary::Args),
     /// Simulate touches: a sphere that presses and rolls on a skin, as readings.
     Touch(touch::Args),
+    /// Turn the log of a robot that touches its skin into contacts for `calibrate`.
+    Touches(touches::Args),
     /// Print a completion script.
     Completions(shell::CompletionsArgs),
     /// Print the manual page, of the whole command or of a subcommand.
@@ -176,6 +179,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Simulate(args) => simulate::run(args, common),
         Command::Summary(args) => summary::run(args, common),
         Command::Touch(args) => touch::run(args, common),
+        Command::Touches(args) => touches::run(args, common),
         Command::Completions(args) => shell::completions(args, &mut paths::with_hints(Cli::command())),
         Command::Man(args) => shell::manual(args, help::with_ends(Cli::command())),
     }

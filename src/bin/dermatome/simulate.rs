@@ -1,5 +1,7 @@
 //! `simulate`: observations of a simulated skin on a sphere, with known taxel poses.
 
+mod arm;
+
 use std::io::{BufWriter, Write};
 use std::process::ExitCode;
 
@@ -13,14 +15,17 @@ use crate::console::notes::note;
 use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Choice, Common, OutFile, length_mm, one_of};
+use crate::simulate::arm::ArmArgs;
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// File for the observations: .g2o, or displacements of the positions model as a table .csv;
-    /// `-`: g2o on standard output
+    /// `-`: g2o on standard output. With --arm the log: .csv
     #[arg(short, long, value_name = "OUT.g2o")]
     output: OutFile,
+    #[command(flatten)]
+    arm: ArmArgs,
     /// File for the true positions of the taxels: .csv
     #[arg(long, value_name = "OUT.csv")]
     truth: Option<OutFile>,
@@ -82,6 +87,10 @@ const MODELS: [Choice<Model>; 2] = [
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tables = || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten();
     tables().try_for_each(|path| outputs::check_table(path))?;
+    if args.arm.arm {
+        args.run_arm(common)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let simulation = simulate(&args.options()).map_err(Error::from)?;
     let ids = simulation.observations.taxels.map(|t| t.id);
     args.write(&simulation, &ids, common)?;

@@ -17,6 +17,7 @@ pub(super) mod response;
 pub(super) mod regions;
 pub(super) mod series;
 pub(super) mod summary;
+pub(super) mod touch_log;
 pub(super) mod writer;
 
 use std::collections::HashSet;

@@ -19,6 +19,7 @@ use crate::signal::{Quantity, SignalError};
 
 pub use readout::{FaultCounts, ReadoutOptions};
 pub use simulation::{Touch, TouchSimulation};
+pub(crate) use sphere::Sphere;
 pub use spreader::{Press, Spreader};
 
 /// Spheres that press and roll on a skin, and the taxels that sense them.

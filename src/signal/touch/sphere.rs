@@ -27,7 +27,7 @@ const STEPS: u32 = 64;
 impl Sphere {
     /// The depth to which it presses the skin at `point` with this unit normal, in m; 0 where it does not
     /// touch.
-    pub(super) fn depth(&self, point: DVec3, normal: DVec3) -> f64 {
+    pub(crate) fn depth(&self, point: DVec3, normal: DVec3) -> f64 {
         let q = point - self.centre;
         let below = -q.dot(normal);
         // A skin that faces away would be touched from inside: it is the other side of a thin body.

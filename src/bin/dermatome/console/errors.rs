@@ -19,6 +19,7 @@ use dermatome::map::MapError;
 use dermatome::plot::PlotError;
 use dermatome::signal::SignalError;
 use dermatome::skin::SkinError;
+use dermatome::touches::TouchesError;
 
 use crate::console::print::{line, print, say};
 use crate::options::ColorChoice;
@@ -246,6 +247,25 @@ fn option_help(error: &Error) -> &'static str {
             SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
             _ => "correct the readings",
+        },
+        Error::Touches(e) => match e {
+            TouchesError::NoPose { .. } => "give the columns, or poses with --pose",
+            TouchesError::OffClock { .. } => "give log, poses and readings the times of one clock, in s",
+            TouchesError::SeveralLinks { .. } | TouchesError::NoLink { .. } => {
+                "name the link of the skin with --link"
+            }
+            TouchesError::NoReadings { .. } | TouchesError::TwoReadings { .. } => {
+                "give the column `taxels`, or a recording with --readings"
+            }
+            TouchesError::UnknownTaxel { .. } => {
+                "give the drawing of this skin with --skin, or leave out --skin"
+            }
+            TouchesError::NoOutside { .. } => "give a drawing of the skin with --skin",
+            TouchesError::NothingFelt { .. } => "check --skip and --threshold, and that the log has touches",
+            TouchesError::BadOption { .. } | TouchesError::Calib(CalibError::BadOption { .. }) => {
+                "change the option: `dermatome help` lists what each takes"
+            }
+            _ => "correct the log",
         },
         Error::Image(ImageError::Level { .. }) => "give one of them, or leave out --level to draw all",
         Error::Image(ImageError::NoPixel { .. }) => BUILD_AGAIN,

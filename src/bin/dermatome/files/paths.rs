@@ -9,6 +9,7 @@ use crate::diff::Modules;
 use crate::options::{
     BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
 };
+use crate::touches::Skipped;
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -26,6 +27,7 @@ impl GivenPaths {
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
         inputs.extend(all_read::<Modules>(given));
+        inputs.extend(all_read::<Skipped>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -54,6 +56,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
             TypeId::of::<Modules>(),
+            TypeId::of::<Skipped>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)

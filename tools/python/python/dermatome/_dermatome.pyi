@@ -43,6 +43,7 @@ __all__ = [
     "run_command",
     "simulate",
     "simulate_touch",
+    "summarise_readings",
 ]
 
 __version__: str

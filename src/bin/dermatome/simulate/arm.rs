@@ -1,0 +1,93 @@
+//! `simulate --arm`: the log of an arm that rolls its skin over a fixed sphere.
+
+use dermatome::Error;
+use dermatome::io::{write_touch_log, write_triangles, write_truth};
+use dermatome::skin::TaxelId;
+use dermatome::touches::{ArmOptions, simulate_arm};
+
+use crate::console::notes::note;
+use crate::files::outputs::{self, is_stream};
+use crate::options::{Common, length_mm};
+use crate::simulate::Args;
+
+/// The arm that rolls its skin over a fixed sphere.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Arm")]
+pub(super) struct ArmArgs {
+    /// Simulate the log of an arm that rolls its skin over a fixed sphere of 10 mm radius: poses and readings, for
+    /// `touches`
+    #[arg(long, conflicts_with_all = ["model", "noise", "rotation_noise_deg", "anchors", "anchor_noise", "normal_noise_deg", "contacts", "outliers"])]
+    pub(super) arm: bool,
+    /// With --arm: the force of the contact, which the arm keeps [default: 0.6]
+    #[arg(long, value_name = "N", requires = "arm", conflicts_with = "indentation")]
+    force_n: Option<f64>,
+    /// With --arm: how well the arm keeps the force, standard deviation in percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.0, requires = "arm")]
+    force_noise_percent: f64,
+    /// With --arm: frames per second
+    #[arg(long, value_name = "HZ", default_value_t = 20.0, requires = "arm")]
+    rate_hz: f64,
+    /// With --arm: how fast the contact travels over the skin, per second
+    #[arg(long = "speed-mm", value_name = "MM", default_value = "50", value_parser = length_mm, requires = "arm")]
+    speed: f64,
+    /// With --arm: radius of the disc on which a taxel feels
+    #[arg(long = "taxel-mm", value_name = "MM", default_value = "2", value_parser = length_mm, requires = "arm")]
+    taxel: f64,
+    /// With --arm: stiffness of the skin, pressure for each millimetre of depth
+    #[arg(long, value_name = "KPA", default_value_t = 20.0, requires = "arm")]
+    stiffness_kpa: f64,
+    /// With --arm: noise of the mean pressure on a taxel, standard deviation
+    #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "arm")]
+    reading_noise_kpa: f64,
+}
+
+/// The name of the link that carries the skin.
+const LINK: &str = "end_effector";
+
+impl Args {
+    pub(super) fn run_arm(&self, common: &Common) -> anyhow::Result<()> {
+        if is_stream(&self.output) {
+            let what = "the log of --arm is a table, which is not written to standard output";
+            return Err(crate::console::errors::advise(what, "name a file, as -o log.csv"));
+        }
+        outputs::check_table(&self.output)?;
+        let simulation = simulate_arm(&self.arm_options()).map_err(Error::from)?;
+        let file = |path| common.outputs.file(path);
+        write_touch_log(file(&self.output), LINK, &simulation.log).map_err(Error::from)?;
+        let ids = simulation.truth.ids().map(|v| TaxelId(v.raw())).collect();
+        if let Some(path) = &self.triangles {
+            write_triangles(file(path), &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
+        }
+        if let Some(path) = &self.truth {
+            write_truth(file(path), &ids, &simulation.truth).map_err(Error::from)?;
+            outputs::drop_triangles(path, common)?;
+        }
+        outputs::publish(common)?;
+        let frames = simulation.log.frames.len();
+        let touches = simulation.log.frames.last().map_or(0, |frame| frame.touch + 1);
+        let depth = simulation.depth * 1e3;
+        note!(common, "{} taxels, {touches} touches with {frames} frames, {depth:.3} mm deep", ids.len());
+        Ok(())
+    }
+
+    fn arm_options(&self) -> ArmOptions {
+        let given = &self.arm;
+        let options = ArmOptions {
+            taxels: self.taxels,
+            spacing: self.spacing,
+            radius: self.radius,
+            taxel_radius: given.taxel,
+            stiffness: given.stiffness_kpa * 1e6,
+            force_noise: given.force_noise_percent / 100.0,
+            speed: given.speed,
+            rate: given.rate_hz,
+            arm_noise: self.arm_noise,
+            arm_rotation_noise: self.arm_noise_deg.to_radians(),
+            noise: given.reading_noise_kpa * 1e3,
+            seed: self.seed,
+            ..ArmOptions::default()
+        };
+        let by_depth = (self.indentation > 0.0).then(|| options.force_at(self.indentation));
+        ArmOptions { force: given.force_n.or(by_depth).unwrap_or(options.force), ..options }
+    }
+}

@@ -1,0 +1,259 @@
+//! `touches`: from the log of a robot that touches its skin to contacts for `calibrate`.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use dermatome::Error;
+use dermatome::id::IdVec;
+use dermatome::io::{
+    ReadingsLayout, ReadingsReader, read_motion, read_response, read_robot, read_touches,
+    write_touch_contacts,
+};
+use dermatome::signal::TaxelState;
+use dermatome::skin::{Link, LinkId, Motion, TaxelId};
+use dermatome::touches::{
+    Drawing, LogOfRows, RowSources, TouchContacts, TouchReadings, TouchRow, TouchesOptions,
+    contacts_of_touches, log_of_rows, pose_in_motion,
+};
+use glam::DAffine3;
+
+use crate::console::errors::advise;
+use crate::console::notes::{note, note_columns, note_count};
+use crate::files::input::{read_map_if_any, read_skin};
+use crate::files::outputs;
+use crate::options::{
+    Common, InPath, JointsArg, MayRead, OutFile, PatchArgs, ReadArgs, RobotArgs, joints, length_mm,
+};
+use crate::readings::positive;
+
+/// Turn the log of a robot that touches its skin into contacts for `calibrate`.
+///
+/// A row of the log is a frame: the pose of the link that carries the skin, the centre and radius of the sphere that
+/// touches it, and the active taxels with their readings (docs/files.md). Each touch gives each of its taxels a
+/// contact: a position in the frame of the link, with its information.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The log: a table with columns px,py,pz and, unless --pose or --readings has them, x,y,z,qx,qy,qz,qw and taxels
+    #[arg(value_name = "LOG.csv")]
+    log: InPath,
+    /// File for the contacts: .csv
+    #[arg(short, long, value_name = "OUT.csv")]
+    output: OutFile,
+    /// A drawing of the skin, in the frame of the link: its taxels have their normals and neighbours from it
+    #[arg(long, value_name = "SKIN")]
+    skin: Option<InPath>,
+    /// Readings of the taxels, at the times of the log, if it has no column `taxels`
+    #[arg(long, value_name = "R")]
+    readings: Option<InPath>,
+    /// A taxel is active above this, in the unit of the readings [default: five times the noise]
+    #[arg(long, value_name = "X", value_parser = positive, requires = "readings")]
+    threshold: Option<f64>,
+    /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw and, if they move, time in s; or a robot (.urdf,
+    /// .xml), with --joints
+    #[arg(long, value_name = "P.csv")]
+    pose: Option<InPath>,
+    /// Values of the joints of the robot of --pose, in rad and m [default: 0]: NAME=VALUE,..., or a table with
+    /// a column for each joint and, if they move, time in s
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
+    joints: Option<JointsArg>,
+    /// The link whose skin is touched, if the log has several
+    #[arg(long, value_name = "NAME")]
+    link: Option<String>,
+    /// Radius of the sphere that touches, if the log has no column `radius`
+    #[arg(long = "radius-mm", value_name = "MM", value_parser = length_mm)]
+    radius: Option<f64>,
+    /// Radius of the disc on which a taxel feels
+    #[arg(long = "taxel-mm", value_name = "MM", default_value = "2", value_parser = length_mm)]
+    taxel: f64,
+    /// Stiffness of the skin, pressure for each millimetre of depth, if readings are forces in N [default: estimated]
+    #[arg(long, value_name = "KPA", value_parser = positive)]
+    stiffness_kpa: Option<f64>,
+    /// Noise of the arm's position, per axis [default: estimated, or else 1]
+    #[arg(long = "arm-noise-mm", value_name = "MM", value_parser = length_mm)]
+    arm_noise: Option<f64>,
+    /// Leave out taxels: their ids, or the table of faults that `check --recording -o` writes
+    #[arg(long, value_name = "ID,...|F.csv", value_parser = skipped)]
+    skip: Option<Skipped>,
+    #[command(flatten)]
+    read: ReadArgs,
+}
+
+/// Taxels that are left out.
+#[derive(Debug, Clone)]
+pub(crate) enum Skipped {
+    Ids(Vec<u32>),
+    File(PathBuf),
+}
+
+impl MayRead for Skipped {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
+}
+
+fn skipped(text: &str) -> Result<Skipped, String> {
+    let ids: Result<Vec<u32>, _> = text.split(',').map(|id| id.trim().parse()).collect();
+    if let Ok(ids) = ids {
+        return Ok(Skipped::Ids(ids));
+    }
+    if text.ends_with(".csv") {
+        return Ok(Skipped::File(text.into()));
+    }
+    Err("needed: ids of taxels as in 3,17, or a .csv that `check --recording -o` writes".into())
+}
+
+pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    outputs::check_table(&args.output)?;
+    let (rows, unused) = read_touches(&args.log).map_err(Error::from)?;
+    note_columns(&args.log, &unused, common);
+    let LogOfRows { log, silent, others } = args.log(&rows, common)?;
+    let options = TouchesOptions {
+        taxel_radius: Some(args.taxel),
+        gain: args.stiffness_kpa.map(|kpa| kpa * 1e6 * std::f64::consts::PI * args.taxel * args.taxel),
+        arm_noise: args.arm_noise,
+        drawing: args.skin.as_ref().map(|path| args.drawing(path, common)).transpose()?,
+        left_out: args.left_out(common)?,
+    };
+    let found = contacts_of_touches(&log, &options).map_err(Error::from).with_context(|| args.about())?;
+    write_touch_contacts(common.outputs.file(&args.output), &found.contacts).map_err(Error::from)?;
+    outputs::publish(common)?;
+    note_count(common, others as u64, "rows", "of other links, left out");
+    note_count(common, silent as u64, "rows", "without an active taxel, left out");
+    remark(&found, common);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Says how contacts were found.
+fn remark(found: &TouchContacts, common: &Common) {
+    let summary = &found.summary;
+    note_count(common, summary.empty_touches as u64, "touches", "without a taxel that is used, left out");
+    note_count(common, summary.lone as u64, "readings", "without an active neighbour, left out");
+    let (touches, taxels, contacts) = (summary.touches, summary.taxels, found.contacts.len());
+    note!(common, "{touches} touches of {taxels} taxels in {} frames: {contacts} contacts", summary.frames);
+    if summary.fitted < taxels {
+        let means = taxels - summary.fitted;
+        note!(
+            common,
+            "{means} of {taxels} taxels are the means of where the body was: they have too few readings, or the radius of \
+             the body is not known (--radius-mm)"
+        );
+    }
+    let arm = summary.arm_noise * 1e3;
+    match summary.reading_noise {
+        Some(noise) => note!(common, "noise: {arm:.3} mm of the arm's position, {noise:.3e} of a reading"),
+        None => note!(common, "noise of the arm's position: {arm:.3} mm, as given or assumed"),
+    }
+}
+
+impl Args {
+    /// What an error is about.
+    fn about(&self) -> String {
+        format!("the log in {} cannot be used", self.log.display())
+    }
+
+    /// The log, with poses and readings of other files.
+    fn log(&self, rows: &[TouchRow], common: &Common) -> anyhow::Result<LogOfRows> {
+        let names: BTreeSet<&str> =
+            rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten().collect();
+        let link = |name: &str| Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY };
+        let links: IdVec<LinkId, Link> = names.iter().map(|name| link(name)).collect();
+        let motion = self.pose.as_ref().map(|path| self.motion(path, &links, common)).transpose()?;
+        let readings = self.readings.as_ref().map(|path| self.recording(path, common)).transpose()?;
+        let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
+        let span = motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last);
+        let sources = RowSources {
+            pose: motion.is_some().then_some(&pose),
+            pose_times: span,
+            readings: readings.as_ref(),
+            radius: self.radius,
+            link: self.link.as_deref(),
+        };
+        log_of_rows(rows, &sources).map_err(Error::from).with_context(|| self.about())
+    }
+
+    /// How links move: poses, or the joints of a robot.
+    fn motion(&self, path: &Path, links: &IdVec<LinkId, Link>, common: &Common) -> anyhow::Result<Motion> {
+        if !RobotArgs::describes(path) {
+            if self.joints.is_some() {
+                let what = format!("--joints: {} is no robot", path.display());
+                return Err(advise(what, "give --pose a .urdf or .xml, or leave out --joints"));
+            }
+            let read = read_motion(path, None, links).map_err(Error::from)?;
+            note_columns(path, &read.unused, common);
+            return Ok(read.motion);
+        }
+        let robot = read_robot(path).map_err(Error::from)?;
+        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
+        let rows = self.joints.as_ref().map_or_else(rest, |joints| joints.rows(&robot, common))?;
+        Ok(robot.motion(&rows, links).map_err(Error::from)?)
+    }
+
+    /// The readings of a recording, and above which a taxel is active.
+    fn recording(&self, path: &Path, common: &Common) -> anyhow::Result<TouchReadings> {
+        /// The threshold over the noise, unless another is given.
+        const SIGMAS: f64 = 5.0;
+        let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).map_err(Error::from)?;
+        let Some(ids) = reader.ids.clone().filter(|_| reader.has_times && reader.channels.len() == 1) else {
+            let what = format!("{} has no times, no ids of taxels, or several channels", path.display());
+            return Err(advise(what, "give a recording with times, ids and one channel"));
+        };
+        let mut readings = TouchReadings { ids, ..TouchReadings::default() };
+        let (mut values, mut time) = (Vec::new(), 0.0);
+        while reader.read(&mut values, &mut time).map_err(Error::from)? {
+            readings.times.push(time);
+            readings.values.extend_from_slice(&values);
+        }
+        readings.threshold = self.threshold.unwrap_or_else(|| SIGMAS * readings.noise());
+        note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
+        Ok(readings)
+    }
+
+    /// Normals and neighbours of a drawing.
+    fn drawing(&self, path: &InPath, common: &Common) -> anyhow::Result<Drawing> {
+        let skin = match read_map_if_any(path)? {
+            Some(map) => map.skin(),
+            None => {
+                let options = self.read.options(&[path]);
+                read_skin(path, &self.read, &PatchArgs::default(), &options, common)?
+            }
+        };
+        // A placeholder is an id where one taxel alone has it.
+        let count = |id: TaxelId| {
+            skin.patches.iter().flat_map(|patch| &patch.taxels.ids).filter(|own| **own == id).count()
+        };
+        let nobody: Vec<TaxelId> = TaxelId::PLACEHOLDERS.into_iter().filter(|&id| count(id) > 1).collect();
+        let is_id = |id: TaxelId| !nobody.contains(&id);
+        let mut drawing = Drawing::default();
+        for patch in &skin.patches {
+            let ids = &patch.taxels.ids;
+            for (v, &id) in ids.enumerate().filter(|(_, id)| is_id(**id)) {
+                drawing.positions.insert(id, patch.mesh.positions[v]);
+                drawing.normals.insert(id, patch.taxels.normals[v]);
+            }
+            for corners in &patch.mesh.triangles {
+                for k in 0..3 {
+                    let pair = [ids[corners[k]], ids[corners[(k + 1) % 3]]];
+                    drawing.neighbours.insert([pair[0].min(pair[1]), pair[0].max(pair[1])]);
+                }
+            }
+        }
+        Ok(drawing)
+    }
+
+    /// The taxels of --skip.
+    fn left_out(&self, common: &Common) -> anyhow::Result<BTreeSet<TaxelId>> {
+        Ok(match &self.skip {
+            None => BTreeSet::new(),
+            Some(Skipped::Ids(ids)) => ids.iter().map(|&id| TaxelId(id)).collect(),
+            Some(Skipped::File(path)) => {
+                let (response, unused) = read_response(path).map_err(Error::from)?;
+                note_columns(path, &unused, common);
+                let is_faulty = |state| !matches!(state, TaxelState::Ok | TaxelState::Untested);
+                let faulty = response.taxels.iter().filter(|known| is_faulty(known.state));
+                faulty.map(|known| known.taxel).collect()
+            }
+        })
+    }
+}

@@ -1,0 +1,246 @@
+//! The contacts of each touch: its terms in the normal equations of its taxel, or the mean of where the body was.
+
+use glam::{DMat3, DVec3};
+
+use crate::calib::Information;
+use crate::id::VertexId;
+use crate::numeric::symmetric_eigen;
+use crate::touches::estimate::{Estimates, LEAST_SAMPLES};
+use crate::touches::fit::{Estimate, Noise, Residual};
+use crate::touches::gather::{Sample, Samples};
+use crate::touches::log::TouchLog;
+use crate::touches::{ARM_NOISE, TAXEL_RADIUS, TouchContact, TouchContacts, TouchesOptions, TouchesSummary};
+
+/// The samples of one taxel in one touch.
+struct Group<'a> {
+    taxel: VertexId,
+    touch: usize,
+    samples: &'a [Sample],
+}
+
+/// What all touches together say about a taxel.
+struct Fitted {
+    at: Estimate,
+    /// The information about its position, in which gain and frames are unknown.
+    information: DMat3,
+    /// The gain that fits best moves by this when the position moves by one.
+    gain_per_position: DVec3,
+    /// Turns the information of one touch, in which the frames are known, into its part of `information`.
+    share: DMat3,
+    /// How much of the errors of the arm is left in the position.
+    arm_scale: f64,
+}
+
+/// What one touch says about a taxel.
+struct Part {
+    information: DMat3,
+    /// How far it is off the estimate by the readings, and by the arm, in m.
+    by_readings: DVec3,
+    by_arm: DVec3,
+}
+
+/// The contacts of a log.
+pub(super) struct Rows<'a> {
+    pub(super) log: &'a TouchLog,
+    pub(super) samples: &'a Samples,
+    pub(super) estimates: &'a Estimates,
+    pub(super) options: &'a TouchesOptions,
+}
+
+impl Rows<'_> {
+    pub(super) fn collect(&self) -> TouchContacts {
+        let Self { log, samples, estimates, .. } = self;
+        let mut contacts = Vec::new();
+        let mut fitted = 0;
+        for (taxel, of) in samples.of.enumerate() {
+            let groups: Vec<Group<'_>> = of
+                .chunk_by(|a, b| a.touch == b.touch)
+                .map(|samples| Group { taxel, touch: samples[0].touch, samples })
+                .collect();
+            let fit = self.fitted(taxel);
+            fitted += usize::from(fit.is_some());
+            let found = match fit {
+                Some(fit) => self.shares(&groups, &fit),
+                None => groups.iter().map(|group| self.mean(group)).collect(),
+            };
+            let rows = groups.iter().zip(found);
+            contacts.extend(
+                rows.map(|(group, (at, information))| (group.touch, self.row(group, at, information))),
+            );
+        }
+        contacts.sort_by_key(|(touch, contact): &(usize, TouchContact)| (*touch, contact.taxel));
+        let mut contacts: Vec<TouchContact> = contacts.into_iter().map(|(_, contact)| contact).collect();
+        for touch in contacts.chunk_by_mut(|a, b| a.touch == b.touch) {
+            let mean = touch.iter().map(|contact| contact.weight).sum::<f64>() / touch.len() as f64;
+            touch.iter_mut().for_each(|contact| contact.weight /= mean);
+        }
+        let used = contacts.chunk_by(|a, b| a.touch == b.touch).count();
+        let summary = TouchesSummary {
+            frames: log.frames.len(),
+            touches: samples.touches.len(),
+            empty_touches: samples.touches.len() - used,
+            taxels: samples.of.iter().filter(|of| !of.is_empty()).count(),
+            fitted,
+            lone: estimates.lone,
+            arm_noise: self.arm_noise(),
+            reading_noise: (fitted > 0).then_some(estimates.noise.reading),
+            spacing: estimates.spacing,
+        };
+        TouchContacts { contacts, summary }
+    }
+
+    fn row(&self, group: &Group<'_>, position: DVec3, information: DMat3) -> TouchContact {
+        let frame = &self.log.frames[group.samples[0].frame];
+        let columns = information.to_cols_array_2d();
+        let symmetric =
+            std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (columns[i][j] + columns[j][i])));
+        let total = group.samples.iter().map(|sample| sample.reading).sum::<f64>();
+        TouchContact {
+            taxel: self.samples.ids[group.taxel],
+            touch: frame.touch,
+            contact: frame.contact,
+            position,
+            information: Information(symmetric),
+            weight: total,
+            body_rotation: frame.body_rotation.map(|q| (frame.link.rotation.conjugate() * q).normalize()),
+        }
+    }
+
+    /// What all touches together say about a taxel; `None` if that is not more than where they were.
+    fn fitted(&self, v: VertexId) -> Option<Fitted> {
+        let Estimates { contact, noise, gains, .. } = *self.estimates;
+        let at = self.estimates.fits[v]?;
+        let samples = &self.samples.of[v];
+        let covariance = self.estimates.covariances[v];
+        let (variances, _) = symmetric_eigen(&covariance.to_cols_array_2d());
+        let most = variances.into_iter().fold(0.0, f64::max);
+        if samples.len() < LEAST_SAMPLES || most > (0.5 * contact).powi(2) {
+            return None;
+        }
+        let (mut both, mut gain) = (DVec3::ZERO, gains.sigma.powi(-2));
+        for (weight, residual) in self.terms(v, samples, &at) {
+            both += weight * residual.by_gain * residual.by_position;
+            gain += weight * residual.by_gain * residual.by_gain;
+        }
+        let gain_per_position = both / gain;
+        let whole = self.normal_equations(v, samples, &at, gain_per_position).0;
+        let information = covariance.inverse();
+        let share = power(information, 0.5)? * power(whole, -0.5)?;
+        let expected = noise.arm / (samples.len() as f64).sqrt();
+        let trace = variances.into_iter().sum::<f64>();
+        let arm_scale = ((trace / 3.0).sqrt() / expected).min(1.0);
+        Some(Fitted { at, information, gain_per_position, share, arm_scale })
+    }
+
+    /// The residuals of some samples, with the true positions of the body, and their weights.
+    fn terms(&self, v: VertexId, samples: &[Sample], at: &Estimate) -> impl Iterator<Item = (f64, Residual)> {
+        let noise = Noise { arm: 0.0, ..self.estimates.noise };
+        samples.iter().filter_map(move |sample| {
+            let place = self.estimates.places.get(sample.frame).copied().flatten()?;
+            let sample = Sample { centre: place.centre, ..*sample };
+            let residual = self.estimates.taxel(self.samples, v)?.residual(&sample, at)?;
+            Some((residual.weight(noise), residual))
+        })
+    }
+
+    /// Information and gradient of some samples. What a change of the gain would explain as well says nothing about the
+    /// position.
+    fn normal_equations(
+        &self,
+        v: VertexId,
+        samples: &[Sample],
+        at: &Estimate,
+        gain_per_position: DVec3,
+    ) -> (DMat3, DVec3) {
+        let (mut information, mut gradient) = (DMat3::ZERO, DVec3::ZERO);
+        for (weight, residual) in self.terms(v, samples, at) {
+            let row = residual.by_position - residual.by_gain * gain_per_position;
+            information += weight * DMat3::from_cols(row.x * row, row.y * row, row.z * row);
+            gradient -= weight * residual.distance * row;
+        }
+        (information, gradient)
+    }
+
+    /// The mean error of the arm in some samples, in m, weighted by the readings.
+    fn arm_error(&self, samples: &[Sample]) -> DVec3 {
+        let total = samples.iter().map(|sample| sample.reading).sum::<f64>();
+        let error = |sample: &Sample| {
+            let place = self.estimates.places.get(sample.frame).copied().flatten();
+            place.map_or(DVec3::ZERO, |place| sample.reading * (place.believed - place.centre))
+        };
+        samples.iter().map(error).sum::<DVec3>() / total
+    }
+
+    /// The terms of each touch. Their information adds up to that of the taxel, and their weighted mean is its position. A
+    /// touch differs from the others by its residuals, and by the error of its arm as far as it is left in the position, so
+    /// that a touch that does not fit shows.
+    fn shares(&self, groups: &[Group<'_>], fit: &Fitted) -> Vec<(DVec3, DMat3)> {
+        let reach = self.estimates.contact + self.options.taxel_radius.unwrap_or(TAXEL_RADIUS);
+        // Along directions about which a touch says nothing it stays with the others.
+        let stay = DMat3::from_diagonal(DVec3::splat(reach.powi(-2)));
+        let back = fit.share.transpose().inverse();
+        let part = |group: &Group<'_>| {
+            let (own, gradient) =
+                self.normal_equations(group.taxel, group.samples, &fit.at, fit.gain_per_position);
+            Part {
+                information: fit.share * own * fit.share.transpose(),
+                by_readings: back * ((own + stay).inverse() * gradient),
+                by_arm: fit.arm_scale * self.arm_error(group.samples),
+            }
+        };
+        let parts: Vec<Part> = groups.iter().map(part).collect();
+        let off = |part: &Part| part.by_readings + part.by_arm;
+        let mean =
+            fit.information.inverse() * parts.iter().map(|part| part.information * off(part)).sum::<DVec3>();
+        parts.iter().map(|part| (fit.at.position + off(part) - mean, part.information)).collect()
+    }
+
+    /// The mean of the positions of the body in a touch.
+    fn mean(&self, group: &Group<'_>) -> (DVec3, DMat3) {
+        let Estimates { depth, contact, spacing, .. } = *self.estimates;
+        let (mut centre, mut weights, mut radius) = (DVec3::ZERO, 0.0, 0.0);
+        let mut plane = DVec3::ZERO;
+        for sample in group.samples {
+            let weight = if self.log.has_readings { sample.reading * sample.reading } else { 1.0 };
+            centre += weight * sample.centre;
+            radius += weight * sample.radius;
+            plane += weight * sample.plane.unwrap_or(DVec3::ZERO);
+            weights += weight;
+        }
+        (centre, radius) = (centre / weights, radius / weights);
+        let arm = self.arm_noise();
+        let across = (0.5 * contact).max(spacing.unwrap_or(0.0) / 12_f64.sqrt()).max(arm);
+        if let Some(outward) = plane.try_normalize() {
+            // A plane says how high the skin is, not where along it.
+            let along = (arm * arm + depth * depth).powf(-1.0);
+            let n = outward;
+            return (centre, along * DMat3::from_cols(n.x * n, n.y * n, n.z * n));
+        }
+        let isotropic = DMat3::from_diagonal(DVec3::splat(across.powi(-2)));
+        let Some(n) = self.estimates.normals[group.taxel].filter(|_| radius > 0.0) else {
+            return (centre, isotropic);
+        };
+        let depth = depth.min(radius);
+        let along = (arm * arm + depth * depth).recip() - across.powi(-2);
+        (centre - (radius - depth) * n, isotropic + along * DMat3::from_cols(n.x * n, n.y * n, n.z * n))
+    }
+
+    fn arm_noise(&self) -> f64 {
+        let is_fitted = self.estimates.fits.iter().any(Option::is_some);
+        self.options.arm_noise.unwrap_or(if is_fitted { self.estimates.noise.arm } else { ARM_NOISE })
+    }
+}
+
+/// A power of a positive definite matrix; `None` if it is not one.
+fn power(matrix: DMat3, exponent: f64) -> Option<DMat3> {
+    let (values, vectors) = symmetric_eigen(&matrix.to_cols_array_2d());
+    let mut sum = DMat3::ZERO;
+    for (k, value) in values.into_iter().enumerate() {
+        if !(value > 0.0 && value.is_finite()) {
+            return None;
+        }
+        let v = DVec3::from_array([0, 1, 2].map(|row| vectors[row][k]));
+        sum += value.powf(exponent) * DMat3::from_cols(v.x * v, v.y * v, v.z * v);
+    }
+    Some(sum)
+}

@@ -1,0 +1,68 @@
+//! Why a log of touches cannot be used.
+
+use crate::calib::CalibError;
+use crate::skin::TaxelId;
+
+/// Why a log of touches cannot be used. Lines are those of [`TouchFrame::row`](crate::touches::TouchFrame::row).
+#[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what is wrong")]
+pub enum TouchesError {
+    #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
+    #[error(transparent)]
+    Calib(#[from] CalibError),
+    #[error(transparent)]
+    Sparse(#[from] crate::sparse::SparseError),
+    #[error("line {row}: {what} is not valid; needed: {needed}")]
+    InvalidFrame { row: usize, what: &'static str, needed: &'static str },
+    #[error(
+        "line {row}: taxel {id} has the reading {reading}; needed: a positive number, and only active taxels"
+    )]
+    BadReading { row: usize, id: TaxelId, reading: f64 },
+    #[error("line {row}: taxel {id} comes twice; needed: every active taxel once")]
+    TaxelTwice { row: usize, id: TaxelId },
+    #[error(
+        "line {row}: the time {time} s is before that of the line above, {earlier} s; needed: the frames of a touch in their order"
+    )]
+    OutOfOrder { row: usize, time: f64, earlier: f64 },
+    #[error(
+        "line {row}: touch {touch} goes on after another one; needed: the lines of a touch one after the other"
+    )]
+    Resumed { row: usize, touch: u64 },
+    #[error(
+        "line {row}: touch {touch} has another contact than in the line above; needed: one contact for all lines of a touch"
+    )]
+    SeveralContacts { row: usize, touch: u64 },
+    #[error("none of the {frames} frames has an active taxel that is used; needed: at least one")]
+    NothingFelt { frames: usize },
+    #[error("{option} is {found}; needed: {:e} to {:e}", .range[0], .range[1])]
+    BadOption { option: &'static str, found: f64, range: [f64; 2] },
+    #[error("line {row}: taxel {id} is not in the drawing of the skin; needed: a taxel that it has")]
+    UnknownTaxel { row: usize, id: TaxelId },
+    #[error("the touches do not tell the outside of the skin: {detail}; needed: the normals of its taxels")]
+    NoOutside { detail: &'static str },
+    #[error(
+        "line {row}: the link {link:?} has no pose; needed: columns x,y,z,qx,qy,qz,qw, or poses of that link"
+    )]
+    NoPose { row: usize, link: String },
+    #[error("line {row}: the time is {}; the {what} are from {} to {} s; needed: a time of them on one clock", found_time(*.found), .span[0], .span[1])]
+    OffClock { row: usize, found: Option<f64>, what: &'static str, span: [f64; 2] },
+    #[error(
+        "line {row}: the link is {second:?}, that of lines above is {first:?}; needed: one link, or the choice of one"
+    )]
+    SeveralLinks { row: usize, first: String, second: String },
+    #[error("no row has the link {wanted:?}, the first has {found:?}; needed: a link of the log")]
+    NoLink { wanted: String, found: String },
+    #[error("line {row}: taxel {id} has no reading, others have; needed: id:value for all, or ids alone")]
+    PartlyRead { row: usize, id: TaxelId },
+    #[error("line {row}: taxels are in the log and in a recording; needed: one of them")]
+    TwoReadings { row: usize },
+    #[error("line {row}: no taxels; needed: a column `taxels`, or a recording of the readings")]
+    NoReadings { row: usize },
+}
+
+fn found_time(time: Option<f64>) -> String {
+    time.map_or_else(|| "missing".to_owned(), |time| format!("{time} s"))
+}

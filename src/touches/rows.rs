@@ -1,0 +1,246 @@
+//! The rows of a table of touches, and how they become a log: poses and readings may be in files of their own.
+
+use glam::{DQuat, DVec3};
+
+use crate::calib::Pose;
+use crate::id::IdVec;
+use crate::skin::{Link, LinkId, Motion, TaxelId};
+use crate::touches::TouchesError;
+use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
+
+/// One row of a table of touches, as it is written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchRow {
+    /// Its line in the file.
+    pub row: usize,
+    /// Its time in s.
+    pub time: Option<f64>,
+    /// The number of its touch.
+    pub touch: Option<u64>,
+    /// The number of its contact.
+    pub contact: Option<u64>,
+    /// The link that carries the skin; may be empty.
+    pub link: String,
+    /// The pose of that link.
+    pub pose: Option<Pose>,
+    /// The body that touches, in the frame of `body_link`, or without one in that of the pose.
+    pub body: TouchBody,
+    /// The orientation of the body, in the same frame.
+    pub body_rotation: Option<DQuat>,
+    /// The link that carries the body, if its position is in the frame of a link.
+    pub body_link: Option<String>,
+    /// Active taxels and their readings; `None`: they are in a recording.
+    pub felt: Option<Vec<(TaxelId, Option<f64>)>>,
+}
+
+/// Frames of a recording of readings.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TouchReadings {
+    /// Times in s, ascending.
+    pub times: Vec<f64>,
+    /// The taxel of each column.
+    pub ids: Vec<TaxelId>,
+    /// Frame after frame; NaN: no reading.
+    pub values: Vec<f64>,
+    /// A reading above it is one of an active taxel.
+    pub threshold: f64,
+}
+
+/// Where the poses and readings of rows without their own come from.
+#[derive(Default)]
+pub struct RowSources<'a> {
+    /// The pose of a link of this name at a time (s), in the world; `None`: no such link.
+    pub pose: Option<&'a dyn Fn(&str, f64) -> Option<Pose>>,
+    /// The first and the last time of these poses, in s, where they change.
+    pub pose_times: Option<[f64; 2]>,
+    /// Readings.
+    pub readings: Option<&'a TouchReadings>,
+    /// The radius of the body where rows do not give it, in m.
+    pub radius: Option<f64>,
+    /// Which link is used; `None`: the only one.
+    pub link: Option<&'a str>,
+}
+
+/// A log of rows, and how many rows were not used.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LogOfRows {
+    /// The log.
+    pub log: TouchLog,
+    /// Rows in which no taxel was active.
+    pub silent: usize,
+    /// Rows of other links.
+    pub others: usize,
+}
+
+/// Makes a log of rows. Rows without a number of a touch belong to the touch of the row above them, unless taxels were
+/// silent between or the link is another one.
+///
+/// # Errors
+/// The first row whose link has no pose, whose time is missing or not one of the poses or the readings, with readings of
+/// some taxels only, or with taxels of its own next to a recording; several links, of which none is chosen.
+pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfRows, TouchesError> {
+    let mut made = LogOfRows::default();
+    let first =
+        rows.iter().map(|row| &*row.link).find(|link| sources.link.is_none_or(|wanted| wanted == *link));
+    let Some(link) = first else {
+        let found = rows.iter().map(|row| row.link.clone()).next().unwrap_or_default();
+        return Err(TouchesError::NoLink { wanted: sources.link.unwrap_or_default().to_owned(), found });
+    };
+    made.log.has_readings = sources.readings.is_some()
+        || rows.iter().filter_map(|row| row.felt.as_ref()).flatten().any(|(_, reading)| reading.is_some());
+    let (mut touch, mut was_silent) = (0, false);
+    for row in rows {
+        if row.link != link {
+            if sources.link.is_none() {
+                return Err(TouchesError::SeveralLinks {
+                    row: row.row,
+                    first: link.to_owned(),
+                    second: row.link.clone(),
+                });
+            }
+            made.others += 1;
+            continue;
+        }
+        let felt = felt(row, sources, made.log.has_readings)?;
+        if felt.is_empty() {
+            made.silent += 1;
+            was_silent = true;
+            continue;
+        }
+        touch += u64::from(was_silent && !made.log.frames.is_empty());
+        was_silent = false;
+        let pose = pose_of(row, &row.link, row.pose, sources)?;
+        let (body, body_rotation) = body_of(row, sources)?;
+        made.log.frames.push(TouchFrame {
+            row: row.row,
+            time: row.time,
+            touch: row.touch.unwrap_or(touch),
+            contact: row.contact,
+            link: pose,
+            body,
+            body_rotation,
+            felt,
+        });
+    }
+    if made.log.frames.is_empty() {
+        return Err(TouchesError::NothingFelt { frames: rows.len() });
+    }
+    Ok(made)
+}
+
+/// The pose of a link in a motion of links at a time (s), in the world; `None` if there is none of this name, or it does not
+/// move. Links without a parent are in the world.
+pub fn pose_in_motion(motion: &Motion, links: &IdVec<LinkId, Link>, name: &str, time: f64) -> Option<Pose> {
+    let (link, _) = links.enumerate().find(|(_, link)| link.name == name)?;
+    let (_, pose) = motion.pose(link, time)?;
+    Some(Pose { position: pose.translation, rotation: DQuat::from_mat3(&pose.matrix3).normalize() })
+}
+
+/// The pose of a link: that of the row, or that of the sources at the time of the row.
+fn pose_of(
+    row: &TouchRow,
+    link: &str,
+    own: Option<Pose>,
+    sources: &RowSources<'_>,
+) -> Result<Pose, TouchesError> {
+    if let Some(pose) = own {
+        return Ok(pose);
+    }
+    let missing = || TouchesError::NoPose { row: row.row, link: link.to_owned() };
+    let poses = sources.pose.ok_or_else(missing)?;
+    let time = match (row.time, sources.pose_times) {
+        (time, None) => time.unwrap_or(0.0),
+        (Some(time), Some([first, last])) if (first..=last).contains(&time) => time,
+        (found, Some(span)) => {
+            return Err(TouchesError::OffClock { row: row.row, found, what: "poses", span });
+        }
+    };
+    poses(link, time).ok_or_else(missing)
+}
+
+/// The body in the frame of the poses.
+fn body_of(row: &TouchRow, sources: &RowSources<'_>) -> Result<(TouchBody, Option<DQuat>), TouchesError> {
+    let frame = match &row.body_link {
+        None => Pose::default(),
+        Some(link) => pose_of(row, link, None, sources)?,
+    };
+    let body = match row.body {
+        TouchBody::Sphere { centre, radius } => TouchBody::Sphere {
+            centre: frame.apply(centre),
+            radius: if radius > 0.0 { radius } else { sources.radius.unwrap_or(0.0) },
+        },
+        TouchBody::Plane { point, normal } => {
+            TouchBody::Plane { point: frame.apply(point), normal: frame.rotation * normal }
+        }
+    };
+    Ok((body, row.body_rotation.map(|q| (frame.rotation * q).normalize())))
+}
+
+/// The active taxels of a row.
+fn felt(
+    row: &TouchRow,
+    sources: &RowSources<'_>,
+    has_readings: bool,
+) -> Result<Vec<(TaxelId, f64)>, TouchesError> {
+    match (&row.felt, sources.readings) {
+        (Some(felt), None) => {
+            let reading = |&(id, reading): &(TaxelId, Option<f64>)| match reading {
+                Some(reading) => Ok((id, reading)),
+                None if has_readings => Err(TouchesError::PartlyRead { row: row.row, id }),
+                None => Ok((id, 1.0)),
+            };
+            felt.iter().map(reading).collect()
+        }
+        (None, Some(readings)) => {
+            let frame = readings.frame_at(row.time).map_err(|span| TouchesError::OffClock {
+                row: row.row,
+                found: row.time,
+                what: "readings",
+                span,
+            })?;
+            let values = &readings.values[frame * readings.ids.len()..][..readings.ids.len()];
+            let active = readings.ids.iter().zip(values).filter(|(_, value)| **value > readings.threshold);
+            Ok(active.map(|(id, value)| (*id, *value)).collect())
+        }
+        (Some(_), Some(_)) => Err(TouchesError::TwoReadings { row: row.row }),
+        (None, None) => Err(TouchesError::NoReadings { row: row.row }),
+    }
+}
+
+impl TouchReadings {
+    /// The frame nearest to a time; an error with the span of the times if it is farther than half of the time between
+    /// frames.
+    fn frame_at(&self, time: Option<f64>) -> Result<usize, [f64; 2]> {
+        let [first, last] = [self.times.first(), self.times.last()].map(|t| t.copied().unwrap_or(0.0));
+        let Some(time) = time else { return Err([first, last]) };
+        let after = self.times.partition_point(|&t| t < time);
+        let near =
+            [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|&k| k < self.times.len());
+        let found =
+            near.min_by(|&a, &b| (self.times[a] - time).abs().total_cmp(&(self.times[b] - time).abs()));
+        // Clocks of one recording agree to less than half of a frame.
+        let period = (last - first) / (self.times.len().max(2) - 1) as f64;
+        let is_near = |&k: &usize| (self.times[k] - time).abs() <= 0.51 * period + 1e-9;
+        found.filter(is_near).ok_or([first, last])
+    }
+
+    /// The noise of the readings: the median over taxels of the median absolute change between frames, over what
+    /// it is for one standard deviation of a normal distribution; 0 with fewer than three frames.
+    pub fn noise(&self) -> f64 {
+        let width = self.ids.len();
+        let changes = |column: usize| {
+            let of =
+                |k: usize| (self.values[k * width + column] - self.values[(k - 1) * width + column]).abs();
+            crate::numeric::median((1..self.times.len()).map(of).filter(|x| x.is_finite()))
+        };
+        // The median of the absolute value of a normal number is 0.6745; a change has two of them.
+        crate::numeric::median((0..width).filter_map(changes)).unwrap_or(0.0) / (0.6745 * 2_f64.sqrt())
+    }
+}
+
+impl Default for TouchBody {
+    /// A point at the origin.
+    fn default() -> Self {
+        Self::Sphere { centre: DVec3::ZERO, radius: 0.0 }
+    }
+}

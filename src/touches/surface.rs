@@ -1,0 +1,215 @@
+//! The surface through points that are not joined: spacing, neighbours, normals.
+//!
+//! *Heuristic*: each normal is that of a quadric through the neighbours within [`REACH`] spacings. A plane
+//! is wrong by 1 degree at the rim of a skin of 0.1 m radius, since its neighbours are on one side; a quadric is not.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec3, IVec3};
+
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{median, symmetric_eigen};
+
+/// Neighbours within this many spacings determine a normal.
+const REACH: f64 = 4.5;
+
+/// A quadric needs this many neighbours; with fewer a plane is fitted.
+const LEAST_FOR_QUADRIC: usize = 9;
+
+/// Bends are damped as if each neighbourhood had this many more points on its plane.
+const DAMPING: f64 = 0.02;
+
+/// Points by the cube in which they are.
+pub(super) struct Cubes<'a> {
+    points: &'a IdVec<VertexId, DVec3>,
+    side: f64,
+    cubes: BTreeMap<[i32; 3], Vec<VertexId>>,
+}
+
+impl<'a> Cubes<'a> {
+    pub(super) fn new(points: &'a IdVec<VertexId, DVec3>, side: f64) -> Self {
+        let mut cubes: BTreeMap<[i32; 3], Vec<VertexId>> = BTreeMap::new();
+        for (v, &point) in points.enumerate() {
+            cubes.entry(Self::cube(point, side).to_array()).or_default().push(v);
+        }
+        Self { points, side, cubes }
+    }
+
+    fn cube(point: DVec3, side: f64) -> IVec3 {
+        (point / side).floor().as_ivec3()
+    }
+
+    /// The other points within one side of a cube, by their numbers.
+    pub(super) fn around(&self, v: VertexId) -> Vec<VertexId> {
+        let here = self.points[v];
+        let cube = Self::cube(here, self.side);
+        let steps = (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+        let near = steps.filter_map(|step| self.cubes.get(&cube.saturating_add(step).to_array())).flatten();
+        let is_near = |u: &VertexId| *u != v && self.points[*u].distance(here) <= self.side;
+        let mut found: Vec<VertexId> = near.copied().filter(is_near).collect();
+        found.sort_unstable();
+        found
+    }
+}
+
+/// The median distance of a point from its nearest other one, in m; `None` below two points or if they coincide.
+pub(super) fn spacing(points: &IdVec<VertexId, DVec3>) -> Option<f64> {
+    let [least, most] = [DVec3::min, DVec3::max].map(|of| points.iter().copied().reduce(of));
+    let size = (most? - least?).max_element();
+    let mut side = size / (points.len() as f64).sqrt();
+    // Cubes grow until most points have a neighbour in them.
+    for _ in 0..64 {
+        if side.is_nan() || side <= 0.0 {
+            return None;
+        }
+        let cubes = Cubes::new(points, side);
+        let nearest = |v: VertexId| {
+            let others = cubes.around(v).into_iter();
+            others.map(|u| points[u].distance(points[v])).reduce(f64::min)
+        };
+        let found: Vec<f64> = points.ids().filter_map(nearest).collect();
+        if 4 * found.len() >= 3 * points.len() {
+            return median(found.into_iter()).filter(|&spacing| spacing > 0.0);
+        }
+        side *= 1.5;
+    }
+    None
+}
+
+/// The points within `reach` (m) of each.
+pub(super) fn neighbours(points: &IdVec<VertexId, DVec3>, reach: f64) -> IdVec<VertexId, Vec<VertexId>> {
+    let cubes = Cubes::new(points, reach);
+    points.ids().map(|v| cubes.around(v)).collect()
+}
+
+/// Unit normals of the surface through points, to no particular side; `None` where fewer than three are near.
+pub(super) fn normals(points: &IdVec<VertexId, DVec3>, spacing: f64) -> IdVec<VertexId, Option<DVec3>> {
+    let cubes = Cubes::new(points, REACH * spacing);
+    points.ids().map(|v| normal(points, v, &cubes.around(v), spacing)).collect()
+}
+
+/// The normal of the quadric through a point's neighbours, at that point.
+fn normal(points: &IdVec<VertexId, DVec3>, v: VertexId, around: &[VertexId], spacing: f64) -> Option<DVec3> {
+    if around.len() < 2 {
+        return None;
+    }
+    let here = points[v];
+    let mean = (around.iter().map(|&u| points[u]).sum::<DVec3>() + here) / (around.len() + 1) as f64;
+    let mut scatter = [[0.0; 3]; 3];
+    for q in around.iter().map(|&u| points[u] - mean).chain([here - mean]) {
+        let q = q.to_array();
+        for (row, a) in scatter.iter_mut().zip(q) {
+            row.iter_mut().zip(q).for_each(|(cell, b)| *cell += a * b);
+        }
+    }
+    let (values, vectors) = symmetric_eigen(&scatter);
+    let least = (0..3).min_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+    let plane = DVec3::from_array([0, 1, 2].map(|row| vectors[row][least])).try_normalize()?;
+    if around.len() < LEAST_FOR_QUADRIC {
+        return Some(plane);
+    }
+    let x = plane.any_orthonormal_vector();
+    let y = plane.cross(x);
+    // z = c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2, in spacings.
+    let mut system = [[0.0; 7]; 6];
+    for q in around.iter().map(|&u| points[u] - here).chain([DVec3::ZERO]) {
+        let (u, v, z) = (q.dot(x) / spacing, q.dot(y) / spacing, q.dot(plane) / spacing);
+        let row = [1.0, u, v, u * u, u * v, v * v, z];
+        let weight = (1.0 - (u * u + v * v) / (REACH * REACH)).max(0.0).powi(2);
+        for (line, a) in system.iter_mut().zip(row) {
+            line.iter_mut().zip(row).for_each(|(cell, b)| *cell += weight * a * b);
+        }
+    }
+    for (k, line) in system.iter_mut().enumerate().skip(3) {
+        line[k] += DAMPING;
+    }
+    let solved = solve(system)?;
+    (plane - solved[1] * x - solved[2] * y).try_normalize()
+}
+
+/// The solution of a system of equations, whose right side is the last column; `None` if it is singular.
+pub(super) fn solve<const N: usize, const M: usize>(mut system: [[f64; M]; N]) -> Option<[f64; N]> {
+    for k in 0..N {
+        let pivot = (k..N).max_by(|&a, &b| system[a][k].abs().total_cmp(&system[b][k].abs()))?;
+        system.swap(k, pivot);
+        let top = system[k];
+        if top[k].abs() <= f64::MIN_POSITIVE || !top[k].is_finite() {
+            return None;
+        }
+        for line in &mut system[k + 1..] {
+            let factor = line[k] / top[k];
+            line.iter_mut().zip(top).skip(k).for_each(|(cell, above)| *cell -= factor * above);
+        }
+    }
+    let mut solution = [0.0; N];
+    for k in (0..N).rev() {
+        let known: f64 = (k + 1..N).map(|j| system[k][j] * solution[j]).sum();
+        solution[k] = (system[k][M - 1] - known) / system[k][k];
+    }
+    Some(solution)
+}
+
+/// Turns normals to the outside: neighbours agree, and each connected piece is outside where it bends away from its
+/// own centre, or, where it is flat, away from `origin`. Returns `false` if neither tells.
+pub(super) fn orient(
+    points: &IdVec<VertexId, DVec3>,
+    normals: &mut IdVec<VertexId, Option<DVec3>>,
+    neighbours: &IdVec<VertexId, Vec<VertexId>>,
+    origin: DVec3,
+) -> bool {
+    let mut is_done = points.map(|_| false);
+    let mut all_told = true;
+    for first in points.ids() {
+        if is_done[first] || normals[first].is_none() {
+            continue;
+        }
+        // Breadth first, so that neighbours agree.
+        let mut piece = vec![first];
+        is_done[first] = true;
+        let mut next = 0;
+        while let Some(&v) = piece.get(next) {
+            next += 1;
+            let Some(normal) = normals[v] else { continue };
+            for &u in &neighbours[v] {
+                if let (false, Some(other)) = (is_done[u], normals[u]) {
+                    normals[u] = Some(if other.dot(normal) < 0.0 { -other } else { other });
+                    is_done[u] = true;
+                    piece.push(u);
+                }
+            }
+        }
+        match side(points, normals, &piece, origin) {
+            Some(outward) if !outward => {
+                for &v in &piece {
+                    normals[v] = normals[v].map(|n| -n);
+                }
+            }
+            Some(_) => {}
+            None => all_told = false,
+        }
+    }
+    all_told
+}
+
+/// Whether the normals of a piece point to the outside; `None` if nothing tells.
+fn side(
+    points: &IdVec<VertexId, DVec3>,
+    normals: &IdVec<VertexId, Option<DVec3>>,
+    piece: &[VertexId],
+    origin: DVec3,
+) -> Option<bool> {
+    /// Bends below this, as the mean sine between normals and the directions from the centre, are noise.
+    const LEAST_BEND: f64 = 0.05;
+    let centre = piece.iter().map(|&v| points[v]).sum::<DVec3>() / piece.len() as f64;
+    let mean = |from: DVec3| {
+        let sines =
+            piece.iter().filter_map(|&v| Some(normals[v]?.dot((points[v] - from).normalize_or_zero())));
+        sines.sum::<f64>() / piece.len() as f64
+    };
+    let bend = mean(centre);
+    if bend.abs() > LEAST_BEND {
+        return Some(bend > 0.0);
+    }
+    let away = mean(origin);
+    (away.abs() > LEAST_BEND).then_some(away > 0.0)
+}

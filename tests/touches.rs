@@ -1,0 +1,184 @@
+//! From touches to positions of taxels: the source paper's experiment with readings, and its laws.
+
+use std::collections::BTreeMap;
+
+use dermatome::calib::Pose;
+use dermatome::skin::TaxelId;
+use dermatome::touches::{
+    ArmOptions, ArmSimulation, Drawing, TouchBody, TouchContact, TouchFrame, TouchLog, TouchesOptions,
+    contacts_of_touches, simulate_arm,
+};
+use glam::{DMat3, DQuat, DVec3};
+
+/// The weighted mean of the contacts of each taxel, and how many there are.
+fn positions(contacts: &[TouchContact]) -> BTreeMap<TaxelId, (DVec3, usize)> {
+    let mut sums: BTreeMap<TaxelId, (DMat3, DVec3, usize)> = BTreeMap::new();
+    for contact in contacts {
+        let information = DMat3::from_cols_array_2d(&contact.information.0);
+        let sum = sums.entry(contact.taxel).or_insert((DMat3::ZERO, DVec3::ZERO, 0));
+        sum.0 += information;
+        sum.1 += information * contact.position;
+        sum.2 += 1;
+    }
+    sums.into_iter().map(|(id, (m, b, count))| (id, (m.inverse() * b, count))).collect()
+}
+
+/// Position and truth of the taxels with five or more touches.
+fn pairs(simulation: &ArmSimulation, contacts: &[TouchContact]) -> Vec<(DVec3, DVec3)> {
+    let truth = |id: TaxelId| simulation.truth[id.0.into()].position;
+    let found = positions(contacts).into_iter().filter(|(_, (_, count))| *count >= 5);
+    found.map(|(id, (position, _))| (position, truth(id))).collect()
+}
+
+fn rms(of: impl Iterator<Item = f64>) -> f64 {
+    let squares: Vec<f64> = of.map(|x| x * x).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+fn error(pairs: &[(DVec3, DVec3)]) -> f64 {
+    rms(pairs.iter().map(|(a, b)| a.distance(*b)))
+}
+
+/// Indentation in m: force that presses so deep.
+fn pressed(depth: f64, options: ArmOptions) -> ArmSimulation {
+    simulate_arm(&ArmOptions { force: options.force_at(depth), ..options }).unwrap()
+}
+
+/// Without noise positions are exact to much less than 0.1 mm, from the readings alone, and however deep the skin is pressed
+/// in.
+#[test]
+fn indentation_moves_no_taxel() {
+    let mut all = Vec::new();
+    for depth in [5e-4, 1e-3, 2e-3] {
+        let simulation = pressed(depth, ArmOptions { taxels: 120, speed: 0.04, ..ArmOptions::default() });
+        assert!((simulation.depth - depth).abs() < 1e-6, "{} m", simulation.depth);
+        let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
+        assert_eq!(found.summary.fitted, 120, "at {depth} m");
+        let pairs: Vec<_> = positions(&found.contacts)
+            .into_iter()
+            .map(|(id, (position, _))| (position, simulation.truth[id.0.into()].position))
+            .collect();
+        let error = error(&pairs);
+        println!("{depth} m deep: {:.4} mm", error * 1e3);
+        assert!(error < 2e-5, "{error} m at {depth} m");
+        all.push(pairs);
+    }
+    let moved = all[0].iter().zip(&all[2]).map(|((a, _), (b, _))| a.distance(*b)).fold(0.0, f64::max);
+    println!("moved by at most {:.4} mm", moved * 1e3);
+    assert!(moved < 1e-4, "{moved} m");
+}
+
+/// With 1 mm of noise on the arm in each frame, a taxel cannot be known better from its own frames than
+/// `1 mm sqrt(3 / frames)` if each of them showed where on the body it is (Cramer-Rao). Since the readings of a frame also say where
+/// its taxels are to each other, all taxels together are better than that.
+#[test]
+fn noise_of_the_arm_is_within_the_bound() {
+    let sigma = 1e-3;
+    for seed in 0..2 {
+        let options = ArmOptions { taxels: 150, arm_noise: sigma, seed, ..ArmOptions::default() };
+        let simulation = simulate_arm(&options).unwrap();
+        let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
+        let mut frames: BTreeMap<TaxelId, usize> = BTreeMap::new();
+        for (id, _) in simulation.log.frames.iter().flat_map(|frame| &frame.felt) {
+            *frames.entry(*id).or_default() += 1;
+        }
+        let bound = rms(frames.values().map(|&n| sigma * (3.0 / n as f64).sqrt()));
+        let error = error(&pairs(&simulation, &found.contacts));
+        let arm = found.summary.arm_noise;
+        println!("seed {seed}: {:.3} mm, bound {:.3} mm, arm {:.3} mm", error * 1e3, bound * 1e3, arm * 1e3);
+        assert!(error < 1.1 * bound, "{error} m, bound {bound} m");
+        assert!((arm / sigma - 1.0).abs() < 0.1, "the noise of the arm is found: {arm} m");
+    }
+}
+
+/// The sum of readings over the whole skin is the force, where discs cover it: each reads the pressure of its disc, of which
+/// there is one in a cell of the lattice. Discs are flat, so that on a sphere of radius `R` they lie
+/// `r^2 / 4R` above it on average, and read that much more depth.
+#[test]
+fn readings_add_up_to_the_force() {
+    let simulation = simulate_arm(&ArmOptions { taxels: 300, force: 1.2, ..ArmOptions::default() }).unwrap();
+    let cell = 0.75_f64.sqrt() * 0.005 * 0.005;
+    let disc = std::f64::consts::PI * 0.002 * 0.002;
+    let inner = simulation.log.frames.iter().filter(|frame| {
+        let TouchBody::Sphere { centre, .. } = frame.body else { return false };
+        let at = frame.link.rotation.conjugate() * (centre - frame.link.position);
+        at.x.hypot(at.y) < 0.03
+    });
+    let forces: Vec<f64> = inner.map(|frame| frame.felt.iter().map(|(_, x)| x * cell / disc).sum()).collect();
+    let mean = forces.iter().sum::<f64>() / forces.len() as f64;
+    let area = 2.0 * std::f64::consts::PI * (0.1 * 0.01 / 0.11) * simulation.depth;
+    let expected = 1.2 + 2e7 * area * 0.002 * 0.002 / (4.0 * 0.1);
+    println!("{mean} N of {expected} N in {} frames", forces.len());
+    assert!((mean / expected - 1.0).abs() < 0.01, "{mean} N of {expected} N");
+}
+
+fn frame(row: usize, touch: u64, felt: &[(u32, f64)]) -> TouchFrame {
+    TouchFrame {
+        row,
+        time: Some(row as f64),
+        touch,
+        contact: None,
+        link: Pose::default(),
+        body: TouchBody::Sphere { centre: DVec3::new(0.0, 0.0, 0.012), radius: 0.0 },
+        body_rotation: None,
+        felt: felt.iter().map(|&(id, x)| (TaxelId(id), x)).collect(),
+    }
+}
+
+/// A log in disorder is refused with the row.
+#[test]
+fn logs_in_disorder_are_refused() {
+    let log = |frames: Vec<TouchFrame>| TouchLog { frames, has_readings: true };
+    let felt = [(3, 1.0), (4, 2.0)];
+    let kind = |log: TouchLog| {
+        let error = contacts_of_touches(&log, &TouchesOptions::default()).unwrap_err();
+        (error.kind(), error.to_string())
+    };
+    let backwards = TouchFrame { time: Some(0.5), ..frame(2, 0, &felt) };
+    let turned = TouchFrame {
+        link: Pose { position: DVec3::ZERO, rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 1.1) },
+        ..frame(2, 0, &felt)
+    };
+    for (frames, expected) in [
+        (vec![frame(1, 0, &felt), backwards], "out_of_order"),
+        (vec![frame(1, 0, &felt), frame(2, 1, &felt), frame(3, 0, &felt)], "resumed"),
+        (vec![frame(1, 0, &felt), turned], "invalid_frame"),
+        (vec![frame(1, 0, &[(3, 1.0), (3, 2.0)])], "taxel_twice"),
+        (vec![frame(1, 0, &[(3, -1.0)])], "bad_reading"),
+        (vec![frame(1, 0, &[])], "nothing_felt"),
+    ] {
+        let (found, message) = kind(log(frames));
+        assert_eq!(found, expected, "{message}");
+        assert!(expected == "nothing_felt" || message.contains("line "), "{message}");
+    }
+    let drawing = Some(Drawing { normals: [(TaxelId(3), DVec3::Z)].into(), ..Drawing::default() });
+    let options = TouchesOptions { drawing, ..TouchesOptions::default() };
+    let error = contacts_of_touches(&log(vec![frame(7, 0, &felt)]), &options).unwrap_err().to_string();
+    assert!(error.contains("line 7: taxel 4 is not in the drawing"), "{error}");
+}
+
+/// Without readings and radius a contact is where the body was, all taxels alike, each touch by itself.
+#[test]
+fn without_readings_contacts_are_where_the_body_was() {
+    let log = TouchLog {
+        frames: vec![frame(1, 5, &[(3, 1.0), (4, 1.0)]), frame(2, 6, &[(4, 1.0)])],
+        has_readings: false,
+    };
+    let found = contacts_of_touches(&log, &TouchesOptions::default()).unwrap();
+    let rows: Vec<_> = found.contacts.iter().map(|c| (c.touch, c.taxel.0, c.weight)).collect();
+    assert_eq!(rows, [(5, 3, 1.0), (5, 4, 1.0), (6, 4, 1.0)]);
+    assert!(found.contacts.iter().all(|c| c.position == DVec3::new(0.0, 0.0, 0.012)));
+    assert_eq!((found.summary.fitted, found.summary.lone), (0, 0));
+}
+
+/// The result does not depend on the number of threads.
+#[test]
+fn threads_change_nothing() {
+    let options = ArmOptions { taxels: 60, arm_noise: 5e-4, seed: 4, ..ArmOptions::default() };
+    let simulation = simulate_arm(&options).unwrap();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap())
+    };
+    assert_eq!(on(1), on(3));
+}
