@@ -31,10 +31,6 @@ const SIGMA: &str = "sigma";
 const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
-/// What `touches` adds: which rows are of one touch and of one contact, how much they count in it, and the orientation of the
-/// body that touched.
-const OF_TOUCHES: [&str; 7] = ["touch", "contact", "weight", "qx", "qy", "qz", "qw"];
-
 /// What a table may contain, for messages.
 pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
                       ixx,ixy,ixz,iyy,iyz,izz; of contacts also touch, contact, weight, qx,qy,qz,qw, separated by commas";
@@ -111,7 +107,6 @@ impl ColumnIndices {
         } else {
             Uncertainty::Assumed
         };
-        used.extend(OF_TOUCHES);
         // Unknown columns are an error, so that a misspelt name is not silently ignored.
         used.retain(|name| columns.find(name).is_some());
         if let Some((_, name)) = columns.unknown(&used).next() {
