@@ -45,5 +45,7 @@ pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;
 pub use summary::{Group, Load, Summary, Totals};
-pub use touch::{FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchSimulation};
+pub use touch::{
+    FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchShape, TouchSimulation,
+};
 pub use zero::{ZeroReport, ZeroTracker};
