@@ -227,6 +227,12 @@ impl Recording {
         self.tracker.as_ref().and_then(ContactTracker::threshold)
     }
 
+    /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]); `None` if contacts are not
+    /// followed.
+    pub fn at_once(&self) -> Option<usize> {
+        self.tracker.as_ref().map(ContactTracker::at_once)
+    }
+
     /// The next frame; `None` after the last one.
     ///
     /// # Errors

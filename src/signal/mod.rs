@@ -33,7 +33,7 @@ mod zero;
 pub(crate) use channel::unit_ratio;
 pub use channel::{Channel, Quantity};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
-pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions, TrackerState};
+pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, TrackerOptions, TrackerState};
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;

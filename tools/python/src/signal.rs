@@ -17,7 +17,8 @@ use dermatome::{
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState, Zero,
+        Probe, Quantity, Restrictor, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState,
+        Zero,
     },
     skin::{PatchId, Presence, TaxelId},
 };
@@ -626,6 +627,7 @@ impl PyContactTracker {
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
         let options = TrackerOptions {
+            probe: Probe::Any,
             channel: 0,
             threshold,
             low,
@@ -692,6 +694,7 @@ impl PyContactTracker {
         state.set_item("contacts", contacts)?;
         state.set_item("next", next)?;
         let TrackerOptions {
+            probe: _,
             channel: _,
             threshold,
             low,
