@@ -6,7 +6,7 @@
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
 //! ([`Conditioner`]), `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
-//! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]),
+//! finds contact regions ([`ContactTracker`]), `events` has words for what they do ([`EventDetector`]). `response` is what is known about the channels of taxels ([`Response`]),
 //! `health` finds faulty taxels ([`Health`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
 //! regions ([`GroupPool`]).
 //!
@@ -19,6 +19,7 @@ mod contacts;
 mod contrast;
 mod edges;
 mod error;
+mod events;
 mod fill;
 mod frame;
 mod health;
@@ -37,6 +38,7 @@ pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, TrackerOp
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
+pub use events::{BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, Word};
 pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
