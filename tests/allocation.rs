@@ -12,8 +12,8 @@ use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::recording::{Carried, Fill, Recording, RecordingOptions};
 use dermatome::signal::{
-    Channel, ConditionOptions, Frame, Quantity, Restrictor, TouchOptions, TouchSimulation, TrackerOptions,
-    Zero,
+    Channel, ConditionOptions, ContactEvent, ContactTracker, EventDetector, EventOptions, Frame, Probe,
+    Quantity, Restrictor, TouchOptions, TouchSimulation, TrackerOptions, Zero,
 };
 use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 
@@ -135,4 +135,43 @@ fn any_share_of_changes_allocates_nothing() {
         });
         assert_eq!(found, 0, "{share} taxels changed");
     }
+}
+
+/// Contacts of fingers, and their events, while nothing begins or ends.
+#[test]
+fn fingers_and_events_allocate_nothing() {
+    let skin = Skin::from_mesh("palm", shapes::lattice(20, 20, 0.007));
+    let map = SkinMap::flat(shapes::lattice(20, 20, 0.007), 1e-3);
+    let touches = TouchOptions {
+        presses: 2,
+        roll: 0.0,
+        rate: 20.0,
+        noise: 300.0,
+        duration: 2.0,
+        ..TouchOptions::default()
+    };
+    let mut simulation = TouchSimulation::new(&skin, &touches).unwrap();
+    let options = TrackerOptions { probe: Probe::Finger, low: 0.625, ..TrackerOptions::default() };
+    let mut tracker = ContactTracker::new(&map, simulation.channel(), &options).unwrap();
+    let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+    let mut frames = Vec::new();
+    while let Some((frame, _)) = simulation.next_frame() {
+        frames.push(frame.clone());
+    }
+    let mut steady = 0;
+    for round in 0..2 {
+        for frame in &frames {
+            let mut frame = frame.clone();
+            frame.time += f64::from(round) * 10.0;
+            let mut changes = false;
+            let found = allocations(|| {
+                let contacts = tracker.track(&frame);
+                changes = contacts.iter().any(|contact| contact.event != ContactEvent::Move);
+                changes |= !detector.see(frame.time, &tracker).unwrap().is_empty();
+            });
+            steady += usize::from(round == 1 && !changes);
+            assert!(round == 0 || changes || found == 0, "{found} allocations at {} s", frame.time);
+        }
+    }
+    assert!(steady > 50, "{steady} steady frames are enough to see something");
 }

@@ -242,37 +242,6 @@ fn nothing_is_judged_without_evidence() {
     }
 }
 
-/// The recordings of an archive: `ids`, and arrays of frames, each with one of its times.
-fn fingers(path: &Path) -> Vec<Readings> {
-    let mut archive = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
-    let numbers = |archive: &mut zip::ZipArchive<File>, name: &str| -> (Vec<u64>, Vec<f64>) {
-        let entry = archive.by_name(&format!("{name}.npy")).unwrap();
-        let array = npyz::NpyFile::new(entry).unwrap();
-        let shape = array.shape().to_vec();
-        let kind = array.dtype().descr();
-        let values = match kind.trim_matches('\'') {
-            "<i4" => array.into_vec::<i32>().unwrap().into_iter().map(f64::from).collect(),
-            "<i8" => array.into_vec::<i64>().unwrap().into_iter().map(|x| x as f64).collect(),
-            _ => array.into_vec::<f64>().unwrap(),
-        };
-        (shape, values)
-    };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ids of the cover are small")]
-    let ids = numbers(&mut archive, "ids").1.into_iter().map(|id| TaxelId(id as u32)).collect::<Vec<_>>();
-    let mut names: Vec<String> =
-        archive.file_names().filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
-    names.retain(|name| name != "ids" && !name.ends_with("_t"));
-    names.sort();
-    let of_name = |name: &String| Readings {
-        ids: Some(ids.clone()),
-        channels: vec![Channel::new("pressure", "count").unwrap()],
-        width: ids.len(),
-        times: numbers(&mut archive, &format!("{name}_t")).1,
-        values: numbers(&mut archive, name).1,
-    };
-    names.iter().map(of_name).collect()
-}
-
 /// Real recordings with two known faults: the module of taxels 58848 to 58859 is stepped, and 59282 jumps alone.
 #[test]
 fn known_faults_of_a_real_cover_are_found() {
@@ -283,7 +252,7 @@ fn known_faults_of_a_real_cover_are_found() {
     };
     let draft = dermatome::io::read_draft(&skin).unwrap();
     let skin = dermatome::skin::assemble(&draft, &dermatome::skin::AssembleOptions::default()).unwrap().skin;
-    let arrays = fingers(&readings);
+    let arrays: Vec<_> = common::fingers(&readings).into_iter().map(|(_, readings)| readings).collect();
     let ids = skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied());
     let modules = ids.map(|id| (id, (id.0 >> 4).to_string())).collect();
     let options = HealthOptions { zero: Zero::At(0.0), threshold: Some(1500.0), modules };

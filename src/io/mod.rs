@@ -88,6 +88,7 @@ pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
+pub use table::body_words::read_body_words;
 pub use table::by_taxel::{
     TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_modules_if_any, read_seams,
 };

@@ -50,6 +50,8 @@ pub struct Step<'r> {
     pub images: &'r [TactileImage],
     /// What touches the skin, if that is [followed](Recording::follow_contacts).
     pub contacts: &'r [ContactRegion],
+    /// What has found them.
+    pub tracker: Option<&'r ContactTracker>,
 }
 
 /// A recording, or a live stream, on a map; frames come one by one.
@@ -227,6 +229,12 @@ impl Recording {
         self.tracker.as_ref().and_then(ContactTracker::threshold)
     }
 
+    /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]); `None` if contacts are not
+    /// followed.
+    pub fn at_once(&self) -> Option<usize> {
+        self.tracker.as_ref().map(ContactTracker::at_once)
+    }
+
     /// The next frame; `None` after the last one.
     ///
     /// # Errors
@@ -263,7 +271,8 @@ impl Recording {
             tracker.track(frame);
             self.summary.iter_mut().for_each(|summary| summary.add(frame.time, tracker));
         }
-        let contacts = self.tracker.as_ref().map_or(&[][..], ContactTracker::contacts);
-        Ok(Some(Step { number, frame, levels, images, contacts }))
+        let tracker = self.tracker.as_ref();
+        let contacts = tracker.map_or(&[][..], ContactTracker::contacts);
+        Ok(Some(Step { number, frame, levels, images, contacts, tracker }))
     }
 }

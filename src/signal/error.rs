@@ -53,6 +53,10 @@ pub enum SignalError {
     NoStoredZeros,
     #[error("slow and fast components need times, and the readings have none")]
     NoTimes,
+    #[error(
+        "events need the time of each frame, and a frame has none; readings with times, or their rate, are needed"
+    )]
+    NoEventTime,
     #[error("{option} is {found}; {needed} is needed")]
     Option { option: String, found: f64, needed: String },
     #[error(

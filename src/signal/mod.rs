@@ -6,7 +6,7 @@
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
 //! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
-//! finds contact regions ([`ContactTracker`]). `response` is what is known about the channels of taxels ([`Response`]),
+//! finds contact regions ([`ContactTracker`]), `events` has words for what they do ([`EventDetector`]). `response` is what is known about the channels of taxels ([`Response`]),
 //! `health` finds faulty taxels ([`Health`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
 //! regions ([`GroupPool`]).
 //!
@@ -19,6 +19,7 @@ mod contacts;
 mod contrast;
 mod edges;
 mod error;
+mod events;
 mod fill;
 mod frame;
 mod health;
@@ -34,10 +35,11 @@ mod zero;
 pub(crate) use channel::unit_ratio;
 pub use channel::{Channel, Quantity};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
-pub use contacts::{ContactEvent, ContactRegion, ContactTracker, TrackerOptions, TrackerState};
+pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, TrackerOptions, TrackerState};
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
+pub use events::{BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, Word};
 pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
@@ -48,5 +50,7 @@ pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;
 pub use summary::{Group, Load, Summary, Totals};
 pub(crate) use touch::Sphere;
-pub use touch::{FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchSimulation};
+pub use touch::{
+    FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchShape, TouchSimulation,
+};
 pub use zero::{ZeroReport, ZeroTracker};

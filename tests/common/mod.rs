@@ -7,6 +7,9 @@ use std::{env, fs};
 
 #[cfg(feature = "cli")]
 use assert_cmd::assert::Assert;
+use dermatome::io::Readings;
+use dermatome::signal::Channel;
+use dermatome::skin::TaxelId;
 
 /// The command without arguments.
 #[cfg(feature = "cli")]
@@ -78,4 +81,35 @@ pub(crate) fn npy_ordered(descriptor: &str, shape: &[usize], elements: &[u8], is
     let text = format!("{{'descr': '{descriptor}', 'fortran_order': {is_fortran}, 'shape': ({shape}), }}\n");
     let length = u16::try_from(text.len()).unwrap();
     [b"\x93NUMPY\x01\x00", &length.to_le_bytes()[..], text.as_bytes(), elements].concat()
+}
+
+/// The recordings of an archive and their names: `ids`, and arrays of frames, each with one of its times.
+pub(crate) fn fingers(path: &Path) -> Vec<(String, Readings)> {
+    let mut archive = zip::ZipArchive::new(fs::File::open(path).unwrap()).unwrap();
+    let numbers = |archive: &mut zip::ZipArchive<fs::File>, name: &str| -> (Vec<u64>, Vec<f64>) {
+        let entry = archive.by_name(&format!("{name}.npy")).unwrap();
+        let array = npyz::NpyFile::new(entry).unwrap();
+        let shape = array.shape().to_vec();
+        let kind = array.dtype().descr();
+        let values = match kind.trim_matches('\'') {
+            "<i4" => array.into_vec::<i32>().unwrap().into_iter().map(f64::from).collect(),
+            "<i8" => array.into_vec::<i64>().unwrap().into_iter().map(|x| x as f64).collect(),
+            _ => array.into_vec::<f64>().unwrap(),
+        };
+        (shape, values)
+    };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ids of the cover are small")]
+    let ids = numbers(&mut archive, "ids").1.into_iter().map(|id| TaxelId(id as u32)).collect::<Vec<_>>();
+    let mut names: Vec<String> =
+        archive.file_names().filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
+    names.retain(|name| name != "ids" && !name.ends_with("_t"));
+    names.sort();
+    let mut of_name = |name: &String| Readings {
+        ids: Some(ids.clone()),
+        channels: vec![Channel::new("pressure", "count").unwrap()],
+        width: ids.len(),
+        times: numbers(&mut archive, &format!("{name}_t")).1,
+        values: numbers(&mut archive, name).1,
+    };
+    names.iter().map(|name| (name.clone(), of_name(name))).collect()
 }

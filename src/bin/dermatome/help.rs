@@ -98,6 +98,7 @@ const ENDS: [(&str, &str, &[&str]); 21] = [
             "dermatome build meshes/forearm.glb -o forearm",
             "dermatome touch forearm/map.glb -o touch.csv --presses 1 --rate-hz 20",
             "dermatome render forearm/map.glb touch.csv -o touch.npz --contacts regions.csv",
+            "dermatome render forearm/map.glb touch.csv -o touch.npz --values-only --events words.jsonl",
         ],
     ),
     (

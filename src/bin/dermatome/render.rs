@@ -2,6 +2,7 @@
 //! level, arrays for learning and contact regions.
 
 mod contacts;
+mod events;
 mod output;
 
 use std::{process::ExitCode, sync::Arc};
@@ -26,6 +27,7 @@ use crate::files::signals;
 use crate::options::{Choice, Common, InPath, OutFolder, RegionsArgs, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
+use crate::render::events::EventsArgs;
 use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pictures};
 
 /// Draw readings as tactile images on every level: a recording, or a live stream.
@@ -61,6 +63,8 @@ pub(crate) struct Args {
     readings_args: ReadingsArgs,
     #[command(flatten)]
     contacts: ContactsArgs,
+    #[command(flatten)]
+    events: EventsArgs,
     #[command(flatten)]
     regions: RegionsArgs,
     #[command(flatten)]
@@ -145,7 +149,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         colours.range = Some(range);
     }
     let mut output = Output::open(&args.output, kind, &colours, &content, &common.outputs)?;
-    let mut contacts = args.contacts.open(&map, &mut recording, common)?;
+    let mut contacts = args.contacts.open(&map, &mut recording, &args.events, common)?;
+    let mut events = args.events.open(&map, common)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &atlas, channels.len());
     space.check(recording.frames().unwrap_or(0))?;
@@ -157,6 +162,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             output.write(&step, &channels)?;
             if let Some(contacts) = &mut contacts {
                 contacts.write(&step)?;
+            }
+            if let Some(events) = &mut events {
+                events.write(&step)?;
             }
             bar.inc(1);
             written += 1;
@@ -175,6 +183,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
+    let told = events.map(|events| events.finish(common)).transpose()?;
     if matches!(kind, ImagesKind::Folder(_)) {
         outputs::wrote(&[(&args.output).into()], common);
     }
@@ -199,6 +208,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if args.json {
         let mut json = json_report(&report, &channels, &parts, found);
+        if let Some(at_once) = recording.at_once() {
+            json["at_once"] = json!(at_once);
+        }
+        if let Some(events) = told {
+            json["events"] = json!(events);
+        }
         let statement = |Statement { what, value, source }: Statement| json!({ "what": what, "value": value, "source": <&str>::from(source) });
         json["statements"] = recording.statements().into_iter().map(statement).collect();
         print_json("dermatome.render/1", &json)?;
@@ -240,6 +255,7 @@ impl Args {
             ));
         }
         self.colours.check(kind, is_stream(&self.readings))?;
+        self.events.check()?;
         self.frames.range()?;
         if self.images.values_only && kind != ImagesKind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));

@@ -113,6 +113,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let contacts = summary.totals().filter(|(group, _)| matches!(group, Group::Contact(_))).count();
         let json = json!({
             "frames": report.frames, "threshold": threshold, "contacts": contacts, "gaps": summary.gaps(),
+            "at_once": recording.at_once(),
             "groups": groups,
         });
         print_json("dermatome.summary/1", &json)?;

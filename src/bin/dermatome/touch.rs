@@ -1,11 +1,11 @@
-//! `touch`: a recording of a sphere that presses and rolls on a skin.
+//! `touch`: a recording of spheres, fingers or palms that press and roll on a skin.
 
 use std::{collections::HashSet, process::ExitCode};
 
 use dermatome::Error;
 use dermatome::io::{ReadingsWriter, write_response, write_steps, write_touches};
 use dermatome::signal::{
-    FaultCounts, Quantity, ReadoutOptions, TaxelState, Touch, TouchOptions, TouchSimulation,
+    FaultCounts, Quantity, ReadoutOptions, TaxelState, Touch, TouchOptions, TouchShape, TouchSimulation,
 };
 
 use crate::console::notes::note;
@@ -34,6 +34,15 @@ pub(crate) struct Args {
     /// Radius of the sphere; of several radii each press has one, at random
     #[arg(long = "sphere-mm", value_name = "MM,...", default_value = "15", value_delimiter = ',', value_parser = length_mm)]
     spheres: Vec<f64>,
+    /// What presses
+    #[arg(long, value_parser = one_of(&SHAPES), default_value = "sphere")]
+    shape: TouchShape,
+    /// Length of a finger without its round ends, or diameter of a palm
+    #[arg(long = "length-mm", value_name = "MM", default_value = "40", value_parser = length_mm)]
+    length: f64,
+    /// Distance along the skin between bodies that press at once, which then roll side by side [default: at random]
+    #[arg(long = "apart-mm", value_name = "MM", value_parser = length_mm)]
+    apart: Option<f64>,
     /// How deep the sphere is pressed in; of two depths each press has one between them
     #[arg(long = "depth-mm", value_name = "MM[,MM]", default_value = "2", value_parser = one_or_two_mm)]
     depths: [f64; 2],
@@ -134,6 +143,12 @@ const READS: [Choice<Quantity>; 2] = [
     ("pressure", Quantity::Intensive, "The mean pressure on its disc, in Pa"),
 ];
 
+const SHAPES: [Choice<TouchShape>; 3] = [
+    ("sphere", TouchShape::Sphere, "A sphere, or an ellipsoid with --aspect"),
+    ("finger", TouchShape::Finger, "A laid finger: a capsule along the skin, with the radius of the sphere"),
+    ("palm", TouchShape::Palm, "A soft disc that follows the skin, with a rim of 8 mm"),
+];
+
 /// A parser of `kind=count`.
 fn fault(text: &str) -> Result<(TaxelState, usize), String> {
     let parsed =
@@ -207,6 +222,9 @@ impl Args {
     fn options(&self) -> TouchOptions {
         TouchOptions {
             radii: self.spheres.clone(),
+            shape: self.shape,
+            length: self.length,
+            apart: self.apart,
             depths: self.depths,
             aspect: self.aspect,
             wobble: self.wobble,

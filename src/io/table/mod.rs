@@ -3,6 +3,7 @@
 //!
 //! Columns are found by name, in any order and in capitals too; `id` and `taxel_id` are one name. Errors name the line and the column.
 
+pub(super) mod body_words;
 pub(super) mod by_taxel;
 pub(super) mod calibration;
 pub(super) mod cells;

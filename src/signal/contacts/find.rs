@@ -49,6 +49,11 @@ impl Finder {
         }
     }
 
+    /// An empty list of taxels, which may have memory of an earlier one.
+    pub(super) fn take_list(&mut self) -> Vec<VertexId> {
+        self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room))
+    }
+
     /// Keeps the memory of a region for reuse.
     pub(super) fn recycle(&mut self, mut region: ContactRegion) {
         region.taxels.clear();
@@ -75,7 +80,7 @@ impl Finder {
                 if !is_seed || self.marks[patch][seed] != FREE {
                     continue;
                 }
-                let mut taxels = self.spare.pop().unwrap_or_else(|| Vec::with_capacity(self.room));
+                let mut taxels = self.take_list();
                 self.flood(patch, readings, seed, &mut taxels);
                 self.largest = self.largest.max(taxels.len());
                 taxels.sort_unstable();

@@ -8,12 +8,15 @@
 //! In reading order: [`TrackerOptions`] has the thresholds, `noise` estimates them where none are given;
 //! `find` finds the taxels of the regions of a frame ([`ContactRegion`]), `split` splits regions with several
 //! peaks, `place` measures force, position and shape, `tracks` matches them with those of the last frame,
-//! `tracker` combines all steps ([`ContactTracker`]).
+//! `tracker` combines all steps ([`ContactTracker`]), and `at_once` counts the contacts of a touch. With
+//! [`Probe::Finger`], `fingers` prepares the readings and splits regions instead of `split`.
 //!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
 //! same first frames is subtracted from each taxel; else subtract a baseline first
 //! ([`Conditioner`](crate::signal::Conditioner)).
 
+mod at_once;
+mod fingers;
 mod find;
 mod noise;
 mod place;
@@ -29,9 +32,23 @@ use crate::skin::{LinkId, PatchId};
 
 pub use tracker::{ContactTracker, TrackerState};
 
+/// What touches the skin: it decides which contacts that are close to each other are told apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Probe {
+    /// Anything: a region is split where a peak rises above the saddle to a higher one
+    /// ([`TrackerOptions::prominence`]).
+    #[default]
+    Any,
+    /// Fingers of a hand: zero and noise are followed, readings smoothed with a time constant of 0.15 s, and a region
+    /// is split into straight ridges of the width of a finger; a palm stays one contact.
+    Finger,
+}
+
 /// Criteria for a contact, and for the same contact in the next frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerOptions {
+    /// What touches the skin.
+    pub probe: Probe,
     /// The channel to use, counted from 0.
     pub channel: usize,
     /// A region has at least one taxel above this, in the unit of the channel. `None`: it is
@@ -68,6 +85,7 @@ impl Default for TrackerOptions {
     /// every contact reported at once.
     fn default() -> Self {
         Self {
+            probe: Probe::Any,
             channel: 0,
             threshold: None,
             low: 0.5,
@@ -77,6 +95,17 @@ impl Default for TrackerOptions {
             noise_frames: 5,
             reach: 0.01,
             lasting: 1,
+        }
+    }
+}
+
+impl Probe {
+    /// The default of [`TrackerOptions::low`]: fingers have the upper threshold at 6 and the lower at 3.75 standard
+    /// deviations of the noise.
+    pub fn low(self) -> f64 {
+        match self {
+            Self::Any => TrackerOptions::default().low,
+            Self::Finger => 0.625,
         }
     }
 }

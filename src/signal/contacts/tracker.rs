@@ -6,12 +6,14 @@ use crate::mesh::VertexCorners;
 use crate::numeric::storable;
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactRegion;
+use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
+use crate::signal::contacts::fingers::{Fingers, HIGH, Limits};
 use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
 use crate::signal::contacts::tracks::Tracks;
-use crate::signal::{Channel, ContactEvent, Frame, Quantity, SignalError, Stage, TrackerOptions};
+use crate::signal::{Channel, ContactEvent, Frame, Probe, Quantity, SignalError, Stage, TrackerOptions};
 use crate::skin::PatchId;
 
 /// Finds contacts in frames of readings and tracks them from frame to frame.
@@ -56,6 +58,9 @@ pub struct ContactTracker {
     rest: IdVec<PatchId, IdVec<VertexId, f64>>,
     values: IdVec<PatchId, IdVec<VertexId, f64>>,
     finder: Finder,
+    /// With [`Probe::Finger`].
+    fingers: Option<Fingers>,
+    at_once: AtOnce,
     tracks: Tracks,
     /// The regions of the last frame.
     last: Vec<ContactRegion>,
@@ -65,15 +70,21 @@ pub struct ContactTracker {
     shown: usize,
     /// Number of the next contact.
     next: u64,
+    /// The threshold by now.
+    high: Option<f64>,
 }
 
 impl ContactTracker {
     /// A tracker for frames of this map, which uses this channel.
     ///
     /// # Errors
-    /// [`SignalError::Option`].
+    /// [`SignalError::Option`], or [`SignalError::NoTouch`] for fingers in a channel that does not measure touches.
     pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
+        if options.probe == Probe::Finger && !channel.is_of_touch() {
+            return Err(SignalError::NoTouch { known: vec![channel.name.clone()] });
+        }
+        let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, channel, options));
         let around = map.patches.map(|patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len())
@@ -89,17 +100,28 @@ impl ContactTracker {
             rest: zeros.clone(),
             values: zeros,
             finder: Finder::new(map),
+            fingers,
+            at_once: AtOnce::new(map),
             tracks: Tracks::default(),
             last: Vec::new(),
             found: Vec::new(),
             shown: 0,
             next: 0,
+            high: options.threshold,
         })
     }
 
-    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known.
+    /// The threshold in the unit of the channel, given or estimated; `None` while it is not known. That of fingers
+    /// follows the noise, unless it is given.
     pub fn threshold(&self) -> Option<f64> {
-        self.noise.known()
+        self.high
+    }
+
+    /// How many contacts the strongest touch so far had at once. A touch is what happens on a link until nothing
+    /// touches it for 0.15 s; its frames vote for their number of contacts with the sum of their twelve largest readings in
+    /// contact, if that is at least 0.7 of the largest. 0 if no touch lasted two frames.
+    pub fn at_once(&self) -> usize {
+        self.at_once.strongest()
     }
 
     /// The contacts of the next frame, by patch and first taxel, then those that have ended. If the threshold
@@ -111,7 +133,11 @@ impl ContactTracker {
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
         self.keep_last();
-        if let Some(high) = self.noise.known() {
+        self.high = self.noise.known();
+        if let Some(fingers) = &mut self.fingers {
+            self.high = fingers.see(frame, self.options.channel, self.high);
+        }
+        if let Some(high) = self.high {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
         } else if self.noise.learn(frame, self.options.channel) >= self.options.noise_frames {
@@ -145,6 +171,9 @@ impl ContactTracker {
         };
         self.found.sort_unstable_by_key(|region| (rank(region), region.place()));
         self.shown = self.found.partition_point(|region| rank(region) < 2);
+        let (fingers, values) = (&self.fingers, &self.values);
+        let values = |patch| fingers.as_ref().map_or(&values[patch], |fingers| fingers.smooth(patch));
+        self.at_once.see(frame.time, &self.found[..self.shown], values);
         &self.found[..self.shown]
     }
 
@@ -173,20 +202,40 @@ impl ContactTracker {
     fn find(&mut self, frame: &Frame, high: f64) {
         // Smaller readings have no digits left for the centre of pressure.
         let high = high.max(f64::from(f32::MIN_POSITIVE));
-        let Self { patches, around, options, rest, values, finder, found, .. } = self;
+        let Self { patches, around, options, rest, values, finder, found, fingers, .. } = self;
+        // Fingers split regions themselves.
+        let prominence = if fingers.is_some() { 1.0 } else { options.prominence };
+        let options = &TrackerOptions { prominence, ..*options };
         for (id, patch) in patches.enumerate() {
             let (mesh, read) =
                 (&patch.levels[LevelId::new(0)].level.mesh, &frame.values[id][options.channel]);
             assert_eq!(read.len(), mesh.positions.len(), "one reading per taxel of {}", patch.name);
-            let beyond = read.iter().zip(&rest[id]).map(|(x, rest)| storable(x - rest));
-            values[id].iter_mut().zip(beyond).for_each(|(value, x)| *value = x);
-            let readings = PatchReadings { mesh, around: &around[id], values: &values[id], options, high };
+            match fingers {
+                Some(fingers) => values[id].as_mut_slice().copy_from_slice(fingers.excess(id).as_slice()),
+                None => {
+                    let beyond = read.iter().zip(&rest[id]).map(|(x, rest)| storable(x - rest));
+                    values[id].iter_mut().zip(beyond).for_each(|(value, x)| *value = x);
+                }
+            }
+            let values = fingers.as_ref().map_or(&values[id], |fingers| fingers.smooth(id));
+            let readings = PatchReadings { mesh, around: &around[id], values, options, high };
             finder.find(id, &readings, found);
+        }
+        if let Some(fingers) = fingers {
+            let sigma = high / HIGH;
+            fingers.split(&Limits { patches, low: options.low * high, sigma }, found, finder);
+            // A taxel without a reading has none of a contact either.
+            for region in found.iter_mut() {
+                region.taxels.retain(|&taxel| values[region.patch][taxel].is_finite());
+            }
+            found.retain_mut(|region| !region.taxels.is_empty());
         }
         found.sort_unstable_by_key(ContactRegion::place);
         for region in found {
             let (patch, around) = (&patches[region.patch], &around[region.patch]);
-            let values = values[region.patch].as_slice();
+            let values =
+                fingers.as_ref().map_or(&values[region.patch], |fingers| fingers.smooth(region.patch));
+            let values = values.as_slice();
             Pressed { patch, around, values, quantity: self.quantity }.measure(region);
             region.force *= self.newtons;
         }
@@ -224,8 +273,13 @@ impl ContactTracker {
     /// Goes on with what another tracker has learned and followed.
     ///
     /// # Errors
-    /// [`SignalError::Option`] if it is not of a tracker of the same map.
+    /// [`SignalError::Option`] if it is not of a tracker of the same map, or this one is of fingers, whose zeros and
+    /// smoothed readings a state does not have.
     pub fn resume(&mut self, state: TrackerState) -> Result<(), SignalError> {
+        if self.fingers.is_some() {
+            let needed = "0, that is a probe other than fingers,";
+            return Err(SignalError::option("the number of contact states with fingers", 1.0, needed));
+        }
         let taxels: usize = self.rest.iter().map(|patch| patch.len()).sum();
         let is_known = |region: &ContactRegion| {
             let patch = self.patches.get(region.patch);
@@ -249,6 +303,7 @@ impl ContactTracker {
         let mut rest = state.rest.into_iter();
         self.rest.iter_mut().flat_map(|patch| patch.iter_mut()).zip(&mut rest).for_each(|(to, x)| *to = x);
         self.noise.resume(state.threshold, state.learned);
+        self.high = self.noise.known();
         self.shown = state.contacts.iter().filter(|region| region.age >= self.options.lasting).count();
         (self.found, self.next) = (state.contacts, state.next);
         Ok(())
@@ -267,6 +322,7 @@ impl Stage for ContactTracker {
 
     fn settle(&mut self) {
         self.noise.settle(&mut self.rest);
+        self.high = self.noise.known();
     }
 
     /// The unchanged frame; see [`ContactTracker::contacts`].

@@ -22,11 +22,31 @@ pub use simulation::{Touch, TouchSimulation};
 pub(crate) use sphere::Sphere;
 pub use spreader::{Press, Spreader};
 
+/// What presses on the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TouchShape {
+    /// A sphere, or an ellipsoid ([`TouchOptions::aspect`]).
+    #[default]
+    Sphere,
+    /// A laid finger: the points within the radius of a straight segment ([`TouchOptions::length`]) along the skin.
+    Finger,
+    /// A soft palm that follows the skin: a disc of this diameter ([`TouchOptions::length`]), pressed in evenly but for
+    /// its rim, over which the depth falls to 0.
+    Palm,
+}
+
 /// Spheres that press and roll on a skin, and the taxels that sense them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TouchOptions {
     /// Radii of the spheres, in m: each press is that of a sphere with one of them, chosen at random.
     pub radii: Vec<f64>,
+    /// What presses.
+    pub shape: TouchShape,
+    /// Length of the segment of a finger, or diameter of a palm, in m.
+    pub length: f64,
+    /// Distance along the skin between the bodies that press at once, in m; they roll in one direction. `None`: at random
+    /// positions, at least a diameter apart.
+    pub apart: Option<f64>,
     /// The smallest and the largest depth of a press, in m; less than the radii.
     pub depths: [f64; 2],
     /// Most ratio of the two radii of curvature where an ellipsoid touches; 1: spheres. Each press has a ratio from 1
@@ -87,6 +107,9 @@ impl Default for TouchOptions {
     fn default() -> Self {
         Self {
             radii: vec![0.015],
+            shape: TouchShape::Sphere,
+            length: 0.04,
+            apart: None,
             depths: [0.002; 2],
             aspect: 1.0,
             wobble: 0.0,
@@ -185,6 +208,15 @@ impl TouchOptions {
         }
         if !(-1e9..=1e9).contains(&self.readout.warming) {
             return bad("the drift with temperature in Pa/s", self.readout.warming, "-1e9 to 1e9");
+        }
+        if !(0.0..=10.0).contains(&self.length) || (self.shape == TouchShape::Palm && self.length == 0.0) {
+            return bad("the length of what presses in m", self.length, "0 to 10, and above 0 for a palm");
+        }
+        if self.shape != TouchShape::Sphere && self.aspect > 1.0 {
+            return bad("the ratio of the radii of a finger or a palm", self.aspect, "1, or a sphere,");
+        }
+        if let Some(apart) = self.apart.filter(|apart| !(1e-6..=1e3).contains(apart)) {
+            return bad("the distance between bodies in m", apart, "1e-6 to 1000");
         }
         if !(1..=100).contains(&self.touches) {
             return bad("the number of spheres at once", self.touches as f64, "1 to 100");

@@ -7,15 +7,22 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use crate::signal::touch::TouchOptions;
 use crate::signal::touch::sphere::Sphere;
+use crate::signal::touch::{TouchOptions, TouchShape};
 
-/// A sphere, or an ellipsoid that is longer along one axis.
+/// A sphere, an ellipsoid that is longer along one axis, a finger or a palm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probe {
     /// The sphere; of an ellipsoid the largest that is inside it.
     pub(super) sphere: Sphere,
-    /// A unit vector along the long axis.
+    /// What it is.
+    pub(super) shape: TouchShape,
+    /// Half the length of the segment of a finger, or the radius of a palm, in m.
+    pub(super) extent: f64,
+    /// The point of the skin below the centre, and its depth there, in m.
+    pub(super) foot: DVec3,
+    pub(super) pressed: f64,
+    /// A unit vector along the long axis; of a palm the normal below it.
     pub(super) axis: DVec3,
     /// The ratio of the radii of curvature where it touches across that axis: the square of the ratio of the axes.
     pub(super) aspect: f64,
@@ -24,6 +31,20 @@ pub(super) struct Probe {
 impl Probe {
     /// The depth to which it presses the skin at `point` along this unit normal, in m; 0 where it does not touch.
     pub(super) fn depth(&self, point: DVec3, normal: DVec3) -> f64 {
+        match self.shape {
+            TouchShape::Sphere => {}
+            TouchShape::Finger => {
+                let along = (point - self.sphere.centre).dot(self.axis).clamp(-self.extent, self.extent);
+                let centre = self.sphere.centre + along * self.axis;
+                return Sphere { centre, ..self.sphere }.depth(point, normal);
+            }
+            TouchShape::Palm => {
+                // A skin that faces away is the other side of a thin body.
+                let is_facing = normal.dot(self.axis) > PALM_COSINE;
+                let inside = (self.extent - point.distance(self.foot)) / PALM_RIM;
+                return if is_facing { self.pressed * inside.clamp(0.0, 1.0) } else { 0.0 };
+            }
+        }
         if self.aspect <= 1.0 {
             return self.sphere.depth(point, normal);
         }
@@ -42,9 +63,16 @@ impl Probe {
 
     /// No point of it is farther from its centre, in m.
     pub(super) fn reach(&self) -> f64 {
-        self.sphere.radius * self.aspect.sqrt()
+        match self.shape {
+            TouchShape::Sphere => self.sphere.radius * self.aspect.sqrt(),
+            TouchShape::Finger | TouchShape::Palm => self.sphere.radius + self.extent,
+        }
     }
 }
+
+/// Width of the rim of a palm, in m, and the least cosine of the angle between its normal and that of skin it touches.
+const PALM_RIM: f64 = 0.008;
+const PALM_COSINE: f64 = -0.2;
 
 /// Points of a taxel.
 const POINTS: usize = 48;
@@ -66,7 +94,7 @@ pub(super) struct Sensor {
 impl Sensor {
     pub(super) fn new(options: &TouchOptions) -> Self {
         let (disc, blur) = (options.taxel_radius, options.blur);
-        if blur == 0.0 && options.aspect <= 1.0 {
+        if blur == 0.0 && options.aspect <= 1.0 && options.shape == TouchShape::Sphere {
             return Self { disc, points: Vec::new(), reach: disc };
         }
         // Distances from the taxel, of points that fill the space of disc and distribution evenly: the multiples of
@@ -117,6 +145,26 @@ impl Sensor {
 mod tests {
     use super::*;
 
+    fn ball(sphere: Sphere) -> Probe {
+        let (shape, axis, foot) = (TouchShape::Sphere, DVec3::X, DVec3::ZERO);
+        Probe { sphere, shape, extent: 0.0, foot, pressed: 0.002, axis, aspect: 1.0 }
+    }
+
+    /// Along its segment a finger is as deep as in its middle, beside it as a sphere is, and a palm is flat but for its rim.
+    #[test]
+    fn fingers_and_palms_have_their_depths() {
+        let sphere = Sphere { centre: DVec3::new(0.0, 0.0, 0.005), radius: 0.007 };
+        let at = |probe: &Probe, x: f64, y: f64| probe.depth(DVec3::new(x, y, 0.0), DVec3::Z);
+        let finger = Probe { shape: TouchShape::Finger, extent: 0.02, ..ball(sphere) };
+        for x in [0.0, 0.01, 0.02] {
+            assert!((at(&finger, x, 0.003) - at(&ball(sphere), 0.0, 0.003)).abs() < 1e-15, "{x}");
+        }
+        assert_eq!(at(&finger, 0.027, 0.0), 0.0);
+        let palm = Probe { shape: TouchShape::Palm, extent: 0.03, axis: DVec3::Z, ..ball(sphere) };
+        assert_eq!([at(&palm, 0.0, 0.0), at(&palm, 0.022, 0.0)], [0.002; 2]);
+        assert!((at(&palm, 0.0, 0.026) - 0.001).abs() < 1e-15 && at(&palm, 0.0, 0.031) == 0.0);
+    }
+
     /// Without a blur the points of an ellipsoid that is almost a sphere give what the sphere gives.
     #[test]
     fn points_agree_with_the_exact_mean() {
@@ -125,7 +173,7 @@ mod tests {
         let points = Sensor::new(&TouchOptions { aspect: 2.0, ..TouchOptions::default() });
         for x in [0.0, 0.002, 0.004, 0.006, 0.008, 0.012] {
             let depth = |sensor: &Sensor, aspect: f64| {
-                let probe = Probe { sphere, axis: DVec3::Y, aspect };
+                let probe = Probe { axis: DVec3::Y, aspect, ..ball(sphere) };
                 sensor.depth(&probe, DVec3::new(x, 0.0, 0.0), DVec3::Z)
             };
             let (a, b) = (depth(&exact, 1.0), depth(&points, 1.0 + 1e-9));
@@ -137,11 +185,7 @@ mod tests {
     /// A flat pressure stays flat, and a cover lowers a peak and keeps the sum.
     #[test]
     fn a_cover_spreads_and_keeps_the_sum() {
-        let probe = Probe {
-            sphere: Sphere { centre: DVec3::new(0.0, 0.0, 0.013), radius: 0.015 },
-            axis: DVec3::X,
-            aspect: 1.0,
-        };
+        let probe = ball(Sphere { centre: DVec3::new(0.0, 0.0, 0.013), radius: 0.015 });
         let step = 2e-4;
         let of = |blur: f64| {
             let sensor = Sensor::new(&TouchOptions { blur, ..TouchOptions::default() });

@@ -5,11 +5,11 @@ use glam::DVec3;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::Adjacency;
 use crate::numeric::Random;
-use crate::signal::touch::TouchOptions;
 use crate::signal::touch::path::Walker;
 use crate::signal::touch::probe::{Probe, Sensor};
 use crate::signal::touch::readout::{Readout, stream};
 use crate::signal::touch::sphere::Sphere;
+use crate::signal::touch::{TouchOptions, TouchShape};
 use crate::signal::{Channel, Frame, Quantity, Response, SignalError};
 use crate::skin::{Patch, PatchId, Skin, SkinError};
 
@@ -114,6 +114,9 @@ const RAMP: f64 = 0.2;
 
 /// Most positions that are tried for each of several simultaneous presses.
 const MOST_TRIES: usize = 200;
+
+/// How far the distance in space between bodies may differ from that along the skin, relative.
+const MOST_OFF: f64 = 0.1;
 
 /// Steps of a rolling sphere at which its distance from the others is checked.
 const CHECKED_STEPS: u32 = 16;
@@ -289,9 +292,13 @@ impl<'a> TouchSimulation<'a> {
             let radius = press.probe.sphere.radius;
             let Some((centre, normal)) = above(&press.walker, patch, radius - depth) else { continue };
             press.probe.sphere.centre = centre;
+            (press.probe.foot, press.probe.pressed) = (press.walker.point, depth);
             // Rolling does not turn the body about the normal.
             let axis = press.probe.axis.reject_from_normalized(normal).try_normalize();
-            press.probe.axis = axis.unwrap_or_else(|| normal.any_orthonormal_vector());
+            press.probe.axis = match press.probe.shape {
+                TouchShape::Palm => normal,
+                _ => axis.unwrap_or_else(|| normal.any_orthonormal_vector()),
+            };
             if let Some((force, centre)) = contact(&press.probe, press.depth, patch, &self.options) {
                 let (number, patch) = (press.number, press.patch);
                 let sphere = press.probe.sphere.centre;
@@ -303,15 +310,25 @@ impl<'a> TouchSimulation<'a> {
 
     /// Chooses the patches and positions of the presses of a turn.
     fn begin(&mut self, turn: usize) {
-        self.presses.clear();
-        for k in 0..self.options.touches {
-            for _ in 0..MOST_TRIES {
-                let number = turn * self.options.touches + k;
-                let Some(press) = self.choose(number) else { break };
-                if self.has_room(&press) {
-                    self.presses.push(press);
-                    break;
+        // Where a first body has no neighbour at the given distance, another place is chosen for all.
+        for _ in 0..if self.options.apart.is_some() { MOST_TRIES } else { 1 } {
+            self.presses.clear();
+            for k in 0..self.options.touches {
+                for _ in 0..if self.options.apart.is_some() { 1 } else { MOST_TRIES } {
+                    let number = turn * self.options.touches + k;
+                    let Some(press) = self.choose(number) else { break };
+                    let press = match self.options.apart {
+                        Some(apart) => self.beside_the_last(press, apart),
+                        None => Some(press).filter(|press| self.has_room(press)),
+                    };
+                    if let Some(press) = press {
+                        self.presses.push(press);
+                        break;
+                    }
                 }
+            }
+            if self.presses.len() == self.options.touches {
+                break;
             }
         }
     }
@@ -324,13 +341,32 @@ impl<'a> TouchSimulation<'a> {
         });
         let patch = PatchId::new(patch.unwrap_or(self.areas.len() - 1));
         let walker = Walker::random(&self.skin.patches[patch].mesh, &mut self.places)?;
-        let TouchOptions { radii, depths: [shallow, deep], aspect, .. } = &self.options;
+        let TouchOptions { radii, depths: [shallow, deep], aspect, shape, length, .. } = &self.options;
         let random = &mut self.bodies;
         let sphere = Sphere { centre: DVec3::ZERO, radius: radii[random.below(radii.len())] };
         let depth = shallow + (deep - shallow) * random.uniform();
-        let probe =
-            Probe { sphere, axis: random.direction(), aspect: 1.0 + (aspect - 1.0) * random.uniform() };
+        let probe = Probe {
+            sphere,
+            shape: *shape,
+            extent: 0.5 * length,
+            foot: DVec3::ZERO,
+            pressed: depth,
+            axis: random.direction(),
+            aspect: 1.0 + (aspect - 1.0) * random.uniform(),
+        };
         Some(Press { number, patch, walker, probe, depth, wobble: random.normal(), rolled: 0.0 })
+    }
+
+    /// A press at this distance along the skin from the last of its turn, if it has one. `None` if that is at another
+    /// distance in space, since a boundary or a curve is between.
+    fn beside_the_last(&self, press: Press, apart: f64) -> Option<Press> {
+        let Some(last) = self.presses.last() else { return Some(press) };
+        let (patch, adjacency) = (&self.skin.patches[last.patch], &self.adjacency[last.patch]);
+        let mut walker = last.walker;
+        walker.advance(&patch.mesh, adjacency, apart);
+        let distance = walker.point.distance(last.walker.point);
+        let is_there = (distance - apart).abs() <= MOST_OFF * apart;
+        is_there.then_some(Press { patch: last.patch, walker, ..press })
     }
 
     /// Whether a press keeps its distance from the others of its turn while they roll.

@@ -33,6 +33,10 @@ use crate::skin::PatchId;
 
 pub use track::ZeroReport;
 
+/// The first zero is the mean of the frames of this time, in s, and of this many at least.
+const START_S: f64 = 1.0;
+const START_FRAMES: usize = 5;
+
 /// Subtracts zeros that follow drift; owns its buffers, and allocates nothing.
 ///
 /// It follows the channels of force, pressure, charge and counts, and leaves others as they are. Along a direction
@@ -63,6 +67,11 @@ pub struct ZeroTracker {
 impl ZeroTracker {
     /// A tracker of frames with these channels.
     pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
+        Self::starting(map, channels, START_S, START_FRAMES)
+    }
+
+    /// A tracker whose first zeros are the means of the frames of this time, in s, and of this many frames.
+    pub(crate) fn starting(map: &SkinMap, channels: &[Channel], seconds: f64, frames: usize) -> Self {
         let mut pairs = Vec::new();
         let mut count = 0_u32;
         for patch in &map.patches {
@@ -73,8 +82,9 @@ impl ZeroTracker {
             count += u32::try_from(patch.taxels.ids.len()).unwrap_or(u32::MAX);
         }
         let taxels = count as usize;
-        let track =
-            |channel: &Channel| channel.is_of_touch().then(|| Track::new(taxels, channel.is_tangential()));
+        let track = |channel: &Channel| {
+            channel.is_of_touch().then(|| Track::new(taxels, channel.is_tangential(), (seconds, frames)))
+        };
         Self {
             neighbours: Csr::from_pairs(taxels, pairs.iter().copied()),
             tracks: channels.iter().map(track).collect(),
@@ -94,6 +104,11 @@ impl ZeroTracker {
             Some(Some(track)) => track.zeros().collect(),
             _ => vec![f64::NAN; self.out.values.iter().map(|channels| channels[0].len()).sum()],
         }
+    }
+
+    /// The noise of each untouched taxel in the first channel; NaN where it is not known.
+    pub(crate) fn noise(&self) -> impl Iterator<Item = f64> {
+        self.tracks.first().and_then(Option::as_ref).into_iter().flat_map(Track::noise)
     }
 
     /// What happened so far, in all channels.

@@ -26,10 +26,6 @@ const YOUNG_S: f64 = 5.0;
 /// Excess over `sigma` that moves a zero, at most.
 const LIMIT: f64 = 2.0;
 
-/// The first zero is the mean of the frames of this time, in s, and of this many at least.
-const START_S: f64 = 1.0;
-const START_FRAMES: u32 = 5;
-
 /// Frames in which differences are limited by the median noise, because that of a taxel is not known yet.
 const FIRST_NOISE_FRAMES: u32 = 50;
 
@@ -72,6 +68,7 @@ pub struct ZeroReport {
 #[derive(Debug, Clone)]
 pub(super) struct Track {
     is_signed: bool,
+    start: (f64, usize),
     taxels: Vec<Taxel>,
     /// Excess of each taxel over its zero in this frame; NaN without a reading.
     pub(super) excess: Vec<f64>,
@@ -136,9 +133,11 @@ const UNKNOWN: Taxel = Taxel {
 };
 
 impl Track {
-    pub(super) fn new(taxels: usize, is_signed: bool) -> Self {
+    /// `start`: the first zero is the mean of the frames of this time, in s, and of this many at least.
+    pub(super) fn new(taxels: usize, is_signed: bool, start: (f64, usize)) -> Self {
         Self {
             is_signed,
+            start,
             taxels: vec![UNKNOWN; taxels],
             excess: vec![f64::NAN; taxels],
             is_blocked: vec![false; taxels],
@@ -158,6 +157,11 @@ impl Track {
     /// The zeros by now.
     pub(super) fn zeros(&self) -> impl Iterator<Item = f64> {
         self.taxels.iter().map(|taxel| taxel.zero)
+    }
+
+    /// The noise of untouched taxels.
+    pub(super) fn noise(&self) -> impl Iterator<Item = f64> {
+        self.taxels.iter().filter(|taxel| !taxel.is_active).map(|taxel| taxel.sigma)
     }
 
     /// Takes the readings of a frame: noise, excess, and which taxels are active.
@@ -220,7 +224,7 @@ impl Track {
 
     /// Moves the zeros, after [`Self::see`].
     pub(super) fn follow(&mut self, neighbours: &Csr<u32>, interval: f64) {
-        if self.now < START_S || self.frames <= START_FRAMES {
+        if self.now < self.start.0 || self.frames as usize <= self.start.1 {
             for (taxel, excess) in self.taxels.iter_mut().zip(&mut self.excess).filter(|(_, x)| x.is_finite())
             {
                 taxel.age += 1;

@@ -17,7 +17,7 @@ use dermatome::{
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState,
+        Probe, Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState,
         Zero,
     },
     skin::{PatchId, Presence, TaxelId},
@@ -637,6 +637,7 @@ impl PyContactTracker {
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
         let options = TrackerOptions {
+            probe: Probe::Any,
             channel: 0,
             threshold,
             low,
@@ -703,6 +704,7 @@ impl PyContactTracker {
         state.set_item("contacts", contacts)?;
         state.set_item("next", next)?;
         let TrackerOptions {
+            probe: _,
             channel: _,
             threshold,
             low,

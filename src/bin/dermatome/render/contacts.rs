@@ -6,26 +6,31 @@ use dermatome::Error;
 use dermatome::io::{IoError, RegionWriter};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Recording, Step};
-use dermatome::signal::{ContactEvent, TrackerOptions};
+use dermatome::signal::{ContactEvent, Probe, TrackerOptions};
 
-use crate::options::{Common, OutFile};
+use crate::options::{Choice, Common, OutFile, one_of};
 use crate::readings::positive;
+use crate::render::events::EventsArgs;
 
 /// Which contacts are found.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Contacts")]
-#[group(requires = "contacts")]
+#[group(requires = "found")]
+#[command(group(clap::ArgGroup::new("found").args(["contacts", "events"]).multiple(true)))]
 pub(super) struct ContactsArgs {
     /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<OutFile>,
+    /// What touches the skin, for contacts that are close to each other
+    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
+    probe: Probe,
     /// A region holds a taxel above this, in the unit of the channel [default: estimated
     /// from the first frames, during which the skin must be untouched]
     #[arg(long, value_name = "X", value_parser = positive)]
     threshold: Option<f64>,
-    /// The other taxels of a region are above this share of the threshold
-    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().low)]
-    low: f64,
+    /// The other taxels of a region are above this share of the threshold [default: 0.5, of fingers 0.625]
+    #[arg(long, value_name = "F")]
+    low: Option<f64>,
     /// Least number of taxels of a region
     #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least)]
     least: usize,
@@ -38,8 +43,17 @@ pub(super) struct ContactsArgs {
     channel: Option<String>,
 }
 
+const PROBES: [Choice<Probe>; 2] = [
+    ("any", Probe::Any, "Anything: contacts are apart where a peak rises above the saddle to the next"),
+    (
+        "finger",
+        Probe::Finger,
+        "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
+    ),
+];
+
 pub(super) struct Contacts {
-    writer: RegionWriter,
+    writer: Option<RegionWriter>,
     onsets: usize,
 }
 
@@ -48,18 +62,23 @@ impl ContactsArgs {
         &self,
         map: &Arc<SkinMap>,
         recording: &mut Recording,
+        events: &EventsArgs,
         common: &Common,
     ) -> Result<Option<Contacts>, Error> {
-        let Some(path) = &self.contacts else { return Ok(None) };
+        if self.contacts.is_none() && !events.is_given() {
+            return Ok(None);
+        }
         let channel = recording.channel(self.channel.as_deref())?;
         recording.follow_contacts(&TrackerOptions {
+            probe: self.probe,
             threshold: self.threshold,
-            low: self.low,
+            low: self.low.unwrap_or(self.probe.low()),
             least: self.least,
             prominence: self.prominence,
             ..recording.tracker_options(channel)
         })?;
-        let writer = RegionWriter::create(common.outputs.file(path), map)?;
+        let create = |path: &OutFile| RegionWriter::create(common.outputs.file(path), map);
+        let writer = self.contacts.as_ref().map(create).transpose()?;
         Ok(Some(Contacts { writer, onsets: 0 }))
     }
 }
@@ -68,12 +87,15 @@ impl Contacts {
     /// Writes the regions of a frame.
     pub(super) fn write(&mut self, step: &Step<'_>) -> Result<(), Error> {
         self.onsets += step.contacts.iter().filter(|region| region.event == ContactEvent::Onset).count();
-        Ok(self.writer.write(step.number as u64, step.frame.time, step.contacts)?)
+        match &mut self.writer {
+            Some(writer) => Ok(writer.write(step.number as u64, step.frame.time, step.contacts)?),
+            None => Ok(()),
+        }
     }
 
     /// Completes the table, and counts the contacts.
     pub(super) fn finish(self) -> Result<usize, IoError> {
-        self.writer.finish()?;
+        self.writer.map_or(Ok(()), RegionWriter::finish)?;
         Ok(self.onsets)
     }
 }

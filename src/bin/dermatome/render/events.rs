@@ -1,0 +1,239 @@
+//! What touches do, in words: `render --events`.
+
+use std::sync::Arc;
+
+use dermatome::Error;
+use dermatome::io::read_body_words;
+use dermatome::map::SkinMap;
+use dermatome::recording::Step;
+use dermatome::signal::{
+    BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, SignalError,
+};
+use serde_json::{Map, Value, json};
+
+use crate::console::errors::advise;
+use crate::console::notes::note_columns;
+use crate::console::print::print;
+use crate::files::outputs::{self, is_stream};
+use crate::options::{Common, InPath, OutFile, length_mm};
+use crate::readings::positive;
+
+/// Which events are found: every limit of a word.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Events")]
+#[group(requires = "events")]
+pub(super) struct EventsArgs {
+    /// Also say in words what touches do (touch, tap, press, hold, stroke, rub, pat, grasp, hit), a line of JSON for each
+    /// begin, change and end; `-`: on standard output, as they happen
+    #[arg(long, value_name = "E.jsonl")]
+    events: Option<OutFile>,
+    /// Names of directions on links, for strokes: a table with columns link,x,y,z,word
+    #[arg(long, value_name = "B.csv")]
+    body_words: Option<InPath>,
+    /// A tap is shorter than this
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().tap_s)]
+    tap_s: f64,
+    /// A press becomes a hold after this time
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().hold_s)]
+    hold_s: f64,
+    /// A stroke is longer than this
+    #[arg(long, value_name = "MM", default_value = "12", value_parser = length_mm)]
+    stroke_mm: f64,
+    /// And longer than this number of distances between taxels
+    #[arg(long, value_name = "F", default_value_t = EventOptions::default().stroke_spacings)]
+    stroke_spacings: f64,
+    /// The path of a rub is more than this many times the distance of its ends
+    #[arg(long, value_name = "F", default_value_t = EventOptions::default().rub_ratio)]
+    rub_ratio: f64,
+    /// Turns of a rub
+    #[arg(long, value_name = "N", default_value_t = EventOptions::default().rub_turns)]
+    rub_turns: usize,
+    /// Taps of a pat
+    #[arg(long, value_name = "N", default_value_t = EventOptions::default().pat_taps)]
+    pat_taps: usize,
+    /// They are less than this apart in time
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().pat_s)]
+    pat_s: f64,
+    /// And at most this in space
+    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
+    pat_mm: f64,
+    /// The contacts of a grasp are there at once for this time
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().grasp_s)]
+    grasp_s: f64,
+    /// And their normals differ by more than this
+    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    grasp_deg: f64,
+    /// A contact whose force exceeds this at once is a hit; the readings must give forces [default: no hits]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    hit_n: Option<f64>,
+    /// The time in which a hit reaches its force
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().hit_s)]
+    hit_s: f64,
+    /// Shorter contacts are dropped
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().least_s)]
+    least_s: f64,
+    /// A contact that begins at most this long after another has ended continues it
+    #[arg(long, value_name = "S", default_value_t = EventOptions::default().join_s)]
+    join_s: f64,
+    /// If it is at most this far away
+    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
+    join_mm: f64,
+}
+
+/// Finds and writes events.
+pub(super) struct Events {
+    map: Arc<SkinMap>,
+    detector: EventDetector,
+    words: Vec<BodyWord>,
+    path: OutFile,
+    /// The lines, unless they are printed.
+    lines: String,
+    count: usize,
+}
+
+impl EventsArgs {
+    pub(super) fn is_given(&self) -> bool {
+        self.events.is_some()
+    }
+
+    /// Refuses, before any work, a file of another kind.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        match &self.events {
+            Some(path) if !is_stream(path) && outputs::kind(path) != "jsonl" => Err(advise(
+                format!("{} is no file of lines of JSON", path.display()),
+                "name a file that ends in .jsonl, or - for standard output",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    pub(super) fn open(&self, map: &Arc<SkinMap>, common: &Common) -> anyhow::Result<Option<Events>> {
+        let Some(path) = &self.events else { return Ok(None) };
+        let mut words = Vec::new();
+        if let Some(path) = &self.body_words {
+            let (read, unused) = read_body_words(path, map).map_err(Error::from)?;
+            words = read;
+            note_columns(path, &unused, common);
+        }
+        let options = EventOptions {
+            least_s: self.least_s,
+            join_s: self.join_s,
+            join_m: self.join_mm,
+            tap_s: self.tap_s,
+            hold_s: self.hold_s,
+            stroke_m: self.stroke_mm,
+            stroke_spacings: self.stroke_spacings,
+            rub_ratio: self.rub_ratio,
+            rub_turns: self.rub_turns,
+            pat_taps: self.pat_taps,
+            pat_s: self.pat_s,
+            pat_m: self.pat_mm,
+            grasp_s: self.grasp_s,
+            grasp_rad: self.grasp_deg.to_radians(),
+            hit_n: self.hit_n,
+            hit_s: self.hit_s,
+            words: words.clone(),
+        };
+        let detector = EventDetector::new(map, options).map_err(Error::from)?;
+        let (map, path) = (Arc::clone(map), path.clone());
+        Ok(Some(Events { map, detector, words, path, lines: String::new(), count: 0 }))
+    }
+}
+
+impl Events {
+    /// Finds the events of a frame, and writes them.
+    pub(super) fn write(&mut self, step: &Step<'_>) -> anyhow::Result<()> {
+        let Some(tracker) = step.tracker else { return Ok(()) };
+        let found = self.detector.see(step.frame.time, tracker);
+        let events = found.map_err(|error| match error {
+            SignalError::NoEventTime => advise(error.to_string(), "give --rate HZ"),
+            other => Error::from(other).into(),
+        })?;
+        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect();
+        self.count += events.iter().filter(|event| event.phase == Phase::End).count();
+        self.put(&lines)
+    }
+
+    /// Ends what goes on, completes the file, and counts the events that have ended.
+    pub(super) fn finish(mut self, common: &Common) -> anyhow::Result<usize> {
+        let events = self.detector.finish();
+        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect();
+        self.count += events.iter().filter(|event| event.phase == Phase::End).count();
+        self.put(&lines)?;
+        if !is_stream(&self.path) {
+            outputs::write_bytes(&common.outputs.file(&self.path), self.lines.as_bytes())
+                .map_err(Error::from)?;
+        }
+        Ok(self.count)
+    }
+
+    fn put(&mut self, lines: &str) -> anyhow::Result<()> {
+        if lines.is_empty() {
+            return Ok(());
+        }
+        if is_stream(&self.path) {
+            return print(lines);
+        }
+        self.lines.push_str(lines);
+        Ok(())
+    }
+}
+
+/// A line of JSON: `dermatome.event/1` of docs/json.md.
+fn line(event: &Event, map: &SkinMap, words: &[BodyWord]) -> String {
+    let mut object = Map::new();
+    let mut put = |key: &str, value: Value| object.insert(key.to_owned(), value);
+    put("schema", json!("dermatome.event/1"));
+    put("event", json!(<&str>::from(event.word)));
+    put("phase", json!(<&str>::from(event.phase)));
+    if let [contact] = event.contacts[..] {
+        put("contact", json!(contact));
+    } else if !event.contacts.is_empty() {
+        put("contacts", json!(event.contacts));
+    }
+    for (key, value) in [("time", event.time), ("begin", event.begin), ("duration", event.duration)] {
+        put(key, json!(value));
+    }
+    if let Some(contact) = &event.contact {
+        describe(contact, event, map, words, &mut object);
+    }
+    Value::Object(object).to_string() + "\n"
+}
+
+fn describe(
+    contact: &EventContact,
+    event: &Event,
+    map: &SkinMap,
+    words: &[BodyWord],
+    object: &mut Map<String, Value>,
+) {
+    let mut put = |key: &str, value: Value| object.insert(key.to_owned(), value);
+    let patch = &map.patches[contact.patch];
+    put("patch", json!(patch.name));
+    put("link", json!(map.links[contact.link].name));
+    let region = patch.taxels.regions.as_ref().and_then(|all| all[contact.peak_taxel].as_deref());
+    if let Some(region) = region {
+        put("region", json!(region));
+    }
+    // Without a unit of force or pressure there is no force.
+    if contact.force_peak.is_finite() {
+        put("force_peak", json!(contact.force_peak));
+        put("force_mean", json!(contact.force_mean));
+        put("impulse", json!(contact.impulse));
+    }
+    put("area", json!(contact.area));
+    let place = |EventPlace { point, map }: EventPlace| json!({ "x": point.x, "y": point.y, "z": point.z, "u": map.x, "v": map.y });
+    put("from", place(contact.from));
+    put("to", place(contact.to));
+    put("length", json!(contact.length));
+    if let Some(direction) = contact.direction {
+        put("direction", json!(direction));
+        if event.duration > 0.0 {
+            put("speed", json!(contact.length / event.duration));
+        }
+    }
+    if let Some(word) = contact.body_word {
+        put("words", json!([words[word].word]));
+    }
+    put("taxels", contact.taxels.iter().map(|&taxel| json!(patch.taxels.ids[taxel].0)).collect());
+}

@@ -1,0 +1,148 @@
+//! How many contacts there are at once, voted over the frames of a touch.
+//!
+//! A touch is what happens on a link from the first frame with a contact until there was none for 0.15 s. Each frame
+//! votes for its number of contacts with its load, the sum of the twelve largest readings in contact, if that is above 0.7
+//! of the largest load of the touch; of frames with a contact there are at least two. Loads are kept as counts in bins
+//! of a fiftieth each, so that a touch of any length needs the same memory.
+
+use crate::id::{IdVec, VertexId};
+use crate::map::{PatchMap, SkinMap};
+use crate::signal::contacts::{ContactEvent, ContactRegion};
+use crate::skin::{LinkId, PatchId};
+
+/// Readings that add up to the load.
+const LARGEST: usize = 12;
+
+/// Frames with less than this share of the largest load do not vote: this many bins below the largest.
+const BINS: i64 = 18;
+const BIN_RATIO: f64 = 1.02;
+
+/// Most contacts that are told apart.
+const MOST: usize = 31;
+
+/// How long nothing touches before a touch has ended, in s, and the interval of frames without times.
+const GAP_S: f64 = 0.15;
+const USUAL_INTERVAL_S: f64 = 0.1;
+
+/// Counts the contacts of touches.
+#[derive(Debug, Clone)]
+pub(super) struct AtOnce {
+    touches: IdVec<LinkId, Touch>,
+    links: IdVec<PatchId, LinkId>,
+    now: f64,
+    time: f64,
+    /// Load and count of the strongest touch that has ended.
+    strongest: (f64, usize),
+    values: Vec<f64>,
+}
+
+/// A touch of a link.
+#[derive(Debug, Clone)]
+struct Touch {
+    frames: usize,
+    load: f64,
+    bin: i64,
+    until: f64,
+    /// For each bin, by its number modulo their count, the load of the frames with each number of contacts.
+    votes: Vec<[f64; MOST + 1]>,
+}
+
+impl AtOnce {
+    pub(super) fn new(map: &SkinMap) -> Self {
+        let touch = Touch {
+            frames: 0,
+            load: 0.0,
+            bin: i64::MIN,
+            until: 0.0,
+            votes: vec![[0.0; MOST + 1]; BINS.unsigned_abs() as usize],
+        };
+        Self {
+            touches: map.links.map(|_| touch.clone()),
+            links: map.patches.map(|patch: &PatchMap| patch.link),
+            now: 0.0,
+            time: f64::NAN,
+            strongest: (0.0, 0),
+            values: Vec::new(),
+        }
+    }
+
+    /// Takes the contacts of a frame; the values are those of the taxels.
+    pub(super) fn see<'v>(
+        &mut self,
+        time: f64,
+        regions: &[ContactRegion],
+        values: impl Fn(PatchId) -> &'v IdVec<VertexId, f64>,
+    ) {
+        let interval = time - self.time;
+        self.now += if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
+        self.time = if time.is_finite() { time } else { self.time };
+        for (link, touch) in self.touches.iter_mut().enumerate() {
+            let is_here = |region: &&ContactRegion| {
+                region.event != ContactEvent::Release && self.links[region.patch].index() == link
+            };
+            self.values.clear();
+            let mut count = 0;
+            for region in regions.iter().filter(is_here) {
+                count += 1;
+                let values = values(region.patch);
+                self.values.extend(region.taxels.iter().map(|&taxel| values[taxel]).filter(|x| *x > 0.0));
+            }
+            if count > 0 {
+                let place = LARGEST.min(self.values.len());
+                if place < self.values.len() {
+                    self.values.select_nth_unstable_by(place, |a, b| b.total_cmp(a));
+                }
+                touch.add(self.values[..place].iter().sum(), count.min(MOST));
+                touch.until = self.now;
+            } else if touch.frames > 0 && self.now - touch.until > GAP_S {
+                if touch.load > self.strongest.0 && touch.frames > 1 {
+                    self.strongest = (touch.load, touch.voted());
+                }
+                touch.clear();
+            }
+        }
+    }
+
+    /// The number of contacts of the strongest touch so far; 0 if there was none.
+    pub(super) fn strongest(&self) -> usize {
+        let going_on = self.touches.iter().filter(|touch| touch.frames > 1);
+        let of_now = going_on.map(|touch| (touch.load, touch.voted()));
+        of_now.fold(self.strongest, |best, touch| if touch.0 > best.0 { touch } else { best }).1
+    }
+}
+
+impl Touch {
+    fn add(&mut self, load: f64, count: usize) {
+        self.frames += 1;
+        if !(load.is_finite() && load > 0.0) {
+            return;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "the logarithm of a number has few digits")]
+        let bin = (load.ln() / BIN_RATIO.ln()).floor() as i64;
+        let slot = |bin: i64| bin.rem_euclid(BINS) as usize;
+        if self.load == 0.0 {
+            self.bin = bin;
+        }
+        for emptied in (self.bin + 1..=bin).rev().take(self.votes.len()) {
+            self.votes[slot(emptied)] = [0.0; MOST + 1];
+        }
+        self.bin = self.bin.max(bin);
+        self.load = self.load.max(load);
+        if bin > self.bin - BINS {
+            self.votes[slot(bin)][count] += load;
+        }
+    }
+
+    /// The number with most votes; of several the smallest.
+    fn voted(&self) -> usize {
+        let sum = |count: usize| self.votes.iter().map(|bin| bin[count]).sum::<f64>();
+        (0..=MOST)
+            .fold((0, 0.0), |best, count| if sum(count) > best.1 { (count, sum(count)) } else { best })
+            .0
+    }
+
+    fn clear(&mut self) {
+        (self.frames, self.load, self.bin) = (0, 0.0, i64::MIN);
+        self.votes.iter_mut().for_each(|bin| *bin = [0.0; MOST + 1]);
+    }
+}

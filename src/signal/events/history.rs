@@ -1,0 +1,109 @@
+//! The latest readings of all taxels, from which contacts are dated back to before they are above the threshold.
+//!
+//! A threshold lies above the noise of one taxel, and on a slow ramp far above zero. The sum of the readings of the taxels
+//! of a contact is less noisy. The depth of a blunt body is proportional to the root of its force, so the root of the sum
+//! rises evenly as the body comes nearer: a line through 0.4 and 0.8 of its largest value is zero where the contact began.
+
+use crate::id::{IdVec, VertexId};
+use crate::skin::PatchId;
+
+/// Frames that are kept, and the least time between them, in s.
+const FRAMES: usize = 128;
+const INTERVAL_S: f64 = 0.005;
+
+/// Shares of the largest root through which the line goes.
+const LOW: f64 = 0.4;
+const HIGH: f64 = 0.8;
+
+/// Which end of a contact is dated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Edge {
+    Begin,
+    End,
+}
+
+/// A ring of frames.
+#[derive(Debug, Clone)]
+pub(super) struct History {
+    /// The first taxel of each patch in a frame.
+    starts: IdVec<PatchId, usize>,
+    taxels: usize,
+    values: Vec<f64>,
+    times: Vec<f64>,
+    /// The place of the next frame, and how many there are.
+    next: usize,
+    count: usize,
+}
+
+impl History {
+    pub(super) fn new(taxels: &IdVec<PatchId, usize>) -> Self {
+        let mut sum = 0;
+        let starts = taxels.map(|count| {
+            sum += count;
+            sum - count
+        });
+        Self { starts, taxels: sum, values: Vec::new(), times: vec![0.0; FRAMES], next: 0, count: 0 }
+    }
+
+    /// Keeps a frame.
+    pub(super) fn keep(&mut self, time: f64, values: &IdVec<PatchId, IdVec<VertexId, f64>>) {
+        if self.count > 0 {
+            let last = self.times[(self.next + FRAMES - 1) % FRAMES];
+            if time < last {
+                self.count = 0;
+            } else if time - last < INTERVAL_S {
+                return;
+            }
+        }
+        self.values.resize(FRAMES * self.taxels, 0.0);
+        let frame = &mut self.values[self.next * self.taxels..][..self.taxels];
+        let all = values.iter().flat_map(|patch| patch.iter());
+        frame.iter_mut().zip(all).for_each(|(to, &x)| *to = if x.is_finite() { x } else { 0.0 });
+        self.times[self.next] = time;
+        self.next = (self.next + 1) % FRAMES;
+        self.count = (self.count + 1).min(FRAMES);
+    }
+
+    /// Forgets all frames, where times jump.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Time and root of the sum over these taxels in the frame that is `back` frames before the last.
+    fn root(&self, back: usize, patch: PatchId, taxels: &[VertexId]) -> [f64; 2] {
+        let place = (self.next + 2 * FRAMES - 1 - back) % FRAMES;
+        let frame = &self.values[place * self.taxels + self.starts[patch]..];
+        let sum: f64 = taxels.iter().map(|taxel| frame[taxel.index()]).sum();
+        [self.times[place], sum.max(0.0).sqrt()]
+    }
+
+    /// When the contact of these taxels began or ended, that was above the threshold from one time to another; `None` if
+    /// that is not known.
+    pub(super) fn date(
+        &self,
+        edge: Edge,
+        patch: PatchId,
+        taxels: &[VertexId],
+        span: [f64; 2],
+    ) -> Option<f64> {
+        let step =
+            |k: usize| self.root(if edge == Edge::Begin { k } else { self.count - 1 - k }, patch, taxels);
+        let inside = |[time, _]: [f64; 2]| (span[0]..=span[1]).contains(&time);
+        let frames = 0..self.count;
+        // From the largest outward; of several the outermost.
+        let largest =
+            frames.clone().filter(|&k| inside(step(k))).fold(None, |best: Option<(usize, f64)>, k| {
+                let [_, root] = step(k);
+                if best.is_none_or(|(_, most)| root >= most) { Some((k, root)) } else { best }
+            });
+        let (top, most) = largest.filter(|(_, most)| *most > 0.0)?;
+        let crossing = |share: f64| {
+            let level = share * most;
+            let k = (top..self.count).find(|&k| step(k)[1] < level)?;
+            let ([after, high], [before, low]) = (step(k - 1), step(k));
+            Some(before + (after - before) * (level - low) / (high - low))
+        };
+        let (low, high) = (crossing(LOW)?, crossing(HIGH)?);
+        Some(low - (high - low) * LOW / (HIGH - LOW))
+    }
+}

@@ -1,0 +1,171 @@
+//! Laws of the number of contacts: fingers, palms and spheres, counted over a touch.
+
+mod common;
+
+use std::sync::Arc;
+
+use dermatome::io::{Readings, ReadingsReader, read_draft};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::pipeline::{BuildOptions, build};
+use dermatome::recording::{Recording, RecordingOptions};
+use dermatome::signal::{
+    ContactTracker, Duplicates, Probe, Quantity, ReadoutOptions, TouchOptions, TouchShape, TouchSimulation,
+    TrackerOptions,
+};
+use dermatome::skin::{AssembleOptions, Skin, assemble};
+
+/// The number of contacts of the strongest touch of a recording.
+fn at_once(map: &Arc<SkinMap>, readings: Readings, probe: Probe) -> usize {
+    let reader = ReadingsReader::memory(readings).unwrap();
+    let options = RecordingOptions { duplicates: Duplicates::First, ..RecordingOptions::default() };
+    let mut recording = Recording::open(map, reader, &options).unwrap();
+    let options = TrackerOptions { probe, low: probe.low(), ..recording.tracker_options(0) };
+    recording.follow_contacts(&options).unwrap();
+    while recording.next_step().unwrap().is_some() {}
+    recording.at_once().unwrap()
+}
+
+/// Counts the recordings of 0 to 5 fingers on a real cover whose number is in `is_wanted`.
+fn count_fingers(is_wanted: impl Fn(usize) -> bool) -> Option<[[usize; 8]; 6]> {
+    let (skin, path) =
+        common::data("cyskin/curved_gesture_patch_isomap.json").zip(common::data("cyskin/fingers.npz"))?;
+    let skin = assemble(&read_draft(&skin).unwrap(), &AssembleOptions::default()).unwrap().skin;
+    let map = Arc::new(build(&skin, &BuildOptions::default()).unwrap());
+    let mut found = [[0; 8]; 6];
+    for (name, readings) in common::fingers(&path) {
+        let (fingers, number) = name.split_once('_').unwrap();
+        if is_wanted(number.parse().unwrap()) {
+            let count = at_once(&map, readings, Probe::Finger);
+            found[fingers.parse::<usize>().unwrap()][count.min(7)] += 1;
+        }
+    }
+    Some(found)
+}
+
+/// Shares of the recordings counted right, and right within one.
+fn shares(found: &[[usize; 8]; 6]) -> [f64; 2] {
+    let all: usize = found.iter().flatten().sum();
+    let within = |most: usize| {
+        let counts = |(fingers, row): (usize, &[usize; 8])| {
+            row.iter().enumerate().filter(|(n, _)| n.abs_diff(fingers) <= most).map(|(_, x)| x).sum::<usize>()
+        };
+        found.iter().enumerate().map(counts).sum::<usize>() as f64 / all as f64
+    };
+    [within(0), within(1)]
+}
+
+/// A part of the recordings, with the zero, the noise and the faults as they are found.
+#[test]
+fn fingers_are_counted() {
+    let Some(found) = count_fingers(|number| number % 8 == 5) else { return };
+    let [right, near] = shares(&found);
+    println!("right {right:.3}, within one {near:.3}: {found:?}");
+    assert!(right >= 0.6 && near >= 0.85, "{found:?}");
+    assert_eq!(found[0][1..], [0; 7], "nothing touches");
+}
+
+/// All of them but the numbers that end in 7: odd and even numbers.
+#[test]
+#[ignore = "takes minutes: run it after a change of how contacts are counted"]
+fn all_fingers_are_counted() {
+    for (name, odd) in [("odd", 1), ("even", 0)] {
+        let Some(found) = count_fingers(|number| number % 10 != 7 && number % 2 == odd) else { return };
+        let [right, near] = shares(&found);
+        println!("{name}: right {right:.3}, within one {near:.3}: {found:?}");
+        assert!(right >= 0.66 && near >= 0.92, "{name}: {found:?}");
+        assert_eq!(found[0][1..], [0; 7], "nothing touches");
+    }
+}
+
+/// Readings of presses on a plane, taxels 7.26 mm apart, with uneven gains and dead taxels.
+fn pressed(shape: TouchShape) -> TouchOptions {
+    TouchOptions {
+        shape,
+        presses: 1,
+        roll: 0.0,
+        rate: 20.0,
+        pause: 0.5,
+        depths: [0.0015, 0.0025],
+        quantity: Quantity::Intensive,
+        dead: 0.05,
+        readout: ReadoutOptions { gain_spread: 0.4, ..ReadoutOptions::default() },
+        ..TouchOptions::default()
+    }
+}
+
+/// The number of contacts of a simulated touch, and for each body how many taxels feel it.
+fn count_of(touches: &TouchOptions, probe: Probe) -> (usize, Vec<usize>) {
+    let mesh = shapes::lattice(30, 34, 0.00726);
+    let skin = Skin::from_mesh("skin", mesh.clone());
+    let map = SkinMap::flat(mesh, 1e-3);
+    let mut simulation = TouchSimulation::new(&skin, touches).unwrap();
+    let options = TrackerOptions { probe, low: probe.low(), ..TrackerOptions::default() };
+    let mut tracker = ContactTracker::new(&map, simulation.channel(), &options).unwrap();
+    let mut most = vec![0; touches.touches];
+    while let Some((frame, now)) = simulation.next_frame() {
+        tracker.track(frame);
+        now.iter().for_each(|touch| most[touch.press] = most[touch.press].max(touch.taxels));
+    }
+    (tracker.at_once(), most)
+}
+
+/// How many of simulated touches, with noise of 1, 3 and 5 kPa, are counted right, of how many that can be felt.
+fn right_of(touches: &TouchOptions, probe: Probe, each: u64) -> [usize; 2] {
+    let mut sums = [0; 2];
+    for seed in 0..3 * each {
+        let noise = [1000.0, 3000.0, 5000.0][usize::try_from(seed % 3).unwrap()];
+        let touches = TouchOptions { noise, seed: 1 + seed, ..touches.clone() };
+        let (found, felt) = count_of(&touches, probe);
+        // A body between taxels is felt by one or none of them.
+        if felt.iter().all(|&taxels| taxels > 2) {
+            sums[0] += usize::from(found == touches.touches);
+            sums[1] += 1;
+        }
+    }
+    sums
+}
+
+/// Two bodies far apart are two, one is one, and noise is none.
+#[test]
+fn simulated_fingers_and_palms_are_counted() {
+    let finger = TouchOptions { length: 0.03, radii: vec![0.007], ..pressed(TouchShape::Finger) };
+    let palm = TouchOptions { length: 0.06, ..pressed(TouchShape::Palm) };
+    let two = TouchOptions { touches: 2, apart: Some(0.04), ..pressed(TouchShape::Sphere) };
+    for (name, touches) in [("finger", finger), ("palm", palm), ("two spheres", two)] {
+        let [right, of] = right_of(&touches, Probe::Finger, 2);
+        assert!(of >= 4 && right + 1 >= of, "{name}: {right} of {of}");
+    }
+    // Noise alone is no contact.
+    let untouched = TouchOptions { presses: 0, pause: 2.0, noise: 5000.0, ..pressed(TouchShape::Sphere) };
+    for probe in [Probe::Any, Probe::Finger] {
+        assert_eq!(count_of(&untouched, probe).0, 0, "{probe:?}");
+    }
+}
+
+/// The table of shapes, sizes and distances.
+#[test]
+#[ignore = "takes minutes: run it after a change of how contacts are counted"]
+fn shapes_sizes_and_distances_are_counted() {
+    for probe in [Probe::Any, Probe::Finger] {
+        for (radius, name) in
+            [(0.012, "sphere 12 mm"), (0.02, "sphere 20 mm"), (0.03, "sphere 30 mm"), (0.04, "sphere 40 mm")]
+        {
+            let sphere = TouchOptions { radii: vec![radius], ..pressed(TouchShape::Sphere) };
+            println!("{probe:?}, {name}: {:?}", right_of(&sphere, probe, 4));
+        }
+        for length in [0.02, 0.04, 0.06] {
+            let finger = TouchOptions { length, radii: vec![0.007], ..pressed(TouchShape::Finger) };
+            println!("{probe:?}, finger {length} m: {:?}", right_of(&finger, probe, 4));
+        }
+        for length in [0.04, 0.06] {
+            let palm = TouchOptions { length, ..pressed(TouchShape::Palm) };
+            println!("{probe:?}, palm {length} m: {:?}", right_of(&palm, probe, 4));
+        }
+        for apart in [0.015, 0.02, 0.03, 0.04] {
+            let radii = vec![0.008, 0.012, 0.015];
+            let two = TouchOptions { touches: 2, apart: Some(apart), radii, ..pressed(TouchShape::Sphere) };
+            println!("{probe:?}, two {apart} m apart: {:?}", right_of(&two, probe, 4));
+        }
+    }
+}
