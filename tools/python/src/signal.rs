@@ -17,8 +17,8 @@ use dermatome::{
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Probe, Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions, TrackerState,
-        Zero,
+        Probe, Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        TrackerState, Zero,
     },
     skin::{PatchId, Presence, TaxelId},
 };
