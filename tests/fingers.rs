@@ -4,16 +4,19 @@ mod common;
 
 use std::sync::Arc;
 
+use dermatome::id::VertexId;
 use dermatome::io::{Readings, ReadingsReader, read_draft};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
+use dermatome::pyramid::LevelId;
 use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
-    ContactTracker, Duplicates, Probe, Quantity, ReadoutOptions, TouchOptions, TouchShape, TouchSimulation,
-    TrackerOptions,
+    Channel, ContactTracker, Duplicates, Frame, Probe, Quantity, ReadoutOptions, TouchOptions, TouchShape,
+    TouchSimulation, TrackerOptions,
 };
-use dermatome::skin::{AssembleOptions, Skin, assemble};
+use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
+use glam::DVec2;
 
 /// The number of contacts of the strongest touch of a recording.
 fn at_once(map: &Arc<SkinMap>, readings: Readings, probe: Probe) -> usize {
@@ -141,6 +144,38 @@ fn simulated_fingers_and_palms_are_counted() {
     for probe in [Probe::Any, Probe::Finger] {
         assert_eq!(count_of(&untouched, probe).0, 0, "{probe:?}");
     }
+}
+
+/// Contacts with these centres on a long plane, as bells of 5 mm and these heights, that are within 12 cm of its corner.
+fn contacts_near_the_corner(bells: &[(DVec2, f64)]) -> Vec<Vec<VertexId>> {
+    let map = SkinMap::flat(shapes::lattice(60, 34, 0.00726), 1e-3);
+    let patch = PatchId::new(0);
+    let mut frame = Frame::new(&map, 1);
+    let positions = map.patches[patch].levels[LevelId::new(0)].level.mesh.positions.clone();
+    let bell = |at: DVec2, (centre, height): &(DVec2, f64)| {
+        height * (-0.5 * (at - *centre).length_squared() / 25e-6).exp()
+    };
+    frame.values[patch][0] = positions.map(|at| bells.iter().map(|one| bell(at.truncate(), one)).sum());
+    let options =
+        TrackerOptions { probe: Probe::Finger, threshold: Some(100.0), ..TrackerOptions::default() };
+    let mut tracker = ContactTracker::new(&map, &Channel::new("pressure", "Pa").unwrap(), &options).unwrap();
+    (0..10).for_each(|_| drop(tracker.track(&frame).to_vec()));
+    let near = tracker.contacts().iter().filter(|contact| contact.centre.truncate().length() < 0.12);
+    near.map(|contact| contact.taxels.clone()).collect()
+}
+
+/// What touches the skin 20 cm away, be it a hundred times as strong, changes no contact.
+#[test]
+fn a_touch_elsewhere_changes_no_contact() {
+    let fingers =
+        [(DVec2::new(0.05, 0.05), 1000.0), (DVec2::new(0.08, 0.06), 400.0), (DVec2::new(0.06, 0.1), 700.0)];
+    let alone = contacts_near_the_corner(&fingers);
+    assert_eq!(alone.len(), 3);
+    let elsewhere = [fingers.to_vec(), vec![(DVec2::new(0.32, 0.15), 1e5)]].concat();
+    assert_eq!(contacts_near_the_corner(&elsewhere), alone);
+    // Next to them a weak contact is none.
+    let beside = [fingers.to_vec(), vec![(DVec2::new(0.1, 0.1), 1e5)]].concat();
+    assert!(contacts_near_the_corner(&beside).len() < 3);
 }
 
 /// The table of shapes, sizes and distances.

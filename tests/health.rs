@@ -3,8 +3,6 @@
 
 mod common;
 
-use std::fs::File;
-use std::path::Path;
 use std::sync::Arc;
 
 use dermatome::Error;

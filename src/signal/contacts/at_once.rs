@@ -14,7 +14,7 @@ use crate::skin::{LinkId, PatchId};
 const LARGEST: usize = 12;
 
 /// Frames with less than this share of the largest load do not vote: this many bins below the largest.
-const BINS: i64 = 18;
+const BINS: i32 = 18;
 const BIN_RATIO: f64 = 1.02;
 
 /// Most contacts that are told apart.
@@ -41,7 +41,7 @@ pub(super) struct AtOnce {
 struct Touch {
     frames: usize,
     load: f64,
-    bin: i64,
+    bin: i32,
     until: f64,
     /// For each bin, by its number modulo their count, the load of the frames with each number of contacts.
     votes: Vec<[f64; MOST + 1]>,
@@ -52,7 +52,7 @@ impl AtOnce {
         let touch = Touch {
             frames: 0,
             load: 0.0,
-            bin: i64::MIN,
+            bin: i32::MIN,
             until: 0.0,
             votes: vec![[0.0; MOST + 1]; BINS.unsigned_abs() as usize],
         };
@@ -118,8 +118,8 @@ impl Touch {
             return;
         }
         #[expect(clippy::cast_possible_truncation, reason = "the logarithm of a number has few digits")]
-        let bin = (load.ln() / BIN_RATIO.ln()).floor() as i64;
-        let slot = |bin: i64| bin.rem_euclid(BINS) as usize;
+        let bin = (load.ln() / BIN_RATIO.ln()).floor() as i32;
+        let slot = |bin: i32| bin.rem_euclid(BINS).unsigned_abs() as usize;
         if self.load == 0.0 {
             self.bin = bin;
         }
@@ -142,7 +142,7 @@ impl Touch {
     }
 
     fn clear(&mut self) {
-        (self.frames, self.load, self.bin) = (0, 0.0, i64::MIN);
+        (self.frames, self.load, self.bin) = (0, 0.0, i32::MIN);
         self.votes.iter_mut().for_each(|bin| *bin = [0.0; MOST + 1]);
     }
 }

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use crate::id::VertexId;
 use crate::numeric::median_of;
 use crate::signal::ContactRegion;
-use crate::signal::events::history::{Edge, History};
+use crate::signal::events::history::{Edge, History, Stretch};
 use crate::signal::events::{Event, EventContact, EventOptions, EventPlace, Phase, Word};
 use crate::skin::{LinkId, PatchId};
 
@@ -51,25 +51,6 @@ struct Block {
 pub(super) struct PatchLimits {
     pub(super) stroke: f64,
     pub(super) taxels: usize,
-}
-
-/// The taxels of a contact when it was largest in a stretch of time.
-#[derive(Debug, Clone, Default)]
-struct Stretch {
-    begin: f64,
-    peak: f64,
-    patch: PatchId,
-    taxels: Vec<VertexId>,
-}
-
-impl Stretch {
-    fn add(&mut self, region: &ContactRegion) {
-        if region.peak > self.peak {
-            (self.peak, self.patch) = (region.peak, region.patch);
-            self.taxels.clear();
-            self.taxels.extend_from_slice(&region.taxels);
-        }
-    }
 }
 
 /// How a contact has moved.

@@ -5,6 +5,7 @@
 //! rises evenly as the body comes nearer: a line through 0.4 and 0.8 of its largest value is zero where the contact began.
 
 use crate::id::{IdVec, VertexId};
+use crate::signal::ContactRegion;
 use crate::skin::PatchId;
 
 /// Frames that are kept, and the least time between them, in s.
@@ -20,6 +21,27 @@ const HIGH: f64 = 0.8;
 pub(super) enum Edge {
     Begin,
     End,
+}
+
+/// The taxels of a contact when it was largest in a stretch of time.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stretch {
+    /// In s.
+    pub(super) begin: f64,
+    pub(super) peak: f64,
+    pub(super) patch: PatchId,
+    pub(super) taxels: Vec<VertexId>,
+}
+
+impl Stretch {
+    /// Takes the contact in a frame.
+    pub(super) fn add(&mut self, region: &ContactRegion) {
+        if region.peak > self.peak {
+            (self.peak, self.patch) = (region.peak, region.patch);
+            self.taxels.clear();
+            self.taxels.extend_from_slice(&region.taxels);
+        }
+    }
 }
 
 /// A ring of frames.

@@ -8,6 +8,9 @@ use crate::pyramid::LevelId;
 use crate::signal::{Channel, Frame, Stage, ZeroTracker};
 use crate::skin::PatchId;
 
+/// The threshold over `sigma`.
+pub(in crate::signal::contacts) const HIGH: f64 = 6.0;
+
 /// Time constant of the smoothing, in s, and the interval of frames without times.
 const SMOOTHING_S: f64 = 0.15;
 const USUAL_INTERVAL_S: f64 = 0.1;
@@ -118,6 +121,6 @@ impl Live {
     /// threshold.
     pub(super) fn sigma(&self, threshold: Option<f64>) -> Option<f64> {
         let known = self.noise * self.variance.sqrt() / USUAL_NOISE;
-        if known > 0.0 { Some(known) } else { threshold.map(|threshold| threshold / super::HIGH) }
+        if known > 0.0 { Some(known) } else { threshold.map(|threshold| threshold / HIGH) }
     }
 }

@@ -19,11 +19,11 @@ use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::find::Finder;
 use crate::signal::{Channel, Frame, TrackerOptions};
 use crate::skin::{LinkId, PatchId};
+pub(super) use live::HIGH;
 use live::Live;
 use ridges::{Places, Ridges};
 
-/// The threshold over `sigma`; and from where on readings count in a fit, since noise is not part of a finger.
-pub(super) const HIGH: f64 = 6.0;
+/// From this many `sigma` on readings count in a fit, since noise is not part of a finger.
 const FLOOR: f64 = 3.0;
 
 /// A region with less than this share of the readings of all regions within this distance, in m, is no contact.
