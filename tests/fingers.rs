@@ -135,9 +135,9 @@ fn simulated_fingers_and_palms_are_counted() {
     let finger = TouchOptions { length: 0.03, radii: vec![0.007], ..pressed(TouchShape::Finger) };
     let palm = TouchOptions { length: 0.06, ..pressed(TouchShape::Palm) };
     let two = TouchOptions { touches: 2, apart: Some(0.04), ..pressed(TouchShape::Sphere) };
-    for (name, touches) in [("finger", finger), ("palm", palm), ("two spheres", two)] {
+    for (name, touches, wrong) in [("finger", finger, 1), ("palm", palm, 1), ("two spheres", two, 2)] {
         let [right, of] = right_of(&touches, Probe::Finger, 2);
-        assert!(of >= 4 && right + 1 >= of, "{name}: {right} of {of}");
+        assert!(of >= 4 && right + wrong >= of, "{name}: {right} of {of}");
     }
     // Noise alone is no contact.
     let untouched = TouchOptions { presses: 0, pause: 2.0, noise: 5000.0, ..pressed(TouchShape::Sphere) };
