@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 20] = [
+const ENDS: [(&str, &str, &[&str]); 21] = [
     (
         "bench",
         OF_COSTS,
@@ -120,6 +120,15 @@ const ENDS: [(&str, &str, &[&str]); 20] = [
         ],
     ),
     ("touch", "", &["dermatome touch meshes/forearm.glb -o touch.csv --truth touches.csv --sphere-mm 1cm"]),
+    (
+        "touches",
+        "",
+        &[
+            "dermatome simulate --arm --taxels 100 -o log.csv --truth truth.csv --triangles triangles.csv",
+            "dermatome touches log.csv -o contacts.csv",
+            "dermatome calibrate contacts.csv -o skin.glb --truth truth.csv --triangles triangles.csv",
+        ],
+    ),
 ];
 
 const OF_MAPS: &str = "\

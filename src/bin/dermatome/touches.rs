@@ -1,7 +1,7 @@
 //! `touches`: from the log of a robot that touches its skin to contacts for `calibrate`.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::Context;
@@ -24,7 +24,7 @@ use crate::console::notes::{note, note_columns, note_count};
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
 use crate::options::{
-    Common, InPath, JointsArg, MayRead, OutFile, PatchArgs, ReadArgs, RobotArgs, joints, length_mm,
+    Common, InPath, JointsArg, OutFile, PatchArgs, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
 };
 use crate::readings::positive;
 
@@ -74,34 +74,10 @@ pub(crate) struct Args {
     #[arg(long = "arm-noise-mm", value_name = "MM", value_parser = length_mm)]
     arm_noise: Option<f64>,
     /// Leave out taxels: their ids, or the table of faults that `check --recording -o` writes
-    #[arg(long, value_name = "ID,...|F.csv", value_parser = skipped)]
-    skip: Option<Skipped>,
+    #[arg(long, value_name = "ID,...|F.csv", value_parser = skip_arg)]
+    skip: Option<SkipArg>,
     #[command(flatten)]
     read: ReadArgs,
-}
-
-/// Taxels that are left out.
-#[derive(Debug, Clone)]
-pub(crate) enum Skipped {
-    Ids(Vec<u32>),
-    File(PathBuf),
-}
-
-impl MayRead for Skipped {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
-    }
-}
-
-fn skipped(text: &str) -> Result<Skipped, String> {
-    let ids: Result<Vec<u32>, _> = text.split(',').map(|id| id.trim().parse()).collect();
-    if let Ok(ids) = ids {
-        return Ok(Skipped::Ids(ids));
-    }
-    if text.ends_with(".csv") {
-        return Ok(Skipped::File(text.into()));
-    }
-    Err("needed: ids of taxels as in 3,17, or a .csv that `check --recording -o` writes".into())
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -246,8 +222,8 @@ impl Args {
     fn left_out(&self, common: &Common) -> anyhow::Result<BTreeSet<TaxelId>> {
         Ok(match &self.skip {
             None => BTreeSet::new(),
-            Some(Skipped::Ids(ids)) => ids.iter().map(|&id| TaxelId(id)).collect(),
-            Some(Skipped::File(path)) => {
+            Some(SkipArg::Ids(ids)) => ids.iter().map(|&id| TaxelId(id)).collect(),
+            Some(SkipArg::File(path)) => {
                 let (response, unused) = read_response(path).map_err(Error::from)?;
                 note_columns(path, &unused, common);
                 let is_faulty = |state| !matches!(state, TaxelState::Ok | TaxelState::Untested);

@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
 use crate::options::{
-    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
+    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource, SkipArg,
 };
-use crate::touches::Skipped;
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -25,7 +24,7 @@ impl GivenPaths {
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
-        inputs.extend(all_read::<Skipped>(given));
+        inputs.extend(all_read::<SkipArg>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -53,7 +52,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
-            TypeId::of::<Skipped>(),
+            TypeId::of::<SkipArg>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)

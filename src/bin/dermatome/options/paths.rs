@@ -78,3 +78,29 @@ impl MayRead for LayoutArg {
         if let Self::File(path) = self { Some(path) } else { None }
     }
 }
+
+/// Taxels that are left out.
+#[derive(Debug, Clone)]
+pub(crate) enum SkipArg {
+    Ids(Vec<u32>),
+    /// A table of their states.
+    File(PathBuf),
+}
+
+/// A parser of [`SkipArg`].
+pub(crate) fn skip_arg(text: &str) -> Result<SkipArg, String> {
+    let ids: Result<Vec<u32>, _> = text.split(',').map(|id| id.trim().parse()).collect();
+    match ids {
+        Ok(ids) => Ok(SkipArg::Ids(ids)),
+        Err(_) if file_kind(Path::new(text)) == "csv" => Ok(SkipArg::File(text.into())),
+        Err(_) => {
+            Err("needed: ids of taxels as in 3,17, or a .csv that `check --recording -o` writes".into())
+        }
+    }
+}
+
+impl MayRead for SkipArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
+}
