@@ -8,7 +8,7 @@ use anyhow::Context;
 use dermatome::Error;
 use dermatome::id::IdVec;
 use dermatome::io::{
-    ReadingsLayout, ReadingsReader, read_motion, read_response, read_robot, read_touches,
+    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_robot, read_touches,
     write_touch_contacts,
 };
 use dermatome::signal::TaxelState;
@@ -131,10 +131,14 @@ impl Args {
 
     /// The log, with poses and readings of other files.
     fn log(&self, rows: &[TouchRow], common: &Common) -> anyhow::Result<LogOfRows> {
-        let names: BTreeSet<&str> =
-            rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten().collect();
-        let link = |name: &str| Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY };
-        let links: IdVec<LinkId, Link> = names.iter().map(|name| link(name)).collect();
+        let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
+        let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
+        // A table may have poses of the whole robot.
+        if let Some(path) = self.pose.as_deref().filter(|path| !RobotArgs::describes(path)) {
+            names.append(&mut read_link_names(path).map_err(Error::from)?);
+        }
+        let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
+        let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
         let motion = self.pose.as_ref().map(|path| self.motion(path, &links, common)).transpose()?;
         let readings = self.readings.as_ref().map(|path| self.recording(path, common)).transpose()?;
         let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
