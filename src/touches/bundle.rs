@@ -23,6 +23,9 @@ const SMALL_STEP: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-8;
 const MOST_DAMPING: f64 = 1e-2;
 
+/// The noise of readings falls at most by this factor in a step: from afar the readings are not as linear as they are exact.
+const LEAST_FACTOR: f64 = 0.3;
+
 /// Unknowns of a taxel.
 const SIZE: usize = 4;
 
@@ -123,11 +126,12 @@ impl<'a> Bundle<'a> {
             factor.solve(&mut change, 1)?;
             let moved = self.apply(&reduced, &change);
             reduced = self.reduced();
-            if moved < SMALL_STEP {
+            let known = self.noise.reading;
+            self.learn(&reduced);
+            if moved < SMALL_STEP && self.noise.reading > 0.9 * known {
                 break;
             }
         }
-        self.learn(&reduced);
         reduced = self.reduced();
         let (factor, _) = self.factored(&system, &reduced)?;
         let inverse = factor.selected_inverse();
@@ -278,14 +282,14 @@ impl<'a> Bundle<'a> {
         (squares / f64::max(count, 1.0)).sqrt()
     }
 
-    /// The noise of readings from what the solution leaves.
+    /// The noise of readings from what the solution leaves; weights follow in the next step.
     fn learn(&mut self, reduced: &[Reduced]) {
         let squares: f64 = reduced.iter().map(|frame| frame.squares).sum();
         let taxels = self.estimates.iter().flatten().count() as f64;
         let freedom = reduced.iter().map(|frame| frame.freedom).sum::<f64>() - SIZE as f64 * taxels;
         if freedom > 1.0 {
-            self.noise.reading =
-                (self.noise.reading * (squares / freedom).sqrt()).max(self.noise.least_reading);
+            let factor = (squares / freedom).sqrt().clamp(LEAST_FACTOR, LEAST_FACTOR.recip());
+            self.noise.reading = (factor * self.noise.reading).max(self.noise.least_reading);
         }
     }
 }

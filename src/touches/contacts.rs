@@ -1,15 +1,67 @@
 //! The contacts of each touch: its terms in the normal equations of its taxel, or the mean of where the body was.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::Information;
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
+use crate::skin::TaxelId;
 use crate::touches::estimate::{Estimates, LEAST_SAMPLES};
 use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
-use crate::touches::{ARM_NOISE, TAXEL_RADIUS, TouchContact, TouchContacts, TouchesOptions, TouchesSummary};
+use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
+
+/// What one touch says about one taxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchContact {
+    /// The taxel.
+    pub taxel: TaxelId,
+    /// The number of the touch in the log.
+    pub touch: u64,
+    /// The number of its contact in the log, if it has one.
+    pub contact: Option<u64>,
+    /// Where the taxel is, in the frame of the link, in m.
+    pub position: DVec3,
+    /// Its information (inverse covariance), in 1/m^2. Directions about which the touch says nothing have none.
+    pub information: Information<3>,
+    /// How much it counts in the mean of its touch: its share of the readings, times the number of taxels.
+    pub weight: f64,
+    /// The orientation of the body in the frame of the link, if the log has it.
+    pub body_rotation: Option<DQuat>,
+}
+
+/// Contacts, and how they were found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchContacts {
+    /// By touch in the order of the log, then by taxel.
+    pub contacts: Vec<TouchContact>,
+    /// Numbers for messages.
+    pub summary: TouchesSummary,
+}
+
+/// How contacts were found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TouchesSummary {
+    /// Number of frames of the log.
+    pub frames: usize,
+    /// Number of touches with an active taxel that is not left out.
+    pub touches: usize,
+    /// How many of these have no contact.
+    pub empty_touches: usize,
+    /// Number of taxels with a contact.
+    pub taxels: usize,
+    /// How many of them were found from the profile of their readings; the others are means of positions.
+    pub fitted: usize,
+    /// Readings that were left out since no neighbour of their taxel was active.
+    pub lone: usize,
+    /// Standard deviation of the position of the arm, per axis, in m, as estimated or given.
+    pub arm_noise: f64,
+    /// Standard deviation of readings, in their unit, if they were fitted.
+    pub reading_noise: Option<f64>,
+    /// Distance of neighbouring taxels, in m, if there are several.
+    pub spacing: Option<f64>,
+}
 
 /// The samples of one taxel in one touch.
 struct Group<'a> {

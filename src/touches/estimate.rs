@@ -20,11 +20,15 @@ const FIRST_ROUNDS: usize = 3;
 const ROUNDS: usize = 4;
 
 /// Steps of the first of these rounds, and of each other one.
-const FIRST_STEPS: usize = 6;
-const STEPS: usize = 2;
+const FIRST_STEPS: usize = 9;
+const STEPS: usize = 3;
 
 /// A taxel with fewer samples is not fitted: there are four unknowns.
-pub(super) const LEAST_SAMPLES: usize = 8;
+pub(super) const LEAST_SAMPLES: usize = 6;
+
+/// Noise of readings at the start of the bundle adjustment, in typical readings: a large one keeps frames near the arm until
+/// taxels are near their positions.
+const START_READING: f64 = 0.1;
 
 /// Least standard deviation of the arm, in m: the table of the profile and the disc are no better.
 const LEAST_ARM: f64 = 1e-5;
@@ -91,7 +95,7 @@ pub(super) fn estimate(
     frames: usize,
     run: Run<'_>,
 ) -> Result<Estimates, TouchesError> {
-    let mut centres = samples.of.map(|of| strong_centre(of));
+    let mut centres = samples.of.map(|of| strong_centre(of.as_slice()));
     let spacing_of = |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
     let mut spacing = spacing_of(&centres);
     let mut lone = 0;
@@ -151,6 +155,7 @@ pub(super) fn estimate(
         all.fit(samples);
         all.learn(samples, known);
     }
+    all.noise.reading = all.noise.reading.max(START_READING / LEAST_READING * all.noise.least_reading);
     for round in 0..ROUNDS {
         if known.normals.is_none() {
             all.update_normals();
@@ -320,7 +325,7 @@ impl Moments {
 }
 
 /// The mean of the positions of the body with the strongest readings, weighted by the square of the reading.
-fn strong_centre(samples: &Vec<Sample>) -> DVec3 {
+fn strong_centre(samples: &[Sample]) -> DVec3 {
     let largest = samples.iter().map(|sample| sample.reading).fold(0.0, f64::max);
     let strong = samples.iter().filter(|sample| sample.reading >= STRONG * largest);
     let (mut sum, mut weights) = (DVec3::ZERO, 0.0);

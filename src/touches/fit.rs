@@ -143,9 +143,7 @@ impl Taxel<'_> {
             let (mut moved, mut is_better) = (0.0, false);
             while damping < 1e8 {
                 let mut system = normal.system;
-                for k in 0..4 {
-                    system[k][k] *= 1.0 + damping;
-                }
+                system.iter_mut().enumerate().for_each(|(k, line)| line[k] *= 1.0 + damping);
                 let Some([x, y, z, gain]) = solve(system) else { break };
                 let step = DVec3::new(x, y, z).clamp_length_max(LARGEST_STEP * radius);
                 let next =

@@ -38,110 +38,22 @@ mod estimate;
 mod fit;
 mod gather;
 mod log;
+mod options;
 mod profile;
 mod rows;
 mod surface;
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use glam::{DQuat, DVec3};
-
 pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
+pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
 pub use error::TouchesError;
 pub use log::{TouchBody, TouchFrame, TouchLog};
-pub use rows::{LogOfRows, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
+pub use options::{Drawing, TouchesOptions};
+pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
 
-use crate::calib::Information;
-use crate::id::VertexId;
 use crate::run::Run;
-use crate::skin::TaxelId;
 use contacts::Rows;
-use estimate::{Known, estimate};
+use estimate::estimate;
 use gather::Samples;
-
-/// What is known about the taxels and the robot.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct TouchesOptions {
-    /// Radius of the disc on which a taxel feels, in m; `None`: 2 mm.
-    pub taxel_radius: Option<f64>,
-    /// Readings over mean depths, in 1/m: the stiffness times the area of a taxel for forces, the
-    /// stiffness for pressures. `None`: estimated.
-    pub gain: Option<f64>,
-    /// Standard deviation of the position of the arm, per axis, in m; `None`: estimated from the fit, or else 1 mm.
-    pub arm_noise: Option<f64>,
-    /// A drawing of the skin: where taxels should be, and their normals, in the frame of the link.
-    pub drawing: Option<Drawing>,
-    /// Taxels that are left out, such as faulty ones.
-    pub left_out: BTreeSet<TaxelId>,
-}
-
-/// A drawing of a skin.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Drawing {
-    /// Positions of the taxels, in m. Only their distances are used.
-    pub positions: BTreeMap<TaxelId, DVec3>,
-    /// Normals of the taxels, which point outwards; of all taxels that it has.
-    pub normals: BTreeMap<TaxelId, DVec3>,
-    /// Pairs of neighbours.
-    pub neighbours: BTreeSet<[TaxelId; 2]>,
-}
-
-/// What one touch says about one taxel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TouchContact {
-    /// The taxel.
-    pub taxel: TaxelId,
-    /// The number of the touch in the log.
-    pub touch: u64,
-    /// The number of its contact in the log, if it has one.
-    pub contact: Option<u64>,
-    /// Where the taxel is, in the frame of the link, in m.
-    pub position: DVec3,
-    /// Its information (inverse covariance), in 1/m^2. Directions about which the touch says nothing have none.
-    pub information: Information<3>,
-    /// How much it counts in the mean of its touch: its share of the readings, times the number of taxels.
-    pub weight: f64,
-    /// The orientation of the body in the frame of the link, if the log has it.
-    pub body_rotation: Option<DQuat>,
-}
-
-/// Contacts, and how they were found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TouchContacts {
-    /// By touch in the order of the log, then by taxel.
-    pub contacts: Vec<TouchContact>,
-    /// Numbers for messages.
-    pub summary: TouchesSummary,
-}
-
-/// How contacts were found.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct TouchesSummary {
-    /// Number of frames of the log.
-    pub frames: usize,
-    /// Number of touches with an active taxel that is not left out.
-    pub touches: usize,
-    /// How many of these have no contact.
-    pub empty_touches: usize,
-    /// Number of taxels with a contact.
-    pub taxels: usize,
-    /// How many of them were found from the profile of their readings; the others are means of positions.
-    pub fitted: usize,
-    /// Readings that were left out since no neighbour of their taxel was active.
-    pub lone: usize,
-    /// Standard deviation of the position of the arm, per axis, in m, as estimated or given.
-    pub arm_noise: f64,
-    /// Standard deviation of readings, in their unit, if they were fitted.
-    pub reading_noise: Option<f64>,
-    /// Distance of neighbouring taxels, in m, if there are several.
-    pub spacing: Option<f64>,
-}
-
-/// The radius of the disc on which a taxel feels, unless another is given, in m.
-const TAXEL_RADIUS: f64 = 2e-3;
-
-/// The noise of the arm where it is neither given nor can be estimated, in m.
-const ARM_NOISE: f64 = 1e-3;
 
 /// What the touches of a log say about the positions of its taxels.
 ///
@@ -186,59 +98,4 @@ pub fn contacts_of_touches_with(
     }
     let rows = Rows { log, samples: &samples, estimates: &estimates, options };
     Ok(rows.collect())
-}
-
-impl TouchesOptions {
-    fn validate(&self, log: &TouchLog) -> Result<(), TouchesError> {
-        for (option, range, found) in [
-            ("the radius of a taxel in m", 1e-6..=1e3, self.taxel_radius),
-            ("the gain", 1e-15..=1e15, self.gain),
-            ("the noise of the arm in m", 0.0..=1e3, self.arm_noise),
-        ] {
-            if let Some(found) = found.filter(|found| !range.contains(found)) {
-                return Err(TouchesError::BadOption { option, found, range: [*range.start(), *range.end()] });
-            }
-        }
-        let Some(drawing) = &self.drawing else { return Ok(()) };
-        for frame in &log.frames {
-            let is_unknown = |id: &TaxelId| !drawing.normals.contains_key(id) && !self.left_out.contains(id);
-            if let Some(id) = frame.felt.iter().map(|(id, _)| *id).find(is_unknown) {
-                return Err(TouchesError::UnknownTaxel { row: frame.row, id });
-            }
-        }
-        Ok(())
-    }
-
-    /// What is known of the taxels of some samples.
-    fn known(&self, samples: &Samples) -> Known {
-        let ids = &samples.ids;
-        let index: BTreeMap<TaxelId, VertexId> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
-        let normals = self
-            .drawing
-            .as_ref()
-            .map(|drawing| ids.map(|id| drawing.normals.get(id).copied().unwrap_or(DVec3::ZERO)));
-        let neighbours =
-            self.drawing.as_ref().filter(|drawing| !drawing.neighbours.is_empty()).map(|drawing| {
-                let mut lists = ids.map(|_| Vec::new());
-                for pair in &drawing.neighbours {
-                    if let [Some(&a), Some(&b)] = pair.map(|id| index.get(&id)) {
-                        lists[a].push(b);
-                        lists[b].push(a);
-                    }
-                }
-                lists
-            });
-        let spacing = self
-            .drawing
-            .as_ref()
-            .and_then(|drawing| surface::spacing(&drawing.positions.values().copied().collect()));
-        Known {
-            spacing,
-            normals,
-            neighbours,
-            taxel_radius: self.taxel_radius.unwrap_or(TAXEL_RADIUS),
-            gain: self.gain,
-            arm_noise: self.arm_noise,
-        }
-    }
 }

@@ -46,11 +46,14 @@ pub struct TouchReadings {
     pub threshold: f64,
 }
 
+/// The pose of a link of this name at a time (s), if there is one.
+pub type PoseAt<'a> = dyn Fn(&str, f64) -> Option<Pose> + 'a;
+
 /// Where the poses and readings of rows without their own come from.
 #[derive(Default)]
 pub struct RowSources<'a> {
     /// The pose of a link of this name at a time (s), in the world; `None`: no such link.
-    pub pose: Option<&'a dyn Fn(&str, f64) -> Option<Pose>>,
+    pub pose: Option<&'a PoseAt<'a>>,
     /// The first and the last time of these poses, in s, where they change.
     pub pose_times: Option<[f64; 2]>,
     /// Readings.

@@ -1,6 +1,5 @@
 //! `dermatome diff A B`: what changed between two files of one skin.
 
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use dermatome::Error;
@@ -14,7 +13,7 @@ use crate::console::notes::{note, note_columns, note_count};
 use crate::console::print::{line, print, print_json};
 use crate::files::input::read_draft_of;
 use crate::files::outputs;
-use crate::options::{Common, InPath, MayRead, OutFile, ReadArgs, length_mm};
+use crate::options::{Common, InPath, ModulesArg, OutFile, ReadArgs, length_mm, modules_arg};
 
 /// List what changed between two files of one skin: exit code 1 if anything did.
 ///
@@ -30,8 +29,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.csv")]
     output: Option<OutFile>,
     /// The module of each taxel: a table with columns taxel_id,module, or N: the same id / N [default: as the files say]
-    #[arg(long, value_name = "M.csv|N", value_parser = modules)]
-    modules: Option<Modules>,
+    #[arg(long, value_name = "M.csv|N", value_parser = modules_arg)]
+    modules: Option<ModulesArg>,
     /// Standard deviation of a difference along each axis [default: estimated from the files]
     #[arg(long = "sigma-mm", value_name = "MM", value_parser = length_mm)]
     sigma: Option<f64>,
@@ -40,27 +39,6 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     read: ReadArgs,
-}
-
-/// Which taxels are one module.
-#[derive(Debug, Clone)]
-pub(crate) enum Modules {
-    Of(u32),
-    Table(PathBuf),
-}
-
-fn modules(text: &str) -> Result<Modules, String> {
-    match text.parse() {
-        Ok(0) => Err("needed: a number of taxels from 1 on, or a table".into()),
-        Ok(size) => Ok(Modules::Of(size)),
-        Err(_) => Ok(Modules::Table(text.into())),
-    }
-}
-
-impl MayRead for Modules {
-    fn file(&self) -> Option<&Path> {
-        if let Self::Table(path) = self { Some(path) } else { None }
-    }
 }
 
 /// A line holds no more ids; `--json` and the table have them all.
@@ -76,8 +54,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             table.map(|table| table.rows).unwrap_or_default()
         }
         None => Vec::new(),
-        Some(Modules::Of(size)) => modules_of(&before, *size),
-        Some(Modules::Table(path)) => {
+        Some(ModulesArg::Of(size)) => modules_of(&before, *size),
+        Some(ModulesArg::Table(path)) => {
             let table = read_modules(path).map_err(Error::from)?;
             note_columns(path, &table.unused, common);
             table.rows

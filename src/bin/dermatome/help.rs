@@ -129,6 +129,15 @@ const ENDS: [(&str, &str, &[&str]); 21] = [
         ],
     ),
     ("touch", "", &["dermatome touch meshes/forearm.glb -o touch.csv --truth touches.csv --sphere-mm 1cm"]),
+    (
+        "touches",
+        "",
+        &[
+            "dermatome simulate --arm --taxels 100 -o log.csv --truth truth.csv --triangles triangles.csv",
+            "dermatome touches log.csv -o contacts.csv",
+            "dermatome calibrate contacts.csv -o skin.glb --truth truth.csv --triangles triangles.csv",
+        ],
+    ),
 ];
 
 const OF_MAPS: &str = "\

@@ -10,12 +10,13 @@ use dermatome::calib::{Model, SimulateOptions, Simulation, simulate};
 use dermatome::id::{IdVec, VertexId};
 use dermatome::io::{observations_to_stream, write_observations, write_triangles, write_truth};
 use dermatome::skin::TaxelId;
+use dermatome::touches::ArmOptions;
 
 use crate::console::notes::note;
 use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Choice, Common, OutFile, length_mm, one_of};
-use crate::simulate::arm::ArmArgs;
+use crate::simulate::arm::{ArmArgs, Shared};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
@@ -88,7 +89,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let tables = || [&args.truth, &args.triangles, &args.contacts].into_iter().flatten();
     tables().try_for_each(|path| outputs::check_table(path))?;
     if args.arm.arm {
-        args.run_arm(common)?;
+        args.arm.run(&args.shared(), common)?;
         return Ok(ExitCode::SUCCESS);
     }
     let simulation = simulate(&args.options()).map_err(Error::from)?;
@@ -131,6 +132,22 @@ impl Args {
             write_observations(file(&self.output), &observations)?;
         }
         outputs::publish(common)
+    }
+
+    /// What the simulation of an arm takes, too.
+    fn shared(&self) -> Shared<'_> {
+        let options = ArmOptions {
+            taxels: self.taxels,
+            spacing: self.spacing,
+            radius: self.radius,
+            arm_noise: self.arm_noise,
+            arm_rotation_noise: self.arm_noise_deg.to_radians(),
+            seed: self.seed,
+            ..ArmOptions::default()
+        };
+        let (output, indentation) = (&self.output, self.indentation);
+        let (truth, triangles) = (self.truth.as_ref(), self.triangles.as_ref());
+        Shared { output, truth, triangles, options, indentation }
     }
 
     fn options(&self) -> SimulateOptions {

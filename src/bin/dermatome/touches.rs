@@ -1,14 +1,14 @@
 //! `touches`: from the log of a robot that touches its skin to contacts for `calibrate`.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::id::IdVec;
 use dermatome::io::{
-    ReadingsLayout, ReadingsReader, read_motion, read_response, read_robot, read_touches,
+    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_robot, read_touches,
     write_touch_contacts,
 };
 use dermatome::signal::TaxelState;
@@ -24,7 +24,7 @@ use crate::console::notes::{note, note_columns, note_count};
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
 use crate::options::{
-    Common, InPath, JointsArg, MayRead, OutFile, PatchArgs, ReadArgs, RobotArgs, joints, length_mm,
+    Common, InPath, JointsArg, OutFile, PatchArgs, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
 };
 use crate::readings::positive;
 
@@ -74,34 +74,10 @@ pub(crate) struct Args {
     #[arg(long = "arm-noise-mm", value_name = "MM", value_parser = length_mm)]
     arm_noise: Option<f64>,
     /// Leave out taxels: their ids, or the table of faults that `check --recording -o` writes
-    #[arg(long, value_name = "ID,...|F.csv", value_parser = skipped)]
-    skip: Option<Skipped>,
+    #[arg(long, value_name = "ID,...|F.csv", value_parser = skip_arg)]
+    skip: Option<SkipArg>,
     #[command(flatten)]
     read: ReadArgs,
-}
-
-/// Taxels that are left out.
-#[derive(Debug, Clone)]
-pub(crate) enum Skipped {
-    Ids(Vec<u32>),
-    File(PathBuf),
-}
-
-impl MayRead for Skipped {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
-    }
-}
-
-fn skipped(text: &str) -> Result<Skipped, String> {
-    let ids: Result<Vec<u32>, _> = text.split(',').map(|id| id.trim().parse()).collect();
-    if let Ok(ids) = ids {
-        return Ok(Skipped::Ids(ids));
-    }
-    if text.ends_with(".csv") {
-        return Ok(Skipped::File(text.into()));
-    }
-    Err("needed: ids of taxels as in 3,17, or a .csv that `check --recording -o` writes".into())
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -155,10 +131,14 @@ impl Args {
 
     /// The log, with poses and readings of other files.
     fn log(&self, rows: &[TouchRow], common: &Common) -> anyhow::Result<LogOfRows> {
-        let names: BTreeSet<&str> =
-            rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten().collect();
-        let link = |name: &str| Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY };
-        let links: IdVec<LinkId, Link> = names.iter().map(|name| link(name)).collect();
+        let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
+        let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
+        // A table may have poses of the whole robot.
+        if let Some(path) = self.pose.as_deref().filter(|path| !RobotArgs::describes(path)) {
+            names.append(&mut read_link_names(path).map_err(Error::from)?);
+        }
+        let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
+        let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
         let motion = self.pose.as_ref().map(|path| self.motion(path, &links, common)).transpose()?;
         let readings = self.readings.as_ref().map(|path| self.recording(path, common)).transpose()?;
         let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
@@ -246,8 +226,8 @@ impl Args {
     fn left_out(&self, common: &Common) -> anyhow::Result<BTreeSet<TaxelId>> {
         Ok(match &self.skip {
             None => BTreeSet::new(),
-            Some(Skipped::Ids(ids)) => ids.iter().map(|&id| TaxelId(id)).collect(),
-            Some(Skipped::File(path)) => {
+            Some(SkipArg::Ids(ids)) => ids.iter().map(|&id| TaxelId(id)).collect(),
+            Some(SkipArg::File(path)) => {
                 let (response, unused) = read_response(path).map_err(Error::from)?;
                 note_columns(path, &unused, common);
                 let is_faulty = |state| !matches!(state, TaxelState::Ok | TaxelState::Untested);

@@ -1,6 +1,9 @@
 //! How links move: tables of their poses, or animations of glTF files.
 
-use std::{collections::HashSet, path::Path};
+use std::{
+    collections::{BTreeSet, HashSet},
+    path::Path,
+};
 
 use glam::DAffine3;
 
@@ -8,7 +11,7 @@ use crate::id::IdVec;
 use crate::io::IoError;
 use crate::io::file::{Source, file_kind};
 use crate::io::gltf::read_animation;
-use crate::io::table::Table;
+use crate::io::table::{Table, each_row_of};
 use crate::skin::{Link, LinkId, Motion, MotionFrame, link_names};
 
 const COLUMNS: [&str; 13] =
@@ -59,6 +62,22 @@ pub fn read_motion(
         return Err(source.invalid("the file", "a table of poses", needed));
     }
     read_poses(&source, &link_names(links))
+}
+
+/// The names of the links of which a table has poses; none of a glTF file.
+///
+/// # Errors
+/// If the file cannot be read, or the column `link` is missing.
+pub fn read_link_names(path: &Path) -> Result<BTreeSet<String>, IoError> {
+    let mut names = BTreeSet::new();
+    if matches!(file_kind(path).as_str(), "glb" | "gltf") {
+        return Ok(names);
+    }
+    each_row_of(path, ["link"], &mut |row, [link]| {
+        names.insert(row.text(link).to_owned());
+        Ok(())
+    })?;
+    Ok(names)
 }
 
 fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFile, IoError> {

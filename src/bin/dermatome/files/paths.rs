@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
-use crate::diff::Modules;
 use crate::options::{
-    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, OutFile, OutFolder, RegionSource,
+    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, ModulesArg, OutFile, OutFolder, RegionSource,
+    SkipArg,
 };
-use crate::touches::Skipped;
 
 /// The paths of an invocation.
 pub(crate) struct GivenPaths {
@@ -26,8 +25,8 @@ impl GivenPaths {
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
-        inputs.extend(all_read::<Modules>(given));
-        inputs.extend(all_read::<Skipped>(given));
+        inputs.extend(all_read::<ModulesArg>(given));
+        inputs.extend(all_read::<SkipArg>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -55,8 +54,8 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
-            TypeId::of::<Modules>(),
-            TypeId::of::<Skipped>(),
+            TypeId::of::<ModulesArg>(),
+            TypeId::of::<SkipArg>(),
         ];
         if has_type(&arg, &[TypeId::of::<InPath>()]) {
             arg.value_hint(ValueHint::AnyPath)

@@ -18,7 +18,9 @@ use dermatome::io::Outputs;
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
-pub(crate) use paths::{InPath, LayoutArg, MayRead, OutFile, OutFolder, layout_arg};
+pub(crate) use paths::{
+    InPath, LayoutArg, MayRead, ModulesArg, OutFile, OutFolder, SkipArg, layout_arg, modules_arg, skip_arg,
+};
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use regions::{RegionSource, RegionsArgs};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};

@@ -78,3 +78,51 @@ impl MayRead for LayoutArg {
         if let Self::File(path) = self { Some(path) } else { None }
     }
 }
+
+/// Taxels that are left out.
+#[derive(Debug, Clone)]
+pub(crate) enum SkipArg {
+    Ids(Vec<u32>),
+    /// A table of their states.
+    File(PathBuf),
+}
+
+/// A parser of [`SkipArg`].
+pub(crate) fn skip_arg(text: &str) -> Result<SkipArg, String> {
+    let ids: Result<Vec<u32>, _> = text.split(',').map(|id| id.trim().parse()).collect();
+    match ids {
+        Ok(ids) => Ok(SkipArg::Ids(ids)),
+        Err(_) if file_kind(Path::new(text)) == "csv" => Ok(SkipArg::File(text.into())),
+        Err(_) => {
+            Err("needed: ids of taxels as in 3,17, or a .csv that `check --recording -o` writes".into())
+        }
+    }
+}
+
+impl MayRead for SkipArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
+}
+
+/// Which taxels are one module: those whose ids give the same number divided by the size of a module, or as a table says.
+#[derive(Debug, Clone)]
+pub(crate) enum ModulesArg {
+    Of(u32),
+    Table(PathBuf),
+}
+
+/// A parser of [`ModulesArg`].
+pub(crate) fn modules_arg(text: &str) -> Result<ModulesArg, String> {
+    match text.parse() {
+        Ok(0) => Err("needed: a number of taxels from 1 on, or a table".into()),
+        Ok(size) => Ok(ModulesArg::Of(size)),
+        Err(_) => Ok(ModulesArg::Table(text.into())),
+    }
+}
+
+impl MayRead for ModulesArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::Table(path) = self { Some(path) } else { None }
+    }
+}

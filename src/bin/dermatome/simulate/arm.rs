@@ -7,8 +7,7 @@ use dermatome::touches::{ArmOptions, simulate_arm};
 
 use crate::console::notes::note;
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Common, length_mm};
-use crate::simulate::Args;
+use crate::options::{Common, OutFile, length_mm};
 
 /// The arm that rolls its skin over a fixed sphere.
 #[derive(Debug, clap::Args)]
@@ -44,21 +43,32 @@ pub(super) struct ArmArgs {
 /// The name of the link that carries the skin.
 const LINK: &str = "end_effector";
 
-impl Args {
-    pub(super) fn run_arm(&self, common: &Common) -> anyhow::Result<()> {
-        if is_stream(&self.output) {
+/// Options that `simulate` has with and without an arm.
+pub(super) struct Shared<'a> {
+    pub(super) output: &'a OutFile,
+    pub(super) truth: Option<&'a OutFile>,
+    pub(super) triangles: Option<&'a OutFile>,
+    /// The skin, the noise of the arm and the seed; all else is as by default.
+    pub(super) options: ArmOptions,
+    /// How deep the skin is pressed in, in m; 0: by the force.
+    pub(super) indentation: f64,
+}
+
+impl ArmArgs {
+    pub(super) fn run(&self, shared: &Shared<'_>, common: &Common) -> anyhow::Result<()> {
+        if is_stream(shared.output) {
             let what = "the log of --arm is a table, which is not written to standard output";
             return Err(crate::console::errors::advise(what, "name a file, as -o log.csv"));
         }
-        outputs::check_table(&self.output)?;
-        let simulation = simulate_arm(&self.arm_options()).map_err(Error::from)?;
+        outputs::check_table(shared.output)?;
+        let simulation = simulate_arm(&self.options(shared)).map_err(Error::from)?;
         let file = |path| common.outputs.file(path);
-        write_touch_log(file(&self.output), LINK, &simulation.log).map_err(Error::from)?;
+        write_touch_log(file(shared.output), LINK, &simulation.log).map_err(Error::from)?;
         let ids = simulation.truth.ids().map(|v| TaxelId(v.raw())).collect();
-        if let Some(path) = &self.triangles {
+        if let Some(path) = shared.triangles {
             write_triangles(file(path), &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
         }
-        if let Some(path) = &self.truth {
+        if let Some(path) = shared.truth {
             write_truth(file(path), &ids, &simulation.truth).map_err(Error::from)?;
             outputs::drop_triangles(path, common)?;
         }
@@ -70,24 +80,17 @@ impl Args {
         Ok(())
     }
 
-    fn arm_options(&self) -> ArmOptions {
-        let given = &self.arm;
+    fn options(&self, shared: &Shared<'_>) -> ArmOptions {
         let options = ArmOptions {
-            taxels: self.taxels,
-            spacing: self.spacing,
-            radius: self.radius,
-            taxel_radius: given.taxel,
-            stiffness: given.stiffness_kpa * 1e6,
-            force_noise: given.force_noise_percent / 100.0,
-            speed: given.speed,
-            rate: given.rate_hz,
-            arm_noise: self.arm_noise,
-            arm_rotation_noise: self.arm_noise_deg.to_radians(),
-            noise: given.reading_noise_kpa * 1e3,
-            seed: self.seed,
-            ..ArmOptions::default()
+            taxel_radius: self.taxel,
+            stiffness: self.stiffness_kpa * 1e6,
+            force_noise: self.force_noise_percent / 100.0,
+            speed: self.speed,
+            rate: self.rate_hz,
+            noise: self.reading_noise_kpa * 1e3,
+            ..shared.options
         };
-        let by_depth = (self.indentation > 0.0).then(|| options.force_at(self.indentation));
-        ArmOptions { force: given.force_n.or(by_depth).unwrap_or(options.force), ..options }
+        let by_depth = (shared.indentation > 0.0).then(|| options.force_at(shared.indentation));
+        ArmOptions { force: self.force_n.or(by_depth).unwrap_or(options.force), ..options }
     }
 }
