@@ -17,7 +17,9 @@ pub(crate) use along_curve::AlongCurve;
 pub(crate) use closest_point::{Closest, Feature, closest_point, pseudo_normal};
 pub use connectivity::adjacency::Adjacency;
 pub(crate) use connectivity::adjacency::Rings;
-pub(crate) use connectivity::edges::{Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of};
+pub(crate) use connectivity::edges::{
+    Edges, VertexCorners, boundary_edges, boundary_loops, edges, loops_of, neighbours,
+};
 pub(crate) use connectivity::halfedge::Halfedge;
 pub(crate) use connectivity::halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals};
 pub(crate) use connectivity::topology::{Part, Topology, face_components, separate};

@@ -6,7 +6,7 @@
 //! second frame is dropped as often as necessary.
 
 use crate::id::VertexId;
-use crate::mesh::edges;
+use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::response::press::{Foot, HOT, Press, PressFrame, Surface};
 use crate::signal::{Frame, RunningNoise};
@@ -97,11 +97,7 @@ impl<'s> Collector<'s> {
         let mut first = 0;
         let patch = |patch: &'s Patch| {
             let count = patch.mesh.positions.len();
-            let pairs: Vec<(usize, u32)> = edges(&patch.mesh)
-                .into_iter()
-                .flat_map(|[a, b]| [(a.index(), b.raw()), (b.index(), a.raw())])
-                .collect();
-            let neighbours = Csr::from_pairs(count, pairs.iter().copied());
+            let neighbours = neighbours([&patch.mesh]);
             first += count;
             OnePatch { surface: Surface::new(patch), first: first - count, neighbours, count }
         };

@@ -5,8 +5,7 @@
 //! scale is the median over touches. The exponent is the one for which the forces of touches agree best; light and
 //! strong touches are needed for it.
 
-use crate::id::VertexId;
-use crate::mesh::edges;
+use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::response::ResponseError;
 use crate::response::press::HOT;
@@ -89,20 +88,12 @@ impl ScaleEstimator {
         if !(FORCES[0]..=FORCES[1]).contains(&most) {
             return Err(ResponseError::ForceUnit { most });
         }
-        let (mut pairs, mut areas) = (Vec::new(), Vec::new());
-        for patch in &skin.patches {
-            let first = areas.len();
-            for [a, b] in edges(&patch.mesh) {
-                let [a, b] = [a, b].map(|v: VertexId| first + v.index());
-                let narrow = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
-                pairs.extend([(a, narrow(b)), (b, narrow(a))]);
-            }
-            areas.extend(patch.taxels.areas.iter().copied());
-        }
+        let areas: Vec<f64> =
+            skin.patches.iter().flat_map(|patch| patch.taxels.areas.iter().copied()).collect();
         let taxels = areas.len();
         Ok(Self {
             finds_exponent,
-            neighbours: Csr::from_pairs(taxels, pairs.iter().copied()),
+            neighbours: neighbours(skin.patches.iter().map(|patch| &patch.mesh)),
             areas,
             forces,
             noise: vec![f64::NAN; taxels],

@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 21] = [
+const ENDS: [(&str, &str, &[&str]); 22] = [
     (
         "bench",
         OF_COSTS,

@@ -109,6 +109,19 @@ pub(crate) fn edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     edges
 }
 
+/// The vertices that edges join to each vertex. Vertices of several meshes are counted mesh after mesh.
+pub(crate) fn neighbours<'m>(meshes: impl IntoIterator<Item = &'m TriMesh>) -> Csr<u32> {
+    let (mut pairs, mut count) = (Vec::new(), 0_u32);
+    for mesh in meshes {
+        for edge in edges(mesh) {
+            let [a, b] = edge.map(|v| count + v.raw());
+            pairs.extend([(a as usize, b), (b as usize, a)]);
+        }
+        count += u32::try_from(mesh.positions.len()).unwrap_or(u32::MAX);
+    }
+    Csr::from_pairs(count as usize, pairs.iter().copied())
+}
+
 /// The edges of exactly one face, in the direction in which that face runs, sorted.
 pub(crate) fn boundary_edges(mesh: &TriMesh) -> Vec<[VertexId; 2]> {
     let mut edges = Vec::new();

@@ -24,7 +24,7 @@ mod track;
 
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
-use crate::mesh::edges;
+use crate::mesh::neighbours;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
 use crate::signal::zero::track::Track;
@@ -72,21 +72,14 @@ impl ZeroTracker {
 
     /// A tracker whose first zeros are the means of the frames of this time, in s, and of this many frames.
     pub(crate) fn starting(map: &SkinMap, channels: &[Channel], seconds: f64, frames: usize) -> Self {
-        let mut pairs = Vec::new();
-        let mut count = 0_u32;
-        for patch in &map.patches {
-            for [a, b] in edges(&patch.levels[LevelId::new(0)].level.mesh) {
-                let [a, b] = [a, b].map(|v: VertexId| count + v.raw());
-                pairs.extend([(a as usize, b), (b as usize, a)]);
-            }
-            count += u32::try_from(patch.taxels.ids.len()).unwrap_or(u32::MAX);
-        }
-        let taxels = count as usize;
+        let neighbours =
+            neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh));
+        let taxels = neighbours.len();
         let track = |channel: &Channel| {
             channel.is_of_touch().then(|| Track::new(taxels, channel.is_tangential(), (seconds, frames)))
         };
         Self {
-            neighbours: Csr::from_pairs(taxels, pairs.iter().copied()),
+            neighbours,
             tracks: channels.iter().map(track).collect(),
             time: f64::NAN,
             out: Frame::new(map, channels.len()),

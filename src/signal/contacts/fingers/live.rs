@@ -2,7 +2,7 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
-use crate::mesh::edges;
+use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::pyramid::LevelId;
 use crate::signal::{Channel, Frame, Stage, ZeroTracker};
@@ -49,13 +49,7 @@ impl Live {
     /// `first_frames`: the zero is estimated from this many frames and followed; `None`: it is 0.
     pub(super) fn new(map: &SkinMap, channel: &Channel, first_frames: Option<usize>) -> Self {
         let zeros = map.patches.map(|patch| IdVec::filled(0.0, patch.taxels.ids.len()));
-        let neighbours = map.patches.map(|patch| {
-            let pairs: Vec<_> = edges(&patch.levels[LevelId::new(0)].level.mesh)
-                .into_iter()
-                .flat_map(|[a, b]| [(a.index(), b.raw()), (b.index(), a.raw())])
-                .collect();
-            Csr::from_pairs(patch.taxels.ids.len(), pairs.iter().copied())
-        });
+        let neighbours = map.patches.map(|patch| neighbours([&patch.levels[LevelId::new(0)].level.mesh]));
         let taxels = zeros.iter().map(|patch| patch.len()).sum();
         Self {
             zero: first_frames
