@@ -38,8 +38,8 @@ fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
             for (key, inner) in object {
-                // The names of images, and those of columns of sums, are keys too.
-                let key = if ["size", "fill", "groups[]"].contains(&at) { "*" } else { key };
+                // The names of images, of columns of sums and of coordinates are keys too.
+                let key = if ["size", "fill", "groups[]", "from", "to"].contains(&at) { "*" } else { key };
                 paths(inner, &if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") }, found);
             }
         }
@@ -93,6 +93,16 @@ fn every_object_keeps_to_its_schema() {
     keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
     keep("summary", &run(at, "summary map/map.glb r.csv -o sums.csv --json"));
 
+    run(
+        at,
+        "touch map/map.glb -o large.csv --presses 1 --rate-hz 20 --sphere-mm 60 --depth-mm 6 --roll-mm 0",
+    );
+    run(at, "render map/map.glb large.csv -o e.npz --values-only --events e.jsonl");
+    let events = fs::read_to_string(at.join("e.jsonl")).unwrap();
+    printed.insert(
+        "dermatome.event/1".to_owned(),
+        serde_json::from_str(events.lines().last().unwrap()).unwrap(),
+    );
     let followed = run(at, "calibrate p.csv --follow -o b.csv");
     let line = std::str::from_utf8(&followed).unwrap().lines().next().unwrap();
     printed.insert("dermatome.touch/1".to_owned(), serde_json::from_str(line).unwrap());

@@ -10,7 +10,7 @@ use crate::numeric::{Random, median_of};
 /// Triples of pairs from which motions are tried: with half of the pairs wrong, one in eight triples is right.
 const TRIPLES: usize = 100;
 
-/// Rounds of Tukey's biweight `(holland1977)`, and its limit over the standard deviation.
+/// Rounds of Tukey's biweight `(beaton1974)`, and its limit over the standard deviation.
 const ROUNDS: usize = 15;
 const LIMIT: f64 = 4.685;
 

@@ -4,11 +4,10 @@ use glam::DVec3;
 
 use crate::calib::Pose;
 use crate::diff::align::common_motion;
-use crate::diff::modules::Module;
 use crate::diff::pairs::{LinkPairs, Pair};
 use crate::diff::spread::{neighbours, shared, spread};
-use crate::diff::{AlignedLink, Change, ChangeKind, DiffOptions, Subject};
-use crate::numeric::{chi_square_tail, quantile};
+use crate::diff::{Change, ChangeKind, DiffOptions, Subject};
+use crate::numeric::chi_square_tail;
 
 /// The standard deviation of differences is at least this, in m: many files round positions to 0.1 mm.
 pub(super) const LEAST: f64 = 3e-5;
@@ -106,14 +105,6 @@ impl<'p> Comparison<'p> {
         self.differences[k] - shared(around.iter().copied())
     }
 
-    /// Whether each taxel is in a changed module.
-    pub(super) fn is_in_changed(&self, modules: &[Module<'_>]) -> Vec<bool> {
-        let mut is_changed = vec![false; self.expected.len()];
-        let members = modules.iter().filter(|module| module.is_changed).flat_map(|module| &module.members);
-        members.for_each(|&k| is_changed[k] = true);
-        is_changed
-    }
-
     /// Whether the link moved as a whole: its error is that of one taxel, since taxels share it.
     pub(super) fn of_link(&self) -> Option<Change> {
         let count = self.expected.len() as f64;
@@ -135,21 +126,6 @@ impl<'p> Comparison<'p> {
         let angle = if self.is_mirrored { 0.0 } else { turn.length() };
         let all: Vec<usize> = (0..self.expected.len()).collect();
         Some(Change { distance, angle, ..self.change(kind, Subject::Link, &self.link.name, &all, largest) })
-    }
-
-    pub(super) fn aligned(&self, modules: &[Module<'_>]) -> AlignedLink {
-        let is_changed = self.is_in_changed(modules);
-        let spread = spread(self.differences.iter().copied().zip(self.stated.iter().copied()));
-        let limit = quantile(0.999, 3.0).sqrt();
-        let is_unchanged = |&k: &usize| {
-            !is_changed[k] && self.differences[k].length() < limit * self.sigma(self.stated[k], spread)
-        };
-        AlignedLink {
-            name: self.link.name.clone(),
-            taxels: self.expected.len(),
-            motion: self.motion,
-            unchanged: (0..self.expected.len()).filter(is_unchanged).count(),
-        }
     }
 
     pub(super) fn change(

@@ -10,8 +10,8 @@ use crate::diff::align::common_motion;
 use crate::diff::comparison::{Comparison, Test};
 use crate::diff::pairs::Pair;
 use crate::diff::spread::{shared, spread};
-use crate::diff::{Change, ChangeKind, Subject};
-use crate::numeric::symmetric_eigen;
+use crate::diff::{AlignedLink, Change, ChangeKind, Subject};
+use crate::numeric::{quantile, symmetric_eigen};
 
 /// Modules are tested twice: those that moved are no neighbours to compare with.
 const ROUNDS: usize = 2;
@@ -156,5 +156,28 @@ impl<'p> Comparison<'p> {
         let normal = axes.col(least);
         let is_flat = module.members.len() > 3 && moments[least] < 0.01 * moments.element_sum();
         is_flat && normal.dot(module.motion.rotation * normal) < -FRAC_PI_6.cos()
+    }
+
+    /// Whether each taxel is in a changed module.
+    pub(super) fn is_in_changed(&self, modules: &[Module<'_>]) -> Vec<bool> {
+        let mut is_changed = vec![false; self.expected.len()];
+        let members = modules.iter().filter(|module| module.is_changed).flat_map(|module| &module.members);
+        members.for_each(|&k| is_changed[k] = true);
+        is_changed
+    }
+
+    pub(super) fn aligned(&self, modules: &[Module<'_>]) -> AlignedLink {
+        let is_changed = self.is_in_changed(modules);
+        let spread = spread(self.differences.iter().copied().zip(self.stated.iter().copied()));
+        let limit = quantile(0.999, 3.0).sqrt();
+        let is_unchanged = |&k: &usize| {
+            !is_changed[k] && self.differences[k].length() < limit * self.sigma(self.stated[k], spread)
+        };
+        AlignedLink {
+            name: self.link.name.clone(),
+            taxels: self.expected.len(),
+            motion: self.motion,
+            unchanged: (0..self.expected.len()).filter(is_unchanged).count(),
+        }
     }
 }
