@@ -362,7 +362,7 @@ try:
         CALL
 except KeyboardInterrupt:
     # The factorisation of a large system ends first.
-    for _ in range(10):
+    for _ in range(40):
         before = time.process_time()
         time.sleep(0.5)
         is_idle = time.process_time() - before < 0.2
