@@ -41,7 +41,9 @@ pub enum TouchesError {
     BadOption { option: &'static str, found: f64, range: [f64; 2] },
     #[error("line {row}: taxel {id} is not in the drawing of the skin; needed: a taxel that it has")]
     UnknownTaxel { row: usize, id: TaxelId },
-    #[error("the touches do not tell the outside of the skin: {detail}; needed: the normals of its taxels")]
+    #[error(
+        "the touches do not determine the outside of the skin: {detail}; needed: the normals of its taxels"
+    )]
     NoOutside { detail: &'static str },
     #[error(
         "line {row}: the link {link:?} has no pose; needed: columns x,y,z,qx,qy,qz,qw, or poses of that link"

@@ -79,7 +79,7 @@ pub(super) struct Estimates {
     pub(super) places: Vec<Option<Place>>,
     pub(super) noise: Noise,
     pub(super) gains: GainPrior,
-    /// The depth of a contact (m) and the radius of its area (m), as far as they can be told: 0 without a radius.
+    /// The depth of a contact (m) and the radius of its area (m), as far as they are known: 0 without a radius.
     pub(super) depth: f64,
     pub(super) contact: f64,
     /// Whether the normals have a side.

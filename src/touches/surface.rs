@@ -150,7 +150,7 @@ pub(super) fn solve<const N: usize, const M: usize>(mut system: [[f64; M]; N]) -
 }
 
 /// Turns normals to the outside: neighbours agree, and each connected piece is outside where it bends away from its
-/// own centre, or, where it is flat, away from `origin`. Returns `false` if neither tells.
+/// own centre, or, where it is flat, away from `origin`. Returns `false` if neither determines it.
 pub(super) fn orient(
     points: &IdVec<VertexId, DVec3>,
     normals: &mut IdVec<VertexId, Option<DVec3>>,
@@ -191,7 +191,7 @@ pub(super) fn orient(
     all_told
 }
 
-/// Whether the normals of a piece point to the outside; `None` if nothing tells.
+/// Whether the normals of a piece point to the outside; `None` if nothing determines it.
 fn side(
     points: &IdVec<VertexId, DVec3>,
     normals: &IdVec<VertexId, Option<DVec3>>,

@@ -183,7 +183,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
-    let told = events.map(|events| events.finish(common)).transpose()?;
+    let event_count = events.map(|events| events.finish(common)).transpose()?;
     if matches!(kind, ImagesKind::Folder(_)) {
         outputs::wrote(&[(&args.output).into()], common);
     }
@@ -211,7 +211,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if let Some(at_once) = recording.at_once() {
             json["at_once"] = json!(at_once);
         }
-        if let Some(events) = told {
+        if let Some(events) = event_count {
             json["events"] = json!(events);
         }
         let statement = |Statement { what, value, source }: Statement| json!({ "what": what, "value": value, "source": <&str>::from(source) });

@@ -90,7 +90,7 @@ pub struct BodyOptions {
     /// Standard deviation per axis, in m, of a constant offset of the probe in its own frame; `None`: no offset.
     pub probe: Option<f64>,
     /// Standard deviation, in m, of a constant distance between taxels and touches along the normals; `None`: no
-    /// such distance. It can hardly be told from a shift of the mount.
+    /// such distance. A shift of the mount has almost the same effect.
     pub standoff: Option<f64>,
     /// The noise.
     pub noise: TouchNoise,

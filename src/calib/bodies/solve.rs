@@ -73,7 +73,7 @@ fn information(options: &BodyOptions, noise: &EstimatedNoise, touch: &Touch, nor
     }
     let [along, across] = noise[class(touch)].map(|sigma| sigma.powi(-2));
     if normal == DVec3::ZERO {
-        // Without normals the two are not told apart.
+        // Without normals the two cannot be distinguished.
         return DMat3::from_diagonal(DVec3::splat(across));
     }
     let outer = DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);

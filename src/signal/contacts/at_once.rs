@@ -17,7 +17,7 @@ const LARGEST: usize = 12;
 const BINS: i32 = 18;
 const BIN_RATIO: f64 = 1.02;
 
-/// Most contacts that are told apart.
+/// Largest number of contacts that is counted.
 const MOST: usize = 31;
 
 /// How long nothing touches before a touch has ended, in s, and the interval of frames without times.

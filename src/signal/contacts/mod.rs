@@ -32,7 +32,7 @@ use crate::skin::{LinkId, PatchId};
 
 pub use tracker::{ContactTracker, TrackerState};
 
-/// What touches the skin: it decides which contacts that are close to each other are told apart.
+/// What touches the skin: it decides how contacts that are close to each other are separated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Probe {
     /// Anything: a region is split where a peak rises above the saddle to a higher one

@@ -105,7 +105,7 @@ fn patch_names(sheets: &[Sheet]) -> Vec<String> {
     sheets.iter().map(name).collect()
 }
 
-/// What tells the modules of a drawing.
+/// Where the modules of a drawing come from.
 enum Modules {
     /// A table, or a column of the drawing.
     Named(HashMap<TaxelId, String>),

@@ -65,7 +65,7 @@ impl Live {
         }
     }
 
-    /// Takes the next frame. `threshold` is that of contacts by now, from which faults are told.
+    /// Takes the next frame. `threshold` is that of contacts by now, by which faults are found.
     pub(super) fn see(&mut self, frame: &Frame, channel: usize, threshold: Option<f64>) {
         for (patch, channels) in frame.values.enumerate() {
             self.input.values[patch][0].as_mut_slice().copy_from_slice(channels[channel].as_slice());
