@@ -6,7 +6,6 @@ use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::process::ExitCode;
 
-use clap::error::ErrorKind;
 use dermatome::Error;
 use dermatome::atlas::AtlasError;
 use dermatome::calib::CalibError;
@@ -47,49 +46,17 @@ pub(crate) fn advise(what: impl fmt::Display, help: impl Into<String>) -> anyhow
     anyhow::Error::new(Advice(help.into())).context(what.to_string())
 }
 
-/// Prints what clap has to say: help on standard output, an error in two lines on standard error.
+/// Prints what clap says: help on standard output, an error on standard error.
 pub(crate) fn usage(error: &clap::Error) -> ExitCode {
-    let text = error.render().to_string();
-    if !error.use_stderr() {
-        return match print(&text) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(full) => report(&full, ColorChoice::Auto),
-        };
-    }
-    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        let label = |text: &str, code| paint(text, code, ColorChoice::Auto);
-        say(format_args!("{} a subcommand is needed", label("error:", "31")));
-        let help = "`dermatome help` lists them; `dermatome build SKIN -o DIR` is the main one";
-        say(format_args!("{} {help}", label(" help:", "32")));
+    if error.use_stderr() {
+        // Without a standard error the exit code is all that is left.
+        let _ = error.print();
         return ExitCode::from(BAD_INPUT);
     }
-    // clap's paragraphs: the error, tips, the usage, a pointer to --help.
-    let mut paragraphs =
-        text.split("\n\n").map(|lines| lines.split_whitespace().collect::<Vec<_>>().join(" "));
-    let what = short(&paragraphs.next().unwrap_or_default());
-    let tips: Vec<String> = paragraphs
-        .filter_map(|p| {
-            // No option is meant as a value.
-            let tip = p.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass "));
-            tip.or(p.strip_prefix("Usage: ").map(|_| p.as_str())).map(str::to_owned)
-        })
-        .collect();
-    let tips = if tips.is_empty() { vec!["--help lists what each option takes".to_owned()] } else { tips };
-    let label = |text: &str, code| paint(text, code, ColorChoice::Auto);
-    say(format_args!("{} {}", label("error:", "31"), line(what.strip_prefix("error: ").unwrap_or(&what))));
-    say(format_args!("{} {}", label(" help:", "32"), line(&tips.join(". "))));
-    ExitCode::from(BAD_INPUT)
-}
-
-/// A message about a value of any length: its beginning, and its end that says what is needed.
-fn short(text: &str) -> String {
-    const KEPT: usize = 200;
-    let count = text.chars().count();
-    if count <= 2 * KEPT {
-        return text.to_owned();
+    match print(&error.render().to_string()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(full) => report(&full, ColorChoice::Auto),
     }
-    let begin = text.chars().take(KEPT);
-    begin.chain(" ... ".chars()).chain(text.chars().skip(count - KEPT)).collect()
 }
 
 /// A label in colour where the terminal shows it.
