@@ -515,15 +515,19 @@ fn slits_keep_an_area_ratio_or_lower_it() {
     assert_eq!(seams[0], seams[1]);
 }
 
-/// Where no seam keeps a ratio, the best of those that were tried is taken, which is below what a higher one gives.
+/// A lower ratio is kept, or gives no larger one than a higher ratio does.
 #[test]
-fn a_ratio_that_is_out_of_reach_is_answered_with_a_low_one() {
+fn a_lower_ratio_gives_no_larger_one() {
     let mesh = starfish();
     let ratio =
         |wanted| measure(&map_of(mesh.clone(), Cut::AreaRatio(wanted)))[0].levels[0].distortion.area_max;
-    let [kept, low, out_of_reach] = [2.0, 1.5, 1.05].map(ratio);
-    assert!(kept <= 2.0 && low <= 1.5, "{kept}, {low}");
-    assert!(out_of_reach > 1.05 && out_of_reach < 0.95 * kept, "{out_of_reach} after {kept}");
+    let mut before = f64::INFINITY;
+    for wanted in [2.0, 1.5, 1.2] {
+        let reached = ratio(wanted);
+        assert!(reached <= wanted || reached <= before, "{wanted}: {reached} after {before}");
+        before = reached;
+    }
+    assert!(before > 1.2 && before < 1.5, "{before}");
 }
 
 /// A foot of CAD with needles and fourteen handles: the first seam gives a map of energy 59,876, another attempt a

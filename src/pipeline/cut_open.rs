@@ -18,6 +18,9 @@ const DECISION_VERTICES: usize = 2000;
 /// level.
 const MAX_MAPS: usize = 3;
 
+/// No other seams are tried for a ratio above this: a surface keeps it, or has no map.
+const MAX_EASED: f64 = 10.0;
+
 /// Exponent of the wanted ratio that gives the one to aim at: a map that is made through the pyramid has a
 /// slightly larger ratio than one made without.
 const AIM_EXPONENT: f64 = 0.995;
@@ -89,33 +92,41 @@ pub(super) fn cut_open(
         run.check()?;
         return Ok(decided.map(|decided| made(&decided.recipe)).transpose()?.flatten());
     };
-    let wanted = limit.powf(AIM_EXPONENT);
-    let (mut aim, mut best) = (wanted, None);
-    for _ in 0..MAX_MAPS {
-        run.check()?;
-        let mut tried = decided(Some(aim))?;
-        let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
-        // If no trial map keeps the ratio, another seam may give the better map of the skin.
-        if on_trial <= aim {
-            tried = tried.split_off(tried.len() - 1);
-        }
-        let mut least = f64::INFINITY;
-        for Decision { recipe, .. } in tried.iter().rev() {
-            let cut = made(recipe)?;
-            let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options, run);
-            least = least.min(area_ratio);
-            if best.as_ref().is_none_or(|(best, _)| area_ratio < *best) {
-                best = Some((area_ratio, cut));
+    let mut best: Option<(f64, Option<CutMesh>)> = None;
+    // The best seams of a ratio that is out of reach are often those of a larger one.
+    let mut wanted = limit.powf(AIM_EXPONENT);
+    while best.as_ref().is_none_or(|(ratio, _)| *ratio > wanted) {
+        let mut aim = wanted;
+        for _ in 0..MAX_MAPS {
+            run.check()?;
+            let mut tried = decided(Some(aim))?;
+            let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
+            // If no trial map keeps the ratio, another seam may give the better map of the skin.
+            if on_trial <= aim {
+                tried = tried.split_off(tried.len() - 1);
             }
-            if area_ratio <= wanted {
+            let mut least = f64::INFINITY;
+            for Decision { recipe, .. } in tried.iter().rev() {
+                let cut = made(recipe)?;
+                let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options, run);
+                least = least.min(area_ratio);
+                if best.as_ref().is_none_or(|(best, _)| area_ratio < *best) {
+                    best = Some((area_ratio, cut));
+                }
+                if area_ratio <= wanted {
+                    break;
+                }
+            }
+            // If the trial map does not keep the ratio, a lower aim changes nothing.
+            if least <= wanted || on_trial > aim || least.is_infinite() {
                 break;
             }
+            aim = on_trial.powf(wanted.ln() / least.ln());
         }
-        // If the trial map does not keep the ratio, a lower aim changes nothing.
-        if least <= wanted || on_trial > aim || least.is_infinite() {
+        if wanted > MAX_EASED {
             break;
         }
-        aim = on_trial.powf(wanted.ln() / least.ln());
+        wanted *= wanted;
     }
     Ok(best.and_then(|(_, cut)| cut))
 }
