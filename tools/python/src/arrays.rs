@@ -11,10 +11,19 @@ use numpy::{
 use pyo3::{
     PyClass,
     prelude::*,
-    types::{PyDict, PyTuple},
+    types::{PyDict, PyMemoryView, PyTuple},
 };
 
 use crate::errors::bad;
+
+/// The bytes of `bytes`, a `bytearray`, a `memoryview` or any other contiguous buffer.
+pub(crate) fn bytes_of(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
+    let view = PyMemoryView::from(value).map_err(|_| {
+        let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
+        bad(name, class, "bytes, or another buffer of bytes")
+    })?;
+    view.call_method0("tobytes")?.extract()
+}
 
 /// An argument as an array in C order of numbers of one kind.
 fn array_of<'py, T: Element>(

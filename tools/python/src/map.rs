@@ -34,7 +34,7 @@ use pyo3::{
 use rayon::prelude::*;
 
 use crate::{
-    arrays::{Reduced, bad_shape, floats, made_by, matrix, one_each, places, vector, zeros},
+    arrays::{Reduced, bad_shape, bytes_of, floats, made_by, matrix, one_each, places, vector, zeros},
     errors::{bad, error},
     index::PyIndex,
     jobs::{Stop, run, run_here},
@@ -159,8 +159,8 @@ impl PyMap {
 
     /// Read a map from the content of a file.
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let file = data.to_vec();
+    fn from_bytes(py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let file = bytes_of("data", data)?;
         run(py, 0, move |_| Self::of_file(file))?.map_err(error)
     }
 

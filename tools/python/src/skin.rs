@@ -24,7 +24,7 @@ use pyo3::{
 };
 
 use crate::{
-    arrays::{matrix, one_number_each, points, triangles, vector},
+    arrays::{bytes_of, matrix, one_number_each, points, triangles, vector},
     errors::{bad, error},
     index::pose_of,
     jobs::run,
@@ -237,7 +237,7 @@ impl PySkin {
     ///
     /// Parameters
     /// ----------
-    /// data : bytes
+    /// data : bytes, bytearray, memoryview
     ///     The content.
     /// kind : str
     ///     The extension of such a file.
@@ -247,10 +247,10 @@ impl PySkin {
     /// Skin
     #[staticmethod]
     #[pyo3(signature = (data, kind="glb"))]
-    fn from_bytes(py: Python<'_>, data: &[u8], kind: &str) -> PyResult<Self> {
+    fn from_bytes(py: Python<'_>, data: &Bound<'_, PyAny>, kind: &str) -> PyResult<Self> {
         let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
         let repair = is_stl(&name);
-        let draft = draft_from_bytes(&name, data.to_vec(), ReadParts::default()).map_err(error)?;
+        let draft = draft_from_bytes(&name, bytes_of("data", data)?, ReadParts::default()).map_err(error)?;
         Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
     }
 

@@ -58,6 +58,7 @@ def test_a_map_is_the_same_built_read_and_unpickled(dome_map, tmp_path):
     for other in (
         dermatome.Map.read(tmp_path / "map.glb"),
         dermatome.Map.from_bytes(dome_map.to_bytes()),
+        dermatome.Map.from_bytes(memoryview(bytearray(dome_map.to_bytes()))),
         pickle.loads(pickle.dumps(dome_map)),
     ):
         assert other == dome_map
