@@ -72,6 +72,20 @@ def test_one_recording_is_the_same_in_every_container(path, stream, episodes):
 
 
 @samples
+def test_row_groups_of_any_length_give_the_same(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    how = {"stream": PAD_STREAM, "layout": layout("pad_pair")}
+    for path in (path for path in (DATA / "lerobot_v3").rglob("*") if path.is_file()):
+        copy = tmp_path / path.relative_to(DATA)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        if path.parts[-3] == "data":
+            parquet.write_table(parquet.read_table(path), copy, row_group_size=7)
+        else:
+            copy.write_bytes(path.read_bytes())
+    assert np.array_equal(opened(tmp_path / "lerobot_v3", **how).read().values, opened("lerobot_v3", **how).read().values)
+
+
+@samples
 def test_samples_equal_their_truth():
     truth = json.loads((DATA / "truth.json").read_text())
     glove = opened("hdf5/opentouch_like.hdf5", layout=DATA / "layouts/opentouch.json")

@@ -93,7 +93,7 @@ class LeRobot(Container):
         """A Parquet file."""
         pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
         try:
-            return pq.ParquetFile(path, memory_map=True, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
+            return pq.ParquetFile(path, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
         except (OSError, arrow.ArrowException) as error:
             raise FileError(f"{path}: found no Parquet file that can be read: {error}; needed: the file as it was written", "parquet") from error
 
@@ -232,7 +232,9 @@ class LeRobotTrack(Track):
             missing = [name for name in columns if name not in file.schema_arrow.names]
             if missing:
                 raise DataError(f"{path}: found no column {missing[0]!r}; needed: one of {', '.join(file.schema_arrow.names[:40])}")
-            batches = file.iter_batches(rows, columns=columns, use_threads=False)
+            # pyarrow keeps the columns of a file that it goes through as a whole.
+            groups = range(file.num_row_groups)
+            batches = (batch for group in groups for batch in file.iter_batches(rows, row_groups=[group], columns=columns, use_threads=False))
             while True:
                 try:
                     batch = next(batches)
