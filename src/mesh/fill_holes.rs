@@ -19,7 +19,7 @@ pub enum FillHoles {
     None,
     /// Pin-holes: of at most five edges, where the triangles continue the surface and are not needles, such
     /// as a face that is missing in a scan; not the end of a tube. The only hole of a closed body counts,
-    /// whatever its shape.
+    /// whatever its shape, unless it is a line.
     PinHoles,
     /// All of at most this many edges.
     UpTo(usize),
@@ -39,6 +39,9 @@ impl FillHoles {
 /// A hole is a slit, which only needles can fill, if its roundness is below this: 1 is a circle, 0.79 a
 /// square, 0.1 a rectangle 30 times as long as it is wide.
 const MIN_ROUNDNESS: f64 = 0.1;
+
+/// The only hole of a closed body is a line, which faces without area would fill, if its roundness is below this.
+const MIN_ROUNDNESS_OF_ONLY: f64 = 1e-5;
 
 /// Cosine of the angle, 60 degrees, by which the triangles of a pin-hole may bend the surface along half
 /// of its rim: a cap of a tube bends it by 90.
@@ -99,28 +102,32 @@ pub(crate) fn fillings(mesh: &TriMesh, which: FillHoles) -> Result<Vec<Filling>,
     }
     let filling = |hole: Vec<VertexId>| {
         let triangles = least_area(mesh, &adjacency, &hole)?;
-        let is_wanted =
-            which != FillHoles::PinHoles || is_only || is_pin_hole(mesh, &inside, &hole, &triangles);
+        let is_round = |least: f64| roundness(mesh, &hole, &triangles) >= least;
+        let is_wanted = which != FillHoles::PinHoles
+            || is_only && is_round(MIN_ROUNDNESS_OF_ONLY)
+            || is_round(MIN_ROUNDNESS) && continues_surface(mesh, &inside, &hole, &triangles);
         is_wanted.then_some(Filling { hole, triangles })
     };
     Ok(loops.into_iter().filter_map(filling).collect())
 }
 
-/// Whether a hole is not a slit, and its triangles continue the surface along half of its rim.
+/// The area of the triangles in a hole over that of a circle with the same rim.
+fn roundness(mesh: &TriMesh, walk: &[VertexId], fill: &[[VertexId; 3]]) -> f64 {
+    let area = |t: &[VertexId; 3]| 0.5 * triangle_cross(t.map(|v| mesh.positions[v])).length();
+    4.0 * PI * fill.iter().map(area).sum::<f64>() / loop_length(mesh, walk).powi(2)
+}
+
+/// Whether the triangles in a hole continue the surface along half of its rim.
 ///
 /// `inside` has the face at the boundary edge that leaves each vertex of a loop.
-fn is_pin_hole(
+fn continues_surface(
     mesh: &TriMesh,
     inside: &HashMap<VertexId, [VertexId; 3]>,
     walk: &[VertexId],
     fill: &[[VertexId; 3]],
 ) -> bool {
     let cross = |t: &[VertexId; 3]| triangle_cross(t.map(|v| mesh.positions[v]));
-    let area: f64 = fill.iter().map(|t| 0.5 * cross(t).length()).sum();
     let rim = loop_length(mesh, walk);
-    if 4.0 * PI * area < MIN_ROUNDNESS * rim * rim {
-        return false;
-    }
     let direction = |t: &[VertexId; 3]| cross(t).normalize_or_zero();
     let smooth = walk.iter().zip(walk.iter().cycle().skip(1)).filter(|&(a, b)| {
         let of_edge = |t: &&[VertexId; 3]| t.contains(a) && t.contains(b);

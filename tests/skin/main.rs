@@ -218,6 +218,28 @@ fn pin_holes_continue_the_surface() {
     assert_eq!(kept, [3, 2, 2, 1], "the longest loop stays");
 }
 
+/// A ball with a vertex on an edge of one of its faces alone: only a face without area could close this line, and no map
+/// file holds one (`ur10_robot.urdf --outer --spacing 8mm`).
+#[test]
+fn the_only_hole_of_a_ball_stays_open_if_it_is_a_line() {
+    let ball = shapes::ball(4, 0.1);
+    let [a, b, c] = ball.triangles[FaceId::new(0)];
+    let (middle, turned) =
+        (ball.positions.len(), (ball.positions[a] - ball.positions[b]).any_orthonormal_vector());
+    let on_edge = |off: f64| 0.5 * (ball.positions[a] + ball.positions[b]) + off * turned;
+    for (off, loops) in [(0.0, 1), (0.005, 0)] {
+        let mut mesh = ball.clone();
+        mesh.positions.push(on_edge(off));
+        let middle = VertexId::new(middle);
+        mesh.triangles[FaceId::new(0)] = [a, middle, c];
+        mesh.triangles.push([middle, b, c]);
+        let assembled = filled(&draft_of(sheet_of("ball", &mesh)), FillHoles::PinHoles);
+        assert_eq!(topology(&only(&assembled).mesh).1, loops, "{off}");
+        let map = dermatome::build(&assembled.skin, &dermatome::BuildOptions::default()).unwrap();
+        dermatome::io::map_to_bytes(&map).unwrap();
+    }
+}
+
 /// A middle taxel in line with two of the boundary: the face between them goes, and the boundary
 /// runs through it.
 #[test]
