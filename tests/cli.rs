@@ -87,6 +87,25 @@ fn a_closed_skin_is_cut_open_unless_that_is_forbidden() {
     notes(&folder, "build ball.glb -o out", &[]);
 }
 
+/// An export of Tekscan is known by its content: where none is, its kind is not what is wrong.
+#[test]
+fn what_is_not_there_cannot_be_read_whatever_its_kind() {
+    let folder = folder_with("cap.obj", shapes::cap(200, 0.05, 1.0));
+    notes(&folder, "build cap.obj -o M", &[]);
+    for words in [
+        "convert walk.asf mat.glb",
+        "build walk.asf -o N",
+        "render M/map.glb walk.asf -o r.npz",
+        "layout walk.lst -o l.json",
+        "calibrate touches.txt -o c.csv",
+    ] {
+        let run = refuses(&folder, words, &["cannot read", "check that the file exists"]);
+        assert!(!String::from_utf8_lossy(&run.get_output().stderr).contains("unknown kind"), "{words}");
+    }
+    fs::write(folder.path().join("walk.asf"), "nothing of these").unwrap();
+    refuses(&folder, "convert walk.asf mat.glb", &["unknown kind", "Tekscan"]);
+}
+
 #[test]
 fn seams_are_given_as_pairs_of_taxels() {
     let folder = folder_with("tube.obj", shapes::tube(8, 4, 0.05, 0.1));

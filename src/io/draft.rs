@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use crate::io::file::Source;
 #[cfg(feature = "robots")]
 use crate::io::file::file_kind;
+use crate::io::file::{Source, exists};
 use crate::io::mesh::{MeshReader, reader_of};
 #[cfg(feature = "robots")]
 use crate::io::robot::{Packages, RobotSurface, draft_of, robot_of};
@@ -58,6 +58,7 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
     if is_vendor(path) {
         return Ok(read_sheet(path, Wanted::default())?.into_draft());
     }
+    exists(path)?;
     // A file of an unknown kind is not opened.
     let read = kind_of(path)?;
     read(Source::open(path)?, parts)

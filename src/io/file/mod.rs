@@ -165,6 +165,11 @@ pub(crate) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> IoError + Copy +
     |source| IoError::Read { path: path.into(), source }
 }
 
+/// Refuses a path where nothing is, before its kind is judged: some kinds follow from the content.
+pub(crate) fn exists(path: &Path) -> Result<(), IoError> {
+    std::fs::metadata(path).map(drop).map_err(cannot_read(path))
+}
+
 /// Refuses what is empty, or too long to count its elements with 32 bits.
 fn check_length(path: &Path, length: u64) -> Result<(), IoError> {
     let found = format!("{length} bytes");

@@ -46,11 +46,11 @@ pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
             let known = if cfg!(feature = "robots") {
                 robots
             } else {
-                "glb, gltf, json, obj, off, stl, csv, npz, txt"
+                "glb, gltf, json, obj, off, stl, csv, npz, txt, and exports of Tekscan, XSENSOR and novel"
             };
             return Err(IoError::UnknownKind { path: path.into(), known });
         }

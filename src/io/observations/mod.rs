@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use crate::calib::{ContactMeasurement, ContactObservation, Displacement, Observations};
 use crate::id::VertexId;
 use crate::io::IoError;
-use crate::io::file::{Lines, OutPath, cannot_read, file_kind, invalid, replace_file};
+use crate::io::file::{Lines, OutPath, cannot_read, exists, file_kind, invalid, replace_file};
 use crate::io::observations::builder::{ObservationRemark, ReadObservations};
 use crate::skin::TaxelId;
 
@@ -78,6 +78,7 @@ fn with_more(
 }
 
 fn read(path: &Path) -> Result<ReadObservations, IoError> {
+    exists(path)?;
     let kind = file_kind(path);
     if !matches!(kind.as_str(), "g2o" | "csv") {
         return Err(IoError::UnknownKind { path: path.to_owned(), known: KINDS });

@@ -17,7 +17,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::io::IoError;
-use crate::io::file::{cannot_read, file_kind, invalid};
+use crate::io::file::{cannot_read, exists, file_kind, invalid};
 use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
@@ -115,6 +115,7 @@ impl About {
 impl Source {
     /// Opens a file by its extension.
     fn open(path: &Path, axes: ReadingsLayout) -> Result<(Self, About), IoError> {
+        exists(path)?;
         match file_kind(path).as_str() {
             kind @ ("txt" | "csv") => {
                 let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());

@@ -294,7 +294,7 @@ fn io_help(error: &IoError) -> String {
             "change what the message names, or choose another format"
         }
         IoError::NoMap { .. } | IoError::Rewritten { .. } => BUILD_AGAIN,
-        IoError::UnknownKind { path, known } => {
+        IoError::UnknownKind { path, .. } => {
             return match converter(path) {
                 _ if file_kind(path) == "xacro" => {
                     "expand its macros first: `pip install xacrodoc`, `xacrodoc -d FOLDER_OF_PACKAGES IN.xacro -o OUT.urdf`, with NAME:=VALUE for each argument it has".into()
@@ -304,7 +304,7 @@ fn io_help(error: &IoError) -> String {
                 }
                 Some(recording @ (BAGS | ARRAYS)) => recording.to_owned(),
                 Some(converter) => format!("{converter} to .glb, .obj, .ply or .stl first"),
-                None => format!("name a file that ends in one of: {known}"),
+                None => "give a file of one of these kinds".into(),
             };
         }
         IoError::MeshFile { package: Some(package), .. } => {
