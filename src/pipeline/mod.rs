@@ -23,7 +23,9 @@
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
+mod attempts;
 mod cut_open;
+mod options;
 mod written;
 
 use std::fs;
@@ -38,50 +40,18 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{
-    Boundary, Distortion, FlattenError, FlattenOptions, Method, Overlap, flatten_pyramid_with, patch_scales,
-};
+use crate::flatten::{Boundary, flatten_pyramid_with, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
-use crate::map::{MapError, MapLevel, PatchMap, SkinMap};
-use crate::mesh::{FARTHEST, MeshError, is_within_reach};
+use crate::map::{PatchMap, SkinMap};
+use crate::mesh::{MeshError, is_within_reach};
+use crate::pipeline::attempts::{ABSURD, SAME, energy, keep_held, other_attempts};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
-use crate::pipeline::written::measure_as_written;
-use crate::pyramid::{CoarsenOptions, CutPyramid, LevelId, Pyramid, coarsen_cut, coarsen_with};
+use crate::pipeline::options::Numbers;
+pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
+use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen_cut, coarsen_with};
 use crate::run::{Progress, Run, Stage};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, SkinError, assemble, named_links, world_pose};
-
-/// Options of [`build`].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct BuildOptions {
-    /// Where to cut.
-    pub cut: Cut,
-    /// Seams prefer skin that faces this direction, for example the inside of limbs; in the frame of the skin
-    /// at its bind pose. Not used with [`Cut::Along`].
-    pub seam_side: Option<DVec3>,
-    /// How to coarsen.
-    pub coarsen: CoarsenOptions,
-    /// How to flatten.
-    pub flatten: FlattenOptions,
-    /// Side of a pixel of the images, in m; `None`: 1 mm, or larger where that would make more
-    /// pixels than the taxels need.
-    pub pixel: Option<f64>,
-    /// Which mean densities and acuities are relative to.
-    pub magnify_over: MagnifyOver,
-    /// Whether patches that cannot be mapped are left out, as long as one can; else they are an error.
-    pub keep_going: bool,
-}
-
-/// Which mean the densities of [`Method::Intrinsic`] and the acuities of
-/// taxels are relative to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum MagnifyOver {
-    /// Over the skin: the map of a denser patch is larger, and all maps together are as large as the skin.
-    #[default]
-    Skin,
-    /// Over each patch: its map is as large as its skin.
-    Patch,
-}
 
 /// Default side of a pixel, in m.
 const PIXEL: f64 = 1e-3;
@@ -119,7 +89,8 @@ pub struct Built {
     /// How long making the maps of every level took.
     pub flattened_in: Duration,
     /// How many of the coarsest levels of each patch are not in the map: they have no valid map in 64-bit
-    /// numbers, or in the 32-bit ones of a file, as those of a long thin tube.
+    /// numbers, or in the 32-bit ones of a file, as those of a long thin tube, or a symmetric Dirichlet energy above
+    /// 15, which that of the finest level is not.
     pub left_out: IdVec<PatchId, usize>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
@@ -142,14 +113,6 @@ pub struct Enlarged {
 /// As [`build`], and if it is cancelled.
 pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<Built, Error> {
     build_for(skin, options, Numbers::F32, run)
-}
-
-/// The numbers in which a map is measured and kept one to one.
-#[derive(Debug, Clone, Copy)]
-enum Numbers {
-    /// Those of a map file.
-    F32,
-    F64,
 }
 
 fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>) -> Result<Built, Error> {
@@ -281,57 +244,6 @@ fn coarsen_patch(
     })
 }
 
-/// Refuses a map whose file breaks what the intrinsic method promises.
-fn check_promises(level: &MapLevel, options: &FlattenOptions) -> Result<(), Error> {
-    let Distortion { flips, crossings: overlaps, .. } = level.distortion;
-    let is_kept = flips == 0 && (overlaps == 0 || options.overlap == Overlap::Allow);
-    if is_kept || !options.starts_coarse() {
-        Ok(())
-    } else {
-        Err(FlattenError::NotInjective { flips, overlaps }.into())
-    }
-}
-
-/// Symmetric Dirichlet energy above which a map is absurd, and others are tried: an isometry has 4.
-const ABSURD: f64 = 15.0;
-
-/// Vertices of a level over those of the next coarser one, where the default pyramid leads to an absurd map.
-const GENTLE: f64 = 2.0;
-
-/// Energies that differ by a smaller share are the same.
-const SAME: f64 = 0.01;
-
-/// Other attempts at a map, each as long as the first. *Heuristic*: loops that are joined leave fewer holes to keep,
-/// and from a level of half the vertices, needles of CAD fold less (a foot of an iCub: energy 59,876 with the default
-/// pyramid, 7.7 so).
-fn other_attempts(patch: &Patch, options: &BuildOptions) -> Vec<BuildOptions> {
-    if options.cut != Cut::Auto {
-        return Vec::new();
-    }
-    let may_join = !is_plain_disk(&patch.mesh);
-    let may_be_gentle = options.coarsen.ratio.is_none() && options.flatten.starts_coarse();
-    [(Cut::All, false), (Cut::All, true), (Cut::Auto, true)]
-        .into_iter()
-        .filter(|(cut, is_gentle)| (may_join || *cut == Cut::Auto) && (may_be_gentle || !is_gentle))
-        .map(|(cut, is_gentle)| {
-            let ratio = if is_gentle { Some(GENTLE) } else { options.coarsen.ratio };
-            let coarsen = CoarsenOptions { ratio, ..options.coarsen.clone() };
-            BuildOptions { cut, coarsen, ..options.clone() }
-        })
-        .collect()
-}
-
-/// Symmetric Dirichlet energy of the finest level of a map; infinite without one, and 0 where areas change on purpose.
-fn energy(made: &Result<(PatchMap, usize), Error>, patch: &Patch, options: &BuildOptions) -> f64 {
-    let is_magnified = patch.taxels.acuities.is_some()
-        || matches!(options.flatten.method, Method::Intrinsic { magnify, .. } if magnify != 0.0);
-    match made.as_ref().map(|(map, _)| map.levels.first()) {
-        Ok(Some(level)) if !is_magnified => level.distortion.symmetric_dirichlet,
-        Ok(_) => 0.0,
-        Err(_) => f64::INFINITY,
-    }
-}
-
 /// The map of a patch, `scale` times as long as the skin; not measured.
 fn map_patch(
     patch: &Patch,
@@ -359,33 +271,6 @@ fn map_patch(
         level.convergence = Some(convergence);
     }
     Ok(map)
-}
-
-/// Measures the levels of a map and leaves out the coarse ones from the first on that a file cannot hold or that
-/// breaks a promise: that is no map either. Returns how many.
-fn keep_held(map: &mut PatchMap, options: &BuildOptions, numbers: Numbers) -> Result<usize, Error> {
-    let (made, mut held) = (map.levels.len(), 0);
-    for level in map.levels.iter_mut() {
-        let measured = match numbers {
-            Numbers::F32 => measure_as_written(level).map_err(Error::from),
-            Numbers::F64 => {
-                level.measure();
-                Ok(())
-            }
-        };
-        let far = level.uv.enumerate().find(|(_, at)| at.abs().max_element() > FARTHEST);
-        let near = far.map_or(Ok(()), |(place, &at)| {
-            let (patch, vertex) = (map.name.clone(), level.vertex_of(place));
-            Err(MapError::TooFar { patch, level: LevelId::new(held), vertex, at }.into())
-        });
-        match near.and(measured).and_then(|()| check_promises(level, &options.flatten)) {
-            Ok(()) => held += 1,
-            Err(error) if held == 0 => return Err(error),
-            Err(_) => break,
-        }
-    }
-    map.keep_finest(held);
-    Ok(made - held)
 }
 
 /// Does `job` for every patch in parallel.
@@ -468,8 +353,9 @@ pub fn build_file(skin: &Path, folder: &Path, options: &BuildOptions) -> Result<
 mod tests {
     use super::*;
     use crate::cut::{CutMesh, PlaceId};
-    use crate::flatten::{Method, distortion, flatten_pyramid};
+    use crate::flatten::{distortion, flatten_pyramid};
     use crate::mesh::{Adjacency, TriMesh, shapes};
+    use crate::pyramid::LevelId;
     use crate::skin::PatchId;
 
     /// Euler characteristic and boundary loops of the mesh after the cut.
@@ -511,25 +397,6 @@ mod tests {
             for (level, map) in made.opened.levels.iter().zip(&maps) {
                 assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
             }
-        }
-    }
-    /// A map that is valid in 64 bits may not be valid in the 32-bit numbers of its file.
-    #[test]
-    fn a_level_that_overlaps_itself_in_its_file_is_refused() {
-        let skin = Skin::from_mesh("skin", shapes::lattice(4, 4, 0.01));
-        let mut map = build(&skin, &BuildOptions::default()).unwrap();
-        let level = &mut map.patches[PatchId::new(0)].levels[LevelId::new(0)];
-        for (flips, crossings, overlap, is_kept) in [
-            (0, 0, Overlap::Prevent, true),
-            (0, 1, Overlap::Prevent, false),
-            (0, 1, Overlap::Allow, true),
-            (1, 0, Overlap::Allow, false),
-        ] {
-            (level.distortion.flips, level.distortion.crossings) = (flips, crossings);
-            let options = FlattenOptions { overlap, ..FlattenOptions::default() };
-            assert_eq!(check_promises(level, &options).is_ok(), is_kept, "{flips}, {crossings}, {overlap:?}");
-            let conformal = FlattenOptions { method: Method::Conformal, ..options };
-            assert!(check_promises(level, &conformal).is_ok(), "it promises nothing");
         }
     }
 }

@@ -214,8 +214,8 @@ fn note_built(built: &Built, common: &Common) {
         note!(common, "{error}; left out");
     }
     for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
-        let why = "too long and thin for a map in 64-bit numbers, or in the 32-bit ones of its file";
-        note!(common, "{}: the coarsest {count} levels are left out: {why}", plain(&patch.name));
+        let why = "much too distorted, or too long and thin for a map in 64-bit numbers or the 32-bit ones of its file";
+        note!(common, "{}: left out the coarsest levels, {count} in number: {why}", plain(&patch.name));
     }
     let count = taxels(map);
     if count > MOST_SHOWN {
