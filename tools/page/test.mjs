@@ -236,6 +236,34 @@ await test('what is chosen in the page is what its options take', async () => {
   await close(robot);
 });
 
+await test('a region that is drawn names the taxels that the page counts', async () => {
+  const page = await open(maps.forearm);
+  const box = await page.locator('#map').boundingBox();
+  const click = async (x, y) => page.mouse.click(box.x + x * box.width, box.y + y * box.height);
+  await page.click('#draw-region');
+  for (const [x, y] of [[0.3, 0.35], [0.6, 0.6], [0.6, 0.35], [0.3, 0.6]]) await click(x, y);
+  await page.keyboard.press('Enter');
+  assert.match(await page.textContent('#regions-text'), /crosses itself/);
+  for (let k = 0; k < 3; k++) await page.keyboard.press('Backspace');
+  for (const [x, y] of [[0.6, 0.35], [0.6, 0.6], [0.3, 0.6], [0.3, 0.35]]) await click(x, y);
+  assert.equal(await page.locator('#regions li').count(), 1);
+  await page.fill('#regions input', 'wrist');
+  await page.keyboard.press('Escape');
+  const count = +(await page.textContent('#regions small')).match(/(\d+) taxel/)[1];
+  const [saved] = await Promise.all([page.waitForEvent('download'), page.click('#save-regions')]);
+  const path = join(folder, 'regions.json');
+  await saved.saveAs(path);
+  run('build', join(meshes, 'forearm.glb'), '-o', join(folder, 'named'), '--regions', path);
+  const named = await open(join(folder, 'named', 'report.html'));
+  const inside = await named.evaluate(() => { const d = window.dermatome; return [d.data.header.regions.join(), [...d.patches[0].region].filter((r) => r === 1).length]; });
+  assert.deepEqual(inside, ['wrist', count]);
+  assert.ok(count > 20, `${count} taxels`);
+  await close(named);
+  await page.click('#regions button');
+  assert.ok(await page.isHidden('#save-regions'));
+  await close(page);
+});
+
 await test('a recording plays, with its contacts', async () => {
   const page = await open(join(folder, 'recording.html'));
   assert.match(await page.textContent('#frame-text'), /contact/);

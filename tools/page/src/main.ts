@@ -4,6 +4,7 @@ import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recording
 import { load, type Contact, type Data, type RecordingHeader } from './data';
 import { Grid, nearest } from './grid';
 import { Patch } from './patch';
+import { crossesItself, patchNear, taxelsIn, toJson, type Region } from './regions';
 import { View } from './view';
 
 const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
@@ -33,6 +34,9 @@ class Page {
   private box: Box | null = null;
   /** The rectangle that is drawn to choose taxels, in pixels of the stage. */
   private frameDrawn: [number, number, number, number] | null = null;
+  /** The polygons that name taxels, and the one that is drawn. */
+  private readonly regions: Region[] = [];
+  private drawing: Region | null = null;
   private level = 0;
   private frame = 0;
   private playing = false;
@@ -145,6 +149,7 @@ class Page {
       const [left, top, right, bottom] = this.frameDrawn;
       c.lineWidth = 1.5; c.strokeStyle = accent; c.strokeRect(left, top, right - left, bottom - top);
     }
+    this.drawRegions(c, accent, back);
     const at = this.chosen;
     if (!at || !this.view.isShown(at.patch)) return;
     for (const isMap of [false, true]) for (const place of this.patches[at.patch].placesOf(at.taxel)) {
@@ -207,6 +212,22 @@ class Page {
       ? [0, 1, 2].map((k) => [patch.triangles[3 * at.face + k], at.weights[k]])
       : [[contact[PEAK], 1]];
     return this.view.toPixels(isMap, contact[PATCH], places);
+  }
+
+  /** Polygons on the map; the one that is drawn is open. */
+  private drawRegions(c: CanvasRenderingContext2D, accent: string, back: string): void {
+    for (const region of [...this.regions, ...(this.drawing ? [this.drawing] : [])]) {
+      if (region.corners.length === 0) continue;
+      const [dx, dy] = this.patches[region.patch].header.offset;
+      c.save();
+      c.beginPath(); c.rect(this.view.map.x, this.view.map.y, this.view.map.width, this.view.map.height); c.clip();
+      c.beginPath();
+      for (const [u, v] of region.corners) c.lineTo(...this.view.mapPixel(u + dx, v + dy));
+      if (region !== this.drawing) c.closePath();
+      for (const [width, stroke] of [[4, back], [2, accent]] as [number, string][]) { c.lineWidth = width; c.strokeStyle = stroke; c.stroke(); }
+      for (const [u, v] of region.corners) { const [x, y] = this.view.mapPixel(u + dx, v + dy); c.fillStyle = accent; c.fillRect(x - 3, y - 3, 6, 6); }
+      c.restore();
+    }
   }
 
   // What is said
@@ -367,6 +388,67 @@ class Page {
     else { getSelection()!.selectAllChildren(said); document.execCommand('copy'); }
     byId('copy').textContent = 'copied';
     setTimeout(() => { byId('copy').textContent = 'copy'; }, 1200);
+  }
+
+  // Regions
+
+  /** Begins a polygon, or gives it up. */
+  private drawRegion(on: boolean): void {
+    this.drawing = on ? { patch: 0, name: `region ${this.regions.length + 1}`, corners: [] } : null;
+    if (on) byId('map').focus();
+    this.sayRegions('');
+  }
+
+  /** Adds the corner at a pixel of the map; the first one again closes the polygon. */
+  private addCorner(x: number, y: number): void {
+    const { drawing } = this, at = this.view.mapAt(x, y);
+    if (!drawing) return;
+    if (drawing.corners.length === 0) drawing.patch = patchNear(this.patches, (k) => this.view.isShown(k), at) ?? 0;
+    const [dx, dy] = this.patches[drawing.patch].header.offset, first = drawing.corners[0];
+    const near = first && Math.hypot(first[0] + dx - at[0], first[1] + dy - at[1]) < 9 * this.view.metresPerPixel(true);
+    if (near) { this.closeRegion(); return; }
+    drawing.corners.push([at[0] - dx, at[1] - dy]);
+    this.sayRegions('');
+  }
+
+  private closeRegion(): void {
+    const { drawing } = this;
+    if (!drawing) return;
+    if (drawing.corners.length < 3) { this.sayRegions('A polygon has three corners or more.'); return; }
+    if (crossesItself(drawing.corners)) { this.sayRegions('The polygon crosses itself: Backspace takes its last corner away.'); return; }
+    this.regions.push(drawing);
+    this.drawing = null;
+    this.sayRegions('');
+  }
+
+  private sayRegions(wrong: string): void {
+    const list = byId('regions'), { drawing } = this;
+    list.replaceChildren();
+    for (const region of this.regions) {
+      const item = document.createElement('li'), name = document.createElement('input'), remove = text('button', '×') as HTMLButtonElement;
+      name.value = region.name;
+      name.setAttribute('aria-label', 'name of the region');
+      name.addEventListener('input', () => { region.name = name.value; });
+      remove.type = 'button';
+      remove.setAttribute('aria-label', 'remove the region');
+      remove.addEventListener('click', () => { this.regions.splice(this.regions.indexOf(region), 1); this.sayRegions(''); });
+      const patch = this.patches[region.patch], count = taxelsIn(patch, region.corners);
+      item.append(name, ' ', remove, text('small', ` ${patch.header.name}, ${count} ${count === 1 ? 'taxel' : 'taxels'}`));
+      list.append(item);
+    }
+    byId('draw-region').textContent = drawing ? 'stop drawing' : 'draw a region';
+    byId('save-regions').hidden = this.regions.length === 0;
+    const says = drawing ? 'Click corners on the map; the first corner again, or Enter, closes the polygon. Backspace takes the last one away.' : '';
+    byId('regions-text').textContent = wrong || says;
+    this.invalidate();
+  }
+
+  private saveRegions(): void {
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(new Blob([toJson(this.patches, this.regions)], { type: 'application/json' }));
+    link.download = 'regions.json';
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
 
   // Steering
@@ -627,6 +709,8 @@ class Page {
     }
     byId('theme').addEventListener('click', () => this.setTheme(document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark'));
     byId('copy').addEventListener('click', () => void this.copyOptions());
+    byId('draw-region').addEventListener('click', () => this.drawRegion(!this.drawing));
+    byId('save-regions').addEventListener('click', () => this.saveRegions());
     byId('help-button').addEventListener('click', () => byId<HTMLDialogElement>('help').showModal());
     for (const isMap of [false, true]) this.pointers(byId(isMap ? 'map' : 'skin'), isMap);
     addEventListener('keydown', (e) => this.key(e));
@@ -643,7 +727,9 @@ class Page {
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
     else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
-    else if (e.key === 'Escape') { this.hovered = null; this.setBox(null); this.pin(null); }
+    else if (e.key === 'Enter' && this.drawing && !isField) this.closeRegion();
+    else if (e.key === 'Backspace' && this.drawing && !isField) { this.drawing.corners.pop(); this.sayRegions(''); }
+    else if (e.key === 'Escape') { if (this.drawing) this.drawRegion(false); this.hovered = null; this.setBox(null); this.pin(null); }
     else if (e.key === '?') byId<HTMLDialogElement>('help').showModal();
     else return;
     e.preventDefault();
@@ -704,7 +790,10 @@ class Page {
         corner = this.frameDrawn = null;
         return;
       }
-      if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) this.pin(this.taxelAt(isMap, ...local(e)));
+      if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) {
+        if (isMap && this.drawing) this.addCorner(...local(e));
+        else this.pin(this.taxelAt(isMap, ...local(e)));
+      }
       else this.keep();
     };
     box.addEventListener('pointerup', up);

@@ -348,6 +348,12 @@ export class View {
     return [this.sheet[0] / 2 + this.mapEye.x + (x - this.map.width / 2) * m, this.sheet[1] / 2 + this.mapEye.y - (y - this.map.height / 2) * m];
   }
 
+  /** The pixel of the canvas that shows a place of the sheet in the map's view. */
+  mapPixel(x: number, y: number): [number, number] {
+    const m = this.metresPerPixel(true), { map, mapEye, sheet } = this;
+    return [map.x + map.width / 2 + (x - sheet[0] / 2 - mapEye.x) / m, map.y + map.height / 2 - (y - sheet[1] / 2 - mapEye.y) / m];
+  }
+
   /** Where a weighted mean of places is on the page, in pixels of the canvas, in either view. */
   toPixels(isMap: boolean, patch: number, places: [number, number][]): [number, number] {
     this.setFolds(isMap);
@@ -362,6 +368,5 @@ export class View {
     return [x + (0.5 + 0.5 * sum.x) * width, y + (0.5 - 0.5 * sum.y) * height];
   }
 
-  /** Metres of a sheet direction in pixels on the map. */
   image(): string { this.draw(); return this.canvas.toDataURL('image/png'); }
 }
