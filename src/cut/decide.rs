@@ -158,30 +158,15 @@ impl SeamSearch<'_, '_> {
         if new.trial.excess * POOR_FALL.powf(more) < poor.trial.excess { new } else { poor }
     }
 
-    /// Adds cones to a found seam until the area ratio is below `limit`: the seams that lowered the ratio. Factors that
-    /// are likely to keep no such ratio are left out at first, and tried where no other keeps it either.
-    fn below(&self, found: Found, limit: f64) -> Vec<Found> {
-        let all = || LEFT.into_iter().chain(LEFT_FOR_RATIO);
-        let least = all().fold(f64::INFINITY, f64::min);
-        let is_hopeful = |&left: &f64| left <= HOPELESS * limit.ln() || left == least;
-        let tried = self.with_factors(found.clone(), limit, all().filter(is_hopeful).collect());
-        let is_kept = tried.last().is_some_and(|last| last.trial.area_ratio <= limit);
-        if is_kept || all().all(|left| is_hopeful(&left)) {
-            return tried;
-        }
-        let mut tried: Vec<Found> =
-            tried.into_iter().skip(1).chain(self.with_factors(found, limit, all().collect())).collect();
-        tried.sort_by(|a, b| b.trial.area_ratio.total_cmp(&a.trial.area_ratio));
-        tried
-    }
-
     /// Adds cones to a found seam, down to one conformal factor after the other, until the area ratio is below `limit`:
-    /// that seam and those that lowered the ratio.
-    fn with_factors(&self, found: Found, limit: f64, factors: Vec<f64>) -> Vec<Found> {
+    /// that seam and those that lowered the ratio. Factors that are likely to keep no such ratio are left out.
+    fn below(&self, found: Found, limit: f64) -> Vec<Found> {
+        let factors = || LEFT.into_iter().chain(LEFT_FOR_RATIO);
+        let least_factor = factors().fold(f64::INFINITY, f64::min);
         let mut seam = found.seam.clone();
         let mut least = found.trial.area_ratio;
         let mut tried = vec![found];
-        for left in factors {
+        for left in factors().filter(|&left| left <= HOPELESS * limit.ln() || left == least_factor) {
             if least <= limit {
                 break;
             }
