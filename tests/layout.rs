@@ -292,6 +292,24 @@ fn times_become_seconds_or_are_refused() {
     assert!(run(&[12], 1).unwrap_err().to_string().contains("frame 4: found"));
 }
 
+/// A call of no frame or of one at a time changes nothing.
+#[test]
+fn times_are_the_same_in_calls_of_any_length() {
+    let read = |unit: &str, calls: &[&[i64]]| {
+        let layout = with(&[("time", json!({"stream": "t", "unit": unit}))]);
+        let mut decoder = decoder(&layout, &facts(&[2, 3])).unwrap();
+        let (mut values, mut seconds) = (Vec::new(), Vec::new());
+        for &times in calls {
+            decoder.decode(&vec![0.0; 6 * times.len()], Times::Whole(times), 0, &mut values, &mut seconds)?;
+        }
+        Ok::<_, IoError>(seconds)
+    };
+    let at = 1_700_000_000_000_000_000;
+    assert_eq!(read("ns", &[&[], &[at], &[at + 30_000_000]]).unwrap(), [0.0, 0.03]);
+    let error = read("ns", &[&[0], &[30_000], &[60_000]]).unwrap_err().to_string();
+    assert!(error.contains("33333.333333 frames a second"), "{error}");
+}
+
 /// A pad of 6 x 6 counts of which the last three rows are no sensors, at rest at 1000 but for noise; a press from frame 12
 /// on changes the others by `press`.
 fn pad(press: f64, is_transposed: bool) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Gain and exponent of each taxel from steps of a pressure that is the same everywhere, as under a bag of air.
 //!
-//! Of each step the middle half counts. For each taxel a line is fitted to `ln(reading)` over `ln(pressure)`; its slope
+//! Of each step the middle half counts; of the last one, where no row ends it, all but its beginning. For each taxel a line is fitted to `ln(reading)` over `ln(pressure)`; its slope
 //! is the reciprocal of the exponent. Slopes of one kind of taxel differ little, and are known badly from a few steps: each
 //! is shrunk towards their median by as much as its own error requires (an estimator of James and Stein). Where the
 //! bag is put on the skin several times, the differences between these placements tell how evenly it presses.
@@ -16,6 +16,9 @@ const PRESSURES: [f64; 2] = [10.0, 1e8];
 
 /// The share of a step before and after which readings do not count: they settle.
 const SETTLES: f64 = 0.25;
+
+/// Length of the last step, in s, of which [`SETTLES`] is a share, where no step has an end.
+const OPEN_LENGTH: f64 = 4.0;
 
 /// Steps whose pressures differ by less than this share are one.
 const SAME: f64 = 0.02;
@@ -37,6 +40,8 @@ const LEAST_SIGMA: f64 = 0.01;
 struct Step {
     from: f64,
     to: f64,
+    /// The times whose readings count.
+    counted: [f64; 2],
     pressure: f64,
     /// The bag was put on the skin this often before.
     placement: usize,
@@ -115,7 +120,7 @@ impl<'s> StepEstimator<'s> {
                 Some(last) if last.to == time && (pressure / last.pressure - 1.0).abs() < SAME => {
                     last.to = to
                 }
-                _ => steps.push(Step { from: time, to, pressure, placement }),
+                _ => steps.push(Step { from: time, to, counted: [time, to], pressure, placement }),
             }
         }
         // Zeros at the beginning and the end, and twice in a row, are no further placements.
@@ -126,6 +131,14 @@ impl<'s> StepEstimator<'s> {
         }
         if steps.is_empty() {
             return Err(ResponseError::NoSteps { rows: rows.len() });
+        }
+        let mut lengths: Vec<f64> =
+            steps.iter().map(|step| step.to - step.from).filter(|length| length.is_finite()).collect();
+        let open_length = median_of(&mut lengths).unwrap_or(OPEN_LENGTH);
+        for step in &mut steps {
+            let length = step.to - step.from;
+            let margin = SETTLES * if length.is_finite() { length } else { open_length };
+            step.counted = [step.from + margin, step.to - margin];
         }
         let taxels = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
         let none = Seen { sum: 0.0, count: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY] };
@@ -140,11 +153,7 @@ impl<'s> StepEstimator<'s> {
     pub fn see(&mut self, frame: &Frame) {
         let time = frame.time;
         self.times = [self.times[0].min(time), self.times[1].max(time)];
-        let inside = |step: &Step| {
-            let margin = SETTLES * (step.to.min(self.times[1]) - step.from);
-            let last = if step.to.is_finite() { step.to - margin } else { f64::INFINITY };
-            (step.from + margin.max(0.0)..=last).contains(&time)
-        };
+        let inside = |step: &Step| (step.counted[0]..=step.counted[1]).contains(&time);
         let Some(step) = self.steps.iter().position(inside) else { return };
         let read = frame.values.iter().flat_map(|channels| channels[0].iter());
         for (seen, &x) in self.seen[step * self.taxels..].iter_mut().zip(read).filter(|(_, x)| x.is_finite())
@@ -297,4 +306,31 @@ fn unevenness(lines: &[Option<Line>], points: &[Vec<(Step, f64)>], placements: u
         }
     }
     if count > 0.0 { f64::sqrt(sum / count) } else { f64::NAN }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::id::IdVec;
+    use crate::mesh::shapes;
+
+    /// Readings follow a step of pressure slowly: what they are in its first quarter changes no curve, be it the last
+    /// step, which no row ends.
+    #[test]
+    fn the_beginning_of_a_step_does_not_count() {
+        let skin = Skin::from_mesh("pad", shapes::lattice(3, 3, 0.01));
+        let rows = [[0.0, 1e4], [4.0, 2e4], [8.0, 4e4], [12.0, 8e4]];
+        let curve = |slow: f64| {
+            let mut estimator = StepEstimator::new(&skin, &rows).unwrap();
+            for frame in 0..160 {
+                let time = 0.1 * f64::from(frame);
+                let [from, pressure] = *rows.iter().rev().find(|row| row[0] <= time).unwrap();
+                let reading = pressure / 100.0 * if time - from < 0.9 { slow } else { 1.0 };
+                let values = IdVec::from(vec![vec![(0..9).map(|_| reading).collect()]]);
+                estimator.see(&Frame { time, values, ..Frame::default() });
+            }
+            estimator.solve().unwrap().0.iter().flatten().next().copied()
+        };
+        assert_eq!(curve(1.0), curve(0.5));
+    }
 }

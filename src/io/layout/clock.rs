@@ -21,6 +21,8 @@ pub(super) struct Clock {
     last: f64,
     /// The usual step, in s, once it is known.
     step: Option<f64>,
+    /// The first times of the episode, until they show the usual step.
+    early: Vec<f64>,
     gaps: u64,
     /// The longest step, in s, and the frame after it.
     longest: (f64, u64),
@@ -36,6 +38,7 @@ impl Clock {
             first: None,
             last: f64::NEG_INFINITY,
             step: None,
+            early: Vec::new(),
             gaps: 0,
             longest: (0.0, 0),
         }
@@ -63,6 +66,7 @@ impl Clock {
         if episode > self.episode {
             (self.episode, self.start, self.first, self.last) =
                 (episode, self.frames, None, f64::NEG_INFINITY);
+            self.early.clear();
         }
         let (unit, between) = match &self.rule {
             TimeRule::Rate(rate) => {
@@ -85,10 +89,10 @@ impl Clock {
                 return Err(fault("times", "whole numbers in s, as frame numbers are".into(), needed));
             }
             Times::Whole(ticks) => {
-                let first = self.first.or_else(|| ticks.first().copied()).unwrap_or(0);
-                self.first = Some(first);
+                self.first = self.first.or_else(|| ticks.first().copied());
                 // As integers: 1.7e18 ns are not exact as a float.
-                seconds.extend(ticks.iter().map(|t| t.saturating_sub(first) as f64 / per_second as f64));
+                let since = |t: &i64| t.saturating_sub(self.first.unwrap_or(*t));
+                seconds.extend(ticks.iter().map(|t| since(t) as f64 / per_second as f64));
                 ticks.len()
             }
             Times::Real(times) => {
@@ -110,8 +114,12 @@ impl Clock {
             let found = format!("a time of {latest:e} s with times in {}", unit.name());
             return Err(fault("times", found, "finite times, and the unit that they have in the file"));
         }
-        if self.step.is_none() && new.len() > 2 {
-            let mut steps: Vec<f64> = new.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if self.step.is_none() {
+            self.early.extend_from_slice(new);
+        }
+        if self.early.len() > 2 {
+            let early = std::mem::take(&mut self.early);
+            let mut steps: Vec<f64> = early.windows(2).map(|pair| pair[1] - pair[0]).collect();
             let middle = steps.len() / 2;
             let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
             if step > 0.0 && !(between[0]..=between[1]).contains(&(1.0 / step)) {
