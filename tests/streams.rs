@@ -303,6 +303,11 @@ fn damaged_files_are_refused_or_stated() {
             ("B,0.5,1\n", "B;0,5;1\n", "column 1: found \"B;0\""),
             ("0.5,1\n", "0.5,x\n", "column 3: found \"x\"; needed: a number"),
             ("SECONDS_PER_FRAME 0.1", "SECONDS_PER_FRAME 0,1", "needed: a number with a decimal point"),
+            (
+                "SECONDS_PER_FRAME 0.1",
+                "SECONDS_PER_FRAME 1e-320",
+                "needed: the seconds from a frame to the next",
+            ),
             ("5.08 mm", "5,08 mm", "needed: a number with a decimal point"),
             ("5.08 mm", "5.08 ells", "a number above 0 and mm"),
             ("Raw Sum=,,7.5", "Raw Sum=,,9", "frame 7: found cells of the sum 7.5; needed: 9, the Raw Sum"),

@@ -53,9 +53,10 @@ fn date(word: &str) -> Option<f64> {
     if month < 1 || !(1..=longest).contains(&day) {
         return None;
     }
-    let time = time.trim_end_matches(['Z', 'z']);
-    let sign = time.find(['+', '-']);
-    let (time, zone) = sign.map_or((time, ""), |at| time.split_at(at));
+    let (time, zone) = match time.find(['+', '-']) {
+        Some(at) => time.split_at(at),
+        None => (time.strip_suffix(['Z', 'z']).unwrap_or(time), ""),
+    };
     let zone = match zone.split_at_checked(1) {
         None => 0,
         Some((sign, zone)) => {
@@ -67,6 +68,9 @@ fn date(word: &str) -> Option<f64> {
     let mut parts = time.splitn(3, ':');
     let (hours, minutes) = (whole(parts.next()?, 24)?, whole(parts.next()?, 59)?);
     let seconds = parts.next().map_or(Some(0.0), |text| finite(text).filter(|s| (0.0..61.0).contains(s)))?;
+    if hours == 24 && (minutes > 0 || seconds > 0.0) {
+        return None;
+    }
     // Days of the calendar, of years that begin in March.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let days = 365 * year + year.div_euclid(4) - year.div_euclid(100)
@@ -98,6 +102,7 @@ mod tests {
         assert_eq!(time("1970-01-02T00:00:01.5Z", 1).unwrap(), 86_401.5);
         assert_eq!(time("2026-01-31 12:00:00+01:30", 1).unwrap(), 1_769_855_400.0);
         assert_eq!(time("2024-02-29T23:59:59-0100", 1000).unwrap(), 1_709_254_799.0);
+        assert_eq!(time("1970-01-01T24:00:00", 1).unwrap(), 86_400.0);
         for odd in [
             "1.7e12",
             "nan",
@@ -108,6 +113,9 @@ mod tests {
             "2026-01-01",
             "T",
             "2026-01-01T00:00+x",
+            "2026-01-01T24:59:59",
+            "2026-01-01T12:00ZZ",
+            "2026-01-01T12:00+01:00Z",
         ] {
             assert!(time(odd, 1).is_err(), "{odd}");
         }

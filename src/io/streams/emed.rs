@@ -9,7 +9,7 @@ use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
 use crate::io::streams::lines::{TextLines, number, words};
-use crate::io::streams::numbers::is_sum;
+use crate::io::streams::numbers::{is_interval, is_sum};
 
 /// A force may differ from the sum of cells by this share of it, and by this many N.
 const FORCE_TOLERANCE: [f64; 2] = [5e-4, 0.02];
@@ -138,8 +138,9 @@ fn next_page(
             );
         }
         if let Some(step) = after(&text, "Time/picture:") {
-            let ms = number(step.trim_end_matches("ms").as_bytes()).filter(|ms| *ms > 0.0);
-            about.step = Some(ms.ok_or_else(|| wrong("the time of a picture as 10.0 ms"))? / 1e3);
+            let ms = number(step.trim_end_matches("ms").as_bytes()).map(|ms| ms / 1e3);
+            let step = ms.filter(|step| is_interval(*step));
+            about.step = Some(step.ok_or_else(|| wrong("the time of a picture as 10.0 ms"))?);
         }
         if let Some(picture) = after(&text, "Pict-No.:") {
             let picture = picture.split_whitespace().next().and_then(|word| word.parse().ok());

@@ -21,6 +21,11 @@ pub(super) fn length(lines: &TextLines, text: &str) -> Result<f64, IoError> {
     Err(lines.at().invalid(format!("the length {text}"), "a number above 0 and mm, cm, in or m"))
 }
 
+/// Whether a number can be the seconds from a frame to the next: a recording has at most a billion frames a second.
+pub(super) fn is_interval(seconds: f64) -> bool {
+    (1e-9..f64::INFINITY).contains(&seconds)
+}
+
 /// A unit as a vendor spells it, as it is known here.
 pub(super) fn unit(text: &str) -> String {
     match text.trim() {

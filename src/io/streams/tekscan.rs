@@ -9,7 +9,7 @@ use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split, number};
-use crate::io::streams::numbers::{is_sum, length, unit};
+use crate::io::streams::numbers::{is_interval, is_sum, length, unit};
 
 /// Keys of the header that are stated as they are.
 const NOTES: [(&str, &str); 6] = [
@@ -58,8 +58,9 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let unit = unit(need("UNITS")?);
     let seconds_per_frame =
         lines.number(need("SECONDS_PER_FRAME")?.as_bytes(), || "SECONDS_PER_FRAME".into())?;
-    if seconds_per_frame <= 0.0 {
-        return Err(lines.at().invalid(format!("SECONDS_PER_FRAME {seconds_per_frame}"), "a number above 0"));
+    if !is_interval(seconds_per_frame) {
+        let needed = "the seconds from a frame to the next, as 0.01";
+        return Err(lines.at().invalid(format!("SECONDS_PER_FRAME {seconds_per_frame}"), needed));
     }
     let number = |key: &str| header.get(key).and_then(|text| text.parse::<u64>().ok());
     let numbers = number("START_FRAME").zip(number("END_FRAME")).map(|(first, last)| [first, last]);
