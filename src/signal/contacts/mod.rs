@@ -81,7 +81,7 @@ pub struct TrackerOptions {
 
 impl Default for TrackerOptions {
     /// A threshold estimated from five frames, and half of it as the lower one; at least two taxels;
-    /// splitting where a peak of more than three taxels rises by half of its height; a reach of a centimetre;
+    /// splitting where a peak of more than three taxels rises by 0.4 of its height; a reach of a centimetre;
     /// every contact reported at once.
     fn default() -> Self {
         Self {
@@ -90,7 +90,7 @@ impl Default for TrackerOptions {
             threshold: None,
             low: 0.5,
             least: 2,
-            prominence: 0.5,
+            prominence: 0.4,
             part: 4,
             noise_frames: 5,
             reach: 0.01,
