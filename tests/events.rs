@@ -357,7 +357,9 @@ fn words_of_many_presses() {
         let Judged { words, missed, wrong, .. } = judge(duration, roll, 20, 2000.0, seed);
         let count = |word: Word| words.iter().filter(|found| **found == word).count();
         let [tap, press, stroke] = [Word::Tap, Word::Press, Word::Stroke].map(count);
-        println!("{duration} s, {roll} m: {tap} taps, {press} presses, {stroke} strokes of 20, {missed} missed");
+        println!(
+            "{duration} s, {roll} m: {tap} taps, {press} presses, {stroke} strokes of 20, {missed} missed"
+        );
         assert_eq!((tap + press + stroke, wrong), (20, 0), "{words:?}");
     }
 }

@@ -33,6 +33,22 @@ pub(super) struct PatchReadings<'a> {
     pub(super) options: &'a TrackerOptions,
     /// The upper threshold.
     pub(super) high: f64,
+    /// A region has a taxel above this: the upper threshold, or the lower one if the noise is known.
+    pub(super) least_seed: f64,
+}
+
+impl PatchReadings<'_> {
+    /// Whether a region is more than noise: one of its taxels is above the upper threshold, or all of them together are
+    /// as unlikely, whose sum of noise grows with the root of their number.
+    pub(super) fn is_evident(&self, taxels: &[VertexId]) -> bool {
+        let sum: f64 = taxels.iter().map(|&taxel| self.values[taxel]).sum();
+        taxels.iter().any(|&taxel| self.values[taxel] > self.high)
+            || (self.knows_noise() && sum > self.high * (taxels.len() as f64).sqrt())
+    }
+
+    pub(super) fn knows_noise(&self) -> bool {
+        self.least_seed < self.high
+    }
 }
 
 /// Splits regions; owns its lists.
@@ -105,7 +121,8 @@ impl Splitter {
         for &taxel in taxels {
             let corners = around.faces(taxel).flat_map(|face| mesh.triangles[face]);
             let finite = corners.filter(|&next| next != taxel && values[next].is_finite());
-            let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), next| (sum + values[next], count + 1.0));
+            let (sum, count) =
+                finite.fold((0.0, 0.0), |(sum, count), next| (sum + values[next], count + 1.0));
             let beside = if count > 0.0 { sum / count } else { values[taxel] };
             self.smooth[taxel] = 0.5 * (values[taxel] + beside);
         }

@@ -149,7 +149,8 @@ impl Events {
             SignalError::NoEventTime => advise(error.to_string(), "give --rate HZ"),
             other => Error::from(other).into(),
         })?;
-        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
+        let lines: String =
+            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
         self.count += events.iter().filter(|event| event.phase == Phase::End).count();
         self.put(&lines)
     }
@@ -157,7 +158,8 @@ impl Events {
     /// Ends what goes on, completes the file, and counts the events that have ended.
     pub(super) fn finish(mut self, common: &Common) -> anyhow::Result<usize> {
         let events = self.detector.finish();
-        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
+        let lines: String =
+            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
         self.count += events.iter().filter(|event| event.phase == Phase::End).count();
         self.put(&lines)?;
         if !is_stream(&self.path) {
