@@ -4,10 +4,10 @@ use dermatome::id::VertexId;
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::signal::{
-    BodyWord, ContactEvent, ContactRegion, ContactTracker, Event, EventDetector, EventOptions, Phase,
-    SignalError, Touch, TouchOptions, TouchSimulation, TrackerOptions, Word,
+    BodyWord, Channel, ContactEvent, ContactRegion, ContactTracker, Event, EventDetector, EventOptions,
+    Frame, Phase, Probe, SignalError, Touch, TouchOptions, TouchSimulation, TrackerOptions, Word,
 };
-use dermatome::skin::{LinkId, Skin};
+use dermatome::skin::{LinkId, PatchId, Skin};
 use glam::{DVec2, DVec3};
 
 /// A flat skin of taxels 4 mm apart, and its map.
@@ -219,6 +219,44 @@ fn any_rate_gives_the_same_words() {
         });
         let hold = |phase| (Word::Hold, phase);
         assert_eq!(words(&events), [BEGINS, hold(Phase::Change), hold(Phase::End)], "{rate} Hz");
+    }
+}
+
+/// Where all taxels are masked nothing touches; a contact ends where they become so. At a frame a second and at ten
+/// thousand, with any probe.
+#[test]
+fn masked_skins_have_no_events() {
+    let map = plane();
+    let channel = Channel::new("pressure", "Pa").unwrap();
+    for (probe, rate, seconds) in [
+        (Probe::Any, 1.0, 20.0),
+        (Probe::Any, 10_000.0, 0.2),
+        (Probe::Finger, 1.0, 20.0),
+        (Probe::Finger, 10_000.0, 0.2),
+    ] {
+        for from in [0.0, 0.6] {
+            let options = TrackerOptions { probe, threshold: Some(100.0), ..TrackerOptions::default() };
+            let mut tracker = ContactTracker::new(&map, &channel, &options).unwrap();
+            let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+            let mut frame = Frame::new(&map, 1);
+            let mut events = Vec::new();
+            for k in (0_u32..).take_while(|k| f64::from(*k) < seconds * rate) {
+                frame.time = f64::from(k) / rate;
+                let readings = &mut frame.values[PatchId::new(0)][0];
+                let is_masked = frame.time >= from * seconds;
+                readings.iter_mut().for_each(|x| *x = if is_masked { f64::NAN } else { 0.0 });
+                if !is_masked && frame.time > 0.2 * seconds {
+                    for taxel in [400, 401, 430, 431] {
+                        readings[VertexId::new(taxel)] = 5000.0;
+                    }
+                }
+                tracker.track(&frame);
+                events.extend_from_slice(detector.see(frame.time, &tracker).unwrap());
+            }
+            events.extend_from_slice(detector.finish());
+            let ended = events.iter().filter(|event| event.phase == Phase::End).count();
+            assert_eq!(ended, usize::from(from > 0.0), "{probe:?} at {rate} Hz: {:?}", words(&events));
+        }
     }
 }
 
