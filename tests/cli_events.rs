@@ -39,6 +39,8 @@ fn events_of_a_file_and_of_a_stream_are_the_same() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report = json(&output.stdout);
     assert_eq!((&report["at_once"], &report["events"]), (&1.into(), &2.into()), "{report}");
+    let text = fs::read_to_string(at.join("e.jsonl")).unwrap();
+    assert!(text.lines().all(|line| line.starts_with(r#"{"schema":"dermatome.event/1","#)), "{text}");
     let events = lines(at, "e.jsonl");
     let said: Vec<_> =
         events.iter().map(|event| [&event["event"], &event["phase"]].map(|x| x.as_str().unwrap())).collect();
@@ -59,6 +61,15 @@ fn events_of_a_file_and_of_a_stream_are_the_same() {
     // Sums have the same number.
     let sums = dermatome(at, "summary palm/map.glb t.csv -o s.csv --json").output().unwrap();
     assert_eq!(json(&sums.stdout)["at_once"], 1);
+    // Fingers side by side.
+    let made = "touch palm.glb -o w.csv --shape finger --sphere-mm 7 --length-mm 20 --touches 2 --apart-mm 16 \
+                --presses 1 --roll-mm 0 --reads pressure --pause-s 0.5 --seed 3";
+    dermatome(at, made).assert().success();
+    let count = |probe: &str| {
+        let mut sums = dermatome(at, &format!("summary palm/map.glb w.csv -o s.csv --json --probe {probe}"));
+        json(&sums.output().unwrap().stdout)["at_once"].as_u64()
+    };
+    assert_eq!([count("any"), count("finger")], [Some(1), Some(2)]);
 }
 
 #[test]

@@ -12,8 +12,8 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
-    Channel, ContactTracker, Duplicates, Frame, Probe, Quantity, ReadoutOptions, TouchOptions, TouchShape,
-    TouchSimulation, TrackerOptions,
+    Channel, ContactTracker, Duplicates, Frame, Probe, Quantity, ReadoutOptions, Touch, TouchOptions,
+    TouchShape, TouchSimulation, TrackerOptions,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::DVec2;
@@ -72,11 +72,11 @@ fn fingers_are_counted() {
 #[test]
 #[ignore = "takes minutes: run it after a change of how contacts are counted"]
 fn all_fingers_are_counted() {
-    for (name, odd) in [("odd", 1), ("even", 0)] {
+    for (name, odd, least) in [("odd", 1, 0.73), ("even", 0, 0.68)] {
         let Some(found) = count_fingers(|number| number % 10 != 7 && number % 2 == odd) else { return };
         let [right, near] = shares(&found);
         println!("{name}: right {right:.3}, within one {near:.3}: {found:?}");
-        assert!(right >= 0.66 && near >= 0.92, "{name}: {found:?}");
+        assert!(right >= least && near >= 0.94, "{name}: {found:?}");
         assert_eq!(found[0][1..], [0; 7], "nothing touches");
     }
 }
@@ -97,31 +97,44 @@ fn pressed(shape: TouchShape) -> TouchOptions {
     }
 }
 
-/// The number of contacts of a simulated touch, and for each body how many taxels feel it.
+/// The number of contacts of a simulated touch, and for each body how many taxels read more than the threshold of the
+/// tracker because of it alone, without noise.
 fn count_of(touches: &TouchOptions, probe: Probe) -> (usize, Vec<usize>) {
     let mesh = shapes::lattice(30, 34, 0.00726);
     let skin = Skin::from_mesh("skin", mesh.clone());
-    let map = SkinMap::flat(mesh, 1e-3);
+    let map = SkinMap::flat(mesh.clone(), 1e-3);
     let mut simulation = TouchSimulation::new(&skin, touches).unwrap();
+    let mut without_noise =
+        TouchSimulation::new(&skin, &TouchOptions { noise: 0.0, ..touches.clone() }).unwrap();
     let options = TrackerOptions { probe, low: probe.low(), ..TrackerOptions::default() };
     let mut tracker = ContactTracker::new(&map, simulation.channel(), &options).unwrap();
     let mut most = vec![0; touches.touches];
-    while let Some((frame, now)) = simulation.next_frame() {
+    while let Some((frame, _)) = simulation.next_frame() {
         tracker.track(frame);
-        now.iter().for_each(|touch| most[touch.press] = most[touch.press].max(touch.taxels));
+        let (clean, now) = without_noise.next_frame().unwrap();
+        let mut above = vec![0; touches.touches];
+        for (taxel, at) in mesh.positions.enumerate() {
+            let distance = |touch: &&Touch| touch.centre.distance_squared(*at);
+            let nearest = now.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            if let Some((touch, threshold)) = nearest.zip(tracker.threshold()) {
+                let reading = clean.values[PatchId::new(0)][0][taxel];
+                above[touch.press] += usize::from(reading > threshold);
+            }
+        }
+        most.iter_mut().zip(above).for_each(|(most, now)| *most = now.max(*most));
     }
     (tracker.at_once(), most)
 }
 
-/// How many of simulated touches, with noise of 1, 3 and 5 kPa, are counted right, of how many that can be felt.
+/// How many of simulated touches, with noise of 1, 3 and 5 kPa, are counted right, of how many that are visible: two
+/// taxels or more of each body above the threshold.
 fn right_of(touches: &TouchOptions, probe: Probe, each: u64) -> [usize; 2] {
     let mut sums = [0; 2];
     for seed in 0..3 * each {
         let noise = [1000.0, 3000.0, 5000.0][usize::try_from(seed % 3).unwrap()];
         let touches = TouchOptions { noise, seed: 1 + seed, ..touches.clone() };
-        let (found, felt) = count_of(&touches, probe);
-        // A body between taxels is felt by one or none of them.
-        if felt.iter().all(|&taxels| taxels > 2) {
+        let (found, above) = count_of(&touches, probe);
+        if above.iter().all(|&taxels| taxels >= 2) {
             sums[0] += usize::from(found == touches.touches);
             sums[1] += 1;
         }
@@ -135,9 +148,9 @@ fn simulated_fingers_and_palms_are_counted() {
     let finger = TouchOptions { length: 0.03, radii: vec![0.007], ..pressed(TouchShape::Finger) };
     let palm = TouchOptions { length: 0.06, ..pressed(TouchShape::Palm) };
     let two = TouchOptions { touches: 2, apart: Some(0.04), ..pressed(TouchShape::Sphere) };
-    for (name, touches, wrong) in [("finger", finger, 1), ("palm", palm, 1), ("two spheres", two, 2)] {
+    for (name, touches) in [("finger", finger), ("palm", palm), ("two spheres", two)] {
         let [right, of] = right_of(&touches, Probe::Finger, 2);
-        assert!(of >= 4 && right + wrong >= of, "{name}: {right} of {of}");
+        assert!(of >= 4 && right == of, "{name}: {right} of {of}");
     }
     // Noise alone is no contact.
     let untouched = TouchOptions { presses: 0, pause: 2.0, noise: 5000.0, ..pressed(TouchShape::Sphere) };
@@ -178,29 +191,46 @@ fn a_touch_elsewhere_changes_no_contact() {
     assert!(contacts_near_the_corner(&beside).len() < 3);
 }
 
-/// The table of shapes, sizes and distances.
+/// The table of shapes, sizes and distances: counted right of those that are visible.
 #[test]
 #[ignore = "takes minutes: run it after a change of how contacts are counted"]
 fn shapes_sizes_and_distances_are_counted() {
-    for probe in [Probe::Any, Probe::Finger] {
-        for (radius, name) in
-            [(0.012, "sphere 12 mm"), (0.02, "sphere 20 mm"), (0.03, "sphere 30 mm"), (0.04, "sphere 40 mm")]
-        {
-            let sphere = TouchOptions { radii: vec![radius], ..pressed(TouchShape::Sphere) };
-            println!("{probe:?}, {name}: {:?}", right_of(&sphere, probe, 4));
-        }
-        for length in [0.02, 0.04, 0.06] {
-            let finger = TouchOptions { length, radii: vec![0.007], ..pressed(TouchShape::Finger) };
-            println!("{probe:?}, finger {length} m: {:?}", right_of(&finger, probe, 4));
-        }
-        for length in [0.04, 0.06] {
-            let palm = TouchOptions { length, ..pressed(TouchShape::Palm) };
-            println!("{probe:?}, palm {length} m: {:?}", right_of(&palm, probe, 4));
-        }
-        for apart in [0.015, 0.02, 0.03, 0.04] {
-            let radii = vec![0.008, 0.012, 0.015];
-            let two = TouchOptions { touches: 2, apart: Some(apart), radii, ..pressed(TouchShape::Sphere) };
-            println!("{probe:?}, two {apart} m apart: {:?}", right_of(&two, probe, 4));
+    const EACH: u64 = 16;
+    let sphere = |radius| TouchOptions { radii: vec![radius], ..pressed(TouchShape::Sphere) };
+    let finger = |length| TouchOptions { length, radii: vec![0.007], ..pressed(TouchShape::Finger) };
+    let palm = |length| TouchOptions { length, ..pressed(TouchShape::Palm) };
+    let radii = vec![0.008, 0.012, 0.015];
+    let two = |apart| TouchOptions {
+        touches: 2,
+        apart: Some(apart),
+        radii: radii.clone(),
+        ..pressed(TouchShape::Sphere)
+    };
+    // A row, and the least share with either probe; large spheres are as wide as two fingers.
+    let rows = [
+        ("sphere 12 mm", sphere(0.012), [0.94, 0.94]),
+        ("sphere 20 mm", sphere(0.02), [0.94, 0.94]),
+        ("sphere 30 mm", sphere(0.03), [0.85, 0.0]),
+        ("sphere 40 mm", sphere(0.04), [0.85, 0.0]),
+        ("finger 20 mm", finger(0.02), [0.94, 0.94]),
+        ("finger 40 mm", finger(0.04), [0.94, 0.8]),
+        ("finger 60 mm", finger(0.06), [0.85, 0.6]),
+        ("palm 40 mm", palm(0.04), [0.75, 0.7]),
+        ("palm 60 mm", palm(0.06), [1.0, 1.0]),
+        ("two 15 mm apart", two(0.015), [0.0, 0.0]),
+        ("two 20 mm apart", two(0.02), [0.8, 0.8]),
+        ("two 30 mm apart", two(0.03), [0.95, 0.95]),
+        ("two 40 mm apart", two(0.04), [0.95, 0.95]),
+    ];
+    let mut missed = Vec::new();
+    for (name, touches, least) in &rows {
+        let counts = [Probe::Any, Probe::Finger].map(|probe| right_of(touches, probe, EACH));
+        let [[any, any_of], [finger, finger_of]] = counts;
+        println!("| {name} | {any} of {any_of} | {finger} of {finger_of} |");
+        let share = |[right, of]: [usize; 2]| right as f64 / of as f64;
+        if counts.iter().zip(least).any(|(count, least)| share(*count) < *least) {
+            missed.push(name);
         }
     }
+    assert!(missed.is_empty(), "{missed:?}");
 }

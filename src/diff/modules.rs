@@ -9,7 +9,7 @@ use crate::calib::{Pose, outer};
 use crate::diff::align::common_motion;
 use crate::diff::comparison::{Comparison, Test};
 use crate::diff::pairs::Pair;
-use crate::diff::spread::{shared, spread};
+use crate::diff::spread::{shared, spread, uneven_spread};
 use crate::diff::{AlignedLink, Change, ChangeKind, Subject};
 use crate::numeric::{quantile, symmetric_eigen};
 
@@ -68,7 +68,7 @@ impl<'p> Comparison<'p> {
             }
             let still = || modules.iter().filter(|module| !module.is_changed);
             let shifts = spread(still().map(|module| (module.shift, module.expected[0])));
-            let turns = spread(still().map(|module| (module.turn, module.expected[1])));
+            let turns = uneven_spread(still().map(|module| (module.turn, module.expected[1])));
             for module in &mut modules {
                 module.shift_test = Test::new(module.shift, self.sigma(module.expected[0], shifts));
                 module.turn_test = Test::new(module.turn, self.sigma(module.expected[1], turns));

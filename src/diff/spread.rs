@@ -10,6 +10,9 @@ const NEIGHBOURS: usize = 12;
 /// The standard deviation of normal numbers over their median size.
 const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
 
+/// The 90 % quantile of the sizes of normal numbers.
+const NORMAL_QUANTILE: f64 = 1.644_854;
+
 /// Differences from which their spread is estimated.
 const LEAST_DIFFERENCES: usize = 8;
 
@@ -44,11 +47,22 @@ pub(super) fn shared(differences: impl Iterator<Item = DVec3> + Clone) -> DVec3 
 /// The standard deviation of differences over what was expected of each of them, from the median of their components,
 /// and enlarged by its own uncertainty; `None` of too few.
 pub(super) fn spread(differences: impl Iterator<Item = (DVec3, f64)>) -> Option<f64> {
-    let mut sizes: Vec<f64> = differences.flat_map(|(d, expected)| (d / expected).abs().to_array()).collect();
+    let (mut sizes, uncertainty) = sizes(differences)?;
+    Some(DEVIATION_OF_MEDIAN * median_of(&mut sizes)? * uncertainty)
+}
+
+/// The same of differences that do not all spread alike: from their 90 % quantile if that gives more. Modules tilt more
+/// where a calibration knows less of the normals, which the expected number does not say.
+pub(super) fn uneven_spread(differences: impl Iterator<Item = (DVec3, f64)> + Clone) -> Option<f64> {
+    let (mut sizes, uncertainty) = sizes(differences.clone())?;
+    let place = sizes.len() * 9 / 10;
+    let large = *sizes.select_nth_unstable_by(place, f64::total_cmp).1 / NORMAL_QUANTILE;
+    Some(spread(differences)?.max(large * uncertainty))
+}
+
+/// Sizes of components over what was expected, and one plus the relative uncertainty of their spread.
+fn sizes(differences: impl Iterator<Item = (DVec3, f64)>) -> Option<(Vec<f64>, f64)> {
+    let sizes: Vec<f64> = differences.flat_map(|(d, expected)| (d / expected).abs().to_array()).collect();
     let count = sizes.len() / 3;
-    if count < LEAST_DIFFERENCES {
-        return None;
-    }
-    let median = median_of(&mut sizes)?;
-    Some(DEVIATION_OF_MEDIAN * median * (1.0 + 2.0 / (count as f64).sqrt()))
+    (count >= LEAST_DIFFERENCES).then(|| (sizes, 1.0 + 2.0 / (count as f64).sqrt()))
 }

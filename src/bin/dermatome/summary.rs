@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::io::{LoadWriter, SummaryCell, summary_rows, write_summary};
-use dermatome::signal::{Group, TrackerOptions};
+use dermatome::signal::{Group, Probe, TrackerOptions};
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
@@ -14,7 +14,7 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Common, InPath, OutFile, RegionsArgs, number};
+use crate::options::{Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
 /// Add up a recording by region, patch, link, contact and for the whole skin.
@@ -40,6 +40,9 @@ pub(crate) struct Args {
     /// during which the skin must be untouched; their mean is then subtracted]
     #[arg(long, value_name = "X", value_parser = threshold)]
     threshold: Option<f64>,
+    /// What touches the skin, for contacts that are close to each other
+    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
+    probe: Probe,
     /// The channel that is added up [default: the first]
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
@@ -68,7 +71,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let map = Arc::new(map);
     let mut recording = args.readings_args.open(frames, &args.readings, &map, common)?;
     let channel = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
-    let tracker = TrackerOptions { threshold: args.threshold, ..recording.tracker_options(channel) };
+    let tracker = TrackerOptions {
+        probe: args.probe,
+        low: args.probe.low(),
+        threshold: args.threshold,
+        ..recording.tracker_options(channel)
+    };
     recording.summarise(&tracker).map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));

@@ -18,6 +18,8 @@ pub(super) struct Finder {
     /// The taxels that are not `FREE`.
     marked: Vec<(PatchId, VertexId)>,
     open: Vec<VertexId>,
+    /// The number, from 1 on, of the contact of the last frame that had each taxel; 0 for none.
+    before: IdVec<PatchId, IdVec<VertexId, u32>>,
     splitter: Splitter,
     /// Lists of earlier regions, for reuse.
     spare: Vec<Vec<VertexId>>,
@@ -31,6 +33,7 @@ impl Finder {
         Self {
             marks: map.patches.map(|patch| IdVec::filled(FREE, patch.taxels.ids.len())),
             marked: Vec::new(),
+            before: map.patches.map(|patch| IdVec::filled(0, patch.taxels.ids.len())),
             open: Vec::new(),
             splitter: Splitter::default(),
             spare: Vec::new(),
@@ -60,6 +63,15 @@ impl Finder {
         self.spare.push(region.taxels);
     }
 
+    /// Takes the contacts of the last frame: where the noise is known, a contact goes on down to the lower threshold, or
+    /// with one taxel above the upper one if nothing else is left of it.
+    pub(super) fn follow(&mut self, last: &[ContactRegion]) {
+        self.before.iter_mut().for_each(|patch| patch.as_mut_slice().fill(0));
+        for (region, number) in last.iter().zip(1..) {
+            region.taxels.iter().for_each(|&taxel| self.before[region.patch][taxel] = number);
+        }
+    }
+
     /// Adds the regions of a patch to `found`, with their taxels only.
     pub(super) fn find(
         &mut self,
@@ -69,33 +81,49 @@ impl Finder {
     ) {
         /// Taxels compared at once.
         const BLOCK: usize = 16;
-        let PatchReadings { values, options, high, .. } = *readings;
+        let PatchReadings { values, options, least_seed, .. } = *readings;
+        let first = found.len();
         for (block, of_block) in values.as_slice().chunks(BLOCK).enumerate() {
-            if !of_block.iter().fold(false, |any, &x| any | (x > high)) {
+            if !of_block.iter().fold(false, |any, &x| any | (x > least_seed)) {
                 continue;
             }
             for at in block * BLOCK..block * BLOCK + of_block.len() {
                 let seed = VertexId::new(at);
-                let is_seed = values[seed] > high && values[seed].is_finite();
+                let is_seed = values[seed] > least_seed && values[seed].is_finite();
                 if !is_seed || self.marks[patch][seed] != FREE {
                     continue;
                 }
                 let mut taxels = self.take_list();
                 self.flood(patch, readings, seed, &mut taxels);
+                let goes_on = readings.knows_noise() && taxels.iter().any(|&v| self.before[patch][v] > 0);
+                let least = if goes_on { 1 } else { options.least };
+                if taxels.len() < least || !(readings.is_evident(&taxels) || goes_on && taxels.len() > 1) {
+                    self.recycle(ContactRegion { taxels, ..ContactRegion::default() });
+                    continue;
+                }
                 self.largest = self.largest.max(taxels.len());
                 taxels.sort_unstable();
                 let region = ContactRegion { patch, taxels, ..ContactRegion::default() };
                 if options.prominence < 1.0 && region.taxels.len() > options.part {
-                    self.add_parts(readings, region, found);
+                    self.add_parts(readings, region, least, found);
                 } else {
-                    self.add(region, options.least, found);
+                    found.push(region);
                 }
             }
         }
-    }
-
-    fn add(&mut self, region: ContactRegion, least: usize, found: &mut Vec<ContactRegion>) {
-        if region.taxels.len() >= least { found.push(region) } else { self.recycle(region) }
+        for at in (first..found.len()).rev().filter(|_| options.least > 1) {
+            let &[taxel] = &found[at].taxels[..] else { continue };
+            let number = self.before[patch][taxel];
+            // A larger one, or an earlier one.
+            let is_of_it = |(k, region): (usize, &ContactRegion)| {
+                (region.taxels.len() > 1 || k < at)
+                    && region.taxels.iter().any(|&v| self.before[patch][v] == number)
+            };
+            if found.iter().enumerate().skip(first).any(is_of_it) {
+                let region = found.remove(at);
+                self.recycle(region);
+            }
+        }
     }
 
     /// Adds the subregions of a region that are separate contacts, or the region if there is only one.
@@ -103,9 +131,10 @@ impl Finder {
         &mut self,
         readings: &PatchReadings<'_>,
         region: ContactRegion,
+        least: usize,
         found: &mut Vec<ContactRegion>,
     ) {
-        let (patch, least) = (region.patch, readings.options.least);
+        let patch = region.patch;
         let marks = &mut self.marks[patch];
         let parts = self.splitter.split(readings, &region.taxels, marks);
         let has_parts = parts.len() > 1;
@@ -123,7 +152,7 @@ impl Finder {
             }
         }
         region.taxels.iter().for_each(|&taxel| marks[taxel] = TAKEN);
-        if has_parts { self.recycle(region) } else { self.add(region, least, found) }
+        if has_parts { self.recycle(region) } else { found.push(region) }
     }
 
     /// Lists the taxels above the lower threshold that are connected to `seed`.
@@ -134,7 +163,7 @@ impl Finder {
         seed: VertexId,
         taxels: &mut Vec<VertexId>,
     ) {
-        let PatchReadings { mesh, around, values, options, high } = *readings;
+        let PatchReadings { mesh, around, values, options, high, .. } = *readings;
         let (low, marks) = (options.low * high, &mut self.marks[patch]);
         marks[seed] = TAKEN;
         self.marked.push((patch, seed));

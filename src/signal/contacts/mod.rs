@@ -11,6 +11,10 @@
 //! `tracker` combines all steps ([`ContactTracker`]), and `at_once` counts the contacts of a touch. With
 //! [`Probe::Finger`], `fingers` prepares the readings and splits regions instead of `split`.
 //!
+//! Where the threshold is estimated, the noise is known: connected taxels above the lower threshold are a region too if
+//! their sum is above the upper one times the root of their number, as unlikely as one taxel above it; and a contact goes
+//! on while it is above the lower threshold.
+//!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
 //! same first frames is subtracted from each taxel; else subtract a baseline first
 //! ([`Conditioner`](crate::signal::Conditioner)).
@@ -81,7 +85,7 @@ pub struct TrackerOptions {
 
 impl Default for TrackerOptions {
     /// A threshold estimated from five frames, and half of it as the lower one; at least two taxels;
-    /// splitting where a peak of more than three taxels rises by half of its height; a reach of a centimetre;
+    /// splitting where a peak of more than three taxels rises by 0.4 of its height; a reach of a centimetre;
     /// every contact reported at once.
     fn default() -> Self {
         Self {
@@ -90,7 +94,7 @@ impl Default for TrackerOptions {
             threshold: None,
             low: 0.5,
             least: 2,
-            prominence: 0.5,
+            prominence: 0.4,
             part: 4,
             noise_frames: 5,
             reach: 0.01,

@@ -202,7 +202,8 @@ impl ContactTracker {
     fn find(&mut self, frame: &Frame, high: f64) {
         // Smaller readings have no digits left for the centre of pressure.
         let high = high.max(f64::from(f32::MIN_POSITIVE));
-        let Self { patches, around, options, rest, values, finder, found, fingers, .. } = self;
+        let Self { patches, around, options, rest, values, finder, found, fingers, last, .. } = self;
+        finder.follow(last);
         // Fingers split regions themselves.
         let prominence = if fingers.is_some() { 1.0 } else { options.prominence };
         let options = &TrackerOptions { prominence, ..*options };
@@ -218,7 +219,9 @@ impl ContactTracker {
                 }
             }
             let values = fingers.as_ref().map_or(&values[id], |fingers| fingers.smooth(id));
-            let readings = PatchReadings { mesh, around: &around[id], values, options, high };
+            let is_estimated = fingers.is_none() && options.threshold.is_none();
+            let least_seed = if is_estimated { options.low * high } else { high };
+            let readings = PatchReadings { mesh, around: &around[id], values, options, high, least_seed };
             finder.find(id, &readings, found);
         }
         if let Some(fingers) = fingers {

@@ -1,12 +1,13 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `events`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
 mod calib;
 mod errors;
+mod events;
 mod index;
 mod jobs;
 mod layout;
@@ -50,6 +51,7 @@ mod _dermatome {
     use super::{
         bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
         calib::{PyCalibration, calibrate, simulate},
+        events::{PyEventDetector, diff},
         index::{PyFields, PyHits, PyIndex},
         layout::{PyDecoder, PyLayout},
         map::{PyLevel, PyMap, PyPatch, build},

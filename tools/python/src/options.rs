@@ -6,7 +6,7 @@ use dermatome::{
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
     mesh::FillHoles,
     pyramid::LevelId,
-    signal::{Channel, Quantity},
+    signal::{Channel, Probe, Quantity},
     skin::{TaxelId, Weld},
 };
 use glam::DVec3;
@@ -58,6 +58,11 @@ pub(crate) fn level(argument: &str, found: i64, levels: usize) -> PyResult<Level
     known
         .map(LevelId::new)
         .ok_or_else(|| bad(argument, found, format!("a level from 0 to {}", levels.saturating_sub(1))))
+}
+
+/// What touches the skin, by its word.
+pub(crate) fn probe(found: &str) -> PyResult<Probe> {
+    word("probe", found, &[("any", Probe::Any), ("finger", Probe::Finger)])
 }
 
 /// A unit of length, in m: a word or a number.

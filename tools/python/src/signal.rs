@@ -25,6 +25,7 @@ use dermatome::{
 use glam::DVec2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
+    exceptions::PyTypeError,
     prelude::*,
     types::{PyDict, PyList},
 };
@@ -40,7 +41,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::{PyMap, mask_too_large, starts},
     matrix::{PyMatrix, Rows},
-    options::{Extensive, channels, count, level, positive, word},
+    options::{Extensive, channels, count, level, positive, probe, word},
     skin::PySkin,
 };
 
@@ -586,11 +587,13 @@ const LARGEST_PLACE: f64 = 1e9;
 ///     The map.
 /// unit : str
 ///     Unit of the readings, as "Pa" or "N"; forces are known for units of pressure and force.
+/// probe : str
+///     What touches the skin: "any", or "finger" for fingers side by side. A tracker of fingers cannot be pickled.
 /// threshold : float, optional
 ///     A contact has a taxel above this, in the unit of the readings; by default estimated from the first frames,
 ///     in which nothing should touch the skin.
-/// low : float
-///     Its other taxels are above this share of the threshold.
+/// low : float, optional
+///     Its other taxels are above this share of the threshold; by default 0.5, of fingers 0.625.
 /// least : int
 ///     A contact has at least this many taxels.
 /// prominence : float
@@ -620,14 +623,15 @@ pub(crate) struct PyContactTracker {
 #[pymethods]
 impl PyContactTracker {
     #[new]
-    #[pyo3(signature = (map, *, unit="Pa", threshold=None, low=0.5, least=2, prominence=0.5, part=4, noise_frames=5,
-        reach=0.01, lasting=1))]
+    #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, low=None, least=2, prominence=0.4, part=4,
+        noise_frames=5, reach=0.01, lasting=1))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         map: &Bound<'_, PyMap>,
         unit: &str,
+        probe: &str,
         threshold: Option<f64>,
-        low: f64,
+        low: Option<f64>,
         least: i64,
         prominence: f64,
         part: i64,
@@ -636,11 +640,12 @@ impl PyContactTracker {
         lasting: i64,
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
+        let probe = self::probe(probe)?;
         let options = TrackerOptions {
-            probe: Probe::Any,
+            probe,
             channel: 0,
             threshold,
-            low,
+            low: low.unwrap_or(probe.low()),
             least: count("least", least)?,
             prominence,
             part: count("part", part)?,
@@ -662,6 +667,8 @@ impl PyContactTracker {
     /// ----------
     /// values : (N,) array_like
     ///     Readings in the order of the map; NaN where there is none.
+    /// time : float, optional
+    ///     Time of the frame, in s; without times frames count as 0.1 s apart, for `probe="finger"` and `at_once`.
     ///
     /// Returns
     /// -------
@@ -669,7 +676,13 @@ impl PyContactTracker {
     ///     For each contact its `track`, `event` ("onset", "move" or "release"), `age`, `patch`, `link`, `taxels`,
     ///     `area` (m^2), `force` (N), `centre` and `normal` (m, frame of the link), `uv` (m on the map), `major`,
     ///     `minor` (m), `angle` (rad), `peak_taxel` and `peak`.
-    fn track<'py>(&self, py: Python<'py>, values: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
+    #[pyo3(signature = (values, time=None))]
+    fn track<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        time: Option<f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
         let values = floats("values", values)?;
         if values.shape() != [self.taxels] {
             return Err(bad_shape("values", values.shape(), format!("shape ({},)", self.taxels)));
@@ -678,6 +691,7 @@ impl PyContactTracker {
         let regions = py.detach(|| {
             let (tracker, frame) = &mut *self.lock();
             self.join.fill(&values, frame);
+            frame.time = time.unwrap_or(f64::NAN);
             tracker.track(frame).to_vec()
         });
         let contacts = PyList::empty(py);
@@ -693,7 +707,16 @@ impl PyContactTracker {
         self.lock().0.threshold()
     }
 
+    /// int: How many contacts the strongest touch so far had at once, voted over its frames.
+    #[getter]
+    fn at_once(&self) -> usize {
+        self.lock().0.at_once()
+    }
+
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        if self.options.probe == Probe::Finger {
+            return Err(PyTypeError::new_err("cannot pickle a ContactTracker of fingers: it follows zeros"));
+        }
         let TrackerState { threshold, learned, rest, contacts, next } = self.lock().0.state();
         let state = PyDict::new(py);
         state.set_item("threshold", threshold)?;

@@ -87,7 +87,7 @@ def run(blocks, page):
             exec(compile(block, page, "exec"), names)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "tools/python/README.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md", "tools/python/README.md"])
 def test_blocks_run(page, folder, ros):
     text = (ROOT / page).read_text()
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "touch.npz" not in block]

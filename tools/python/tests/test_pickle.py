@@ -81,7 +81,7 @@ def one_of_each(dome_map, tmp_path):
     patch, layout = dome_map.patches["dome"], dermatome.Layout.parse(LAYOUT)
     things = [
         dome_map, patch, patch.levels[1], dermatome.Skin.from_arrays(*dome()), index, index.locate(dome()[0]), index.nearest(dome()[0], 3),
-        dome_map.pooling(1), dome_map.renderer(1), dermatome.ContactTracker(dome_map, threshold=1.0),
+        dome_map.pooling(1), dome_map.renderer(1), dermatome.ContactTracker(dome_map, threshold=1.0), dermatome.EventDetector(dome_map),
         dome_map.plot(values[0], width=300, levels=[1], range=(0, 1)), dermatome.coarsen(*dome())[1], dermatome.flatten(*dome()),
         observations, dermatome.calibrate(observations, robust="none", residual="log"), dermatome.Robot.read(tmp_path / "arm.urdf"), layout,
         layout.decoder("a.npy", (256,)), dermatome.RecordingFile(tmp_path / "a.npy"), dermatome.Readings.open(tmp_path / "a.npy", layout=layout),
@@ -93,8 +93,8 @@ def one_of_each(dome_map, tmp_path):
 
 def test_every_public_class_goes_to_spawned_processes_and_back(one_of_each, tmp_path):
     assert set(one_of_each) == {name for name in dermatome.__all__ if isinstance(getattr(dermatome, name), type)}
-    # These stand at a place of what they read.
-    for name in ("Decoder", "RecordingFile"):
+    # These stand at a frame of what they read.
+    for name in ("Decoder", "EventDetector", "RecordingFile"):
         with pytest.raises(TypeError, match=f"cannot pickle .*{name}"):
             pickle.dumps(one_of_each.pop(name))
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -200,6 +200,43 @@ def test_a_contact_is_followed(dome_map):
     assert tracker.threshold == 100.0
 
 
+def test_touches_are_said_in_words(dome_map):
+    readings, _ = dermatome.touch(dome_map, presses=2, roll=0.0, seed=5)
+    detector = dermatome.EventDetector(dome_map, unit="N", tap_s=0.2, words=[(dome_map.patches["dome"].link, (1, 0, 0), "on")])
+    frames = zip(readings.timestamps, readings.values[:, 0], strict=True)
+    events = [event for time, values in frames for event in detector.see(time, values)] + detector.finish()
+    assert [(event["event"], event["phase"]) for event in events] == [("touch", "begin"), ("press", "end")] * 2
+    press = events[1]
+    assert press["force_peak"] > 0.5 and len(press["taxels"]) > 2 and set(press["from"]) == set("xyzuv")
+    assert detector.at_once == 1 and detector.threshold is not None
+    finger = dermatome.ContactTracker(dome_map, unit="N", probe="finger")
+    for time, values in zip(readings.timestamps, readings.values[:, 0], strict=True):
+        finger.track(values, time)
+    assert finger.at_once == 1
+    with pytest.raises(TypeError, match="ContactTracker of fingers"):
+        pickle.dumps(finger)
+    for wrong in ({"tap": 1.0}, {"tap_s": 3.0}, {"pat_taps": -1}, {"probe": "hand"}, {"words": [("no", (1, 0, 0), "on")]}):
+        with pytest.raises(dermatome.DataError):
+            dermatome.EventDetector(dome_map, **wrong)
+    for time, values in ((np.nan, np.zeros(256)), (0.0, np.zeros(3))):
+        with pytest.raises(dermatome.DataError):
+            dermatome.EventDetector(dome_map).see(time, values)
+
+
+def test_changes_between_two_files_are_listed(tmp_path):
+    places = np.array([[0.005 * x, 0.005 * y, 0] for x in range(8) for y in range(8)])
+    for name, moved in (("a.csv", 0.0), ("b.csv", 0.002)):
+        places[20, 0] += moved
+        rows = (f"{k + 1},{x},{y},{z}" for k, (x, y, z) in enumerate(places))
+        (tmp_path / name).write_text("\n".join(["taxel_id,x,y,z", *rows]) + "\n")
+    assert dermatome.diff(tmp_path / "a.csv", tmp_path / "a.csv") == []
+    [change] = dermatome.diff(tmp_path / "a.csv", tmp_path / "b.csv", modules={21: "m"})
+    assert (change["kind"], change["taxels"].tolist()) == ("moved", [21])
+    assert change["distance"] == pytest.approx(0.002, abs=1e-4)
+    with pytest.raises(dermatome.DataError):
+        dermatome.diff(tmp_path / "a.csv", tmp_path / "b.csv", sigma=0.0)
+
+
 @pytest.mark.parametrize("threshold", [None, 0.5])
 @pytest.mark.parametrize("lasting", [1, 3])
 def test_a_copied_tracker_goes_on(dome_map, threshold, lasting):

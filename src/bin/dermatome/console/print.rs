@@ -46,13 +46,21 @@ struct Described<'a, T> {
 /// Pretty JSON of an object, with its schema, and a newline; characters that a terminal may obey are
 /// escaped.
 pub(crate) fn json(schema: &str, object: &impl Serialize) -> serde_json::Result<String> {
-    let text = serde_json::to_string_pretty(&Described { schema, object })?;
+    Ok(escape(&serde_json::to_string_pretty(&Described { schema, object })?))
+}
+
+/// The same on one line.
+pub(crate) fn json_line(schema: &str, object: &impl Serialize) -> serde_json::Result<String> {
+    Ok(escape(&serde_json::to_string(&Described { schema, object })?))
+}
+
+fn escape(text: &str) -> String {
     let escaped = |c: char| match c {
         '\n' => c.to_string(),
         c if is_harmless(c) => c.to_string(),
         c => format!("\\u{:04x}", u32::from(c)),
     };
-    Ok(text.chars().map(escaped).collect::<String>() + "\n")
+    text.chars().map(escaped).collect::<String>() + "\n"
 }
 
 pub(crate) fn print_json(schema: &str, object: &impl Serialize) -> anyhow::Result<()> {

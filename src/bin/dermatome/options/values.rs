@@ -1,6 +1,7 @@
 //! Values of options: words to choose from, numbers within a range, and lengths with a unit.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use dermatome::signal::Probe;
 use glam::DVec3;
 
 /// A number within a range that `wanted` describes.
@@ -54,6 +55,16 @@ pub(crate) fn one_of<T: Clone + Send + Sync + 'static>(
 pub(crate) fn word_of<T: PartialEq>(choices: &[Choice<T>], value: &T) -> &'static str {
     choices.iter().find(|(_, other, _)| other == value).map_or("", |(word, ..)| word)
 }
+
+/// What touches the skin.
+pub(crate) const PROBES: [Choice<Probe>; 2] = [
+    ("any", Probe::Any, "Anything: contacts are apart where a peak rises above the saddle to the next"),
+    (
+        "finger",
+        Probe::Finger,
+        "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
+    ),
+];
 
 /// A direction: an axis, or three numbers.
 pub(crate) fn direction(text: &str) -> Result<DVec3, String> {

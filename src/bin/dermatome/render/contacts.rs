@@ -8,7 +8,7 @@ use dermatome::map::SkinMap;
 use dermatome::recording::{Recording, Step};
 use dermatome::signal::{ContactEvent, Probe, TrackerOptions};
 
-use crate::options::{Choice, Common, OutFile, one_of};
+use crate::options::{Common, OutFile, PROBES, one_of};
 use crate::readings::positive;
 use crate::render::events::EventsArgs;
 
@@ -42,15 +42,6 @@ pub(super) struct ContactsArgs {
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
 }
-
-const PROBES: [Choice<Probe>; 2] = [
-    ("any", Probe::Any, "Anything: contacts are apart where a peak rises above the saddle to the next"),
-    (
-        "finger",
-        Probe::Finger,
-        "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
-    ),
-];
 
 pub(super) struct Contacts {
     writer: Option<RegionWriter>,

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
 use crate::console::notes::note_columns;
-use crate::console::print::print;
+use crate::console::print::{json_line, print};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, InPath, OutFile, length_mm};
 use crate::readings::positive;
@@ -149,7 +149,8 @@ impl Events {
             SignalError::NoEventTime => advise(error.to_string(), "give --rate HZ"),
             other => Error::from(other).into(),
         })?;
-        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect();
+        let lines: String =
+            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
         self.count += events.iter().filter(|event| event.phase == Phase::End).count();
         self.put(&lines)
     }
@@ -157,7 +158,8 @@ impl Events {
     /// Ends what goes on, completes the file, and counts the events that have ended.
     pub(super) fn finish(mut self, common: &Common) -> anyhow::Result<usize> {
         let events = self.detector.finish();
-        let lines: String = events.iter().map(|event| line(event, &self.map, &self.words)).collect();
+        let lines: String =
+            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
         self.count += events.iter().filter(|event| event.phase == Phase::End).count();
         self.put(&lines)?;
         if !is_stream(&self.path) {
@@ -180,10 +182,9 @@ impl Events {
 }
 
 /// A line of JSON: `dermatome.event/1` of docs/json.md.
-fn line(event: &Event, map: &SkinMap, words: &[BodyWord]) -> String {
+fn line(event: &Event, map: &SkinMap, words: &[BodyWord]) -> serde_json::Result<String> {
     let mut object = Map::new();
     let mut put = |key: &str, value: Value| object.insert(key.to_owned(), value);
-    put("schema", json!("dermatome.event/1"));
     put("event", json!(<&str>::from(event.word)));
     put("phase", json!(<&str>::from(event.phase)));
     if let [contact] = event.contacts[..] {
@@ -197,7 +198,7 @@ fn line(event: &Event, map: &SkinMap, words: &[BodyWord]) -> String {
     if let Some(contact) = &event.contact {
         describe(contact, event, map, words, &mut object);
     }
-    Value::Object(object).to_string() + "\n"
+    json_line("dermatome.event/1", &object)
 }
 
 fn describe(

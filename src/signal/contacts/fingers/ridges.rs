@@ -24,7 +24,7 @@ const WIDTH: f64 = 0.0026;
 const WIDTH_OF_SPACING: f64 = 0.35;
 
 /// Lengths of the segments other than a point, in m, and how many directions they have.
-const LENGTHS: [f64; 5] = [0.01, 0.02, 0.03, 0.04, 0.05];
+const LENGTHS: [f64; 6] = [0.01, 0.02, 0.03, 0.04, 0.05, 0.065];
 const DIRECTIONS: u32 = 12;
 
 /// An atom ends at this many widths.

@@ -11,6 +11,7 @@ __all__ = [
     "Calibration",
     "ContactTracker",
     "Decoder",
+    "EventDetector",
     "Fields",
     "Flattening",
     "Hits",
@@ -36,6 +37,7 @@ __all__ = [
     "coarsen",
     "colours",
     "condition_readings",
+    "diff",
     "flatten",
     "is_extensive",
     "join_readings",
@@ -543,20 +545,45 @@ class ContactTracker:
         map: Map,
         *,
         unit: str = "Pa",
+        probe: Literal["any", "finger"] = "any",
         threshold: float | None = None,
-        low: float = 0.5,
+        low: float | None = None,
         least: int = 2,
-        prominence: float = 0.5,
+        prominence: float = 0.4,
         part: int = 4,
         noise_frames: int = 5,
         reach: float = 0.01,
         lasting: int = 1,
     ) -> ContactTracker: ...
-    def track(self, values: ArrayLike) -> list[dict[str, Any]]: ...
+    def track(self, values: ArrayLike, time: float | None = None) -> list[dict[str, Any]]: ...
     @property
     def threshold(self) -> float | None: ...
+    @property
+    def at_once(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+@final
+class EventDetector:
+    def __new__(
+        cls,
+        map: Map,
+        *,
+        unit: str = "Pa",
+        probe: Literal["any", "finger"] = "any",
+        threshold: float | None = None,
+        words: Sequence[tuple[str, Sequence[float], str]] | None = None,
+        **limits: float,
+    ) -> EventDetector: ...
+    def see(self, time: float, values: ArrayLike) -> list[dict[str, Any]]: ...
+    def finish(self) -> list[dict[str, Any]]: ...
+    @property
+    def at_once(self) -> int: ...
+    @property
+    def threshold(self) -> float | None: ...
+
+def diff(
+    before: _Path, after: _Path, *, modules: Mapping[int, str] | None = None, sigma: float | None = None
+) -> list[dict[str, Any]]: ...
 def colours(values: _F32, mask: NDArray[np.bool_], range: Sequence[float]) -> NDArray[np.uint8]: ...
 
 @final
