@@ -26,6 +26,7 @@ from dermatome._dermatome import (
     Picture,
     RecordingFile,
     Renderer,
+    Response,
     Robot,
     Skin,
     __version__,
@@ -38,6 +39,7 @@ from dermatome._dermatome import (
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
+from dermatome._response import examine, response
 from dermatome._touch import touch
 
 if TYPE_CHECKING:
@@ -67,6 +69,7 @@ __all__ = [
     "Recording",
     "RecordingFile",
     "Renderer",
+    "Response",
     "Robot",
     "Skin",
     "__version__",
@@ -74,7 +77,9 @@ __all__ = [
     "calibrate",
     "check",
     "coarsen",
+    "examine",
     "flatten",
+    "response",
     "simulate",
     "touch",
 ]
