@@ -107,6 +107,14 @@ fn recordings_that_tell_nothing_are_refused() {
         .success();
     refuses(folder, "response skin.glb none.csv -o no.csv", &["0 touches", "20 presses"]);
     refuses(folder, "response skin.glb none.csv -o no.csv --response x.csv", &["--force"]);
+    fs::write(folder.join("foreign.csv"), "time,900,901\n0,1,2\n0.1,1,3\n").unwrap();
+    refuses(folder, "response skin.glb foreign.csv -o no.csv", &["none of the 2 taxel ids"]);
+    fs::write(folder.join("counts.csv"), "time,1.pressure[count]\n0,1\n0.1,2\n").unwrap();
+    let mixed = "response skin.glb none.csv counts.csv -o no.csv";
+    refuses(folder, mixed, &["recording 2", "\"count\"", "\"N\"", "one sensor"]);
+    fs::write(folder.join("steps.csv"), "time,pressure\n0,20000\n").unwrap();
+    let twice = "response skin.glb none.csv none.csv --pressure steps.csv -o no.csv";
+    refuses(folder, twice, &["one recording", "2 are given"]);
     fs::write(folder.join("one.csv"), "taxel_id,gain\n1,2\n").unwrap();
     fs::write(folder.join("force.csv"), "time,force\n0,1\n20,1\n").unwrap();
     refuses(

@@ -11,12 +11,14 @@
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
 //!
-//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to [`Health`](crate::signal::Health).
+//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to
+//! [`Health`](crate::signal::Health), `respond` to the estimators of a response.
 
 mod examine;
 mod intake;
 mod levels;
 mod options;
+mod respond;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -36,6 +38,7 @@ use crate::signal::{
 pub use examine::examine;
 pub use levels::Carried;
 pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
+pub use respond::{Reference, ResponseReport, respond};
 
 /// One frame of a recording, and what follows from it.
 #[derive(Debug, Clone, Copy)]

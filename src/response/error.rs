@@ -63,6 +63,14 @@ pub enum ResponseError {
          in the median); forces of this recording are needed"
     )]
     ForcesDoNotFit { touches: usize, disagreement: f64 },
+    #[error("the response has no relative gains; what touches alone give is needed")]
+    NotRelative,
+    #[error(
+        "recording {number} is in {found:?}, and the first in {first:?}; recordings of one sensor are needed"
+    )]
+    Units { number: usize, found: String, first: String },
+    #[error("steps of pressure are of one recording; {found} are given: join them, with their steps")]
+    StepRecordings { found: usize },
     #[error("the equations of a press are singular")]
     Singular,
     #[error("cancelled before it was done")]

@@ -44,7 +44,7 @@ pub use fill::Filler;
 pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
-pub(crate) use noise::RunningNoise;
+pub(crate) use noise::{QUANTISATION, RunningNoise};
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;

@@ -4,6 +4,9 @@
 /// The standard deviation of normal noise over the mean size of the difference of two readings: sqrt(pi) / 2.
 const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;
 
+/// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
+pub(crate) const QUANTISATION: f64 = 0.288_675_134_594_812_9;
+
 /// Differences from which the noise is estimated: older ones fade.
 const FRAMES: f64 = 200.0;
 

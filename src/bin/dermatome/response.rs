@@ -7,11 +7,9 @@ use std::sync::Arc;
 use dermatome::Error;
 use dermatome::io::{read_series, write_response};
 use dermatome::map::SkinMap;
-use dermatome::recording::{FrameRange, Recording};
-use dermatome::response::{GainEstimator, ScaleEstimator, StepEstimator};
+use dermatome::recording::{FrameRange, Recording, Reference, ResponseReport, respond};
 use dermatome::run::Run;
-use dermatome::signal::{Frame, Response, Scale, TaxelResponse, TaxelState, Zero};
-use dermatome::skin::Skin;
+use dermatome::signal::{Response, TaxelResponse, TaxelState, Zero};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
@@ -62,16 +60,19 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             SkinMap::of_taxels(&skin)
         }
     });
-    let job = Job { args, common, skin: map.skin(), map };
     let response = match (&args.pressure, &args.force) {
-        (Some(steps), _) => job.by_steps(steps)?,
-        (None, None) => job.by_touches()?,
-        (None, Some(forces)) => {
+        (Some(path), _) => {
+            let rows = rows(path, "pressure", "Pa", common)?;
+            estimate(args, common, &map, Reference::Pressure(&rows))?
+        }
+        (None, None) => estimate(args, common, &map, Reference::Touches)?,
+        (None, Some(path)) => {
             let relative = match args.reading.response(common)? {
                 Some(response) => response,
-                None => job.by_touches()?,
+                None => estimate(args, common, &map, Reference::Touches)?,
             };
-            job.scaled(relative, forces)?
+            let rows = rows(path, "force", "N", common)?;
+            estimate(args, common, &map, Reference::Force(&rows, &relative))?
         }
     };
     write_response(common.outputs.file(&args.output), &response).map_err(Error::from)?;
@@ -79,191 +80,64 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-struct Job<'a> {
-    args: &'a Args,
-    common: &'a Common,
-    map: Arc<SkinMap>,
-    skin: Skin,
+fn rows(path: &Path, column: &str, unit: &str, common: &Common) -> anyhow::Result<Vec<[f64; 2]>> {
+    let (rows, unused) = read_series(path, column, unit).map_err(Error::from)?;
+    note_columns(path, &unused, common);
+    Ok(rows)
 }
 
-impl Job<'_> {
-    /// Passes the frames of all recordings on; returns the unit of the readings, and the zeros at the end.
-    fn each_frame(
-        &self,
-        response: Option<&Response>,
-        mut see: impl FnMut(&Frame),
-        mut end: impl FnMut(),
-    ) -> anyhow::Result<(String, Vec<f64>)> {
-        let mut reading = self.args.reading.clone();
-        reading.zero = Some(reading.zero.unwrap_or(Zero::Follow));
-        let (mut unit, mut zeros) = (None, Vec::new());
-        for path in &self.args.readings {
-            let path: &Path = path;
-            let mut recording: Recording =
-                reading.open_with(response.cloned(), FrameRange::default(), path, &self.map, self.common)?;
-            remark_join(&recording, path, self.common);
-            let found = recording.channels()[0].unit.clone();
-            let first = unit.get_or_insert_with(|| found.clone());
-            if *first != found {
-                let what = format!(
-                    "{} is in {found:?}, and the recordings before it are in {first:?}",
-                    path.display()
-                );
-                return Err(advise(what, "name recordings of one sensor"));
+/// Estimates a response, and says how well it is known.
+fn estimate(
+    args: &Args,
+    common: &Common,
+    map: &Arc<SkinMap>,
+    reference: Reference<'_>,
+) -> anyhow::Result<Response> {
+    let mut reading = args.reading.clone();
+    reading.zero = Some(reading.zero.unwrap_or(Zero::Follow));
+    let open = |number: usize, response: Option<&Response>| -> anyhow::Result<Recording> {
+        let path: &Path = &args.readings[number];
+        let recording = reading.open_with(response.cloned(), FrameRange::default(), path, map, common)?;
+        remark_join(&recording, path, common);
+        Ok(recording)
+    };
+    let ended = |recording: &Recording| reading.remark(recording, common);
+    let count = args.readings.len();
+    let (response, report) = respond(map, reference, count, open, ended, Run::default())?;
+    match report {
+        ResponseReport::Touches(report) => {
+            note!(common, "{} presses, {} steps; {}", report.presses, report.steps, summary(&response));
+            let left_out = [(report.several, "of several bodies at once"), (report.small, "on few taxels")];
+            for (count, what) in left_out.into_iter().filter(|(count, _)| *count > 0) {
+                note!(common, "{count} touches {what} are left out");
             }
-            while let Some(step) = recording.next_step()? {
-                see(step.frame);
-            }
-            end();
-            zeros = recording.zeros();
-            reading.remark(&recording, self.common);
-        }
-        Ok((unit.unwrap_or_default(), zeros))
-    }
-
-    /// Relative gains from touches.
-    fn by_touches(&self) -> anyhow::Result<Response> {
-        let estimator = std::cell::RefCell::new(GainEstimator::new(&self.skin).map_err(Error::from)?);
-        let (unit, zeros) = self.each_frame(
-            None,
-            |frame| estimator.borrow_mut().see(frame),
-            || estimator.borrow_mut().end_recording(),
-        )?;
-        let (gains, report) = estimator.into_inner().solve(Run::default()).map_err(Error::from)?;
-        let taxel = |(k, gain): (usize, &dermatome::response::TaxelGain)| {
-            let is_known = !gain.gain.is_nan();
-            Known {
-                gain: gain.gain,
-                exponent: f64::NAN,
-                sigma: if gain.presses > 0 { gain.sigma } else { f64::NAN },
-                zero: zeros.get(k).copied().unwrap_or(f64::NAN),
-                state: if is_known { TaxelState::Ok } else { TaxelState::Untested },
-            }
-        };
-        let all = gains.iter().flatten().enumerate().map(taxel);
-        let response = self.response(unit, Scale::Relative, format!("{} touches", report.presses), all);
-        note!(self.common, "{} presses, {} steps; {}", report.presses, report.steps, summary(&response));
-        for (count, what) in [(report.several, "of several bodies at once"), (report.small, "on few taxels")]
-        {
-            if count > 0 {
-                note!(self.common, "{count} touches {what} are left out");
+            if !report.has_converged {
+                note!(common, "the steps did not become small: gains may be worse than their sigma");
             }
         }
-        if !report.has_converged {
-            note!(self.common, "the steps did not become small: gains may be worse than their sigma");
-        }
-        Ok(response)
-    }
-
-    /// Gains and exponents from steps of pressure.
-    fn by_steps(&self, path: &Path) -> anyhow::Result<Response> {
-        let (rows, unused) = read_series(path, "pressure", "Pa").map_err(Error::from)?;
-        note_columns(path, &unused, self.common);
-        if self.args.readings.len() > 1 {
-            return Err(advise(
-                "steps of pressure are of one recording",
-                "name one, or join them with their steps",
-            ));
-        }
-        let mut estimator = StepEstimator::new(&self.skin, &rows).map_err(Error::from)?;
-        let (unit, zeros) = self.each_frame(None, |frame| estimator.see(frame), || ())?;
-        let (curves, report) = estimator.solve().map_err(Error::from)?;
-        let taxel = |(k, curve): (usize, &dermatome::response::TaxelCurve)| Known {
-            gain: curve.gain,
-            exponent: curve.exponent,
-            sigma: curve.sigma,
-            zero: zeros.get(k).copied().unwrap_or(f64::NAN),
-            state: if curve.gain.is_nan() { TaxelState::Untested } else { TaxelState::Ok },
-        };
-        let all = curves.iter().flatten().enumerate().map(taxel);
-        let response =
-            self.response(unit, Scale::Pascals, format!("{} steps of pressure", report.steps), all);
-        let [low, high] = report.pressures.map(|pressure| pressure * 1e-3);
-        note!(
-            self.common,
-            "{} steps from {low} to {high} kPa, {} placements; {}",
-            report.steps,
-            report.placements,
-            summary(&response)
-        );
-        if report.exponent.is_nan() {
-            note!(self.common, "one pressure tells no exponent; steps of at least two are needed");
-        } else {
-            note!(self.common, "median exponent {:.3}", report.exponent);
-        }
-        Ok(response)
-    }
-
-    /// Relative gains with their scale.
-    fn scaled(&self, relative: Response, path: &Path) -> anyhow::Result<Response> {
-        if relative.scale != Some(Scale::Relative) {
-            return Err(advise(
-                "the response has no relative gains",
-                "leave out --force, or name one that has",
-            ));
-        }
-        let (rows, unused) = read_series(path, "force", "N").map_err(Error::from)?;
-        note_columns(path, &unused, self.common);
-        let has_exponents = relative.taxels.iter().any(|taxel| taxel.exponent.is_some());
-        let estimator = ScaleEstimator::new(&self.skin, !has_exponents, rows);
-        let mut estimator = estimator.map_err(Error::from)?;
-        self.each_frame(Some(&relative), |frame| estimator.see(frame), || ())?;
-        let report = estimator.solve().map_err(Error::from)?;
-        note!(
-            self.common,
-            "{} touches of known force: a scale to {:.1} %{}",
-            report.touches,
-            100.0 * report.sigma,
+        ResponseReport::Pressure(report) => {
+            let [low, high] = report.pressures.map(|pressure| pressure * 1e-3);
+            let (steps, placements) = (report.steps, report.placements);
+            let summary = summary(&response);
+            note!(common, "{steps} steps from {low} to {high} kPa, {placements} placements; {summary}");
             if report.exponent.is_nan() {
-                String::new()
+                note!(common, "one pressure tells no exponent; steps of at least two are needed");
             } else {
-                format!(", exponent {:.3}", report.exponent)
+                note!(common, "median exponent {:.3}", report.exponent);
             }
-        );
-        let scaled = |taxel: &TaxelResponse| {
-            let exponent = if report.exponent.is_nan() { None } else { Some(report.exponent) };
-            let power = exponent.unwrap_or(1.0);
-            let gain = taxel.gain.map(|gain| report.scale * gain.abs().powf(power) * gain.signum());
-            let sigma = taxel.sigma.map(|sigma| sigma.hypot(report.sigma));
-            TaxelResponse { gain, sigma, exponent: exponent.or(taxel.exponent), ..*taxel }
-        };
-        Ok(Response {
-            scale: Some(Scale::Pascals),
-            method: format!("{}; {} known forces", relative.method, report.touches),
-            taxels: relative.taxels.iter().map(scaled).collect(),
-            unit: relative.unit,
-        })
+        }
+        ResponseReport::Force(report) => {
+            let exponent = Some(report.exponent).filter(|exponent| !exponent.is_nan());
+            note!(
+                common,
+                "{} touches of known force: a scale to {:.1} %{}",
+                report.touches,
+                100.0 * report.sigma,
+                exponent.map_or(String::new(), |exponent| format!(", exponent {exponent:.3}"))
+            );
+        }
     }
-
-    fn response(
-        &self,
-        unit: String,
-        scale: Scale,
-        method: String,
-        known: impl Iterator<Item = Known>,
-    ) -> Response {
-        let ids = self.skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
-        let some = |x: f64| Some(x).filter(|x| x.is_finite());
-        let mut seen = std::collections::HashSet::new();
-        let taxels = ids.zip(known).filter(|(id, _)| seen.insert(**id)).map(|(&id, known)| TaxelResponse {
-            zero: some(known.zero),
-            gain: some(known.gain),
-            exponent: some(known.exponent),
-            sigma: some(known.sigma),
-            state: known.state,
-            ..TaxelResponse::unknown(id)
-        });
-        Response { unit, scale: Some(scale), method, taxels: taxels.collect() }
-    }
-}
-
-/// What is known of a taxel; NaN what is not.
-struct Known {
-    gain: f64,
-    exponent: f64,
-    sigma: f64,
-    zero: f64,
-    state: TaxelState,
+    Ok(response)
 }
 
 /// How many taxels are known, and how well.

@@ -1,6 +1,7 @@
 //! The first pass: range, noise and repetitions of each taxel's readings as they come.
 
 use crate::numeric::median;
+use crate::signal::QUANTISATION;
 
 /// Bins of the histogram of differences: four for each power of 2 from `2^-40` to `2^40`.
 const BINS: usize = 320;
@@ -8,9 +9,6 @@ const LEAST_EXPONENT: i32 = -40;
 
 /// The median size of the difference of two readings with normal noise, over its standard deviation.
 const MEDIAN_DIFFERENCE: f64 = 0.954;
-
-/// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
-const QUANTISATION: f64 = 0.288_675_134_594_812_9;
 
 /// A taxel is stuck where it repeats a reading for this many frames, and this many times longer than most others do.
 const STUCK_FRAMES: u32 = 50;

@@ -3,7 +3,7 @@
 use std::mem;
 
 use crate::numeric::{Csr, median_of, storable};
-use crate::signal::RunningNoise;
+use crate::signal::{QUANTISATION, RunningNoise};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
 const ACTIVE: f64 = 5.0;
@@ -28,9 +28,6 @@ const LIMIT: f64 = 2.0;
 
 /// Frames in which differences are limited by the median noise, because that of a taxel is not known yet.
 const FIRST_NOISE_FRAMES: u32 = 50;
-
-/// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
-const QUANTISATION: f64 = 0.288_675_134_594_812_9;
 
 /// Frames below zero after which a zero is taken again.
 const BELOW_FRAMES: u32 = 5;

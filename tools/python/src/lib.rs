@@ -1,7 +1,7 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `signal`, `events`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `response`, `signal`, `events`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
@@ -18,6 +18,7 @@ mod bare_mesh;
 mod options;
 mod plot;
 mod recording_file;
+mod response;
 mod robot;
 mod signal;
 mod skin;
@@ -59,6 +60,7 @@ mod _dermatome {
         observations::PyObservations,
         plot::{PyPicture, colours},
         recording_file::PyRecordingFile,
+        response::{PyResponse, estimate_response, examine_taxels},
         robot::PyRobot,
         run_command,
         signal::{

@@ -17,7 +17,7 @@ use dermatome::{
     recording::{Fill, Recording, RecordingOptions},
     signal::{
         Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join,
-        Probe, Quantity, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions,
+        Probe, Quantity, Response, Restrictor, Summary, Touch, TouchOptions, TouchSimulation, TrackerOptions,
         TrackerState, Zero,
     },
     skin::{PatchId, Presence, TaxelId},
@@ -42,6 +42,7 @@ use crate::{
     map::{PyMap, mask_too_large, starts},
     matrix::{PyMatrix, Rows},
     options::{Extensive, channels, count, level, positive, probe, word},
+    response::PyResponse,
     skin::PySkin,
 };
 
@@ -896,12 +897,38 @@ pub(crate) fn join_readings<'py>(
     Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), join.report().remarks()))
 }
 
+/// The arrays of a recording on the taxels of a map: values (T, C, N), timestamps, names of channels, units.
+pub(crate) type RecordingArrays<'a, 'py> =
+    (&'a Bound<'py, PyAny>, &'a Bound<'py, PyAny>, Vec<String>, Vec<String>);
+
+pub(crate) fn readings_of(
+    (values, timestamps, channels, units): RecordingArrays<'_, '_>,
+) -> PyResult<Readings> {
+    let values = floats("values", values)?;
+    let needed = [timestamps.len()?, channels.len(), units.len()];
+    let &[frames, of_channels, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, C, N)"));
+    };
+    if [frames, of_channels, of_channels] != needed {
+        let [frames, channels, _] = needed;
+        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
+    }
+    let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
+    Ok(Readings {
+        ids: None,
+        channels: channels.into_iter().zip(units).map(channel).collect(),
+        width,
+        times: one_each("timestamps", timestamps, frames)?,
+        values: values.as_slice()?.to_vec(),
+    })
+}
+
 /// Readings (T, C, N) of the taxels of a map, made comparable: the arrays of a recording with values (T, C, N);
 /// `measured`, which of these are readings and not filled; and `remarks`. `ids` are those of the columns that the readings
 /// had before they were joined to the map: other taxels have none, which is no remark.
 #[pyfunction]
-#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, zero=None, gains=Vec::new(), clip=None,
-    split_hz=None, fill="none"))]
+#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, zero=None, gains=Vec::new(),
+    response=None, clip=None, split_hz=None, fill="none"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
     py: Python<'py>,
@@ -914,35 +941,24 @@ pub(crate) fn condition_readings<'py>(
     baseline: i64,
     zero: Option<&str>,
     gains: Vec<(u32, f64)>,
+    response: Option<&Bound<'py, PyResponse>>,
     clip: Option<[f64; 2]>,
     split_hz: Option<f64>,
     fill: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
-    let values = floats("values", values)?;
-    let needed = [timestamps.len()?, channels.len(), units.len()];
-    let &[frames, of_channels, width] = values.shape() else {
-        return Err(bad_shape("values", values.shape(), "shape (T, C, N)"));
-    };
-    if [frames, of_channels, of_channels] != needed {
-        let [frames, channels, _] = needed;
-        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
-    }
+    let readings = readings_of((values, timestamps, channels, units))?;
     let ids = ids.map(|ids| one_number_each("ids", ids, ids.len()?)).transpose()?;
-    let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
-    let readings = Readings {
-        ids: None,
-        channels: channels.into_iter().zip(units).map(channel).collect(),
-        width,
-        times: one_each("timestamps", timestamps, frames)?,
-        values: values.as_slice()?.to_vec(),
-    };
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
     let zero = match zero {
         None => Zero::First(count("baseline", baseline)?),
-        Some(zero) => word("zero", zero, &[("follow", Zero::Follow)])?,
+        Some(zero) => word("zero", zero, &[("follow", Zero::Follow), ("stored", Zero::Stored)])?,
     };
-    let condition = ConditionOptions { zero, gains, response: None, clip, split_hz };
+    if zero == Zero::Stored && response.is_none() {
+        return Err(bad("zero", "\"stored\" without a response", "response, which has the zeros"));
+    }
+    let response = response.map(|response| Response::clone(&response.get().response));
+    let condition = ConditionOptions { zero, gains, response, clip, split_hz };
     let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {

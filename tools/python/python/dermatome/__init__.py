@@ -27,6 +27,7 @@ from dermatome._dermatome import (
     Picture,
     RecordingFile,
     Renderer,
+    Response,
     Robot,
     Skin,
     __version__,
@@ -40,6 +41,7 @@ from dermatome._dermatome import (
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
+from dermatome._response import examine, response
 from dermatome._touch import touch
 
 if TYPE_CHECKING:
@@ -70,6 +72,7 @@ __all__ = [
     "Recording",
     "RecordingFile",
     "Renderer",
+    "Response",
     "Robot",
     "Skin",
     "__version__",
@@ -78,7 +81,9 @@ __all__ = [
     "check",
     "coarsen",
     "diff",
+    "examine",
     "flatten",
+    "response",
     "simulate",
     "touch",
 ]

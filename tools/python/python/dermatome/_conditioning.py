@@ -21,6 +21,7 @@ class Options:
     baseline: Any
     zero: Any
     gain: Any
+    response: Any
     clip: Any
     split: float | None
     rate: float | None
@@ -75,6 +76,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         baseline=baseline,
         zero=options.zero if follows else None,
         gains=gains,
+        response=options.response,
         clip=clip,
         split_hz=split,
         fill=options.fill,

@@ -686,10 +686,53 @@ def condition_readings(
     baseline: int = 0,
     zero: str | None = None,
     gains: Sequence[tuple[int, float]] = ...,
+    response: Response | None = None,
     clip: tuple[float, float] | None = None,
     split_hz: float | None = None,
     fill: str = "none",
 ) -> dict[str, Any]: ...
+@final
+class Response(_Made):
+    @staticmethod
+    def read(path: _Path) -> Response: ...
+    def write(self, path: _Path) -> None: ...
+    @property
+    def ids(self) -> _I64: ...
+    @property
+    def zero(self) -> _F64: ...
+    @property
+    def gain(self) -> _F64: ...
+    @property
+    def exponent(self) -> _F64: ...
+    @property
+    def sigma(self) -> _F64: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def scale(self) -> str | None: ...
+    @property
+    def method(self) -> str: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+def estimate_response(
+    map: Map,
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    *,
+    pressure: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    relative: Response | None = None,
+    zero: float | None = None,
+) -> Response: ...
+def examine_taxels(
+    map: Map,
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    *,
+    threshold: float | None = None,
+    modules: Sequence[tuple[int, str]] = ...,
+    zero: float | None = None,
+) -> tuple[list[dict[str, Any]], Response]: ...
 def summarise_readings(
     map: Map,
     values: ArrayLike,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from dermatome._dermatome import Layout
+    from dermatome._dermatome import Layout, Response
     from dermatome._recording import Recording
 
 # Times beyond 3170 years are not in s: the command refuses them too.
@@ -221,8 +221,9 @@ class Readings:
         scale: ArrayLike = 1.0,
         offset: ArrayLike = 0.0,
         baseline: ArrayLike = 0,
-        zero: Literal["follow"] | float | Sequence[float] | Sequence[Sequence[float]] | NDArray[Any] | None = None,
+        zero: Literal["follow", "stored"] | float | Sequence[float] | Sequence[Sequence[float]] | NDArray[Any] | None = None,
         gain: Mapping[int, float] | ArrayLike | None = None,
+        response: Response | None = None,
         clip: Sequence[float] | None = None,
         split: float | None = None,
         rate: float | None = None,
@@ -239,10 +240,13 @@ class Readings:
             What readings are multiplied by and what is then added to them, as from counts to Pa.
         baseline : int, (N,) or (C, N) array_like
             What is subtracted; a number: the mean of this many first frames.
-        zero : "follow" or float, (N,) or (C, N) array_like, optional
-            Instead of a baseline: the zero of each taxel is followed where nothing touches, or it is known.
+        zero : "follow", "stored" or float, (N,) or (C, N) array_like, optional
+            Instead of a baseline: the zero of each taxel is followed where nothing touches, is that of `response`, or is
+            known.
         gain : (N,) or (C, N) array_like, or dict of int to float, optional
             What the readings of a taxel are multiplied by; in a dict by its id, and 1 for others.
+        response : Response, optional
+            Turns readings into pressures, and masks faulty taxels and those without a gain.
         clip : (2,) sequence of float, optional
             Bounds to which readings are clipped.
         split : float, optional
@@ -271,7 +275,7 @@ class Readings:
         ('mN',)
         """
         readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)))
-        options = _conditioning.Options(scale, offset, baseline, zero, gain, clip, split, rate, fill)
+        options = _conditioning.Options(scale, offset, baseline, zero, gain, response, clip, split, rate, fill)
         return _conditioning.condition(readings, map, options)
 
     def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:

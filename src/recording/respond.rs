@@ -1,0 +1,161 @@
+//! How readings become pressures, as recordings show: passes them to the estimators of [`response`](crate::response).
+
+use std::sync::Arc;
+
+use crate::Error;
+use crate::map::SkinMap;
+use crate::recording::Recording;
+use crate::response::{
+    GainEstimator, GainReport, ResponseError, ScaleEstimator, ScaleReport, StepEstimator, StepReport,
+};
+use crate::run::Run;
+use crate::signal::{Frame, Response, Scale, TaxelResponse, TaxelState};
+
+/// What readings are compared with.
+#[derive(Debug, Clone, Copy)]
+pub enum Reference<'a> {
+    /// Each other, in ordinary touches: relative gains.
+    Touches,
+    /// A pressure that is the same everywhere: rows of the time in s at which a step begins, and its pressure in Pa.
+    Pressure(&'a [[f64; 2]]),
+    /// Forces on the whole skin: rows of a time in s and a force in N; and the relative gains of which they are the scale.
+    Force(&'a [[f64; 2]], &'a Response),
+}
+
+/// How a response was estimated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ResponseReport {
+    /// By [`Reference::Touches`].
+    Touches(GainReport),
+    /// By [`Reference::Pressure`].
+    Pressure(StepReport),
+    /// By [`Reference::Force`].
+    Force(ScaleReport),
+}
+
+/// Estimates the response of the taxels of a map by recordings.
+///
+/// `open` opens a recording, by its number; with the response, if there is one, that turns its readings into relative
+/// pressures. `ended` sees each recording after its last frame. The first channel counts.
+///
+/// # Errors
+/// Those of `open` and of reading; [`ResponseError`] if the recordings do not determine the response.
+pub fn respond<E: From<Error>>(
+    map: &Arc<SkinMap>,
+    reference: Reference<'_>,
+    recordings: usize,
+    mut open: impl FnMut(usize, Option<&Response>) -> Result<Recording, E>,
+    mut ended: impl FnMut(&Recording),
+    run: Run<'_>,
+) -> Result<(Response, ResponseReport), E> {
+    let skin = map.skin();
+    let fail = |error: ResponseError| E::from(Error::from(error));
+    let (mut unit, mut zeros) = (None::<String>, Vec::new());
+    // Passes all frames on, and `None` where a recording ends.
+    let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Option<&Frame>)| -> Result<(), E> {
+        for number in 0..recordings {
+            let mut recording = open(number, response)?;
+            let found = &recording.channels()[0].unit;
+            let first = unit.get_or_insert_with(|| found.clone());
+            if first != found {
+                let found = found.clone();
+                return Err(fail(ResponseError::Units { number: number + 1, found, first: first.clone() }));
+            }
+            while let Some(step) = recording.next_step()? {
+                see(Some(step.frame));
+            }
+            see(None);
+            zeros = recording.zeros();
+            ended(&recording);
+        }
+        Ok(())
+    };
+    match reference {
+        Reference::Touches => {
+            let mut estimator = GainEstimator::new(&skin).map_err(fail)?;
+            each(None, &mut |frame| match frame {
+                Some(frame) => estimator.see(frame),
+                None => estimator.end_recording(),
+            })?;
+            let (gains, report) = estimator.solve(run).map_err(fail)?;
+            let known = gains.iter().flatten().map(|taxel| {
+                let sigma = if taxel.presses > 0 { taxel.sigma } else { f64::NAN };
+                [taxel.gain, f64::NAN, sigma]
+            });
+            let method = format!("{} touches", report.presses);
+            let response = Response { method, ..made(map, unit, &zeros, Scale::Relative, known) };
+            Ok((response, ResponseReport::Touches(report)))
+        }
+        Reference::Pressure(rows) => {
+            if recordings != 1 {
+                return Err(fail(ResponseError::StepRecordings { found: recordings }));
+            }
+            let mut estimator = StepEstimator::new(&skin, rows).map_err(fail)?;
+            each(None, &mut |frame| frame.into_iter().for_each(|frame| estimator.see(frame)))?;
+            let (curves, report) = estimator.solve().map_err(fail)?;
+            let known = curves.iter().flatten().map(|curve| [curve.gain, curve.exponent, curve.sigma]);
+            let method = format!("{} steps of pressure", report.steps);
+            let response = Response { method, ..made(map, unit, &zeros, Scale::Pascals, known) };
+            Ok((response, ResponseReport::Pressure(report)))
+        }
+        Reference::Force(rows, relative) => {
+            if relative.scale != Some(Scale::Relative) {
+                return Err(fail(ResponseError::NotRelative));
+            }
+            let has_exponents = relative.taxels.iter().any(|taxel| taxel.exponent.is_some());
+            let estimator = ScaleEstimator::new(&skin, !has_exponents, rows.to_vec());
+            let mut estimator = estimator.map_err(fail)?;
+            each(Some(relative), &mut |frame| frame.into_iter().for_each(|frame| estimator.see(frame)))?;
+            let report = estimator.solve().map_err(fail)?;
+            Ok((scaled(relative, &report), ResponseReport::Force(report)))
+        }
+    }
+}
+
+/// A response of gains, exponents and sigmas in the order of the taxels; NaN is not known.
+fn made(
+    map: &SkinMap,
+    unit: Option<String>,
+    zeros: &[f64],
+    scale: Scale,
+    known: impl Iterator<Item = [f64; 3]>,
+) -> Response {
+    let ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+    let some = |x: f64| Some(x).filter(|x| x.is_finite());
+    let mut seen = std::collections::HashSet::new();
+    let zeros = zeros.iter().copied().chain(std::iter::repeat(f64::NAN));
+    let taxels = ids.zip(known).zip(zeros).filter(|((id, _), _)| seen.insert(**id)).map(
+        |((&id, [gain, exponent, sigma]), zero)| TaxelResponse {
+            zero: some(zero),
+            gain: some(gain),
+            exponent: some(exponent),
+            sigma: some(sigma),
+            state: if gain.is_nan() { TaxelState::Untested } else { TaxelState::Ok },
+            ..TaxelResponse::unknown(id)
+        },
+    );
+    Response {
+        unit: unit.unwrap_or_default(),
+        scale: Some(scale),
+        taxels: taxels.collect(),
+        ..Response::default()
+    }
+}
+
+/// Relative gains with their scale.
+fn scaled(relative: &Response, report: &ScaleReport) -> Response {
+    let exponent = Some(report.exponent).filter(|exponent| !exponent.is_nan());
+    let power = exponent.unwrap_or(1.0);
+    let scaled = |taxel: &TaxelResponse| TaxelResponse {
+        gain: taxel.gain.map(|gain| report.scale * gain.abs().powf(power) * gain.signum()),
+        sigma: taxel.sigma.map(|sigma| sigma.hypot(report.sigma)),
+        exponent: exponent.or(taxel.exponent),
+        ..*taxel
+    };
+    Response {
+        scale: Some(Scale::Pascals),
+        method: format!("{}; {} known forces", relative.method, report.touches),
+        taxels: relative.taxels.iter().map(scaled).collect(),
+        unit: relative.unit.clone(),
+    }
+}

@@ -1,0 +1,113 @@
+"""How readings become pressures, and which taxels can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from dermatome._dermatome import Map, Response, estimate_response, examine_taxels
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from dermatome._readings import Readings
+
+
+def response(
+    map: Map,
+    readings: Readings | Sequence[Readings],
+    *,
+    pressure: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    relative: Response | None = None,
+    zero: float | None = None,
+) -> Response:
+    """Estimate how readings become pressures, as `dermatome response`: from touches alone, gains relative to each other.
+
+    Parameters
+    ----------
+    map : Map
+        The map of the skin.
+    readings : Readings or sequence of Readings
+        Recordings of touches, without conditioning.
+    pressure : (k, 2) array_like, optional
+        Steps of a pressure that is the same everywhere: the time in s at which each begins, and its pressure in Pa.
+        Gains are then in Pa, and exponents are estimated.
+    force : (k, 2) array_like, optional
+        Forces on the whole skin: times in s, and forces in N. They give relative gains their scale.
+    relative : Response, optional
+        The relative gains to which `force` gives the scale; by default those of the same recordings.
+    zero : float, optional
+        The zero of all readings; by default it is followed where nothing touches.
+
+    Returns
+    -------
+    Response
+
+    Examples
+    --------
+    >>> import dermatome
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> readings, truth = dermatome.touch(palm, presses=60, rate=20, duration=1.25, extensive=False, noise=500)
+    >>> dermatome.response(palm, readings).scale
+    'relative'
+    """
+    from dermatome._errors import DataError
+
+    if pressure is not None and (force is not None or relative is not None):
+        raise DataError("pressure: found force or relative, too; needed: one of the two")
+    if relative is not None and force is None:
+        raise DataError("relative: found no force; needed: force, to give the gains their scale")
+    return estimate_response(map, _arrays(map, readings), pressure=pressure, force=force, relative=relative, zero=zero)
+
+
+def examine(
+    map: Map,
+    readings: Readings | Sequence[Readings],
+    *,
+    threshold: float | None = None,
+    modules: Mapping[int, str] | None = None,
+    zero: float | None = None,
+) -> tuple[list[dict[str, Any]], Response]:
+    """Find the taxels that cannot be trusted, as `dermatome check --recording`.
+
+    Parameters
+    ----------
+    map : Map
+        The map of the skin.
+    readings : Readings or sequence of Readings
+        Recordings of ordinary touches, without conditioning.
+    threshold : float, optional
+        A taxel is touched above this, in the unit of the readings; by default four times the noise.
+    modules : dict of int to str, optional
+        The name of the module of each taxel, by its id. Without it no module is judged.
+    zero : float, optional
+        The zero of all readings; by default it is followed where nothing touches.
+
+    Returns
+    -------
+    findings : list of dict
+        For each its `kind`, `patch`, `taxels` (ids), `other` (the taxel that it names, or None), `evidence` and `message`.
+    states : Response
+        The state of each taxel, without gains; `Readings.condition(response=states)` masks the faulty ones.
+
+    Examples
+    --------
+    >>> import dermatome, numpy as np
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> values = np.random.default_rng(0).normal(size=(100, 81))
+    >>> values[:, 7] = 5  # The taxel 8: ids begin with 1.
+    >>> findings, states = dermatome.examine(palm, dermatome.Readings.from_arrays(values))
+    >>> [(finding["kind"], finding["taxels"]) for finding in findings]
+    [('dead', [8])]
+    """
+    named = [] if modules is None else [(int(taxel), str(module)) for taxel, module in modules.items()]
+    return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
+
+
+def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[tuple[Any, Any, list[str], list[str]]]:
+    from dermatome._readings import Readings
+
+    every = [readings] if isinstance(readings, Readings) else list(readings)
+    joined = [each.on(map) for each in every]
+    return [(each.values, each.timestamps, list(each.channels), list(each.units)) for each in joined]
