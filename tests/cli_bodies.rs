@@ -212,9 +212,56 @@ fn a_followed_stream_keeps_what_came_before_an_error() {
     // Two positions of sigma 1 mm differ by 1 mm each: sqrt(2 * 1 / 2).
     assert!((lines[1]["sigmas"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{}", lines[1]);
     assert!((lines[1]["moved_mm"].as_f64().unwrap() - 0.5).abs() < 1e-6, "{}", lines[1]);
+    assert!(lines.iter().all(|line| line["time"].is_null()), "{printed}");
     let x = column(at, "out.csv", "x");
     assert!((x[0] - 0.0005).abs() < 1e-12 && (x[1] - 0.01).abs() < 1e-12, "{x:?}");
     refuses(at, "calibrate nothing.csv --follow -o out.csv", &["nothing.csv"]);
+}
+
+/// With a drawing all touches so far are fitted after every few, the table is written each time, and the last is the batch
+/// result. A stream that stops keeps what it wrote.
+#[test]
+fn a_drawn_skin_follows_touches() {
+    let folder = folder();
+    let at = folder.path();
+    let text = fs::read_to_string(at.join("contacts.csv")).unwrap();
+    let mut timed = String::new();
+    for (k, line) in text.lines().enumerate() {
+        let time = if k == 0 { "time".to_owned() } else { format!("{}", 0.5 * k as f64) };
+        writeln!(timed, "{line},{time}").unwrap();
+    }
+    let words = "--cad cad.csv --fit-probe";
+    dermatome(at, &format!("calibrate contacts.csv {words} -o batch.csv")).assert().success();
+    let follow = format!("calibrate - --follow {words} --every 10 -o followed.csv");
+    let run = dermatome(at, &follow).write_stdin(timed.clone()).assert().success();
+    for name in ["x", "y", "z", "sigma"] {
+        let (batch, followed) = (column(at, "batch.csv", name), column(at, "followed.csv", name));
+        assert!(batch.iter().zip(&followed).all(|(a, b)| (a - b).abs() < 1e-9), "{name}");
+    }
+    let printed = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
+    let lines: Vec<Value> = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), 56);
+    for (line, number) in lines.iter().zip(1..) {
+        assert_eq!(line["time"], 0.5 * f64::from(number));
+        assert_eq!(line["moved_mm"].is_null(), number % 10 != 0, "{line}");
+        assert_eq!(line["worst"].is_null(), number % 10 != 0, "{line}");
+    }
+    assert!(lines[9]["moved_mm"].as_f64().unwrap() > lines[49]["moved_mm"].as_f64().unwrap());
+
+    // The touch after the twentieth is of a taxel that the drawing does not have.
+    let first: String = text.lines().take(21).map(|line| format!("{line}\n")).collect();
+    fs::write(at.join("first.csv"), &first).unwrap();
+    dermatome(at, &format!("calibrate first.csv {words} -o first_out.csv")).assert().success();
+    let unknown = "99,0,0,0,900,900,1,0,0,0,1,0.0005\n".repeat(10);
+    let unknown: String = unknown
+        .lines()
+        .zip(900..)
+        .map(|(line, k)| line.replace("900,900", &format!("{k},{k}")) + "\n")
+        .collect();
+    let stopped = dermatome(at, &follow).write_stdin(first + &unknown).assert().code(2);
+    let said = String::from_utf8_lossy(&stopped.get_output().stderr).into_owned();
+    assert!(said.contains("row 21 of the contacts is of taxel 99"), "{said}");
+    assert_eq!(column(at, "first_out.csv", "x"), column(at, "followed.csv", "x"));
 }
 
 /// Real touches of a Nao's torso by its own finger: contacts that were held back are predicted, and the offset of the

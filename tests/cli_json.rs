@@ -67,6 +67,7 @@ fn every_object_keeps_to_its_schema() {
     )
     .unwrap();
     run(at, "simulate -o o.g2o --truth t.csv --taxels 30 --anchors 10");
+    run(at, "simulate --arm --taxels 30 -o log.csv");
     let mut printed = BTreeMap::new();
     let mut keep = |name: &str, bytes: &[u8]| {
         let text = std::str::from_utf8(bytes).unwrap();
@@ -85,6 +86,7 @@ fn every_object_keeps_to_its_schema() {
     let drawn = "0,0,0,0,a\n1,0.01,0,0,a\n2,0,0.01,0,a\n3,0.01,0.01,0,a\n";
     fs::write(at.join("d.csv"), format!("taxel_id,x,y,z,module\n{drawn}")).unwrap();
     keep("bodies", &run(at, "calibrate p.csv --cad d.csv --fit-probe --folds 2 -o b.csv --json"));
+    keep("touches", &run(at, "touches log.csv -o contacts.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
     keep("diff", &run(at, "diff cap.glb larger.glb --json"));

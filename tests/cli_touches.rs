@@ -9,7 +9,7 @@ use std::path::Path;
 
 use common::{dermatome, json, notes, refuses};
 use dermatome::io::{read_truth, write_skin};
-use dermatome::mesh::shapes;
+use dermatome::mesh::{TriMesh, shapes};
 use dermatome::skin::{Skin, TaxelId};
 use glam::DVec3;
 
@@ -76,18 +76,16 @@ fn log_of(folder: &Path, header: &str, place: impl Fn(&BTreeMap<String, String>,
     fs::write(folder.join("log.csv"), log).unwrap();
 }
 
-/// Largest distance of calibrated taxels with five touches or more from where they are, in m.
-fn farthest(folder: &Path) -> f64 {
+/// Distances of calibrated taxels with five touches or more from the vertices where they are, in m.
+fn distances(folder: &Path, mesh: &TriMesh) -> Vec<f64> {
     let mut touches: BTreeMap<u32, usize> = BTreeMap::new();
     for row in table(&folder.join("contacts.csv")) {
         *touches.entry(row["i"].parse().unwrap()).or_default() += 1;
     }
-    let sheet = shapes::lattice(8, 8, 0.006);
     let found = read_truth(&folder.join("skin.csv")).unwrap();
     let known = found.iter().filter(|(id, _)| touches[&id.0] >= 5);
     // Ids count from 1.
-    let away = known.map(|&(TaxelId(id), pose)| pose.position.distance(sheet.positions[(id - 1).into()]));
-    away.fold(0.0, f64::max)
+    known.map(|&(TaxelId(id), pose)| pose.position.distance(mesh.positions[(id - 1).into()])).collect()
 }
 
 /// Readings may be a recording, and poses a table: of the link that carries the skin, and of one that carries the body.
@@ -107,7 +105,7 @@ fn poses_and_readings_may_be_files_of_their_own() {
     let words = "touches log.csv -o contacts.csv --readings readings.csv --pose poses.csv --skin sheet.glb";
     notes(folder, words, &["taxels are active above", "25 touches"]);
     dermatome(folder, "calibrate contacts.csv -o skin.csv").assert().success();
-    let away = farthest(folder);
+    let away = distances(folder, &shapes::lattice(8, 8, 0.006)).into_iter().fold(0.0, f64::max);
     println!("farthest {:.3} mm", away * 1e3);
     assert!(away < 1.5e-3, "{away} m");
 
@@ -121,7 +119,71 @@ fn poses_and_readings_may_be_files_of_their_own() {
     let late = fs::read_to_string(folder.join("log.csv")).unwrap().replacen("\n0.", "\n9000.", 1);
     fs::write(folder.join("late.csv"), late).unwrap();
     let words = "touches late.csv -o c.csv --readings readings.csv --pose poses.csv";
-    refuses(folder, words, &["9000", "the readings are from 0 to", "one clock"]);
+    refuses(folder, words, &["line 2", "9000", "the readings are from 0 to", "one clock"]);
+}
+
+/// The trial of a cover, small: a sphere of 15 mm presses a curved skin at random places, readings are noisy, and only the
+/// centre of the sphere is known. Asked is 1.42 mm; the fit of profiles reaches a tenth of it.
+#[test]
+fn presses_on_a_cover_place_its_taxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mesh = shapes::cap(200, 0.06, 0.6);
+    write_skin(&folder.join("cover.glb"), &Skin::from_mesh("cover", mesh.clone())).unwrap();
+    let words =
+        "touch cover.glb -o readings.csv --truth truth.csv --presses 80 --rate-hz 20 --noise-kpa 2 --seed 4";
+    dermatome(folder, words).assert().success();
+    log_of(folder, "x,y,z,qx,qy,qz,qw,px,py,pz", |_, p| format!("0,0,0,0,0,0,1,{},{},{}", p.x, p.y, p.z));
+    dermatome(folder, "touches log.csv -o contacts.csv --readings readings.csv").assert().success();
+    dermatome(folder, "calibrate contacts.csv -o skin.csv").assert().success();
+    let away = distances(folder, &mesh);
+    let rms = (away.iter().map(|x| x * x).sum::<f64>() / away.len() as f64).sqrt();
+    let farthest = away.iter().copied().fold(0.0, f64::max);
+    println!("{} taxels, rms {:.3} mm, farthest {:.3} mm", away.len(), rms * 1e3, farthest * 1e3);
+    assert!(away.len() > 60, "{} taxels with five touches", away.len());
+    assert!(rms < 4e-4 && farthest < 2e-3, "{rms} m, {farthest} m");
+}
+
+/// Joints carry the skin: a log in the world with their values is that of a skin at rest. Faulty taxels may be a table.
+#[test]
+fn joints_may_carry_the_skin() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let still = "x,y,z,qx,qy,qz,qw,px,py,pz";
+    log_of(folder, still, |_, p| format!("0,0,0,0,0,0,1,{},{},{}", p.x, p.y, p.z));
+    let words = "--readings readings.csv --skin sheet.glb";
+    dermatome(folder, &format!("touches log.csv -o still.csv {words}")).assert().success();
+    // The slide moves by 10 mm in a second along x.
+    log_of(folder, "px,py,pz", |row, p| {
+        format!("{},{},{}", p.x + 0.01 * row["time"].parse::<f64>().unwrap(), p.y, p.z)
+    });
+    fs::write(
+        folder.join("r.urdf"),
+        "<robot name=\"r\"><link name=\"base\"/><link name=\"arm\"/><joint name=\"slide\" type=\"prismatic\">\
+         <parent link=\"base\"/><child link=\"arm\"/><axis xyz=\"1 0 0\"/>\
+         <limit lower=\"-9\" upper=\"9\" effort=\"1\" velocity=\"1\"/></joint></robot>",
+    )
+    .unwrap();
+    fs::write(folder.join("joints.csv"), "time,slide\n0,0\n500,5\n").unwrap();
+    let words = format!("{words} --pose r.urdf --joints joints.csv");
+    dermatome(folder, &format!("touches log.csv -o moved.csv {words}")).assert().success();
+    let [still, moved] = ["still.csv", "moved.csv"].map(|name| table(&folder.join(name)));
+    assert_eq!(still.len(), moved.len());
+    for (a, b) in still.iter().zip(&moved) {
+        for name in ["i", "x", "y", "z"] {
+            let [a, b] = [a, b].map(|row| row[name].parse::<f64>().unwrap());
+            assert!((a - b).abs() < 1e-6, "{name}: {a}, {b}");
+        }
+    }
+    fs::write(folder.join("faults.csv"), "taxel_id,state\n20,dead\n21,ok\n").unwrap();
+    dermatome(folder, &format!("touches log.csv -o some.csv {words} --skip faults.csv")).assert().success();
+    let ids: Vec<String> = table(&folder.join("some.csv")).into_iter().map(|row| row["i"].clone()).collect();
+    assert!(!ids.contains(&"20".into()) && ids.contains(&"21".into()));
+    fs::write(folder.join("short.csv"), "time,slide\n0,0\n1,0.01\n").unwrap();
+    let words = words.replace("joints.csv", "short.csv");
+    let said = ["line ", "the poses are from 0 to 1 s", "one clock"];
+    refuses(folder, &format!("touches log.csv -o c.csv {words}"), &said);
 }
 
 /// Tables that are no log are refused with line and column.

@@ -171,6 +171,66 @@ fn without_readings_contacts_are_where_the_body_was() {
     assert_eq!((found.summary.fitted, found.summary.lone), (0, 0));
 }
 
+/// The position that contacts of a taxel have together.
+fn only_position(contacts: &[TouchContact]) -> DVec3 {
+    positions(contacts).into_values().next().unwrap().0
+}
+
+/// A plane says how high a taxel is and nothing else; planes of three normals say where it is.
+#[test]
+fn planes_of_three_normals_place_a_taxel() {
+    let at = DVec3::new(0.02, -0.03, 0.05);
+    let normals = [DVec3::X, DVec3::Y, DVec3::new(0.0, 0.6, 0.8)];
+    let plane = |(row, normal): (usize, DVec3)| {
+        // Its point is anywhere on it.
+        let point = at + 0.2 * normal.any_orthonormal_vector();
+        TouchFrame { body: TouchBody::Plane { point, normal }, ..frame(row + 1, row as u64, &[(3, 1.0)]) }
+    };
+    let frames = normals.into_iter().enumerate().map(plane).collect();
+    let log = TouchLog { frames, has_readings: false };
+    let found = contacts_of_touches(&log, &TouchesOptions::default()).unwrap();
+    for (contact, normal) in found.contacts.iter().zip(normals) {
+        let information = DMat3::from_cols_array_2d(&contact.information.0);
+        let (along, across) = (information * normal, information * normal.any_orthonormal_vector());
+        assert!(along.length() > 1.0 && across.length() < 1e-9 * along.length(), "{information}");
+    }
+    let away = only_position(&found.contacts).distance(at);
+    assert!(away < 1e-9, "{away} m");
+}
+
+/// Gains of taxels need not be known, nor alike.
+#[test]
+fn gains_that_differ_move_no_taxel() {
+    let mut simulation = pressed(1e-3, ArmOptions { taxels: 120, speed: 0.04, ..ArmOptions::default() });
+    for (id, reading) in simulation.log.frames.iter_mut().flat_map(|frame| &mut frame.felt) {
+        *reading *= 1.0 + 0.3 * f64::from(id.0).sin();
+    }
+    let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
+    let error = error(&pairs(&simulation, &found.contacts));
+    println!("{:.4} mm", error * 1e3);
+    assert!(error < 1e-4, "{error} m");
+}
+
+/// A sphere below a drawn skin is named with its row.
+#[test]
+fn spheres_inside_the_drawing_are_named() {
+    let felt = [(3, 1.0), (4, 2.0)];
+    let inside = TouchBody::Sphere { centre: DVec3::new(0.0, 0.0, -0.012), radius: 0.015 };
+    let outside = TouchBody::Sphere { centre: DVec3::new(0.0, 0.0, 0.012), radius: 0.015 };
+    let frames = vec![
+        TouchFrame { body: outside, ..frame(2, 0, &felt) },
+        TouchFrame { body: inside, ..frame(3, 1, &felt) },
+    ];
+    let drawing = Drawing {
+        positions: [(TaxelId(3), DVec3::ZERO), (TaxelId(4), DVec3::new(0.005, 0.0, 0.0))].into(),
+        normals: [(TaxelId(3), DVec3::Z), (TaxelId(4), DVec3::Z)].into(),
+        neighbours: [[TaxelId(3), TaxelId(4)]].into(),
+    };
+    let options = TouchesOptions { drawing: Some(drawing), ..TouchesOptions::default() };
+    let found = contacts_of_touches(&TouchLog { frames, has_readings: true }, &options).unwrap();
+    assert_eq!(found.summary.inside, [3]);
+}
+
 /// The result does not depend on the number of threads.
 #[test]
 fn threads_change_nothing() {

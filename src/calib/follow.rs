@@ -121,7 +121,7 @@ impl Follower {
             return Err(CalibError::FollowedPoses);
         }
         let innovation = self.innovation(touch)?;
-        self.add(touch);
+        self.observations.append(touch, &mut self.vertices);
         self.touches += 1;
         let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
         taxels.sort_unstable();
@@ -157,23 +157,6 @@ impl Follower {
         }
         let found = calibrate_with(&sorted, &self.options, run)?;
         Ok((sorted, found))
-    }
-
-    fn add(&mut self, touch: &Observations) {
-        let observations = &mut self.observations;
-        let place = touch
-            .taxels
-            .map(|taxel| *self.vertices.entry(taxel.id).or_insert_with(|| observations.taxels.push(*taxel)));
-        for edge in &touch.edges {
-            let mut edge = edge.clone();
-            (edge.from, edge.to) = (place[edge.from], place[edge.to]);
-            observations.edges.push(edge);
-        }
-        for contact in &touch.contacts {
-            let mut contact = contact.clone();
-            contact.taxel = place[contact.taxel];
-            observations.contacts.push(contact);
-        }
     }
 
     fn solve(&mut self, run: Run<'_>) -> Result<FollowedSolve, CalibError> {

@@ -21,6 +21,8 @@ pub struct TouchContact {
     pub touch: u64,
     /// The number of its contact in the log, if it has one.
     pub contact: Option<u64>,
+    /// The time of the last frame of the touch with the taxel, in s, if the log has times.
+    pub time: Option<f64>,
     /// Where the taxel is, in the frame of the link, in m.
     pub position: DVec3,
     /// Its information (inverse covariance), in 1/m^2. Directions about which the touch says nothing have none.
@@ -61,6 +63,8 @@ pub struct TouchesSummary {
     pub reading_noise: Option<f64>,
     /// Distance of neighbouring taxels, in m, if there are several.
     pub spacing: Option<f64>,
+    /// Rows in which the centre of the sphere is inside the skin as drawn.
+    pub inside: Vec<usize>,
 }
 
 /// The samples of one taxel in one touch.
@@ -137,6 +141,7 @@ impl Rows<'_> {
             arm_noise: self.arm_noise(),
             reading_noise: (fitted > 0).then_some(estimates.noise.reading),
             spacing: estimates.spacing,
+            inside: self.options.rows_inside(log),
         };
         TouchContacts { contacts, summary }
     }
@@ -151,6 +156,7 @@ impl Rows<'_> {
             taxel: self.samples.ids[group.taxel],
             touch: frame.touch,
             contact: frame.contact,
+            time: group.samples.last().and_then(|sample| self.log.frames[sample.frame].time),
             position,
             information: Information(symmetric),
             weight: total,

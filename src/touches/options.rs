@@ -9,7 +9,7 @@ use crate::skin::TaxelId;
 use crate::touches::TouchesError;
 use crate::touches::estimate::Known;
 use crate::touches::gather::Samples;
-use crate::touches::log::TouchLog;
+use crate::touches::log::{TouchFrame, TouchLog};
 use crate::touches::surface;
 
 /// What is known about the taxels and the robot.
@@ -31,7 +31,7 @@ pub struct TouchesOptions {
 /// A drawing of a skin.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Drawing {
-    /// Positions of the taxels, in m. Only their distances are used.
+    /// Positions of the taxels, in m. Only their distances move contacts.
     pub positions: BTreeMap<TaxelId, DVec3>,
     /// Normals of the taxels, which point outwards; of all taxels that it has.
     pub normals: BTreeMap<TaxelId, DVec3>,
@@ -64,6 +64,18 @@ impl TouchesOptions {
             }
         }
         Ok(())
+    }
+
+    /// The rows in which the centre of the sphere is below the drawn taxel of the largest reading.
+    pub(super) fn rows_inside(&self, log: &TouchLog) -> Vec<usize> {
+        let Some(drawing) = &self.drawing else { return Vec::new() };
+        let is_inside = |frame: &&TouchFrame| {
+            let strongest = frame.felt.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|felt| felt.0);
+            let drawn = strongest.and_then(|id| drawing.positions.get(&id).zip(drawing.normals.get(&id)));
+            let centre = frame.link.rotation.conjugate() * (frame.body.point() - frame.link.position);
+            frame.body.radius() > 0.0 && drawn.is_some_and(|(&at, normal)| (centre - at).dot(*normal) < 0.0)
+        };
+        log.frames.iter().filter(is_inside).map(|frame| frame.row).collect()
     }
 
     /// What is known of the taxels of some samples.

@@ -31,11 +31,11 @@ use crate::console::progress;
 use crate::options::{Common, word_of};
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    if let Some(cad) = &args.cad.cad {
-        return bodies::run(args, cad, common);
-    }
     if args.follow {
         return follow::run(args, common);
+    }
+    if let Some(cad) = &args.cad.cad {
+        return bodies::run(args, cad, common);
     }
     let outputs = results::check(args)?;
     let inputs = Inputs::read(args, common)?;

@@ -18,9 +18,11 @@ use dermatome::touches::{
     contacts_of_touches, log_of_rows, pose_in_motion,
 };
 use glam::DAffine3;
+use serde::Serialize;
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns, note_count};
+use crate::console::print::print_json;
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
 use crate::options::{
@@ -76,8 +78,34 @@ pub(crate) struct Args {
     /// Leave out taxels: their ids, or the table of faults that `check --recording -o` writes
     #[arg(long, value_name = "ID,...|F.csv", value_parser = skip_arg)]
     skip: Option<SkipArg>,
+    /// Print how the contacts were found as JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     read: ReadArgs,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Summary {
+    frames: usize,
+    touches: usize,
+    taxels: usize,
+    contacts: usize,
+    fitted: usize,
+    left_out: LeftOut,
+    arm_noise_mm: f64,
+    reading_noise: Option<f64>,
+    spacing_mm: Option<f64>,
+}
+
+/// What gives no contact.
+#[derive(Debug, Serialize)]
+struct LeftOut {
+    rows_of_other_links: usize,
+    rows_without_taxel: usize,
+    touches: usize,
+    readings: usize,
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -98,6 +126,26 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_count(common, others as u64, "rows", "of other links, left out");
     note_count(common, silent as u64, "rows", "without an active taxel, left out");
     remark(&found, common);
+    if args.json {
+        let summary = &found.summary;
+        let printed = Summary {
+            frames: summary.frames,
+            touches: summary.touches,
+            taxels: summary.taxels,
+            contacts: found.contacts.len(),
+            fitted: summary.fitted,
+            left_out: LeftOut {
+                rows_of_other_links: others,
+                rows_without_taxel: silent,
+                touches: summary.empty_touches,
+                readings: summary.lone,
+            },
+            arm_noise_mm: 1e3 * summary.arm_noise,
+            reading_noise: summary.reading_noise,
+            spacing_mm: summary.spacing.map(|spacing| 1e3 * spacing),
+        };
+        print_json("dermatome.touches/1", &printed)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -106,6 +154,14 @@ fn remark(found: &TouchContacts, common: &Common) {
     let summary = &found.summary;
     note_count(common, summary.empty_touches as u64, "touches", "without a taxel that is used, left out");
     note_count(common, summary.lone as u64, "readings", "without an active neighbour, left out");
+    if let Some(first) = summary.inside.first() {
+        let count = summary.inside.len();
+        note!(
+            common,
+            "in {count} frames, first in line {first}, the centre of the sphere is inside the skin of --skin; check \
+             the poses, px,py,pz and the normals of the drawing"
+        );
+    }
     let (touches, taxels, contacts) = (summary.touches, summary.taxels, found.contacts.len());
     note!(common, "{touches} touches of {taxels} taxels in {} frames: {contacts} contacts", summary.frames);
     if summary.fitted < taxels {

@@ -1,7 +1,8 @@
 //! The fit: Gauss-Newton under Tukey's loss whose bound shrinks in stages, so that no good start is needed and
 //! outliers lose their influence; last, least squares on the inliers. Where the noise is not stated it is estimated
 //! after each stage, along the normal and in the tangent plane apart, and Tukey's loss is kept to the end: the tails of
-//! such noise are not known. The fit shrinks residuals, which is not corrected: with few touches a module estimates are too small.
+//! such noise are not known. The fit shrinks the residuals, more the fewer touches a module has, so each is divided by
+//! the share of the noise that is left in it.
 
 use glam::{DMat3, DVec3};
 
@@ -39,6 +40,9 @@ const FIRST_SIGMA: f64 = 4e-3;
 
 /// No estimated standard deviation is below this, in m.
 const LEAST_SIGMA: f64 = 3e-4;
+
+/// Least share of its variance that is left in a residual: of touches that the fit follows almost wholly nothing is known.
+const LEAST_SHARE: f64 = 0.1;
 
 /// Touches of the same number of taxels of which a standard deviation is estimated.
 const LEAST_TOUCHES: usize = 8;
@@ -102,17 +106,40 @@ impl Fit<'_> {
         weighed.map(|(&(chi2, information), touch)| (touch.weight * loss.weight(chi2), information)).collect()
     }
 
-    /// Standard deviations from medians, which half of the touches may spoil. Classes with few touches have those
-    /// of all.
-    fn estimate_noise(&mut self, at: &Placement) {
-        if self.options.noise == TouchNoise::Stated {
-            return;
-        }
-        let errors = self.touches.all.map(|touch| {
+    /// The shares of the variance of the noise that the fit leaves in each residual, along the normal and in the tangent
+    /// plane: of a touch of weight `w` and information `R^-1` that of `R + (1 - 2w) J C J'`.
+    fn shares(
+        &self,
+        system: &BodySystem<'_>,
+        at: &Placement,
+        weights: &IdVec<TouchId, Weighted>,
+    ) -> Result<IdVec<TouchId, [f64; 2]>, CalibError> {
+        let (factor, _) = system.linearise(self.hierarchy, at, self.touches, weights)?;
+        let share = |(touch, weighted): (&Touch, &Weighted)| {
+            let prediction = system.prediction(&factor, self.hierarchy, at, touch)?;
+            let normal = at.error(self.hierarchy, touch).1;
+            let trace = prediction.x_axis.x + prediction.y_axis.y + prediction.z_axis.z;
+            let along = normal.dot(prediction * normal);
+            let across = (trace - along) / if normal == DVec3::ZERO { 3.0 } else { 2.0 };
+            let noise = self.noise[class(touch)];
+            let change = 1.0 - 2.0 * weighted.0 / touch.weight;
+            Ok([(along, noise[0]), (across, noise[1])]
+                .map(|(variance, sigma)| (1.0 + change * variance / (sigma * sigma)).max(LEAST_SHARE)))
+        };
+        self.touches.all.iter().zip(weights).map(share).collect()
+    }
+
+    /// Standard deviations from medians, which half of the touches may spoil, of residuals that have `shares` of the
+    /// variance. Classes with few touches have those of all.
+    fn estimate_noise(&mut self, at: &Placement, shares: Option<&IdVec<TouchId, [f64; 2]>>) {
+        let error = |(number, touch): (TouchId, &Touch)| {
             let (error, normal) = at.error(self.hierarchy, touch);
             let along = error.dot(normal);
-            (class(touch), along.abs(), (error - along * normal).length(), normal == DVec3::ZERO)
-        });
+            let [one, two] = shares.map_or([1.0; 2], |shares| shares[number]).map(f64::sqrt);
+            let across = (error - along * normal).length();
+            (class(touch), along.abs() / one, across / two, normal == DVec3::ZERO)
+        };
+        let errors: IdVec<TouchId, _> = self.touches.all.enumerate().map(error).collect();
         let sigmas = |takes: &dyn Fn(usize) -> bool| {
             let taken = || errors.iter().filter(|error| takes(error.0));
             let across = median(taken().map(|error| error.2))?;
@@ -172,7 +199,12 @@ pub(super) fn solve(
                 break;
             }
         }
-        fit.estimate_noise(&placement);
+        if options.noise == TouchNoise::Estimated {
+            // Before the last stages the bound is too wide for weights to mean something.
+            let weights = fit.weights(&fit.chi2(&placement), tukey);
+            let shares = (scale <= 1.0).then(|| fit.shares(&system, &placement, &weights)).transpose()?;
+            fit.estimate_noise(&placement, shares.as_ref());
+        }
     }
     let last =
         LossFunction::new(if options.noise == TouchNoise::Stated { Loss::Truncated } else { Loss::Tukey }, 3);

@@ -99,12 +99,8 @@ impl<'o> BodySystem<'o> {
         touch: &Touch,
         information: DMat3,
     ) {
-        let linear = at.linearised(hierarchy, touch, self.level);
-        let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
-        let mut blocks: Vec<(usize, Columns)> =
-            rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
-        blocks.sort_unstable_by_key(|block| block.0);
-        let weighted_error = information * linear.error;
+        let (error, blocks) = self.linearised(hierarchy, at, touch);
+        let weighted_error = information * error;
         for (k, (row, columns)) in blocks.iter().enumerate() {
             let weighted = columns.map(|column| information * column);
             for (sum, column) in gradient[BLOCK * row..].iter_mut().zip(columns) {
@@ -116,6 +112,45 @@ impl<'o> BodySystem<'o> {
                 }
             }
         }
+    }
+
+    /// The error of a touch and its derivatives, by ascending block rows.
+    fn linearised(
+        &self,
+        hierarchy: &Hierarchy,
+        at: &Placement,
+        touch: &Touch,
+    ) -> (DVec3, Vec<(usize, Columns)>) {
+        let linear = at.linearised(hierarchy, touch, self.level);
+        let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
+        let mut blocks: Vec<_> =
+            rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
+        blocks.sort_unstable_by_key(|block| block.0);
+        (linear.error, blocks)
+    }
+
+    /// The covariance `J C J'` of what a solution of covariance `C` predicts for a touch.
+    pub(super) fn prediction(
+        &self,
+        factor: &BlockFactor<'_>,
+        hierarchy: &Hierarchy,
+        at: &Placement,
+        touch: &Touch,
+    ) -> Result<DMat3, CalibError> {
+        let unknowns = BLOCK * self.blocks();
+        let mut rows = vec![0.0; 3 * unknowns];
+        for (row, columns) in self.linearised(hierarchy, at, touch).1 {
+            for (k, column) in columns.into_iter().enumerate() {
+                (0..3).for_each(|axis| rows[axis * unknowns + BLOCK * row + k] += column[axis]);
+            }
+        }
+        let mut solved = rows.clone();
+        factor.solve(&mut solved, 3).map_err(CalibError::Sparse)?;
+        let entry = |a: usize, b: usize| {
+            let pairs = rows[a * unknowns..].iter().zip(&solved[b * unknowns..]).take(unknowns);
+            pairs.map(|(x, y)| x * y).sum()
+        };
+        Ok(DMat3::from_cols_array_2d(&std::array::from_fn(|b| std::array::from_fn(|a| entry(a, b)))))
     }
 
     /// The columns of the unknowns that are fitted; zero for others.

@@ -7,6 +7,7 @@ mod validate;
 
 pub use touch_row::TouchRow;
 
+use std::collections::HashMap;
 use std::fmt;
 
 use glam::DVec3;
@@ -235,6 +236,23 @@ pub struct Observations {
 }
 
 impl Observations {
+    /// Appends the observations of a touch. `vertices` has the taxels so far; those that are new join it.
+    pub fn append(&mut self, touch: &Self, vertices: &mut HashMap<TaxelId, VertexId>) {
+        let taxels = &mut self.taxels;
+        let place =
+            touch.taxels.map(|taxel| *vertices.entry(taxel.id).or_insert_with(|| taxels.push(*taxel)));
+        for edge in &touch.edges {
+            let (from, to) = (place[edge.from], place[edge.to]);
+            self.edges.push(Displacement { from, to, ..edge.clone() });
+        }
+        for contact in &touch.contacts {
+            self.contacts.push(ContactObservation { taxel: place[contact.taxel], ..contact.clone() });
+        }
+        touch.touches.iter().for_each(|row| {
+            self.touches.push(*row);
+        });
+    }
+
     /// Multiplies every length by `factor`, which is above 0: metres for a file in millimetres are
     /// `scale(1e-3)`. Information of lengths is divided by its square.
     pub fn scale(&mut self, factor: f64) {

@@ -29,11 +29,13 @@ const NORMAL_SIGMA: &str = "sigma_n";
 // of the upper triangle, in 1/m^2.
 const SIGMA: &str = "sigma";
 const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
+/// When a row was observed, in s.
+const TIME: &str = "time";
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may contain, for messages.
 pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
-                      ixx,ixy,ixz,iyy,iyz,izz; of contacts also touch, contact, weight, qx,qy,qz,qw, separated by commas";
+                      ixx,ixy,ixz,iyy,iyz,izz; also time; of contacts also touch, contact, weight, qx,qy,qz,qw, separated by commas";
 
 /// Whether a line is the header of a table, whatever separates its words: g2o has no such words.
 pub(super) fn is_header(line: &str) -> bool {
@@ -56,6 +58,8 @@ pub(super) struct ColumnIndices {
     touch: Option<TouchColumns>,
     /// The number of the touch of a row.
     pub(super) group: Option<usize>,
+    /// The time of a row.
+    pub(super) time: Option<usize>,
 }
 
 #[derive(Clone, Copy)]
@@ -72,7 +76,7 @@ enum Uncertainty {
 
 impl ColumnIndices {
     pub(super) fn new(columns: &Columns) -> Result<Self> {
-        let mut used = vec!["i"];
+        let mut used = vec!["i", TIME];
         let has = |name: &str| columns.find(name).is_some();
         let Some(taxel) = columns.find("i") else {
             return Err(columns.at().invalid(columns.describe(), TABLES));
@@ -113,7 +117,8 @@ impl ColumnIndices {
             let found = format!("a column {}, which is redundant next to {}", excerpt(name), used.join(","));
             return Err(columns.at().invalid(found, TABLES));
         }
-        Ok(Self { taxel, subject, uncertainty, touch, group: columns.find(TOUCH) })
+        let (group, time) = (columns.find(TOUCH), columns.find(TIME));
+        Ok(Self { taxel, subject, uncertainty, touch, group, time })
     }
 
     /// The standard deviation that is assumed, if the table gives none.

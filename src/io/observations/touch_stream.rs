@@ -24,6 +24,7 @@ pub struct TouchStream {
     is_held: bool,
     last_byte: Rc<Cell<u8>>,
     half_row: Option<usize>,
+    time: Option<f64>,
     /// An error behind the rows of a touch.
     error: Option<IoError>,
     ended: bool,
@@ -53,6 +54,7 @@ pub fn touches_from_stream(input: impl BufRead + 'static, name: &Path) -> Result
         is_held: false,
         last_byte,
         half_row: None,
+        time: None,
         error: None,
         ended: false,
     })
@@ -62,6 +64,11 @@ impl TouchStream {
     /// The line on which the stream ended within a row.
     pub fn half_row(&self) -> Option<usize> {
         self.half_row
+    }
+
+    /// The time of the last row of the last touch, in s, if the table has a column `time`.
+    pub fn time(&self) -> Option<f64> {
+        self.time
     }
 
     /// Moves to the next row; false at the end.
@@ -88,7 +95,9 @@ impl TouchStream {
                 self.is_held = true;
                 break;
             }
+            let time = self.columns.time.map(|column| row.number(column)).transpose()?;
             csv::read_row(row, &self.columns, builder)?;
+            self.time = time;
             first = number;
             count += 1;
             if first.is_none() {

@@ -203,10 +203,11 @@ pub fn write_touch_contacts(
     contacts: &[TouchContact],
 ) -> std::result::Result<(), IoError> {
     let has_contacts = contacts.iter().any(|contact| contact.contact.is_some());
+    let has_times = contacts.iter().all(|contact| contact.time.is_some());
     let has_rotations = contacts.iter().any(|contact| contact.body_rotation.is_some());
     let mut header = "i,x,y,z,touch".to_owned();
     header += if has_contacts { ",contact" } else { "" };
-    header += ",weight";
+    header += if has_times { ",time,weight" } else { ",weight" };
     header += if has_rotations { ",qx,qy,qz,qw" } else { "" };
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
@@ -218,7 +219,7 @@ pub fn write_touch_contacts(
                 Some(number) => table.whole(number),
                 None => table.empty(usize::from(has_contacts)),
             }
-            table.decimals([contact.weight]);
+            table.decimals(contact.time.filter(|_| has_times).into_iter().chain([contact.weight]));
             match contact.body_rotation {
                 Some(q) => table.decimals(DQuat::to_array(&q)),
                 None => table.empty(if has_rotations { 4 } else { 0 }),

@@ -61,7 +61,7 @@ pub(crate) struct Args {
     /// Solve after each touch of a table that is still being written, and print a line of JSON for each
     ///
     /// A touch is a row, or the rows with one number in a column touch. The last result is that of all touches at once.
-    #[arg(long, conflicts_with_all = ["cad", "contacts", "triangles", "truth", "json", "clip_information"])]
+    #[arg(long, conflicts_with_all = ["folds", "contacts", "triangles", "truth", "json", "clip_information"])]
     pub(super) follow: bool,
     /// Solve after every N touches
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = touches, requires = "follow")]

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use dermatome::Error;
-use dermatome::calib::{TouchNoise, fit_bodies};
+use dermatome::calib::{BodyCalibration, TouchNoise, fit_bodies};
 use dermatome::io::{
     ObservationRemark, observations_from_stream, read_observations, write_bodies, write_skin,
 };
@@ -25,13 +25,7 @@ use crate::options::Common;
 
 /// Fits the bodies of the drawing `cad`.
 pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<ExitCode> {
-    let outputs = check(args)?;
-    if let Some((path, _)) = outputs.iter().find(|(_, kind)| matches!(kind, OutputKind::Graph)) {
-        return Err(advise(
-            format!("{}: a graph has no place for bodies", path.display()),
-            "write a table .csv or a skin, as .glb",
-        ));
-    }
+    let outputs = check_outputs(args)?;
     let drawing = Drawing::read(cad, &args.cad, common)?;
     let read = if is_stream(&args.observations) {
         observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &[])
@@ -63,22 +57,44 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
         let what = format!("{}: not converged; nothing was written", args.observations.display());
         return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
     }
-    let file = |path: &Path| common.outputs.file(path);
-    for (path, kind) in outputs {
-        if matches!(kind, OutputKind::Table) {
-            write_bodies(file(path), &drawing.cad, &found).map_err(Error::from)?;
-            outputs::drop_triangles(path, common)?;
-        } else {
-            let skin = drawing.calibrated(&found, common)?;
-            write_skin(file(path), &skin).map_err(Error::from)?;
-            remark_lost(path, &skin, common);
-        }
-    }
-    outputs::publish(common)?;
+    write(&outputs, &drawing, &found, common)?;
     if args.json {
         print_json("dermatome.bodies/1", &BodySummary::new(&found, &drawing.cad, seconds))?;
     } else if !common.quiet {
         print_bodies(&found)?;
     }
     Ok(if found.converged { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
+}
+
+/// The outputs, none of which is a graph.
+pub(super) fn check_outputs(args: &Args) -> anyhow::Result<Vec<(&Path, OutputKind)>> {
+    let outputs = check(args)?;
+    match outputs.iter().find(|(_, kind)| matches!(kind, OutputKind::Graph)) {
+        Some((path, _)) => Err(advise(
+            format!("{}: a graph has no place for bodies", path.display()),
+            "write a table .csv or a skin, as .glb",
+        )),
+        None => Ok(outputs),
+    }
+}
+
+/// Writes every output, or none if one of them cannot be made.
+pub(super) fn write(
+    outputs: &[(&Path, OutputKind)],
+    drawing: &Drawing,
+    found: &BodyCalibration,
+    common: &Common,
+) -> anyhow::Result<()> {
+    let file = |path: &Path| common.outputs.file(path);
+    for &(path, kind) in outputs {
+        if matches!(kind, OutputKind::Table) {
+            write_bodies(file(path), &drawing.cad, found).map_err(Error::from)?;
+            outputs::drop_triangles(path, common)?;
+        } else {
+            let skin = drawing.calibrated(found, common)?;
+            write_skin(file(path), &skin).map_err(Error::from)?;
+            remark_lost(path, &skin, common);
+        }
+    }
+    Ok(outputs::publish(common)?)
 }

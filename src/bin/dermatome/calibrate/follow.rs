@@ -1,17 +1,26 @@
 //! `calibrate --follow`: a line of JSON for each touch while the table of observations is written.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write, stdin, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
 use dermatome::Error;
-use dermatome::calib::{Calibration, FollowedSolve, FollowedTouch, Follower, Observations};
-use dermatome::io::{IoError, ObservationRemark, touches_from_stream, write_calibration};
+use dermatome::calib::{
+    BodyCalibration, BodyOptions, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower,
+    Observations, TouchNoise, fit_bodies,
+};
+use dermatome::id::VertexId;
+use dermatome::io::{IoError, ObservationRemark, touches_from_stream, write_bodies, write_calibration};
 use dermatome::run::Run;
+use dermatome::skin::TaxelId;
 use serde::Serialize;
 
 use crate::calibrate::args::Args;
+use crate::calibrate::bodies;
+use crate::calibrate::body_summary::notes;
+use crate::calibrate::drawing::Drawing;
 use crate::calibrate::inputs::Inputs;
 use crate::calibrate::results::{self, OutputKind};
 use crate::console::errors::{BAD_INPUT, advise};
@@ -20,13 +29,11 @@ use crate::console::print::{print, say};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, Unit};
 
-/// Touches after which the table is written anew, whatever follows.
-const TOUCHES_PER_TABLE: usize = 100;
-
 /// A line for each touch.
 #[derive(Debug, Serialize)]
 struct TouchLine<'t> {
     schema: &'static str,
+    time: Option<f64>,
     touch: usize,
     taxels: &'t [u32],
     /// Length of the whitened innovation, and the number of its dimensions.
@@ -45,9 +52,119 @@ struct Worst {
     sigma_mm: f64,
 }
 
+/// What is solved after touches.
+enum Solver {
+    Taxels(Box<Follower>),
+    Bodies(Box<BodyFollower>),
+}
+
+/// Fits the bodies of a drawing to a growing set of touches, each time from the drawing.
+struct BodyFollower {
+    drawing: Drawing,
+    options: BodyOptions,
+    every: usize,
+    observations: Observations,
+    vertices: HashMap<TaxelId, VertexId>,
+    touches: usize,
+    found: Option<BodyCalibration>,
+}
+
+impl BodyFollower {
+    fn push(&mut self, touch: &Observations) -> Result<FollowedTouch, CalibError> {
+        self.observations.append(touch, &mut self.vertices);
+        self.touches += 1;
+        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
+        taxels.sort_unstable();
+        let is_due = self.touches.is_multiple_of(self.every);
+        let solved = is_due.then(|| self.solve()).transpose()?;
+        Ok(FollowedTouch { touch: self.touches, taxels, innovation: None, solved })
+    }
+
+    fn solve(&mut self) -> Result<FollowedSolve, CalibError> {
+        let found = fit_bodies(&self.observations, &self.drawing.cad, &self.options)?;
+        let drawn = self.drawing.cad.taxels.iter().map(|taxel| taxel.position);
+        let before = match &self.found {
+            Some(before) => before.taxels.iter().map(|taxel| taxel.position).collect(),
+            None => drawn.collect::<Vec<_>>(),
+        };
+        let moves = before.iter().zip(&found.taxels).map(|(before, taxel)| before.distance(taxel.position));
+        let moved = moves.fold(0.0, f64::max);
+        let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
+        let worst = sigmas.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        self.found = Some(found);
+        Ok(FollowedSolve::Solved { moved, worst })
+    }
+}
+
+impl Solver {
+    fn new(args: &Args, common: &Common) -> anyhow::Result<Self> {
+        let Some(cad) = &args.cad.cad else {
+            return Ok(Self::Taxels(Box::new(Calibration::follow(&args.options(), args.every))));
+        };
+        Ok(Self::Bodies(Box::new(BodyFollower {
+            drawing: Drawing::read(cad, &args.cad, common)?,
+            options: args.cad.options(TouchNoise::Stated),
+            every: args.every,
+            observations: Observations::default(),
+            vertices: HashMap::new(),
+            touches: 0,
+            found: None,
+        })))
+    }
+
+    fn push(&mut self, touch: &Observations) -> Result<FollowedTouch, CalibError> {
+        match self {
+            Self::Taxels(follower) => follower.push(touch, Run::default()),
+            Self::Bodies(follower) => follower.push(touch),
+        }
+    }
+
+    /// Writes the tables of the last solution, each whole or not at all.
+    fn write_tables(&self, outputs: &[(&Path, OutputKind)]) -> Result<(), Error> {
+        for (path, _) in outputs.iter().filter(|(_, kind)| matches!(kind, OutputKind::Table)) {
+            match self {
+                Self::Taxels(follower) => {
+                    follower.solution().map(|found| write_calibration(*path, found)).transpose()?;
+                }
+                Self::Bodies(follower) => {
+                    let BodyFollower { drawing, found, .. } = &**follower;
+                    found.as_ref().map(|found| write_bodies(*path, &drawing.cad, found)).transpose()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes every output of the batch result; returns why it is not a minimum.
+    fn finish(
+        &mut self,
+        outputs: &[(&Path, OutputKind)],
+        args: &Args,
+        common: &Common,
+    ) -> anyhow::Result<Option<String>> {
+        match self {
+            Self::Taxels(follower) => {
+                let (observations, found) = follower.finish(Run::default()).map_err(Error::from)?;
+                let inputs = Inputs { observations, triangles: None, truth: None };
+                results::write(outputs, &found, &inputs, args, common)?;
+                Ok((!found.termination.is_converged()).then(|| found.termination.to_string()))
+            }
+            Self::Bodies(follower) => {
+                follower.solve().map_err(Error::from)?;
+                let Some(found) = &follower.found else { return Ok(None) };
+                if !common.quiet {
+                    notes(found, &follower.drawing.cad, common);
+                }
+                bodies::write(outputs, &follower.drawing, found, common)?;
+                Ok((!found.converged).then(|| "not converged".to_owned()))
+            }
+        }
+    }
+}
+
 /// Follows the observations of the arguments.
 pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let outputs = results::check(args)?;
+    let outputs = if args.cad.cad.is_some() { bodies::check_outputs(args)? } else { results::check(args)? };
     if outputs.iter().any(|(path, _)| is_stream(path)) {
         return Err(advise("standard output has a line for each touch", "write the result to a file"));
     }
@@ -59,10 +176,10 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (Box::new(BufReader::new(File::open(path).map_err(fail)?)), path)
     };
     let mut stream = touches_from_stream(input, name).map_err(Error::from)?;
-    let mut follower = Calibration::follow(&args.options(), args.every);
+    let mut solver = Solver::new(args, common)?;
     let (mut unfit, mut failed) = (0_usize, None);
     let mut remarked = Vec::new();
-    for touch in &mut stream {
+    while let Some(touch) = stream.next() {
         let (mut observations, remarks) = match touch {
             Ok(read) => read,
             Err(error) => {
@@ -70,14 +187,20 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 break;
             }
         };
-        remark(&mut remarked, remarks, args.unit, common)?;
-        observations.scale(args.unit.metres());
-        let followed = follower.push(&observations, Run::default()).map_err(Error::from)?;
-        unfit += usize::from(followed.innovation.is_some_and(|i| !i.fits()));
-        print(&line(&followed)?)?;
-        if followed.touch.is_multiple_of(TOUCHES_PER_TABLE) {
-            write_tables(&outputs, &follower)?;
+        if let Solver::Bodies(follower) = &mut solver
+            && remarks.iter().any(|remark| matches!(remark, ObservationRemark::AssumedSigma { .. }))
+        {
+            follower.options.noise = TouchNoise::Estimated;
+        } else {
+            remark(&mut remarked, remarks, args.unit, common)?;
         }
+        observations.scale(args.unit.metres());
+        let followed = solver.push(&observations).map_err(Error::from)?;
+        unfit += usize::from(followed.innovation.is_some_and(|i| !i.fits()));
+        if matches!(followed.solved, Some(FollowedSolve::Solved { .. })) {
+            solver.write_tables(&outputs)?;
+        }
+        print(&line(&followed, stream.time())?)?;
     }
     stdout().flush().map_err(|e| outputs::cannot_write("standard output".as_ref(), e))?;
     if let Some(line) = stream.half_row() {
@@ -88,19 +211,17 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if let Some(error) = failed {
         // What came before the error is kept.
-        if let Ok((observations, found)) = follower.finish(Run::default()) {
-            finish(&outputs, observations, &found, args, common)?;
+        if let Err(other) = solver.finish(&outputs, args, common) {
+            note!(common, "nothing was written at the end: {other:#}");
         }
         return Err(Error::from(error).into());
     }
-    let (observations, found) = follower.finish(Run::default()).map_err(Error::from)?;
-    finish(&outputs, observations, &found, args, common)?;
-    let converged = found.termination.is_converged();
-    if !converged {
+    let unfinished = solver.finish(&outputs, args, common)?;
+    if let Some(why) = &unfinished {
         // Also in a quiet run: an exit code that is not 0 needs its reason.
-        say(format_args!("warning: {}: what was written is not a minimum (exit code 2)", found.termination));
+        say(format_args!("warning: {why}: what was written is not a minimum (exit code 2)"));
     }
-    Ok(if converged { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
+    Ok(if unfinished.is_none() { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
 }
 
 /// Prints each remark once.
@@ -124,7 +245,7 @@ fn remark(
     Ok(())
 }
 
-fn line(followed: &FollowedTouch) -> anyhow::Result<String> {
+fn line(followed: &FollowedTouch, time: Option<f64>) -> anyhow::Result<String> {
     let taxels: Vec<u32> = followed.taxels.iter().map(|id| id.0).collect();
     let (moved, worst, undetermined) = match &followed.solved {
         None => (None, None, None),
@@ -133,6 +254,7 @@ fn line(followed: &FollowedTouch) -> anyhow::Result<String> {
     };
     let line = TouchLine {
         schema: "dermatome.touch/1",
+        time,
         touch: followed.touch,
         taxels: &taxels,
         sigmas: followed.innovation.map(|i| i.chi2.max(0.0).sqrt()),
@@ -143,25 +265,4 @@ fn line(followed: &FollowedTouch) -> anyhow::Result<String> {
         undetermined,
     };
     Ok(serde_json::to_string(&line)? + "\n")
-}
-
-/// Writes the tables of the last solution, each whole or not at all.
-fn write_tables(outputs: &[(&Path, OutputKind)], follower: &Follower) -> Result<(), Error> {
-    let Some(found) = follower.solution() else { return Ok(()) };
-    for (path, _) in outputs.iter().filter(|(_, kind)| matches!(kind, OutputKind::Table)) {
-        write_calibration(*path, found)?;
-    }
-    Ok(())
-}
-
-/// Writes every output of the batch result.
-fn finish(
-    outputs: &[(&Path, OutputKind)],
-    observations: Observations,
-    found: &Calibration,
-    args: &Args,
-    common: &Common,
-) -> anyhow::Result<()> {
-    let inputs = Inputs { observations, triangles: None, truth: None };
-    results::write(outputs, found, &inputs, args, common)
 }
