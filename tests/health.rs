@@ -287,7 +287,8 @@ fn table_of_detections_and_false_findings() {
         ..usual(seed)
     };
     let (mut false_in_clean, mut clean) = (0_usize, 0);
-    let cells: [(&str, u64, &dyn Fn(u64) -> TouchOptions); 4] =
+    type Cell<'a> = (&'a str, u64, &'a dyn Fn(u64) -> TouchOptions);
+    let cells: [Cell<'_>; 4] =
         [("rolled", 10, &usual), ("taps", 4, &taps), ("two at once", 4, &two), ("ellipsoids", 4, &real)];
     for (name, seeds, options) in cells {
         for seed in 1000..1000 + seeds {
