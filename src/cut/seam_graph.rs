@@ -52,7 +52,7 @@ const WEIGHTED: [f64; 2] = [0.25, 4.0];
 /// A face is a needle if its height is below this share of its longest edge.
 const THIN: f64 = 0.03;
 
-/// Factor on the length of paths along needles: one at a seam collapses on the map, at hardly any energy.
+/// Factor on the length of paths along needles: one at a seam collapses on the map, at almost no energy.
 const NEEDLE: f64 = 1.5;
 
 /// The closed surface of a mesh: every boundary loop gets an apex, joined to each of its vertices.

@@ -51,11 +51,11 @@ pub struct GainEstimator<'s> {
     collector: Collector<'s>,
 }
 
-/// What touches tell of a taxel.
+/// What is known of a taxel from touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaxelGain {
-    /// Pressure over reading, relative to the geometric mean of the skin; NaN where no press tells it to a
-    /// fifth.
+    /// Pressure over reading, relative to the geometric mean of the skin; NaN where no press determines it to
+    /// a fifth.
     pub gain: f64,
     /// The standard deviation of its logarithm.
     pub sigma: f64,

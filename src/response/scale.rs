@@ -35,7 +35,7 @@ const OF_MEDIAN: f64 = 1.4826;
 /// Exponents that are tried.
 const EXPONENTS: [f64; 2] = [0.4, 2.5];
 
-/// What touches of known force tell.
+/// What is known of the scale from touches of known force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScaleReport {
     /// Pressure in Pa over relative pressure.
@@ -74,7 +74,7 @@ impl ScaleEstimator {
     /// [`EXPONENT_TOUCHES`].
     ///
     /// # Errors
-    /// If times do not grow, a force is not a number or negative, or the largest is hardly in N.
+    /// If times do not grow, a force is not a number or negative, or the largest is too small or too large for one in N.
     pub fn new(skin: &Skin, finds_exponent: bool, forces: Vec<[f64; 2]>) -> Result<Self, ResponseError> {
         skin.validate()?;
         let late = |k: &usize| !forces[*k][0].is_finite() || (*k > 0 && forces[*k][0] < forces[*k - 1][0]);

@@ -3,7 +3,7 @@
 //! Of each step the middle half counts; of the last one, where no row ends it, all but its beginning. For each taxel a line is fitted to `ln(reading)` over `ln(pressure)`; its slope
 //! is the reciprocal of the exponent. Slopes of one kind of taxel differ little, and are known badly from a few steps: each
 //! is shrunk towards their median by as much as its own error requires (an estimator of James and Stein). Where the
-//! bag is put on the skin several times, the differences between these placements tell how evenly it presses.
+//! bag is put on the skin several times, the differences between these placements show how evenly it presses.
 
 use crate::id::{IdVec, VertexId};
 use crate::numeric::median_of;
@@ -99,7 +99,7 @@ impl<'s> StepEstimator<'s> {
     /// the step before it, or lasts to the end of the recording.
     ///
     /// # Errors
-    /// If there is no step, times do not grow, or a pressure is negative, not a number, or hardly in Pa.
+    /// If there is no step, times do not grow, or a pressure is negative, not a number, or no pressure of a bag in Pa.
     pub fn new(skin: &'s Skin, rows: &[[f64; 2]]) -> Result<Self, ResponseError> {
         skin.validate()?;
         let mut steps: Vec<Step> = Vec::new();

@@ -1,5 +1,5 @@
 //! The noise of one taxel, estimated all along from the differences of successive readings: touches, which change
-//! slowly from frame to frame, hardly count.
+//! slowly from frame to frame, change the estimate little.
 
 /// The standard deviation of normal noise over the mean size of the difference of two readings: sqrt(pi) / 2.
 const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;

@@ -91,7 +91,7 @@ fn list_iterations(iterations: &[Iteration], common: &Common) {
     }
 }
 
-/// A skin in more components than this is hardly intended: the rest is counted.
+/// A skin in more components than this is probably not intended: the rest is counted.
 const MOST_COMPONENTS: usize = 8;
 
 /// Prints which components have no place of their own.

@@ -121,7 +121,10 @@ fn estimate(
             let summary = summary(&response);
             note!(common, "{steps} steps from {low} to {high} kPa, {placements} placements; {summary}");
             if report.exponent.is_nan() {
-                note!(common, "one pressure tells no exponent; steps of at least two are needed");
+                note!(
+                    common,
+                    "steps of one pressure determine no exponent: it needs steps of two pressures or more"
+                );
             } else {
                 note!(common, "median exponent {:.3}", report.exponent);
             }

@@ -74,7 +74,7 @@ struct Surrounded {
 }
 
 impl Touches {
-    /// Sees a frame of a taxel that works; `hot` tells which taxels are touched.
+    /// Sees a frame of a taxel that works; `hot` is whether each taxel is touched.
     pub(super) fn see(
         &mut self,
         taxel: usize,

@@ -474,7 +474,7 @@ fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draf
     Ok((draft, inner))
 }
 
-/// How far apart the taxels of each patch shall be, in m: a number, or one for names of links.
+/// The wanted spacing of the taxels of each patch, in m: a number, or one for names of links.
 fn spacings(value: &Bound<'_, PyAny>, skin: &Skin) -> PyResult<Vec<f64>> {
     let Ok(of_links) = value.cast::<PyDict>() else {
         return Ok(vec![positive("spacing", value.extract()?)?; skin.patches.len()]);

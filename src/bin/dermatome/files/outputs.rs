@@ -20,7 +20,7 @@ pub(crate) fn is_stream(path: &Path) -> bool {
 }
 
 /// Refuses, before any work, outputs that cannot be written, or that would replace an input or each
-/// other; tells `files` the inputs.
+/// other; adds the inputs to `files`.
 pub(crate) fn check_command_line(given: &ArgMatches, files: &Outputs) -> anyhow::Result<()> {
     let GivenPaths { inputs, files: mut outputs, folders } = GivenPaths::of(given);
     outputs.iter().try_for_each(|path| check_file(path))?;

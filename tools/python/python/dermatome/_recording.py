@@ -46,7 +46,7 @@ class Recording:
     path : str
         The file or folder.
     streams : dict of str to tuple of int
-        What there is: the shape of each stream, the number of frames first, -1 where only reading all of them tells it.
+        What there is: the shape of each stream, the number of frames first, -1 where only reading all of them shows it.
         A `*` stands for the number of an episode.
     layout : Layout or None
         What the file does not say.
@@ -81,7 +81,7 @@ class Recording:
             raise DataError(f"{path}: found episode={episode!r}; needed: 0: this file is one episode")
         self._text: Text | None = None
         self.streams = {}
-        # An array without a layout can be drafted: what is missing is told when it is read.
+        # An array without a layout can be drafted: what is missing is an error when it is read.
         if self.layout is not None or self._axes or not Text.is_known(self.path) or self._opens():
             self._text = self._core()
             self.streams = dict(self._text.streams)

@@ -15,7 +15,7 @@ class Text:
         self.path = path
         self.file = RecordingFile(path, stream, layout)
         self.ids, self.channels, self.units, self.frames = self.file.ids, self.file.channels, self.file.units, self.file.frames
-        # The number of frames is -1 where only reading all of them tells it.
+        # The number of frames is -1 where only reading all of them shows it.
         unknown = () if self.frames is not None else (-1,)
         self.streams = {name: (*unknown, *shape) for name, shape in self.file.streams.items()}
 

@@ -28,7 +28,7 @@ class Zarr(Container):
         for name in self.store.arrays():
             try:
                 self.arrays[name] = Array(self.store, name)
-            except (DataError, FileError) as error:  # Pictures, and text without a length: told when they are asked for.
+            except (DataError, FileError) as error:  # Pictures, and text without a length: an error when they are asked for.
                 self.unread[name] = error
         for name, array in self.arrays.items():
             short = name.removeprefix("data/")
