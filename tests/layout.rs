@@ -292,6 +292,19 @@ fn times_become_seconds_or_are_refused() {
     assert!(run(&[12], 1).unwrap_err().to_string().contains("frame 4: found"));
 }
 
+/// A cell that has no number while the zero is taken has none later, and it is stated why.
+#[test]
+fn a_cell_without_a_zero_is_stated() {
+    let layout = with(&[("zero", json!({"first": 2}))]);
+    let mut decoder = decoder(&layout, &facts(&[2, 3])).unwrap();
+    let mut raw = vec![1.0; 6 * 4];
+    (raw[0], raw[6]) = (f64::NAN, f64::NAN);
+    let (values, _) = decode(&mut decoder, &raw, Times::None).unwrap();
+    assert!(values[18].is_nan() && values[19] == 0.0, "{values:?}");
+    let stated = decoder.statements();
+    assert!(stated.iter().any(|s| s.what == "zero" && s.value.starts_with("1 cells without")), "{stated:?}");
+}
+
 /// A call of no frame or of one at a time changes nothing.
 #[test]
 fn times_are_the_same_in_calls_of_any_length() {

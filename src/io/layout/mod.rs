@@ -316,13 +316,21 @@ impl Decoder {
             return Err(self.invalid("zero", found, format!("the first {first}, as the layout states")));
         }
         let missing = self.missing.clone();
+        let mut without = 0;
         self.each_number(|number| {
             let numbers =
                 raw.chunks_exact(width).take(first).map(|frame| frame[number.place as usize].into());
             let known = numbers.filter(|x: &f64| x.is_finite() && !missing.contains(x));
             let [sum, count] = known.fold([0.0, 0.0], |[sum, count], x| [sum + x, count + 1.0]);
             number.zero = sum / count;
+            without += usize::from(count == 0.0);
         });
+        if without > 0 {
+            let value = format!(
+                "{without} cells without a number in the first {first} frames: they have no zero, and their readings stay missing"
+            );
+            self.statements.push(Statement::new("zero", value, StatementSource::Checked));
+        }
         Ok(())
     }
 
