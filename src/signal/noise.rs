@@ -7,6 +7,9 @@ const NOISE_OF_DIFFERENCE: f64 = 0.886_226_925_452_758;
 /// The standard deviation of a rounded number over the step of rounding: sqrt(1/12).
 pub(crate) const QUANTISATION: f64 = 0.288_675_134_594_812_9;
 
+/// Share of the taxels with less noise than an estimate for a skin: noise is uneven, and a twentieth may be faulty.
+pub(crate) const QUIETER_SHARE: f64 = 0.95;
+
 /// Differences from which the noise is estimated: older ones fade.
 const FRAMES: f64 = 200.0;
 

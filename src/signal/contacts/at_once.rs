@@ -8,6 +8,7 @@
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::signal::contacts::{ContactEvent, ContactRegion};
+use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::skin::{LinkId, PatchId};
 
 /// Readings that add up to the load.
@@ -20,9 +21,8 @@ const BIN_RATIO: f64 = 1.02;
 /// Largest number of contacts that is counted.
 const MOST: usize = 31;
 
-/// How long nothing touches before a touch has ended, in s, and the interval of frames without times.
+/// How long nothing touches before a touch has ended, in s.
 const GAP_S: f64 = 0.15;
-const USUAL_INTERVAL_S: f64 = 0.1;
 
 /// Counts the contacts of touches.
 #[derive(Debug, Clone)]

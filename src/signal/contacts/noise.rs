@@ -14,11 +14,9 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::numeric::quantile;
+use crate::signal::noise::QUIETER_SHARE;
 use crate::signal::{Frame, TrackerOptions};
 use crate::skin::PatchId;
-
-/// Share of the taxels with less noise than the estimate.
-const QUIETER_SHARE: f64 = 0.95;
 
 /// Number of frames in which noise raises one taxel of the skin above the threshold once: more than an hour
 /// at 250 Hz. A region needs two taxels.

@@ -1,7 +1,7 @@
 //! The first pass: range, noise and repetitions of each taxel's readings as they come.
 
 use crate::numeric::median;
-use crate::signal::QUANTISATION;
+use crate::signal::noise::{QUANTISATION, QUIETER_SHARE};
 
 /// Bins of the histogram of differences: four for each power of 2 from `2^-40` to `2^40`.
 const BINS: usize = 320;
@@ -29,9 +29,8 @@ const DEVIATION: f64 = 1.4826;
 /// Share of the taxels that repeat one reading for ever from which on that is not a fault: readings are cut off at 0.
 const MOST_CONSTANT: f64 = 0.2;
 
-/// Threshold of touches over the noise of all but a twentieth of the taxels.
+/// Threshold of touches over the noise of [`QUIETER_SHARE`] of the taxels.
 const THRESHOLD: f64 = 4.0;
-const QUIETER_SHARE: f64 = 0.95;
 
 /// What one taxel read so far.
 #[derive(Debug, Clone)]

@@ -27,6 +27,7 @@ use crate::map::SkinMap;
 use crate::mesh::neighbours;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
+use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::signal::zero::track::Track;
 use crate::signal::{Channel, Frame, Stage};
 use crate::skin::PatchId;
@@ -117,8 +118,6 @@ impl ZeroTracker {
 impl Stage for ZeroTracker {
     /// The frame less the zeros. Frames without times count as a tenth of a second.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
-        /// Of frames without times.
-        const USUAL_INTERVAL_S: f64 = 0.1;
         let interval = frame.time - self.time;
         let interval = if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
         self.time = if frame.time.is_finite() { frame.time.max(self.time) } else { self.time };

@@ -206,7 +206,7 @@ pub(crate) fn read_map_first(path: &Path) -> anyhow::Result<SkinMap> {
     Ok(read_map(path).map_err(Error::from)?)
 }
 
-fn is_gltf(path: &Path) -> bool {
+pub(crate) fn is_gltf(path: &Path) -> bool {
     matches!(outputs::kind(path).as_str(), "glb" | "gltf")
 }
 

@@ -15,8 +15,7 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
 use crate::console::print::plain;
-use crate::files::input::{read_map_first, select_patches};
-use crate::files::outputs;
+use crate::files::input::{is_gltf, read_map_first, select_patches};
 use crate::options::{Common, JointsArg, RegionsArgs};
 
 pub(super) struct Robot {
@@ -141,10 +140,6 @@ impl Robot {
         let first = links.next()?;
         links.all(|link| link == first).then_some(first)
     }
-}
-
-fn is_gltf(path: &Path) -> bool {
-    matches!(outputs::kind(path).as_str(), "glb" | "gltf")
 }
 
 /// Says what of a file changes no pose.

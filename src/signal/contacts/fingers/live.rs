@@ -5,21 +5,19 @@ use crate::map::SkinMap;
 use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::pyramid::LevelId;
+use crate::signal::frame::USUAL_INTERVAL_S;
+use crate::signal::noise::QUIETER_SHARE;
 use crate::signal::{Channel, Frame, Stage, ZeroTracker};
 use crate::skin::PatchId;
 
 /// The threshold over `sigma`.
 pub(in crate::signal::contacts) const HIGH: f64 = 6.0;
 
-/// Time constant of the smoothing, in s, and the interval of frames without times.
+/// Time constant of the smoothing, in s.
 const SMOOTHING_S: f64 = 0.15;
-const USUAL_INTERVAL_S: f64 = 0.1;
 
 /// Standard deviation of smoothed noise over that of noise at 10 Hz, for which the thresholds were chosen.
 const USUAL_NOISE: f64 = 0.577;
-
-/// Share of the taxels with less noise than the estimate: noise is uneven, and a twentieth may be faulty.
-const QUIETER_SHARE: f64 = 0.95;
 
 /// A reading above this many `sigma` is a fault if the largest next to it is below this share of it: a touch that a
 /// taxel feels is also felt next to it.
