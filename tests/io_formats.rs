@@ -652,7 +652,9 @@ fn empty_files_folders_and_other_text_are_refused() {
         let missing = folder.path().join(format!("missing.{kind}"));
         assert!(read_draft(&missing).is_err(), "{kind}: no such file");
     }
-    let unknown = read_draft(Path::new("skin.step")).unwrap_err();
+    let step = folder.path().join("skin.step");
+    fs::write(&step, "ISO-10303-21;").unwrap();
+    let unknown = read_draft(&step).unwrap_err();
     assert!(matches!(unknown, IoError::UnknownKind { .. }), "{unknown}");
     assert!(read_bytes("OBJ", b"v 0 0 0\n").is_ok(), "extensions in capitals");
 }
