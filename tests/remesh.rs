@@ -211,8 +211,9 @@ fn a_box_cuts_a_straight_rim() {
 fn coincident_faces_end_with_few_taxels() {
     let corners = [[0.0, 0.0], [2.2, 0.0], [0.6, 0.8]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
     let mesh = TriMesh::from_arrays(corners, &[[0, 1, 2], [1, 0, 2]]);
-    for spacing in [0.2, 0.1] {
+    for spacing in [0.5, 0.4, 0.3, 0.25, 0.2, 0.1] {
         let made = remesh(&mesh, spacing).unwrap();
+        assert!(Adjacency::new(&made).is_ok(), "{spacing}: two edges between the same vertices");
         let one_a_cell = 2.0 * 0.88 / (0.75_f64.sqrt() * spacing * spacing);
         assert!((made.positions.len() as f64) < 4.0 * one_a_cell);
     }

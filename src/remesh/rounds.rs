@@ -103,6 +103,29 @@ impl Rounds {
         });
         self.raise_thin(LOW * self.target);
         self.compact();
+        for _ in 0..MAX_PASSES {
+            if !self.split_second_edges() {
+                break;
+            }
+        }
+    }
+
+    /// Splits second edges between the same two vertices, as the sides of a flat body of two faces have when both are
+    /// split: triangles know an edge by its ends. Returns whether there was one.
+    fn split_second_edges(&mut self) -> bool {
+        let mut is_split = false;
+        for face in (0..self.mesh.face_count()).map(FaceId::new) {
+            for h in [0, 1, 2].map(|side| Halfedge::new(face, side)) {
+                let (a, b) = (self.mesh.origin(h), self.mesh.target(h));
+                if self.mesh.is_edge(h) && self.mesh.ring(a).filter(|&v| v == b).count() > 1 {
+                    let middle = self.positions[a].midpoint(self.positions[b]);
+                    let at = self.split_point(h, middle).unwrap_or(middle);
+                    self.split(h, at);
+                    is_split = true;
+                }
+            }
+        }
+        is_split
     }
 
     /// Removes the dead vertices and faces; the others keep their order.
