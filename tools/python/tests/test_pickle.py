@@ -78,6 +78,7 @@ def one_of_each(dome_map, tmp_path):
     observations, _ = dermatome.simulate(taxels=60, anchors=20, normal_noise=0.01, indentation=1e-3)
     np.save(tmp_path / "a.npy", values)
     (tmp_path / "arm.urdf").write_text("<robot name='r'><link name='hand'/></robot>")
+    (tmp_path / "response.csv").write_text("taxel_id,gain,sigma\n1,2,0.1\n2,3,\n")
     patch, layout = dome_map.patches["dome"], dermatome.Layout.parse(LAYOUT)
     things = [
         dome_map, patch, patch.levels[1], dermatome.Skin.from_arrays(*dome()), index, index.locate(dome()[0]), index.nearest(dome()[0], 3),
@@ -86,7 +87,7 @@ def one_of_each(dome_map, tmp_path):
         observations, dermatome.calibrate(observations, robust="none", residual="log"), dermatome.Robot.read(tmp_path / "arm.urdf"), layout,
         layout.decoder("a.npy", (256,)), dermatome.RecordingFile(tmp_path / "a.npy"), dermatome.Readings.open(tmp_path / "a.npy", layout=layout),
         dermatome.Readings.from_arrays(values, units="N"), *(error("no", "argument") for error in (dermatome.Error, dermatome.DataError)),
-        dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"),
+        dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"), dermatome.Response.read(tmp_path / "response.csv"),
     ]  # fmt: skip
     return {type(thing).__name__: thing for thing in things}
 
