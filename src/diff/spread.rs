@@ -2,13 +2,10 @@
 
 use glam::DVec3;
 
-use crate::numeric::median_of;
+use crate::numeric::{DEVIATION_OF_MEDIAN, median_of};
 
 /// Nearest taxels with which a taxel is compared.
 const NEIGHBOURS: usize = 12;
-
-/// The standard deviation of normal numbers over their median size.
-const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
 
 /// The 90 % quantile of the sizes of normal numbers.
 const NORMAL_QUANTILE: f64 = 1.644_854;

@@ -11,6 +11,9 @@ use crate::parallel::par_each;
 /// Symmetric Dirichlet energy beyond which a map is far from isometric.
 pub(crate) const FAR: f64 = 50.0;
 
+/// Symmetric Dirichlet energy above which a map is of no use, and no seam improves it: others are tried.
+pub(crate) const ABSURD: f64 = 15.0;
+
 /// Ratios are clamped to this, so that one face without area on the map does not make a mean infinite.
 const LARGEST: f64 = 1e12;
 
@@ -52,6 +55,11 @@ impl Distortion {
     /// beyond 50.
     pub fn is_far_from_isometric(&self) -> bool {
         self.symmetric_dirichlet > FAR
+    }
+
+    /// Whether the map is of no use: the symmetric Dirichlet energy is beyond 15.
+    pub fn is_absurd(&self) -> bool {
+        self.symmetric_dirichlet > ABSURD
     }
 
     /// Whether the map is so poor that a user should be warned: the symmetric Dirichlet energy is beyond 6, or

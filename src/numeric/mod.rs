@@ -18,6 +18,9 @@ pub(crate) use order::{along_curve, argsort, chains, median, median_of, morton, 
 pub(crate) use random::Random;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 
+/// The standard deviation of normal numbers over the median of their sizes.
+pub(crate) const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
+
 /// A number as files and images store it.
 #[expect(clippy::cast_possible_truncation, reason = "files and images store f32")]
 pub(crate) fn narrow(x: f64) -> f32 {

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::cut::{Cut, is_plain_disk};
-use crate::flatten::{Distortion, FlattenError, FlattenOptions, Method, Overlap};
+use crate::flatten::{ABSURD, Distortion, FlattenError, FlattenOptions, Method, Overlap};
 use crate::map::{MapError, MapLevel, PatchMap};
 use crate::mesh::FARTHEST;
 use crate::pipeline::options::{BuildOptions, Numbers};
@@ -20,9 +20,6 @@ fn check_promises(level: &MapLevel, options: &FlattenOptions) -> Result<(), Erro
         Err(FlattenError::NotInjective { flips, overlaps }.into())
     }
 }
-
-/// Symmetric Dirichlet energy above which a map is absurd, and others are tried: an isometry has 4.
-pub(super) const ABSURD: f64 = 15.0;
 
 /// Vertices of a level over those of the next coarser one, where the default pyramid leads to an absurd map.
 const GENTLE: f64 = 2.0;

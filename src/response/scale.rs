@@ -6,7 +6,7 @@
 //! strong touches are needed for it.
 
 use crate::mesh::neighbours;
-use crate::numeric::{Csr, median_of};
+use crate::numeric::{Csr, DEVIATION_OF_MEDIAN, median_of};
 use crate::response::ResponseError;
 use crate::response::press::HOT;
 use crate::signal::Frame;
@@ -28,9 +28,6 @@ const PAUSE_S: f64 = 0.1;
 
 /// How far the forces of single touches may be from the scale (the median of the logarithm's distance).
 const MOST_DISAGREEMENT: f64 = 0.5;
-
-/// The standard deviation of normal numbers over the median of their size.
-const OF_MEDIAN: f64 = 1.4826;
 
 /// Exponents that are tried.
 const EXPONENTS: [f64; 2] = [0.4, 2.5];
@@ -181,7 +178,7 @@ impl ScaleEstimator {
             return Err(ResponseError::ForcesDoNotFit { touches, disagreement });
         }
         // The median of n numbers is known to 1.25 times their standard deviation over the root of n.
-        let sigma = 1.2533 * OF_MEDIAN * disagreement / (touches as f64).sqrt();
+        let sigma = 1.2533 * DEVIATION_OF_MEDIAN * disagreement / (touches as f64).sqrt();
         Ok(ScaleReport { scale: log.exp(), sigma, exponent, touches })
     }
 

@@ -13,7 +13,7 @@ use super::touches::{Touch, TouchId, Touches};
 use crate::calib::solve::loss::LossFunction;
 use crate::calib::{CalibError, Loss};
 use crate::id::IdVec;
-use crate::numeric::median;
+use crate::numeric::{DEVIATION_OF_MEDIAN, median};
 use crate::run::Run;
 
 /// First factor of the bound of Tukey's loss, which halves from stage to stage; larger where the drawing is farther from
@@ -146,7 +146,8 @@ impl Fit<'_> {
             // Medians of a Rayleigh and of a Maxwell distribution of unit scale.
             let is_flat = taken().all(|error| !error.3);
             let across = across / if is_flat { 1.1774 } else { 1.5382 };
-            let along = if is_flat { 1.4826 * median(taken().map(|error| error.1))? } else { across };
+            let along =
+                if is_flat { DEVIATION_OF_MEDIAN * median(taken().map(|error| error.1))? } else { across };
             Some([along, across].map(|sigma| sigma.max(LEAST_SIGMA)))
         };
         let all = sigmas(&|_| true).unwrap_or([FIRST_SIGMA; 2]);

@@ -1,6 +1,6 @@
 //! The first pass: range, noise and repetitions of each taxel's readings as they come.
 
-use crate::numeric::median;
+use crate::numeric::{DEVIATION_OF_MEDIAN, median};
 use crate::signal::noise::{QUANTISATION, QUIETER_SHARE};
 
 /// Bins of the histogram of differences: four for each power of 2 from `2^-40` to `2^40`.
@@ -23,9 +23,6 @@ const SATURATED_NOISE: f64 = 8.0;
 /// Noise over the median noise from which on a taxel is noisy; in standard deviations of its logarithm over all taxels.
 const NOISY: f64 = 3.0;
 const NOISY_DEVIATIONS: f64 = 6.0;
-/// A standard deviation over the median absolute deviation `(rousseeuw1987)`.
-const DEVIATION: f64 = 1.4826;
-
 /// Share of the taxels that repeat one reading for ever from which on that is not a fault: readings are cut off at 0.
 const MOST_CONSTANT: f64 = 0.2;
 
@@ -139,7 +136,7 @@ impl Survey {
             self.is_stuck[k] = !self.is_dead[k] && seen.least < seen.most && seen.longest_run >= longest;
             self.is_noisy[k] = is_known
                 && sigma > NOISY * self.median_sigma
-                && logarithm(sigma) > NOISY_DEVIATIONS * DEVIATION * spread;
+                && logarithm(sigma) > NOISY_DEVIATIONS * DEVIATION_OF_MEDIAN * spread;
             self.is_saturated[k] = !self.is_stuck[k]
                 && seen.at_most >= SATURATED_FRAMES
                 && seen.most_row >= SATURATED_ROW

@@ -199,9 +199,6 @@ pub(crate) fn note_dropped(triangles: &Path, common: &Common) {
     note!(common, "{} belonged to the table that is replaced, and is removed", triangles.display());
 }
 
-/// Symmetric Dirichlet energy above which a map is of no use: no seam improves it.
-const ABSURD: f64 = 15.0;
-
 /// Prints which finest maps are poor, the worst first, in one line with the option that improves them, and which
 /// are not at a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
@@ -212,7 +209,7 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
         let advice = match (options.method, cut) {
             (Method::Linear { .. } | Method::Conformal, _) => ": --method intrinsic distorts less",
             (_, Cut::None) => ": --cut auto cuts where that helps",
-            (_, Cut::Auto) if worst.symmetric_dirichlet > ABSURD => {
+            (_, Cut::Auto) if worst.is_absurd() => {
                 ": CAD with needles is often better remeshed, as with --spacing 5mm"
             }
             (_, Cut::Auto) => ": --max-area-ratio 2 cuts further",
