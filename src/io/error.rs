@@ -43,6 +43,8 @@ pub enum IoError {
         package: Option<String>,
         /// Where it was looked for: folders of the package, or the file itself.
         searched: Vec<PathBuf>,
+        /// Whether the shapes that collide are there, where those that are seen are not.
+        has_collision: bool,
     },
     /// The map that is to be written, or that was read, breaks a rule.
     #[error("{}: {source}", path.display())]

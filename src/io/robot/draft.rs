@@ -35,7 +35,7 @@ const MOST_BYTES: u64 = 1 << 30;
 const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Kinds of meshes that are read.
-const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
+const KINDS: &str = "stl, obj, dae, msh, ply, off, glb, gltf";
 
 /// The skin of a robot that was read from the file `path`: a sheet for each shape of each link, with the vertices
 /// at one position as one. Shapes are called as their link, or, where it has several, with their number after it.
@@ -129,9 +129,23 @@ pub(in crate::io) fn draft_of(
         }
     }
     match absent.into_values().next() {
-        Some(error) if draft.sheets.is_empty() => Err(error),
+        Some(mut error) if draft.sheets.is_empty() => {
+            if let IoError::MeshFile { has_collision, .. } = &mut error {
+                *has_collision = role == Role::Visual && has_collision_shapes(path, robot, packages);
+            }
+            Err(error)
+        }
         _ => Ok(draft),
     }
+}
+
+/// Whether a shape that collides needs no file, or has it.
+fn has_collision_shapes(path: &Path, robot: &Robot, packages: Option<&Packages>) -> bool {
+    let mut shapes = robot.shapes.iter().filter(|shape| shape.role == Role::Collision);
+    shapes.any(|shape| match &shape.geometry {
+        Geometry::Mesh { url, .. } => packages.is_some_and(|known| known.find(path, "<mesh>", url).is_ok()),
+        _ => true,
+    })
 }
 
 /// Triangles of a shape without a file, at most.

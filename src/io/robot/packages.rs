@@ -59,6 +59,7 @@ impl Packages {
             url: url.into(),
             package: None,
             searched: vec![file.clone()],
+            has_collision: false,
         };
         if file.is_file() { Ok(file) } else { Err(missing()) }
     }
@@ -90,6 +91,7 @@ impl Packages {
             url: url.into(),
             package: Some(name.into()),
             searched: folders,
+            has_collision: false,
         })
     }
 

@@ -307,10 +307,14 @@ fn io_help(error: &IoError) -> String {
                 None => "give a file of one of these kinds".into(),
             };
         }
-        IoError::MeshFile { package: Some(package), .. } => {
-            return format!("say where that package is: --package {package}=DIR; --without LINK leaves out a link");
+        IoError::MeshFile { package, has_collision, .. } => {
+            let collision =
+                if *has_collision { "--mesh collision takes the shapes that collide" } else { "--without LINK leaves out a link" };
+            return match package {
+                Some(package) => format!("say where that package is: --package {package}=DIR; {collision}"),
+                None => format!("put the file there, or correct its name; {collision}"),
+            };
         }
-        IoError::MeshFile { .. } => "put the file there, or correct its name; --without LINK leaves out a link",
         IoError::Animation { .. } => {
             "give a file with an animation, and --animation the name of one of several"
         }
