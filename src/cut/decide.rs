@@ -89,9 +89,9 @@ pub(crate) fn decide(
     } else {
         search.with_cones(base)
     };
+    let found = if found.trial.excess > POOR { search.relieved(found) } else { found };
     let found = match limit {
         Some(limit) => search.below(found, limit),
-        None if found.trial.excess > POOR => vec![search.relieved(found)],
         None => vec![found],
     };
     let decision = |found: Found| Decision {
@@ -151,9 +151,15 @@ impl SeamSearch<'_, '_> {
         best
     }
 
-    /// A poor map with more cones, if that is much better.
+    /// A poor map with more cones, or with all loops joined as well, if that is much better. A cone may be joined to a
+    /// loop that the seam leaves out; then a tube between the two stays a ring on the map, however many cones follow.
     fn relieved(&self, poor: Found) -> Found {
-        let Some(new) = self.more_cones(poor.seam.clone(), Some(&poor.trial)) else { return poor };
+        let coned = self.more_cones(poor.seam.clone(), Some(&poor.trial));
+        let all = poor.seam.joined(self.graph, (0..self.graph.loops.len()).map(|k| self.graph.apex(k)));
+        let is_ring = all.ends.len() > poor.seam.ends.len() && self.graph.loops.len() > 1;
+        let joined = is_ring.then(|| self.with_cones(all));
+        let best = coned.into_iter().chain(joined).reduce(|a, b| if b.cost() < a.cost() { b } else { a });
+        let Some(new) = best else { return poor };
         let more = (new.trial.length - poor.trial.length).max(1.0);
         if new.trial.excess * POOR_FALL.powf(more) < poor.trial.excess { new } else { poor }
     }

@@ -32,7 +32,9 @@ pub(super) fn must_cut(graph: &SeamGraph<'_>) -> Seam {
         let handles = shorten(graph, open_handles(graph), &BTreeSet::new());
         // At least one loop is joined to it: the map has one outer boundary then.
         let ends: BTreeSet<_> = (!graph.loops.is_empty()).then(|| graph.apex(0)).into_iter().collect();
-        return Seam { edges: join(graph, &handles, &ends), ends };
+        let mut edges = join(graph, &handles, &ends);
+        graph.rejoin(&mut edges, &ends);
+        return Seam { edges, ends };
     }
     if !graph.loops.is_empty() {
         return Seam::default();
@@ -123,5 +125,46 @@ impl Recipe {
         }
         graph.prune(&mut seam, ends);
         Some(shorten(graph, seam, ends))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+    use crate::numeric::Random;
+
+    /// A block with windows, and holes at some of its faces.
+    fn holed_frame(windows: u32, fine: u32, holes: u64) -> TriMesh {
+        let mut mesh = shapes::frame(windows, fine, 0.01);
+        let mut random = Random::new(holes, 0);
+        let mut is_free = IdVec::filled(true, mesh.positions.len());
+        let triangles = mesh.triangles.iter().filter(|corners| {
+            let is_hole = random.uniform() < 0.2 && corners.iter().all(|&v| is_free[v]);
+            if is_hole {
+                corners.iter().for_each(|&v| is_free[v] = false);
+            }
+            !is_hole
+        });
+        mesh.triangles = triangles.copied().collect();
+        mesh
+    }
+
+    /// A seam that opens a handle may pass through the rim of a hole that it joins elsewhere, and must not cut off what
+    /// lies between.
+    #[test]
+    fn handles_beside_holes_are_opened_in_one_piece() {
+        for (windows, fine) in [(1, 2), (2, 2), (3, 2), (2, 3), (4, 3), (8, 2)] {
+            for holes in 0..20 {
+                let mesh = holed_frame(windows, fine, holes);
+                let graph = SeamGraph::new(&mesh, None).unwrap();
+                let mut seam = join(&graph, &open_handles(&graph), &[graph.apex(0)].into());
+                println!(graph.loops.len(), graph.checked(&seam).is_ok());
+                graph.rejoin(&mut seam, &[graph.apex(0)].into());
+                if let Err(error) = graph.checked(&seam) {
+                    panic!("{windows} windows of {fine} edges, holes {holes}: {error}");
+                }
+            }
+        }
     }
 }

@@ -10,7 +10,7 @@ use crate::cut::cut_mesh::check_disk;
 use crate::cut::{CutError, CutMesh};
 use crate::id::{FaceId, Id, IdVec, VertexId};
 use crate::mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh};
-use crate::numeric::Csr;
+use crate::numeric::{Csr, DisjointSets};
 use crate::skin::Taxels;
 
 /// An edge of a [`SeamGraph`].
@@ -180,6 +180,40 @@ impl<'m> SeamGraph<'m> {
         let first = self.vertices(seam).first().copied().unwrap_or_default();
         check_disk(&cut.mesh(&self.mesh.positions), first)?;
         Ok(cut)
+    }
+
+    /// Removes edges of a seam until it leaves the mesh in one piece. A seam opens the closed surface to a disk, but where it
+    /// passes through a vertex of a loop and meets the same loop elsewhere, the loop cuts off what lies between. The free
+    /// edges of the result are the spokes of all vertices at which it meets a loop.
+    pub(super) fn rejoin(&self, seam: &mut SeamEdges, keep: &BTreeSet<VertexId>) {
+        if self.loops.is_empty() {
+            return;
+        }
+        seam.retain(|&edge| !self.is_free(edge));
+        let (mut pieces, mut cut) = (DisjointSets::<FaceId>::new(self.mesh.triangles.len()), Vec::new());
+        for h in self.mesh.triangles.ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side))) {
+            let is_own = |twin: &Halfedge| *twin > h && twin.face().index() < self.mesh.triangles.len();
+            let Some(twin) = self.adjacency.twin(h).filter(is_own) else { continue };
+            let edge = self.edge_of[h.face()][h.side()];
+            if seam.contains(&edge) {
+                cut.push((edge, [h.face(), twin.face()]));
+            } else {
+                pieces.join(h.face(), twin.face());
+            }
+        }
+        for (edge, [f, g]) in cut {
+            if pieces.root(f) != pieces.root(g) {
+                pieces.join(f, g);
+                seam.remove(&edge);
+            }
+        }
+        let spokes = self.vertices(seam).into_iter().flat_map(|v| &self.paths.neighbours[v.index()]);
+        let spokes: Vec<EdgeId> = spokes
+            .filter(|(apex, _)| apex.index() >= self.mesh.positions.len())
+            .map(|&(_, edge)| edge)
+            .collect();
+        seam.extend(spokes);
+        self.prune(seam, keep);
     }
 
     /// Removes dead ends, except those at the vertices to `keep`.

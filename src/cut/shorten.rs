@@ -23,7 +23,13 @@ struct Chain {
 ///
 /// Without the chain the seam is two pieces, or the surface cut along the rest is an annulus: the
 /// shortest path between the pieces or across the annulus replaces it.
-pub(super) fn shorten(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSet<VertexId>) -> SeamEdges {
+pub(super) fn shorten(graph: &SeamGraph<'_>, seam: SeamEdges, keep: &BTreeSet<VertexId>) -> SeamEdges {
+    let mut seam = with_shorter_chains(graph, seam, keep);
+    graph.rejoin(&mut seam, keep);
+    seam
+}
+
+fn with_shorter_chains(graph: &SeamGraph<'_>, mut seam: SeamEdges, keep: &BTreeSet<VertexId>) -> SeamEdges {
     let mut done: BTreeSet<Vec<EdgeId>> = BTreeSet::new();
     'changed: loop {
         let mut all = chains(graph, &seam, keep);
