@@ -17,7 +17,7 @@ pub enum PlotError {
     #[error("patch {patch:?} has no map, so its {what} cannot be drawn")]
     NoMap { patch: String, what: &'static str },
     #[error("the places of changes cannot be found on the map: {source}")]
-    Places { source: ContactError },
+    Places { source: Box<ContactError> },
     #[error("patch {patch:?} has no covariances, so the uncertainty of its taxels cannot be drawn")]
     NoCovariances { patch: String },
     #[error("no patch has named regions, so none can be drawn; `read_regions` or the skin's file names them")]

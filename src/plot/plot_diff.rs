@@ -149,7 +149,7 @@ pub fn plot_diff(map: &SkinMap, diff: &Diff, options: &PlotOptions) -> Result<Pi
 
 /// The changed taxels. Those of changes that no link of the map has are left out.
 fn marks(map: &SkinMap, diff: &Diff) -> Result<Vec<Mark>, PlotError> {
-    let index = ContactIndex::new(map).map_err(|source| PlotError::Places { source })?;
+    let index = ContactIndex::new(map).map_err(|source| PlotError::Places { source: Box::new(source) })?;
     let sheets: IdVec<PatchId, _> = map.patches.iter().map(Sheet::new).collect();
     let mut marks = Vec::new();
     for (number, change) in diff.changes.iter().enumerate().filter(|(_, c)| c.subject != Subject::Link) {
