@@ -190,6 +190,7 @@ fn taxels_are_moved_missing_new_or_renumbered() {
     assert_eq!((missing.kind, new.kind), (ChangeKind::Missing, ChangeKind::New));
     assert_eq!((missing.taxels.len(), &missing.taxels), (9, &new.taxels));
     assert!(missing.p.is_nan() && missing.sigmas.is_nan());
+    assert!(missing.after.is_empty() && new.before.is_empty() && missing.before == new.after);
 }
 
 #[test]
@@ -203,6 +204,11 @@ fn a_link_is_moved_or_mirrored_as_a_whole() {
     let kinds: Vec<_> = found.changes.iter().map(|change| (change.kind, change.subject)).collect();
     assert_eq!(kinds, [(ChangeKind::Frame, Subject::Link), (ChangeKind::Moved, Subject::Module)]);
     assert!((found.changes[0].angle - 0.1).abs() < 1e-4 && found.links[0].unchanged == 135, "{found:?}");
+    // The places of the second file are moved back: what is left is the motion of the module.
+    let Change { taxels, before: from, after: to, .. } = &found.changes[1];
+    let expected = turn.inverse() * DVec3::new(0.0, 0.0, 0.002);
+    assert!(taxels.len() == 9 && from.len() == 9 && to.len() == 9);
+    assert!(from.iter().zip(to).all(|(a, b)| (*b - *a).distance(expected) < 1e-6), "{from:?} {to:?}");
 
     let mut after = before.clone();
     after.0.positions.iter_mut().for_each(|x| x.y = -x.y);
@@ -330,4 +336,18 @@ fn the_command_lists_changes() {
     std::fs::write(folder.path().join("named.csv"), with_modules).unwrap();
     let run = common::dermatome(&folder, "diff named.csv b.csv").assert().code(1);
     assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("module m6"));
+
+    common::dermatome(&folder, "build a.csv -o m --quiet").assert().success();
+    let plot = "diff m/map.glb b.csv --modules m.csv --plot";
+    let run = common::dermatome(&folder, &format!("{plot} d.svg")).assert().code(1);
+    assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("module m6"));
+    let svg = std::fs::read_to_string(folder.path().join("d.svg")).unwrap();
+    assert!(svg.contains("turned 1") && svg.contains(">m6<"), "{svg}");
+    let run = common::dermatome(&folder, &format!("{plot} - -o p.csv")).assert().code(1);
+    assert_eq!(String::from_utf8_lossy(&run.get_output().stdout).trim(), svg.trim());
+    common::dermatome(&folder, &format!("{plot} d.png")).assert().code(1);
+    assert!(std::fs::read(folder.path().join("d.png")).unwrap().starts_with(b"\x89PNG"));
+    common::refuses(&folder, "diff a.csv b.csv --plot x.svg", &["a.csv", "needed: a map"]);
+    common::refuses(&folder, "diff m/map.glb b.csv --plot x.pdf", &["x.pdf", ".svg, .png"]);
+    common::refuses(&folder, "diff m/map.glb b.csv -o x.csv --plot ./x.csv", &["x.csv"]);
 }

@@ -1,5 +1,7 @@
 //! What changed: options, kinds and results.
 
+use glam::DVec3;
+
 use crate::calib::Pose;
 use crate::skin::TaxelId;
 
@@ -100,6 +102,10 @@ pub struct Change {
     pub taxels: Vec<TaxelId>,
     /// The new ids of renumbered taxels, one for each.
     pub others: Vec<TaxelId>,
+    /// Where the taxels are in the first file, in the frame of their link, in m; none of what is new.
+    pub before: Vec<DVec3>,
+    /// Where they are in the second file, moved back by the motion of their link; none of what is missing.
+    pub after: Vec<DVec3>,
     /// How far it moved, in m; for a module and a taxel relative to its neighbours.
     pub distance: f64,
     /// By what angle it turned, in rad.

@@ -82,6 +82,12 @@ impl<'p> Comparison<'p> {
         }
     }
 
+    /// A place in the second file, moved back by the motion of the link.
+    pub(super) fn back(&self, place: DVec3) -> DVec3 {
+        let back = self.motion.inverse().apply(place);
+        if self.is_mirrored { mirror(back) } else { back }
+    }
+
     /// The standard deviation of a difference that is expected to be `stated`, if the differences that are given spread
     /// as they do.
     pub(super) fn sigma(&self, stated: f64, spread: Option<f64>) -> f64 {
@@ -145,6 +151,8 @@ impl<'p> Comparison<'p> {
             patch: pairs.first().map_or(String::new(), |&k| self.link.pairs[k].before.patch.clone()),
             taxels: pairs.iter().map(|&k| self.link.pairs[k].before.id).collect(),
             others: Vec::new(),
+            before: pairs.iter().map(|&k| self.link.pairs[k].before.position).collect(),
+            after: pairs.iter().map(|&k| self.back(self.link.pairs[k].after.position)).collect(),
             distance: 0.0,
             angle: 0.0,
             sigmas: test.sigmas,

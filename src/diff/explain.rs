@@ -15,6 +15,7 @@ pub(super) fn explain(pairs: &Pairs, options: &DiffOptions) -> (Vec<AlignedLink>
     let half = 0.5 * options.chance;
     let chances = [half / (2 * (links.len() + modules)) as f64, half / taxels as f64];
     let (mut aligned, mut changes) = (Vec::new(), Vec::new());
+    let mut comparisons = Vec::new();
     let mut new: Vec<&Place> = pairs.new.iter().collect();
     for link in &pairs.links {
         let mut missing: Vec<&Place> = link.missing.iter().collect();
@@ -26,9 +27,15 @@ pub(super) fn explain(pairs: &Pairs, options: &DiffOptions) -> (Vec<AlignedLink>
             changes.extend(comparison.of_taxels(&modules));
             changes.extend(comparison.renumbered(&mut missing, &mut new));
             aligned.push(comparison.aligned(&modules));
+            comparisons.push(comparison);
         }
         changes.extend(in_one_file(&missing, ChangeKind::Missing));
     }
-    changes.extend(in_one_file(&new, ChangeKind::New));
+    for mut change in in_one_file(&new, ChangeKind::New) {
+        if let Some(comparison) = comparisons.iter().find(|comparison| comparison.link.name == change.link) {
+            change.after.iter_mut().for_each(|place| *place = comparison.back(*place));
+        }
+        changes.push(change);
+    }
     (aligned, changes)
 }

@@ -83,7 +83,8 @@ impl<'p> Comparison<'p> {
         let change = |((patch, module), all): ((&str, &str), Vec<(&Place, TaxelId)>)| {
             let places: Vec<&Place> = all.iter().map(|(place, _)| *place).collect();
             let others = all.iter().map(|(_, id)| *id).collect();
-            Change { others, ..group(ChangeKind::Renumbered, patch, module, &places) }
+            let change = group(ChangeKind::Renumbered, patch, module, &places);
+            Change { others, after: change.before.clone(), ..change }
         };
         groups.into_iter().map(change).collect()
     }
@@ -99,9 +100,12 @@ pub(super) fn in_one_file(places: &[&Place], kind: ChangeKind) -> Vec<Change> {
     groups.into_iter().map(|((_, patch, module), places)| group(kind, patch, module, &places)).collect()
 }
 
-/// A change of a module, or of a part of a patch without modules, that was not measured.
+/// A change of a module, or of a part of a patch without modules, that was not measured. Places of the second file are
+/// not moved back.
 fn group(kind: ChangeKind, patch: &str, module: &str, places: &[&Place]) -> Change {
     let (subject, name) = if module.is_empty() { (Subject::Patch, patch) } else { (Subject::Module, module) };
+    let at: Vec<DVec3> = places.iter().map(|place| place.position).collect();
+    let (before, after) = if kind == ChangeKind::New { (Vec::new(), at) } else { (at, Vec::new()) };
     Change {
         kind,
         subject,
@@ -111,6 +115,8 @@ fn group(kind: ChangeKind, patch: &str, module: &str, places: &[&Place]) -> Chan
         patch: patch.to_owned(),
         taxels: places.iter().map(|place| place.id).collect(),
         others: Vec::new(),
+        before,
+        after,
         distance: 0.0,
         angle: 0.0,
         sigmas: f64::NAN,

@@ -3,7 +3,7 @@
 //! [`Page::new`] takes a map, [`Page::play`] a recording, and [`Page::to_html`] writes them into the page
 //! that `tools/page` makes, which is stored compressed (`page.html.gz`). The page draws the skin in space
 //! next to its map; its slider unfolds the one into the other ([`Unfolding`]). Its data is packed (`pack`)
-//! from the map (`skin`) and the readings (`recording`). Without WebGL it shows the picture of
+//! from the map (`skin`), the readings (`recording`) and what touches do (`events`). Without WebGL it shows the picture of
 //! [`plot_map`](crate::plot::plot_map()) and the numbers of `report.json`.
 //!
 //! Names of files, patches and links are text, whatever they contain: in the table they are escaped, and the
@@ -12,6 +12,7 @@
 //!
 //! Positions are rounded to 65535ths of the patch's box, weights to 255ths, readings to 254ths.
 
+mod events;
 mod live;
 mod pack;
 mod recording;
@@ -85,7 +86,8 @@ impl<'m> Page<'m> {
         Ok(Self { map, title: title.into(), recorder: None })
     }
 
-    /// Adds a recording to the page, which shows its channel number `shown` and its contact regions; calls
+    /// Adds a recording to the page, which shows its channel number `shown`, its contact regions and, if its frames
+    /// have times, its events with the limits of [`EventOptions::default`](crate::signal::EventOptions); calls
     /// `progress` after each frame. After an error the page has the frames before it.
     ///
     /// # Errors
@@ -97,7 +99,7 @@ impl<'m> Page<'m> {
         mut progress: impl FnMut(),
     ) -> Result<(), Error> {
         recording.follow_contacts(&recording.tracker_options(shown))?;
-        let mut recorder = Recorder::new(self.map, &recording.channels()[shown], shown);
+        let mut recorder = Recorder::new(self.map, &recording.channels()[shown], shown)?;
         let ended = loop {
             match recording.next_step() {
                 Ok(None) => break Ok(()),

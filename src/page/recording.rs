@@ -1,4 +1,4 @@
-//! The readings and contacts of a recording, as a page plays them.
+//! The readings, contacts and events of a recording, as a page plays them.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
@@ -6,6 +6,7 @@ use serde::Serialize;
 use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::numeric::narrow;
+use crate::page::events::{EventRecorder, EventRow};
 use crate::page::pack::Packer;
 use crate::recording::Step;
 use crate::signal::{Channel, ContactEvent, ContactRegion, Quantity, SignalError};
@@ -24,6 +25,7 @@ pub(super) struct Recorder<'m> {
     times: Vec<f64>,
     totals: Vec<f64>,
     contacts: Vec<ContactRow>,
+    events: EventRecorder,
     /// Readings of each patch, taxel after taxel, frame after frame.
     values: IdVec<PatchId, Vec<f32>>,
     readings: usize,
@@ -43,6 +45,8 @@ pub(super) struct RecordingHeader {
     /// Array of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
     values: Vec<usize>,
     contacts: Vec<ContactRow>,
+    /// None of a live page, and where frames have no times.
+    events: Vec<EventRow>,
     threshold: Option<f64>,
     /// Whether frames arrive while the page is open.
     is_live: bool,
@@ -52,8 +56,8 @@ pub(super) struct RecordingHeader {
 type ContactRow = (usize, u64, u8, usize, usize, f64, Option<f64>, f64, f64, u32);
 
 impl<'m> Recorder<'m> {
-    pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Self {
-        Self {
+    pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Result<Self, SignalError> {
+        Ok(Self {
             map,
             channel: channel.clone(),
             shown,
@@ -61,9 +65,10 @@ impl<'m> Recorder<'m> {
             times: Vec::new(),
             totals: Vec::new(),
             contacts: Vec::new(),
+            events: EventRecorder::new(map)?,
             values: map.patches.map(|_| Vec::new()),
             readings: 0,
-        }
+        })
     }
 
     pub(super) fn frames(&self) -> usize {
@@ -90,7 +95,7 @@ impl<'m> Recorder<'m> {
         }
         self.totals.push(total);
         self.contacts.extend(step.contacts.iter().map(|region| contact_row(number, region)));
-        Ok(())
+        self.events.record(step, &self.times)
     }
 
     pub(super) fn finish(self, packer: &mut Packer) -> RecordingHeader {
@@ -117,6 +122,7 @@ impl<'m> Recorder<'m> {
             lo,
             hi,
             force: self.channel.newtons().is_some(),
+            events: self.events.finish(&self.times),
             times: self.times,
             totals: self.totals,
             values,
@@ -170,6 +176,7 @@ impl LiveFrames {
             totals: Vec::new(),
             values: Vec::new(),
             contacts: Vec::new(),
+            events: Vec::new(),
             threshold: None,
             is_live: true,
         };

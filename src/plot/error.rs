@@ -1,6 +1,6 @@
 //! Why a picture cannot be drawn.
 
-use crate::{map::MapError, pyramid::LevelId, skin::SkinError, sparse::SparseError};
+use crate::{contact::ContactError, map::MapError, pyramid::LevelId, skin::SkinError, sparse::SparseError};
 
 /// Why a picture cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
@@ -16,6 +16,8 @@ pub enum PlotError {
     UnknownLevel { level: LevelId, last: usize },
     #[error("patch {patch:?} has no map, so its {what} cannot be drawn")]
     NoMap { patch: String, what: &'static str },
+    #[error("the places of changes cannot be found on the map: {source}")]
+    Places { source: Box<ContactError> },
     #[error("patch {patch:?} has no covariances, so the uncertainty of its taxels cannot be drawn")]
     NoCovariances { patch: String },
     #[error("no patch has named regions, so none can be drawn; `read_regions` or the skin's file names them")]

@@ -3,7 +3,7 @@
 //! A picture shows levels side by side at one scale, with their receptive fields or their distortion, and the
 //! skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does [`plot_frame`] with the
 //! readings of one frame; [`Picture::to_svg`] and [`Picture::to_png`] write it. [`image_png`] colours the
-//! pixels of a tactile image.
+//! pixels of a tactile image. [`plot_diff`] draws what changed between two files of one skin.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -27,6 +27,7 @@ mod image_png;
 mod layout;
 mod patch_view;
 mod picture;
+mod plot_diff;
 mod plot_frame;
 mod plot_map;
 
@@ -35,6 +36,7 @@ use crate::pyramid::LevelId;
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png, value_colour};
 pub use picture::Picture;
+pub use plot_diff::plot_diff;
 pub use plot_frame::{FramePlotter, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
 

@@ -280,6 +280,57 @@ await test('a recording plays, with its contacts', async () => {
   await close(page);
 });
 
+await test('events are marked on the time line and on the map, as the command writes them', async () => {
+  run('touch', join(folder, 'forearm', 'map.glb'), '-o', join(folder, 'events.npz'), '--touches', '2', '--apart-mm', '60', '--presses', '3');
+  run('report', join(folder, 'forearm', 'map.glb'), join(folder, 'events.npz'), '-o', join(folder, 'events.html'));
+  const lines = run('render', join(folder, 'forearm', 'map.glb'), join(folder, 'events.npz'), '-o', join(folder, 'events.none.npz'), '--events', '-').trim().split('\n').map((line) => JSON.parse(line));
+  const ended = lines.filter((event) => event.phase === 'end');
+  const page = await open(join(folder, 'events.html'));
+  const marks = page.locator('#events button');
+  const words = await marks.allTextContents();
+  assert.ok(words.length > 3, words.join());
+  assert.deepEqual(words.sort(), ended.map((event) => event.event).sort());
+  // Each mark lies where its event is on the time line, and in the line.
+  const far = await page.evaluate(() => {
+    const d = window.dermatome, { events, times } = d.data.header.recording, { clientWidth: width } = document.getElementById('events');
+    const marks = [...document.querySelectorAll('#events button')];
+    return events.map((event, k) => Math.max(Math.abs(marks[k].offsetLeft - (event.first / (times.length - 1)) * width), Math.abs(times[event.first] - event.begin) * 50, marks[k].offsetLeft + marks[k].offsetWidth - width));
+  });
+  assert.ok(far.every((x) => x < 6), far.join());
+  // The pointer gives the numbers, a click goes there.
+  await page.locator('#events button').first().hover();
+  assert.match(await page.textContent('#event-text'), /\d s long.*area/);
+  await page.locator('#events button').first().click();
+  const first = await page.evaluate(() => window.dermatome.data.header.recording.events[0]);
+  assert.equal(await page.inputValue('#frame'), `${Math.round((first.first + first.last) / 2)}`);
+  assert.ok((await page.getAttribute('html', 'data-events')).split(',').includes(first.word));
+  assert.ok(await page.locator('#events button.now').count() > 0);
+  // What is drawn over the map is at the place of the event.
+  const inked = await page.evaluate(() => {
+    const d = window.dermatome, event = d.data.header.recording.events[0].contact, overlay = document.getElementById('overlay'), ratio = overlay.width / overlay.clientWidth;
+    const count = () => {
+      d.draw();
+      const [x, y] = d.pixelsOf(true, event.patch, event.to, event.peak), { data } = overlay.getContext('2d').getImageData((x - 8) * ratio, (y - 8) * ratio, 16 * ratio, 16 * ratio);
+      let dark = 0;
+      for (let k = 0; k < data.length; k += 4) if (data[k + 3] > 200 && data[k] < 60 && data[k + 1] < 60) dark++;
+      return dark;
+    };
+    d.setTheme('light');
+    const here = count();
+    d.setFrame(0);
+    return [here, count()];
+  });
+  await page.mouse.move(400, 300);
+  assert.ok(inked[0] > 10, inked.join());
+  await page.focus('#map');
+  await page.evaluate(() => window.dermatome.setFrame(0));
+  await page.keyboard.press('e');
+  assert.equal(await page.inputValue('#frame'), `${first.first}`);
+  await page.locator('#events button').first().hover();
+  await page.screenshot({ path: join(folder, 'events.png') });
+  await close(page);
+});
+
 const covers = process.env.DERMATOME_DATA && join(process.env.DERMATOME_DATA, 'cyskin');
 const measured = 'a measured recording of a real cover plays, with its contacts';
 if (!covers || !existsSync(covers)) console.log(`skipped: ${measured}; DERMATOME_DATA names no folder with cyskin`);

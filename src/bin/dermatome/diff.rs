@@ -1,18 +1,21 @@
 //! `dermatome diff A B`: what changed between two files of one skin.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::diff::{Change, ChangeKind, Diff, DiffOptions, diff};
-use dermatome::io::{read_modules, read_modules_if_any, write_diff};
+use dermatome::io::{IoError, read_modules, read_modules_if_any, write_diff};
+use dermatome::plot::{Picture, PlotOptions, plot_diff};
 use dermatome::skin::{Draft, TaxelId};
 use serde_json::{Value, json};
 
 use crate::console::errors::INCOMPLETE;
 use crate::console::notes::{note, note_columns, note_count};
 use crate::console::print::{line, print, print_json};
-use crate::files::input::read_draft_of;
+use crate::files::input::{read_draft_of, read_map_if_any};
 use crate::files::outputs;
+use crate::files::pictures::{picture_kind, write_picture};
 use crate::options::{Common, InPath, ModulesArg, OutFile, ReadArgs, length_mm, modules_arg};
 
 /// List what changed between two files of one skin: exit code 1 if anything did.
@@ -28,6 +31,10 @@ pub(crate) struct Args {
     /// Table of the changes
     #[arg(short, long, value_name = "OUT.csv")]
     output: Option<OutFile>,
+    /// Picture of the changes on the map of the first file: .svg or .png; `-`: SVG on standard output, in place of the
+    /// list
+    #[arg(long, value_name = "OUT", conflicts_with = "json")]
+    plot: Option<OutFile>,
     /// The module of each taxel: a table with columns taxel_id,module, or N: the same id / N [default: as the files say]
     #[arg(long, value_name = "M.csv|N", value_parser = modules_arg)]
     modules: Option<ModulesArg>,
@@ -46,6 +53,8 @@ const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.output.as_deref().map_or(Ok(()), outputs::check_table)?;
+    let plot = args.plot.as_deref();
+    plot.map_or(Ok(()), |path| picture_kind(path).map(|_| ()))?;
     let [before, after] = [&args.before, &args.after].map(|path| read_draft_of(path, &args.read, false));
     let (before, after) = (before?, after?);
     let modules = match &args.modules {
@@ -65,8 +74,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let found = diff(&before, &after, &options).map_err(Error::from)?;
     if let Some(path) = &args.output {
         write_diff(common.outputs.file(path), &found).map_err(Error::from)?;
-        outputs::publish(common)?;
     }
+    let picture = plot.map(|path| draw(args, &found, path, common)).transpose()?;
+    outputs::publish(common)?;
     for (path, count) in [&args.before, &args.after].into_iter().zip(found.ambiguous) {
         let why = format!("of {} whose id is not unique, left out", path.display());
         note_count(common, count as u64, "taxels", &why);
@@ -80,12 +90,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             link.taxels
         );
     }
-    if args.json {
+    if let (Some(picture), true) = (picture, plot.is_some_and(outputs::is_stream)) {
+        print(&picture.to_svg())?;
+    } else if args.json {
         print_json("dermatome.diff/1", &as_json(&found))?;
     } else {
         print(&sentences(&found))?;
     }
     Ok(if found.changes.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
+}
+
+/// Draws the changes on the map of the first file, and writes the picture unless it is printed.
+fn draw(args: &Args, found: &Diff, path: &Path, common: &Common) -> anyhow::Result<Picture> {
+    let no_map = || IoError::NoMap { path: args.before.to_path_buf() };
+    let map = read_map_if_any(&args.before)?.ok_or_else(|| Error::from(no_map()))?;
+    let picture = plot_diff(&map, found, &PlotOptions::default()).map_err(Error::from)?;
+    if !outputs::is_stream(path) {
+        write_picture(path, &picture, common)?;
+    }
+    Ok(picture)
 }
 
 /// Ids of one module give the same number divided by its size.

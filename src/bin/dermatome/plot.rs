@@ -16,7 +16,8 @@ use glob::Pattern;
 use crate::console::errors::advise;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
-use crate::files::outputs::{self, is_stream, write_bytes};
+use crate::files::outputs::{self, is_stream};
+use crate::files::pictures::{picture_kind, write_picture};
 use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, one_of, pattern};
 use crate::readings::{ReadingsArgs, range, remark_join};
 
@@ -92,15 +93,8 @@ const SHOWN: [Choice<Paint>; 5] = [
     ("regions", Paint::Regions, "The named regions, if it has some"),
 ];
 
-#[derive(Clone, Copy)]
-enum PictureKind {
-    Svg,
-    Png,
-}
-
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let outputs: Vec<_> =
-        args.outputs.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<_, Error>>()?;
+    args.outputs.iter().try_for_each(|path| picture_kind(path).map(|_| ()))?;
     let mut options = PlotOptions {
         patches: Vec::new(),
         levels: args.levels.iter().copied().map(LevelId::from).collect(),
@@ -132,12 +126,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             plot_skin(&skin, &options).map_err(Error::from)?
         }
     };
-    for &(path, kind) in outputs.iter().filter(|(path, _)| !is_stream(path)) {
-        let bytes = match kind {
-            PictureKind::Svg => picture.to_svg().into_bytes(),
-            PictureKind::Png => picture.to_png().map_err(Error::from)?,
-        };
-        write_bytes(&common.outputs.file(path), &bytes).map_err(Error::from)?;
+    for path in args.outputs.iter().filter(|path| !is_stream(path)) {
+        write_picture(path, &picture, common)?;
     }
     outputs::publish(common)?;
     if args.outputs.iter().any(|path| is_stream(path)) {
@@ -183,17 +173,5 @@ fn viewpoint(text: &str) -> Result<Viewpoint, String> {
             Ok(Viewpoint::From { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() })
         }
         _ => Err("needed: two angles in degrees, the second from -90 to 90, as in -65,-45".into()),
-    }
-}
-
-/// The extension determines the format; standard output is SVG.
-fn kind(path: &Path) -> Result<PictureKind, IoError> {
-    if is_stream(path) {
-        return Ok(PictureKind::Svg);
-    }
-    match outputs::kind(path).as_str() {
-        "svg" => Ok(PictureKind::Svg),
-        "png" => Ok(PictureKind::Png),
-        _ => Err(IoError::UnknownKind { path: path.to_owned(), known: ".svg, .png" }),
     }
 }

@@ -23,7 +23,7 @@ use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///
 /// The skin unfolds into its map; what the pointer touches lights on both. A recording plays, with its
-/// contacts.
+/// contacts and, on the time line, the events that `render --events` writes.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("played").args(["readings", "live"]).multiple(true))]
 #[command(mut_group("ReadingsArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("played")))]

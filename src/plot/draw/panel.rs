@@ -8,7 +8,9 @@ use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap};
 use crate::mesh::{TriMesh, rectangle_around};
-use crate::plot::colour::{ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known};
+use crate::plot::colour::{
+    Colour, ColouredMesh, Fill, MeshOwner, Scale, ScaleLimits, WARNING, mean_of_known,
+};
 use crate::plot::draw::camera::Camera;
 use crate::plot::draw::drawn_mesh::FINE;
 use crate::plot::draw::map_view::{draw_map, on_places};
@@ -174,6 +176,21 @@ impl<'a> Panel<'a> {
             Some(level) => level.level.origins.iter().copied().collect(),
             None => self.patch.mesh.positions.ids().collect(),
         }
+    }
+
+    /// The panel of level 0 with a colour for each taxel, by its number in a list.
+    pub(crate) fn draw_cells(
+        &self,
+        view: &View,
+        groups: IdVec<VertexId, u32>,
+        colours: &[Colour],
+    ) -> Vec<Shape> {
+        let Look::OnMap(level) = &self.look else { return Vec::new() };
+        let has_dots = groups.len() <= FINE;
+        let fill = Fill::Cells { groups, colours: colours.to_vec() };
+        let mesh = &level.level.mesh;
+        let coloured = ColouredMesh { mesh, owner: MeshOwner::Level, fill, is_scale: true, has_dots };
+        draw_map(self.patch, level, &coloured, view)
     }
 
     /// The panel in the colours of values of the level's vertices, from 0 to 1, with dots at the vertices.

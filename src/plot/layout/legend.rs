@@ -6,10 +6,13 @@ use crate::plot::Paint;
 use crate::plot::colour::{Colour, DIVERGING, INK, SEQUENTIAL, Scale, ScaleLimits, hatch};
 use crate::plot::layout::caption::width;
 use crate::plot::layout::{Layout, round_down, short};
-use crate::plot::picture::{Anchor, Path, Pixels, Shape};
+use crate::plot::picture::{Anchor, Path, Pixels, Shape, Stroke};
 
 /// Width of the legend of the colours with its name, in heights of letters.
 const WIDTH_OF_COLOURS: f64 = 20.0;
+
+/// Room for the length of the scale bar and its distances, in heights of letters.
+const WIDTH_OF_LENGTH: f64 = 6.0;
 
 /// The values at the ends and in the middle, times `factor`, with marks where there are values
 /// beyond an end.
@@ -22,7 +25,13 @@ fn ends(limits: &ScaleLimits, factor: f64, middle: Option<&str>) -> [String; 3] 
 impl Layout {
     /// A bar of a round length, at the lower left.
     pub(crate) fn scale_bar(&self) -> Vec<Shape> {
-        let metres = round_down(0.4 * self.column / self.scale);
+        self.scale_bar_before(f64::INFINITY)
+    }
+
+    /// The same, with its text to the left of `end`, in pixels, if that is possible.
+    pub(crate) fn scale_bar_before(&self, end: f64) -> Vec<Shape> {
+        let room = (end - self.margin - WIDTH_OF_LENGTH * self.em).max(self.em);
+        let metres = round_down((0.4 * self.column).min(room) / self.scale);
         let (at, length) = (DVec2::new(self.margin, self.foot()), metres * self.scale);
         let bar = |dx: f64, dy: f64, width: f64, height: f64| Shape::Path {
             path: Path::rectangle(at + DVec2::new(dx, dy), DVec2::new(width, height)),
@@ -69,6 +78,33 @@ impl Layout {
             shapes.push(text(label, share * size.x, 2.0 * self.em, Anchor::Middle));
         }
         shapes
+    }
+
+    /// A text on a white plate.
+    pub(crate) fn plate(&self, text: &str, middle: DVec2) -> Vec<Shape> {
+        let size = self.em * DVec2::new(width(text) + 0.4, 1.2);
+        let path = Path::rectangle(middle - 0.5 * size, size);
+        let stroke = Some(Stroke { colour: INK, width: 0.8, opacity: 1.0 });
+        let base = middle + DVec2::new(0.0, 0.35 * self.em);
+        vec![Shape::Path { path, fill: Some(Colour::WHITE), stroke }, Shape::text(text, base, Anchor::Middle)]
+    }
+
+    /// Colours with their names, from the lower right on to the left, after a text; and where it begins, in pixels.
+    pub(crate) fn legend_of_colours(&self, text: &str, names: &[(Colour, String)]) -> (Vec<Shape>, f64) {
+        let base = self.foot() + 0.35 * self.em;
+        let mut right = f64::from(self.width) - self.margin;
+        let mut shapes = Vec::new();
+        for (colour, name) in names.iter().rev() {
+            let left = right - width(name) * self.em;
+            shapes.push(Shape::text(name.as_str(), DVec2::new(left, base), Anchor::Start));
+            let centres = vec![DVec2::new(left - 0.6 * self.em, self.foot())];
+            shapes.push(Shape::Dots { centres, radius: 0.35 * self.em, colour: *colour, has_rim: true });
+            right = left - 1.6 * self.em;
+        }
+        if !text.is_empty() {
+            shapes.push(Shape::text(text, DVec2::new(right, base), Anchor::End));
+        }
+        (shapes, right - width(text) * self.em)
     }
 
     /// Corner and size of the scale of colours.

@@ -31,14 +31,14 @@ pub(crate) fn number(x: f64, decimals: usize) -> String {
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a positive `x`.
-pub(super) fn round_down(x: f64) -> f64 {
+pub(crate) fn round_down(x: f64) -> f64 {
     let power = 10_f64.powf(x.log10().floor());
     let digit = [5.0, 2.0, 1.0].into_iter().find(|d| d * power <= x).unwrap_or(1.0);
     digit * power
 }
 
 /// Three significant digits, without zeros at the end.
-pub(super) fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     if x >= 1e5 || (x > 0.0 && x < 1e-3) {
         let text = format!("{x:.2e}");
         let (digits, power) = text.split_once('e').unwrap_or((&text, "0"));

@@ -279,20 +279,23 @@ impl Followed {
     }
 
     /// Dates its begin, while that may change.
-    pub(super) fn date_begin(&mut self, history: &History) {
+    pub(super) fn date_begin(&mut self, history: &mut History) {
         if self.last - self.onset <= RISE_S {
             let Stretch { patch, taxels, .. } = &self.first;
             let span = [self.onset, self.last];
-            let found = history.date(Edge::Begin, *patch, taxels, span).unwrap_or(self.onset);
+            let found =
+                history.date(Edge::Begin, *patch, taxels, span, self.last - self.onset).unwrap_or(self.onset);
             self.begin = found.clamp(self.onset - DATED_MOST_S, self.onset);
         }
     }
 
     /// Dates its end.
-    pub(super) fn date_end(&mut self, history: &History) {
+    pub(super) fn date_end(&mut self, history: &mut History) {
         let [before, now] = &self.last_stretches;
         let Stretch { begin, patch, taxels, .. } = if before.taxels.is_empty() { now } else { before };
-        let found = history.date(Edge::End, *patch, taxels, [*begin, self.last]).unwrap_or(self.last);
+        let found = history
+            .date(Edge::End, *patch, taxels, [*begin, self.last], self.last - self.onset)
+            .unwrap_or(self.last);
         self.end = found.clamp(self.last, self.last + DATED_MOST_S);
     }
 

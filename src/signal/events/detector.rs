@@ -134,7 +134,7 @@ impl EventDetector {
 
     fn report(&mut self, time: f64) -> &[Event] {
         self.end_contacts(time, false);
-        let history = &self.history;
+        let history = &mut self.history;
         self.open
             .iter_mut()
             .filter(|contact| contact.track.is_some())

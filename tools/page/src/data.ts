@@ -14,9 +14,14 @@ export interface PatchHeader {
 }
 /** frame, track, event, patch, taxels, area, force, u, v, peak taxel */
 export type Contact = number[];
+/** An event that has ended, in m, s and N, from its first to its last frame; a gap has no contact. */
+export interface EventRow {
+  word: string; contacts: number[]; begin: number; duration: number; first: number; last: number;
+  contact: { patch: number; from: [number, number]; to: [number, number]; force: [number, number, number] | null; area: number; length: number; direction: number | null; taxels: number; peak: number } | null;
+}
 export interface RecordingHeader {
   channel: string; unit: string; is_amount: boolean; lo: number; hi: number; force: boolean;
-  times: number[]; totals: number[]; values: number[]; contacts: Contact[]; threshold: number | null; is_live: boolean;
+  times: number[]; totals: number[]; values: number[]; contacts: Contact[]; events: EventRow[]; threshold: number | null; is_live: boolean;
 }
 export interface Header {
   version: string; title: string; links: { name: string; parent: number | null }[];

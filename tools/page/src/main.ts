@@ -1,7 +1,8 @@
 // The page: what is shown, and how it is steered.
 
 import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
-import { load, type Contact, type Data, type RecordingHeader } from './data';
+import { load, type Contact, type Data, type EventRow, type RecordingHeader } from './data';
+import { EventStrip } from './events';
 import { Grid, nearest } from './grid';
 import { Patch } from './patch';
 import { crossesItself, patchNear, taxelsIn, toJson, type Region } from './regions';
@@ -43,6 +44,9 @@ class Page {
   private started = [0, 0];
   private readings: Uint8Array[] = [];
   private contacts: Contact[][] = [];
+  private events: EventStrip | null = null;
+  /** The events of the frame that is shown. */
+  private happening: EventRow[] = [];
   /** Whether a picture is on its way; at first that of the size observer. */
   private queued = true;
   private isRecolouring = true;
@@ -86,6 +90,7 @@ class Page {
     this.overlay.width = box.width * ratio;
     this.overlay.height = box.height * ratio;
     this.queued = false;
+    this.events?.layout();
     this.draw();
     document.documentElement.dataset.ready = 'yes';
   }
@@ -145,6 +150,7 @@ class Page {
     const [ink, accent, back] = ['--ink', '--accent', '--view'].map((name) => style.getPropertyValue(name).trim());
     this.scaleBar(c, ink);
     if (this.paints.name === 'recording') this.drawContacts(c, accent, back);
+    if (this.paints.name === 'recording') this.drawEvents(c, ink, back);
     if (this.frameDrawn) {
       const [left, top, right, bottom] = this.frameDrawn;
       c.lineWidth = 1.5; c.strokeStyle = accent; c.strokeRect(left, top, right - left, bottom - top);
@@ -188,7 +194,7 @@ class Page {
         trail.push(before);
       }
       for (const isMap of [false, true]) {
-        const points = trail.map((of) => this.contactPixels(isMap, of)).filter((p): p is [number, number] => !!p);
+        const points = trail.map((of) => this.pixelsOf(isMap, of[PATCH], [of[U], of[V]], of[PEAK])).filter((p): p is [number, number] => !!p);
         if (points.length === 0 || !this.view.isShown(contact[PATCH])) continue;
         c.lineJoin = 'round';
         for (const [width, stroke] of [[4, back], [2, accent]] as [number, string][]) {
@@ -205,13 +211,43 @@ class Page {
     }
   }
 
-  private contactPixels(isMap: boolean, contact: Contact): [number, number] | null {
-    const patch = this.patches[contact[PATCH]], [dx, dy] = patch.header.offset;
-    const at = this.grid.find(contact[U] + dx, contact[V] + dy, 1e-2);
-    const places: [number, number][] = at && at.patch === contact[PATCH]
-      ? [0, 1, 2].map((k) => [patch.triangles[3 * at.face + k], at.weights[k]])
-      : [[contact[PEAK], 1]];
-    return this.view.toPixels(isMap, contact[PATCH], places);
+  /** Words at the places of the events of this frame and of the one that is pointed at, with the way of those that move. */
+  private drawEvents(c: CanvasRenderingContext2D, ink: string, back: string): void {
+    const hovered = this.events?.hovered ?? null;
+    const shown = hovered && !this.happening.includes(hovered) ? [...this.happening, hovered] : this.happening;
+    for (const isMap of [false, true]) {
+      // Words of one place stand below each other.
+      const said: [number, number][] = [];
+      for (const { word, contact } of shown) {
+        if (!contact || !this.view.isShown(contact.patch)) continue;
+        const to = this.pixelsOf(isMap, contact.patch, contact.to, contact.peak), from = this.pixelsOf(isMap, contact.patch, contact.from, contact.peak);
+        if (!to || !this.inside(isMap, ...to)) continue;
+        const [x, y] = to, angle = from ? Math.atan2(y - from[1], x - from[0]) : 0;
+        const hasWay = contact.direction !== null && from && Math.hypot(x - from[0], y - from[1]) > 8;
+        c.lineJoin = 'round';
+        for (const [width, stroke] of [[5, back], [2, ink]] as [number, string][]) {
+          c.beginPath();
+          if (hasWay) {
+            c.moveTo(...from); c.lineTo(x, y);
+            for (const turn of [-0.5, 0.5]) { c.moveTo(x, y); c.lineTo(x - 9 * Math.cos(angle + turn), y - 9 * Math.sin(angle + turn)); }
+          } else { c.moveTo(x - 5, y); c.lineTo(x + 5, y); c.moveTo(x, y - 5); c.lineTo(x, y + 5); }
+          c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
+        }
+        let below = y + 22;
+        while (said.some(([left, top]) => Math.abs(left - x) < 40 && Math.abs(top - below) < 14)) below += 14;
+        said.push([x, below]);
+        c.font = '600 13px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = 'center';
+        c.lineWidth = 4; c.strokeStyle = back; c.strokeText(word, x, below);
+        c.fillStyle = ink; c.fillText(word, x, below);
+      }
+    }
+  }
+
+  /** The pixel of a place on the map of a patch; that of a taxel, if the place is on no triangle. */
+  private pixelsOf(isMap: boolean, patch: number, [u, v]: [number, number], peak: number): [number, number] | null {
+    const of = this.patches[patch], [dx, dy] = of.header.offset, at = this.grid.find(u + dx, v + dy, 1e-2);
+    const places: [number, number][] = at && at.patch === patch ? [0, 1, 2].map((k) => [of.triangles[3 * at.face + k], at.weights[k]]) : [[peak, 1]];
+    return this.view.toPixels(isMap, patch, places);
   }
 
   /** Polygons on the map; the one that is drawn is open. */
@@ -498,6 +534,8 @@ class Page {
     this.readings = recording!.values.map((index) => this.data.array(index).numbers as Uint8Array);
     this.contacts = recording!.times.map(() => []);
     for (const contact of recording!.contacts) this.contacts[contact[0]].push(contact);
+    const pick = (event: EventRow): void => { this.play(false); this.setFrame(Math.round((event.first + event.last) / 2)); this.keep(); };
+    this.events = new EventStrip(this.data.header, byId('events'), byId('event-text'), pick, () => this.invalidate());
   }
 
   /** Shows frames that the server sends, the newest at each picture. */
@@ -568,6 +606,8 @@ class Page {
     const force = recording.force ? `, ${figures(now.reduce((sum, c) => sum + (c[FORCE] ?? 0), 0))} N` : '';
     byId('frame-text').textContent = `${time.toFixed(2)} s${now.length ? `, ${now.length} contact${now.length > 1 ? 's' : ''} (${now.reduce((n, c) => n + c[TAXELS], 0)} taxels)${force}` : ''}`;
     byId<HTMLInputElement>('frame').value = `${this.frame}`;
+    this.happening = this.events?.at(this.frame) ?? [];
+    document.documentElement.dataset.events = this.happening.map((event) => event.word).join();
     this.curve();
     this.invalidate();
   }
@@ -726,6 +766,7 @@ class Page {
     else if (e.key === '+' || e.key === '=') this.setLevel(this.level - 1);
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
+    else if (e.key === 'e' || e.key === 'E') { const frame = this.events?.next(this.frame, e.key === 'E'); if (frame != null) { this.play(false); this.setFrame(frame); this.keep(); } }
     else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
     else if (e.key === 'Enter' && this.drawing && !isField) this.closeRegion();
     else if (e.key === 'Backspace' && this.drawing && !isField) { this.drawing.corners.pop(); this.sayRegions(''); }

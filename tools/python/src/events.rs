@@ -304,8 +304,9 @@ pub(crate) fn diff<'py>(
         dermatome::diff::diff(&before?, &after?, &options).map_err(dermatome::Error::from)
     });
     let all = PyList::empty(py);
-    for Change { kind, subject, name, other, link, patch, taxels, others, distance, angle, sigmas, p } in
-        found.map_err(error)?.changes
+    for Change {
+        kind, subject, name, other, link, patch, taxels, others, distance, angle, sigmas, p, ..
+    } in found.map_err(error)?.changes
     {
         let change = PyDict::new(py);
         change.set_item("kind", kind.to_string())?;
