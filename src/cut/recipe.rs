@@ -159,7 +159,6 @@ mod tests {
                 let mesh = holed_frame(windows, fine, holes);
                 let graph = SeamGraph::new(&mesh, None).unwrap();
                 let mut seam = join(&graph, &open_handles(&graph), &[graph.apex(0)].into());
-                println!(graph.loops.len(), graph.checked(&seam).is_ok());
                 graph.rejoin(&mut seam, &[graph.apex(0)].into());
                 if let Err(error) = graph.checked(&seam) {
                     panic!("{windows} windows of {fine} edges, holes {holes}: {error}");

@@ -36,7 +36,7 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
         /// Which element of the file: `line 12, <mesh>`.
-        element: String,
+        element: Box<str>,
         /// What it names.
         url: String,
         /// The package that it names, if it does.
