@@ -15,7 +15,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::cut::{CutMesh, PlaceId, seam_length};
 use crate::flatten::{Convergence, Distortion, distortion};
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{FARTHEST, TriMesh, VertexCorners, signed_area};
+use crate::mesh::{FARTHEST, SurfacePoint, TriMesh, VertexCorners, signed_area};
 use crate::parallel::par_each;
 use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError, check_levels};
 use crate::skin::{
@@ -92,6 +92,11 @@ impl MapLevel {
     /// Where the corners of a face lie on the map, in m.
     pub(crate) fn uv_of(&self, face: FaceId) -> [DVec2; 3] {
         self.places(face).map(|place| self.uv[place])
+    }
+
+    /// Where a point of the level lies on the map, in m.
+    pub(crate) fn uv_at(&self, point: &SurfacePoint) -> DVec2 {
+        self.uv_of(point.face).into_iter().zip(point.barycentric).map(|(uv, weight)| weight * uv).sum()
     }
 
     /// The vertex of the level for a place of the map.

@@ -4,16 +4,15 @@
 //! file towards that in the second: a motion of up to two distances between taxels by the differential of the map in the
 //! triangle of its begin, so that no seam lengthens it; a longer one to the place of the map that is nearest to its end.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use crate::contact::{ContactIndex, Hit, Query};
+use crate::contact::{ContactIndex, Query};
 use crate::diff::{Change, ChangeKind, Diff, Subject};
 use crate::id::{IdVec, VertexId};
-use crate::map::{PatchMap, SkinMap};
-use crate::mesh::TriMesh;
+use crate::map::{MapLevel, PatchMap, SkinMap};
+use crate::mesh::SurfacePoint;
 use crate::plot::colour::{Colour, INK, SKIN};
 use crate::plot::draw::Panel;
 use crate::plot::layout::{Layout, View, lay_out, printable, round_down, short, slots};
@@ -150,39 +149,41 @@ pub fn plot_diff(map: &SkinMap, diff: &Diff, options: &PlotOptions) -> Result<Pi
 /// The changed taxels. Those of changes that no link of the map has are left out.
 fn marks(map: &SkinMap, diff: &Diff) -> Result<Vec<Mark>, PlotError> {
     let index = ContactIndex::new(map).map_err(|source| PlotError::Places { source: Box::new(source) })?;
-    let sheets: IdVec<PatchId, _> = map.patches.iter().map(Sheet::new).collect();
     let mut marks = Vec::new();
     for (number, change) in diff.changes.iter().enumerate().filter(|(_, c)| c.subject != Subject::Link) {
         let Some(kind) = KINDS.iter().position(|(kind, _)| *kind == change.kind) else { continue };
         let Some(link) = link_of(map, change) else { continue };
         // A link without skin has no place.
-        let locate = |at: DVec3| index.locate(Query::on_link(link, at)).ok();
+        let locate = |at: DVec3| {
+            let hit = index.locate(Query::on_link(link, at)).ok()?;
+            Some((hit, map.patches[hit.patch].levels.get(LevelId::default())?))
+        };
         if change.kind == ChangeKind::New {
-            for hit in change.after.iter().filter_map(|&at| locate(at)) {
-                let Some(sheet) = &sheets[hit.patch] else { continue };
-                marks.push(Mark { at: sheet.place(&hit), ..Mark::of(number, kind, hit.patch) });
+            for (hit, level) in change.after.iter().filter_map(|&at| locate(at)) {
+                marks.push(Mark { at: level.uv_at(&hit.point), ..Mark::of(number, kind, hit.patch) });
             }
             continue;
         }
         for (k, &before) in change.before.iter().enumerate() {
-            let Some(hit) = locate(before) else { continue };
-            let Some(sheet) = &sheets[hit.patch] else { continue };
+            let Some((hit, level)) = locate(before) else { continue };
             let spacing = index.spacing(hit.patch).unwrap_or(0.0);
             let moved = change.after.get(k).map_or(DVec3::ZERO, |after| *after - before);
+            let there = || {
+                let found = locate(before + moved).filter(|(there, _)| there.patch == hit.patch);
+                found.map(|(there, _)| there.point)
+            };
+            let at = level.uv_at(&hit.point);
             let motion = if moved.length() <= NEAR * spacing {
-                sheet.differential(&hit, moved)
+                differential(level, &hit.point, moved)
             } else {
-                let there = locate(before + moved).filter(|there| there.patch == hit.patch);
-                there.map_or(DVec2::ZERO, |there| sheet.place(&there) - sheet.place(&hit))
+                there().map_or(DVec2::ZERO, |there| level.uv_at(&there) - at)
             };
             let share = if spacing > 0.0 { motion.length() / spacing } else { 0.0 };
-            let (taxel, at) = (sheet.nearest_corner(&hit), sheet.place(&hit));
+            let taxel = nearest_corner(level, &hit.point);
             let mark = Mark { taxel, at, motion, share, ..Mark::of(number, kind, hit.patch) };
             // Of two that exchanged their places the change lists the taxels of one.
-            if let Some(there) = locate(before + moved)
-                .filter(|there| change.kind == ChangeKind::Swapped && there.patch == hit.patch)
-            {
-                let (taxel, at) = (sheet.nearest_corner(&there), sheet.place(&there));
+            if let Some(there) = (change.kind == ChangeKind::Swapped).then(there).flatten() {
+                let (taxel, at) = (nearest_corner(level, &there), level.uv_at(&there));
                 marks.push(Mark { is_other: true, taxel, at, motion: -motion, ..mark });
             }
             marks.push(mark);
@@ -200,49 +201,26 @@ fn link_of(map: &SkinMap, change: &Change) -> Option<LinkId> {
     by_patch.or_else(by_name).or_else(only)
 }
 
-/// Level 0 of a patch.
-struct Sheet<'m> {
-    mesh: &'m TriMesh,
-    /// Its triangles between the places of the map.
-    opened: Cow<'m, TriMesh>,
-    uv: IdVec<VertexId, DVec2>,
+/// The taxel of the largest weight at a point of the skin.
+fn nearest_corner(level: &MapLevel, point: &SurfacePoint) -> Option<VertexId> {
+    let corners = level.level.mesh.triangles[point.face].into_iter().zip(point.barycentric);
+    corners.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(corner, _)| corner)
 }
 
-impl<'m> Sheet<'m> {
-    fn new(patch: &'m PatchMap) -> Option<Self> {
-        let level = patch.levels.get(LevelId::default())?;
-        Some(Self { mesh: &level.level.mesh, opened: level.opened(), uv: level.opened_uv() })
+/// What the map makes of a small motion from a point of the skin: the least-squares solution in the plane of its
+/// triangle; zero where that has no area.
+fn differential(level: &MapLevel, point: &SurfacePoint, motion: DVec3) -> DVec2 {
+    let corners = level.level.mesh.corners(point.face);
+    let (e, f) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+    let determinant = ee * ff - ef * ef;
+    if determinant <= 0.0 {
+        return DVec2::ZERO;
     }
-
-    fn corners(&self, hit: &Hit) -> [DVec2; 3] {
-        self.opened.triangles[hit.point.face].map(|place| self.uv[place])
-    }
-
-    /// The place of a point of the skin on the map.
-    fn place(&self, hit: &Hit) -> DVec2 {
-        self.corners(hit).into_iter().zip(hit.point.barycentric).map(|(uv, weight)| weight * uv).sum()
-    }
-
-    fn nearest_corner(&self, hit: &Hit) -> Option<VertexId> {
-        let corners = self.mesh.triangles[hit.point.face].into_iter().zip(hit.point.barycentric);
-        corners.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(corner, _)| corner)
-    }
-
-    /// What the map makes of a small motion from a point of the skin: the least-squares solution in the plane of its
-    /// triangle; zero where that has no area.
-    fn differential(&self, hit: &Hit, motion: DVec3) -> DVec2 {
-        let corners = self.mesh.triangles[hit.point.face].map(|v| self.mesh.positions[v]);
-        let (e, f) = (corners[1] - corners[0], corners[2] - corners[0]);
-        let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
-        let determinant = ee * ff - ef * ef;
-        if determinant <= 0.0 {
-            return DVec2::ZERO;
-        }
-        let (me, mf) = (motion.dot(e), motion.dot(f));
-        let [a, b] = [(ff * me - ef * mf) / determinant, (ee * mf - ef * me) / determinant];
-        let uv = self.corners(hit);
-        a * (uv[1] - uv[0]) + b * (uv[2] - uv[0])
-    }
+    let (me, mf) = (motion.dot(e), motion.dot(f));
+    let [a, b] = [(ff * me - ef * mf) / determinant, (ee * mf - ef * me) / determinant];
+    let uv = level.uv_of(point.face);
+    a * (uv[1] - uv[0]) + b * (uv[2] - uv[0])
 }
 
 /// An arrow, a cross of a missing taxel, or a hollow dot of a new one.
@@ -337,16 +315,13 @@ mod tests {
     use super::*;
     use crate::diff::{DiffOptions, diff};
     use crate::mesh::shapes;
-    use crate::skin::{Draft, Sheet as DraftSheet, TaxelId};
+    use crate::skin::{Draft, Sheet, TaxelId};
 
     /// The marks of a flat skin of 10 x 10 taxels, 5 mm apart, of which some moved.
     fn marks_of(moves: &[(usize, DVec3)]) -> Vec<Mark> {
         let mesh = shapes::lattice(10, 10, 0.005);
         let (positions, ids) = (mesh.positions.as_slice().to_vec(), Some((1..=100).map(TaxelId).collect()));
-        let before = Draft {
-            sheets: vec![DraftSheet { positions, ids, ..DraftSheet::default() }],
-            ..Draft::default()
-        };
+        let before = Draft { sheets: vec![Sheet { positions, ids, ..Sheet::default() }], ..Draft::default() };
         let mut after = before.clone();
         moves.iter().for_each(|&(k, motion)| after.sheets[0].positions[k] += motion);
         let found = diff(&before, &after, &DiffOptions::default()).unwrap();

@@ -48,8 +48,7 @@ impl Pressed<'_> {
             Some(at) => {
                 let corners = || level.level.mesh.triangles[at.face].into_iter().zip(at.barycentric);
                 let normal = corners().map(|(v, w)| w * normals[v]).sum::<DVec3>().try_normalize();
-                let map = level.uv_of(at.face).into_iter().zip(at.barycentric).map(|(p, w)| w * p).sum();
-                (level.level.mesh.point(at), map, normal.unwrap_or(normals[peak_taxel]))
+                (level.level.mesh.point(at), level.uv_at(at), normal.unwrap_or(normals[peak_taxel]))
             }
             // A taxel without triangles.
             None => (positions[peak_taxel], level.uv[PlaceId::first_of(peak_taxel)], normals[peak_taxel]),
