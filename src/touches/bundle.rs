@@ -116,7 +116,7 @@ impl<'a> Bundle<'a> {
         Self { taxels, estimates, noise, gains, guesses, guess_sigma, frames }
     }
 
-    /// Solves for everything in so many steps.
+    /// Solves for everything, in this number of steps.
     pub(super) fn adjust(mut self, steps: usize, run: Run<'_>) -> Result<Adjusted, TouchesError> {
         let system = BlockSystem::new(self.pattern(), SIZE)?;
         let mut reduced = self.reduced();

@@ -14,7 +14,7 @@ const INTERVAL_S: f64 = 0.005;
 
 /// Sums are averaged over frames up to this time before and after, in s: a line stays the same, and at 100 Hz the noise is
 /// less than half. Of 0 / 10 / 20 / 40 ms, 20 was best: begin and end of 80 presses of 1 s with 2 kPa of noise within
-/// 34 / 27 / 23 / 25 ms in 95 %, with 5 kPa within 555 / 112 / 64 / 75 ms.
+/// 34 / 27 / 23 / 25 ms in 95 %, with 5 kPa within 555 / 112 / 64 / 75 ms. With [`AROUND_SHARE`], 20 gives 23 and 72.
 const AROUND_S: f64 = 0.02;
 
 /// And up to this share of the time that the contact lasts: the ramps of a tap are as short as such an average.
@@ -124,9 +124,8 @@ impl History {
         around
     }
 
-    /// When the contact of these taxels began or ended, that was above the threshold from one time to another, and
-    /// in all for `lasted`, in s; `None` if
-    /// that is not known.
+    /// When the contact of these taxels began or ended, that was above the threshold from one time to another, and in
+    /// all for `lasted`, in s; `None` if that is not known.
     pub(super) fn date(
         &mut self,
         edge: Edge,

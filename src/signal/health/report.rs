@@ -23,7 +23,7 @@ pub struct HealthReport {
     pub recordings: usize,
     /// A reading above it, less its zero, is a touch; in the unit of the readings.
     pub threshold: f64,
-    /// Frames in which so many taxels were touched that they say little of single ones.
+    /// Frames that are left out, since too many taxels were touched at once to judge single ones.
     pub crowded: usize,
     /// Whether more pairs of taxels were touched at once than can be compared.
     pub is_full: bool,
