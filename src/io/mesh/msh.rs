@@ -18,45 +18,35 @@ const NUMBERS: [u64; 4] = [3, 3, 2, 3];
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let bytes = source.bytes();
     if bytes.starts_with(b"$MeshFormat") {
-        return Err(source.invalid(
-            "header",
-            "a mesh of Gmsh",
-            "a binary mesh of MuJoCo; save it as .stl or .obj",
-        ));
+        let needed = "a binary mesh of MuJoCo; save it as .stl or .obj";
+        return Err(source.invalid("header", "a mesh of Gmsh", needed));
     }
-    let counts = bytes.get(..HEADER).map(|header| {
-        let mut counts = header.as_chunks::<4>().0.iter().map(|count| i32::from_le_bytes(*count));
-        [(); 4].map(|()| counts.next().and_then(|count| u64::try_from(count).ok()))
-    });
-    let Some([Some(vertices), Some(normals), Some(coordinates), Some(triangles)]) = counts else {
+    let (words, rest) = bytes.as_chunks::<4>();
+    let count = |k: usize| words.get(k).and_then(|word| usize::try_from(i32::from_le_bytes(*word)).ok());
+    let [Some(vertices), Some(normals), Some(coordinates), Some(triangles)] = [0, 1, 2, 3].map(count) else {
         let needed = "four counts of 0 or more, each of 4 bytes";
         return Err(source.invalid("header", format!("{:?}", &bytes[..bytes.len().min(HEADER)]), needed));
     };
     let counts = [vertices, normals, coordinates, triangles];
-    let length =
-        HEADER as u64 + counts.iter().zip(NUMBERS).map(|(count, numbers)| 4 * numbers * count).sum::<u64>();
-    if bytes.len() as u64 != length {
+    let numbers: u64 = counts.iter().zip(NUMBERS).map(|(&count, numbers)| numbers * count as u64).sum();
+    let length = HEADER as u64 + 4 * numbers;
+    if bytes.len() as u64 != length || !rest.is_empty() {
         let needed = format!(
             "{length}, for {vertices} vertices, {normals} normals, {coordinates} texture coordinates and {triangles} triangles"
         );
         return Err(source.invalid("length", format!("{} bytes", bytes.len()), needed));
     }
-    let (numbers, _) = bytes[HEADER..].as_chunks::<4>();
-    let (vertex_numbers, _) = numbers.as_chunks::<3>();
-    let (rows, _) =
-        vertex_numbers.split_at(usize::try_from(vertices).unwrap_or(usize::MAX).min(vertex_numbers.len()));
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
-    for (k, row) in rows.iter().enumerate() {
-        let position = row.map(f32::from_le_bytes);
+    for (k, position) in words[4..].as_chunks::<3>().0.iter().take(vertices).enumerate() {
+        let position = position.map(f32::from_le_bytes);
         if !position.iter().all(|x| x.is_finite()) {
             return Err(source.invalid(format!("vertex {k}"), format!("{position:?}"), "finite coordinates"));
         }
         sheet.positions.push(DVec3::from(position.map(f64::from)));
     }
-    let first = numbers.len() - 3 * usize::try_from(triangles).unwrap_or(0);
-    for (k, corners) in numbers[first..].as_chunks::<3>().0.iter().enumerate() {
+    for (k, corners) in words[words.len() - 3 * triangles..].as_chunks::<3>().0.iter().enumerate() {
         let corners = corners.map(u32::from_le_bytes);
-        if corners.iter().any(|&v| u64::from(v) >= vertices) {
+        if corners.iter().any(|&v| v as usize >= vertices) {
             let needed = format!("vertices from 0 to {}", vertices.saturating_sub(1));
             return Err(source.invalid(format!("triangle {k}"), format!("{corners:?}"), needed));
         }
