@@ -153,6 +153,30 @@ fn seams_pass_through_holes() {
 }
 
 /// Cutting a torus once around and once through leaves it far from flat, but a map.
+/// Two holes at one end of a tube that is closed at both: a seam that joins cones to both holes, but not the holes to each
+/// other, leaves a ring, at an energy of 8.2 and 8.5.
+#[test]
+fn holes_of_a_closed_tube_are_joined() {
+    for (around, along, first, second) in [(4, 12, 1, 5), (3, 8, 4, 7)] {
+        let mut mesh = shapes::tube(around, along + 1, 0.005, 0.0095 * f64::from(along));
+        let at = |row: u32, column: u32| VertexId::new((row * around + column % around) as usize);
+        for (row, out) in [(0, -0.0015), (along, 0.0015)] {
+            let z = mesh.positions[at(row, 0)].z + out;
+            let tip = mesh.positions.push(DVec3::new(0.0, 0.0, z));
+            for column in 0..around {
+                let (a, b) = (at(row, column), at(row, column + 1));
+                mesh.triangles.push(if row == 0 { [tip, b, a] } else { [tip, a, b] });
+            }
+        }
+        let is_hole =
+            |face: FaceId| mesh.triangles[face].iter().any(|&v| v == at(first, 0) || v == at(second, 0));
+        let mesh = without(&mesh, is_hole);
+        let (_, map) = flat(&mesh);
+        let energy = map.distortion.symmetric_dirichlet;
+        assert!(energy < 4.3, "{around} around, {along} along, holes at {first} and {second}: {energy}");
+    }
+}
+
 #[test]
 fn a_torus_is_cut_both_ways() {
     let mesh = shapes::torus(60, 24, 0.1, 0.04);

@@ -154,14 +154,16 @@ impl SeamSearch<'_, '_> {
     /// A poor map with more cones, or with all loops joined as well, if that is much better. A cone may be joined to a
     /// loop that the seam leaves out; then a tube between the two stays a ring on the map, however many cones follow.
     fn relieved(&self, poor: Found) -> Found {
+        let graph = self.graph;
         let coned = self.more_cones(poor.seam.clone(), Some(&poor.trial));
-        let all = poor.seam.joined(self.graph, (0..self.graph.loops.len()).map(|k| self.graph.apex(k)));
-        let is_ring = all.ends.len() > poor.seam.ends.len() && self.graph.loops.len() > 1;
-        let joined = is_ring.then(|| self.with_cones(all));
-        let best = coned.into_iter().chain(joined).reduce(|a, b| if b.cost() < a.cost() { b } else { a });
-        let Some(new) = best else { return poor };
-        let more = (new.trial.length - poor.trial.length).max(1.0);
-        if new.trial.excess * POOR_FALL.powf(more) < poor.trial.excess { new } else { poor }
+        let apexes = (0..graph.loops.len()).map(|k| graph.apex(k));
+        let has_others = graph.loops.len() > 1 && !apexes.clone().all(|apex| poor.seam.ends.contains(&apex));
+        let joined = has_others.then(|| self.with_cones(poor.seam.joined(graph, apexes)));
+        // The excess that a map of the first seam would need to be as good.
+        let worth =
+            |new: &Found| new.trial.excess * POOR_FALL.powf((new.trial.length - poor.trial.length).max(1.0));
+        let best = coned.into_iter().chain(joined).reduce(|a, b| if worth(&b) < worth(&a) { b } else { a });
+        best.filter(|new| worth(new) < poor.trial.excess).unwrap_or(poor)
     }
 
     /// Adds cones to a found seam, down to one conformal factor after the other, until the area ratio is below `limit`:
