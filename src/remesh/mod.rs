@@ -10,16 +10,19 @@
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
 //! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles stay, however small they are.
 //!
+//! Where vertices would slide off a thin wall or a rod, some are fixed, so that details alone are lost.
+//!
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that
 //! walls keep their thickness where a surface bends too much for the spacing.
 //!
 //! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
-//! `thin` (faces without height, see `faces`); `outer` finds the faces of a link that can be touched,
+//! `thin` (faces without height, see `faces`), `lost` (what the rounds do not cover); `outer` finds the faces of a link that can be touched,
 //! `crumbs` its small pieces.
 
 mod clip;
 mod crumbs;
 mod faces;
+mod lost;
 mod moves;
 mod outer;
 mod rounds;
@@ -35,6 +38,7 @@ use crate::mesh::{
     FillHoles, Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_holes, fill_shorter, triangle_cross,
 };
 use crate::remesh::faces::{FLAT, Thin, height};
+use crate::remesh::lost::{lost, pin};
 use crate::remesh::moves::sharp_neighbours;
 use crate::remesh::rounds::{Freedom, Rounds};
 use crate::remesh::surface::Surface;
@@ -54,6 +58,9 @@ const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Faces of the surface lower than this fraction of the spacing are cracks between other faces: they are
 /// removed first.
 const CRACK: f64 = 1e-3;
+
+/// Most times that the rounds start again with more fixed vertices.
+const MAX_RESTARTS: usize = 2;
 
 /// Most taxels of a patch.
 const MAX_TAXELS: f64 = 1e6;
@@ -111,6 +118,17 @@ pub enum RemeshError {
 /// # Errors
 /// If the mesh is not an oriented manifold, or the spacing is not a positive finite length or too small for it.
 pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
+    cover(mesh, spacing).map(|covered| covered.mesh)
+}
+
+/// A new mesh of a surface.
+struct Covered {
+    mesh: TriMesh,
+    /// The number of points of the surface that it lost, and how far the farthest is from it, in m.
+    lost: (usize, f64),
+}
+
+fn cover(mesh: &TriMesh, spacing: f64) -> Result<Covered, RemeshError> {
     if !(spacing.is_finite() && spacing > 0.0) {
         return Err(RemeshError::Spacing { spacing });
     }
@@ -118,13 +136,15 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     fill_shorter(&mut mesh, 3.0 * spacing)?;
     let (halfedges, _) = HalfedgeMesh::new(&mesh)?;
     check_count(&mesh, &halfedges, spacing)?;
+    let (sharp, positions) = (mesh.triangles.map(|_| [false; 3]), mesh.positions.clone());
+    let surface = Surface::new(mesh)?;
     let mut rounds = Rounds {
-        sharp: mesh.triangles.map(|_| [false; 3]),
-        freedom: mesh.positions.map(|_| Freedom::Surface),
-        near: mesh.positions.map(|_| None),
-        positions: mesh.positions.clone(),
+        sharp,
+        freedom: positions.map(|_| Freedom::Surface),
+        near: positions.map(|_| None),
+        positions,
         mesh: halfedges,
-        surface: Surface::new(mesh)?,
+        surface: &surface,
         lines: None,
         spacing,
         target: spacing,
@@ -137,13 +157,41 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
     let is_line = |h: &Halfedge| rounds.mesh.is_edge(*h) && rounds.is_sharp(*h);
     let ends = |h: Halfedge| [rounds.mesh.origin(h), rounds.mesh.target(h)];
     let segments: Vec<[VertexId; 2]> = rounds.mesh.halfedges().filter(is_line).map(ends).collect();
-    rounds.lines = Surface::of_segments(&rounds.positions, &segments);
+    let lines = Surface::of_segments(&rounds.positions, &segments);
+    rounds.lines = lines.as_ref();
     rounds.freedom = freedoms(&rounds);
-    rounds.run();
-    let mut made = TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions };
-    // As of a mesh that is read from a file.
-    fill_holes(&mut made, FillHoles::PinHoles)?;
-    Ok(made)
+    rounds.split_surface();
+    run_rounds(&rounds)
+}
+
+/// Runs the rounds, and again with more vertices fixed while parts of the surface are lost; takes the mesh that lost least.
+fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
+    let points = &start.positions;
+    let mut pins = Vec::new();
+    let mut trial = || -> Result<(Covered, bool), RemeshError> {
+        let mut rounds = start.clone();
+        pins.iter().for_each(|&pin| rounds.freedom[pin] = Freedom::Fixed);
+        rounds.run();
+        let mut mesh = TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions };
+        // As of a mesh that is read from a file.
+        fill_holes(&mut mesh, FillHoles::PinHoles)?;
+        let lost = lost(points, &mesh, start.spacing)?;
+        let is_pinned = pin(&mut pins, &lost, points, start.spacing);
+        let lost = (lost.len(), lost.first().map_or(0.0, |&(_, distance)| distance));
+        Ok((Covered { mesh, lost }, is_pinned))
+    };
+    let (mut best, mut is_pinned) = trial()?;
+    for _ in 0..MAX_RESTARTS {
+        if !is_pinned {
+            break;
+        }
+        let covered;
+        (covered, is_pinned) = trial()?;
+        if covered.lost.0 < best.lost.0 {
+            best = covered;
+        }
+    }
+    Ok(best)
 }
 
 /// Refuses a spacing that would make too many vertices, on the surface or along its edges: all longer ones are split
@@ -187,7 +235,7 @@ fn sharp_edges(
 }
 
 /// A vertex between two sharp edges of about one direction may move along them; others with sharp edges are fixed.
-fn freedoms(rounds: &Rounds) -> IdVec<VertexId, Freedom> {
+fn freedoms(rounds: &Rounds<'_>) -> IdVec<VertexId, Freedom> {
     let at = &rounds.positions;
     let freedom = |v: VertexId| {
         let directions: Vec<DVec3> = sharp_neighbours(&rounds.mesh, &rounds.sharp, v)
@@ -209,6 +257,9 @@ pub struct Remeshed {
     pub skin: Skin,
     /// The names of the patches that are left out, since they are smaller than the hexagon around one taxel.
     pub left_out: Vec<String>,
+    /// The patches with points of the surface farther than a spacing from the new mesh, and how far the farthest is,
+    /// in m: parts thinner than the spacing may be lost.
+    pub shrunk: Vec<(String, f64)>,
 }
 
 /// Remeshes every patch of a skin, each with its spacing (m); see [`remesh`]. The taxels are new ones at
@@ -232,19 +283,23 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
             return Err(RemeshError::Joints);
         }
         run.check()?;
-        remesh(&patch.mesh, spacing).map(|mesh| Patch::from_mesh(patch.name.clone(), patch.link, mesh))
+        let Covered { mesh, lost } = cover(&patch.mesh, spacing)?;
+        Ok((Patch::from_mesh(patch.name.clone(), patch.link, mesh), lost.1))
     };
-    let made: Vec<Result<Patch, RemeshError>> = large.par_iter().map(fresh).collect();
+    let made: Vec<Result<(Patch, f64), RemeshError>> = large.par_iter().map(fresh).collect();
     run.check()?;
     let mut left_out: Vec<String> = small.iter().map(|(patch, _)| patch.name.clone()).collect();
-    let mut patches = IdVec::default();
+    let (mut patches, mut shrunk) = (IdVec::default(), Vec::new());
     let mut id = 0_u32;
     for (made, (old, spacing)) in made.into_iter().zip(&large) {
         let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
-        let mut patch = made.map_err(in_patch)?;
+        let (mut patch, farthest) = made.map_err(in_patch)?;
         if patch.mesh.area() < least(*spacing) {
             left_out.push(patch.name);
             continue;
+        }
+        if farthest > *spacing {
+            shrunk.push((patch.name.clone(), farthest));
         }
         for own in patch.taxels.ids.iter_mut() {
             id = id.saturating_add(1);
@@ -252,5 +307,5 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
         }
         patches.push(patch);
     }
-    Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out })
+    Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out, shrunk })
 }

@@ -12,7 +12,7 @@ use crate::remesh::surface::Projection;
 /// Steps of smoothing in each round.
 const STEPS: usize = 3;
 
-impl Rounds {
+impl Rounds<'_> {
     /// Moves every vertex to the centre of its neighbours in a few steps, and back to the surface or its
     /// line. A free vertex that cannot reach the surface without turning a face over returns to its old
     /// position.
@@ -99,7 +99,7 @@ impl Rounds {
                 }
                 // Where lines have merged, the line along which it may move is ambiguous.
                 let middle = (count == 2).then_some(0.5 * sum)?;
-                self.lines.as_ref()?.nearest(middle, DVec3::ZERO, self.near[v])
+                self.lines?.nearest(middle, DVec3::ZERO, self.near[v])
             }
         }
     }

@@ -55,14 +55,15 @@ pub(super) enum Freedom {
 }
 
 /// A mesh that is changed until its edges have one length.
-pub(super) struct Rounds {
+#[derive(Clone)]
+pub(super) struct Rounds<'a> {
     pub(super) mesh: HalfedgeMesh,
     pub(super) positions: IdVec<VertexId, DVec3>,
     /// Whether the edge of each halfedge is a sharp one or a rim.
     pub(super) sharp: IdVec<FaceId, [bool; 3]>,
     pub(super) freedom: IdVec<VertexId, Freedom>,
-    pub(super) surface: Surface,
-    pub(super) lines: Option<Surface>,
+    pub(super) surface: &'a Surface,
+    pub(super) lines: Option<&'a Surface>,
     /// The wanted mean length of edges, in m, and the target length that yields it.
     pub(super) spacing: f64,
     pub(super) target: f64,
@@ -70,10 +71,17 @@ pub(super) struct Rounds {
     pub(super) near: IdVec<VertexId, Option<u32>>,
 }
 
-impl Rounds {
+impl Rounds<'_> {
+    /// Splits the long edges of the surface, before the first round.
+    pub(super) fn split_surface(&mut self) {
+        self.split_long(true);
+    }
+
     pub(super) fn run(&mut self) {
         for round in 0..MAX_ROUNDS {
-            self.split_long(round == 0);
+            if round > 0 {
+                self.split_long(false);
+            }
             self.collapse_short();
             self.compact();
             self.flip_edges(Self::evens_degrees);
@@ -241,7 +249,7 @@ impl Rounds {
         let sides = || [h, self.mesh.twin(h)].into_iter().filter(|&h| h != Halfedge::NONE);
         let near = self.near[self.mesh.origin(h)];
         let at = if self.is_sharp(h) {
-            self.lines.as_ref()?.nearest(middle, DVec3::ZERO, near)?.point
+            self.lines?.nearest(middle, DVec3::ZERO, near)?.point
         } else {
             self.surface.nearest(middle, sides().map(|h| self.cross(h.face())).sum(), near)?.point
         };

@@ -23,7 +23,7 @@ enum Change {
     Flip(Halfedge),
 }
 
-impl Rounds {
+impl Rounds<'_> {
     /// Whether a vertex of a face may move: the face stays on its side, if it has one, and does not become
     /// lower than `THIN` times the target unless it was.
     pub(super) fn fits(&self, old: [DVec3; 3], new: [DVec3; 3]) -> bool {

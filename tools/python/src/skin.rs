@@ -131,6 +131,9 @@ impl PySkin {
                 .iter()
                 .map(|name| format!("{name}: smaller than the hexagon around one taxel, and left out")),
         );
+        remarks.extend(made.shrunk.iter().map(|(name, farthest)| {
+            format!("{name}: parts thinner than its taxels are apart have none at their ends, up to {:.1} mm of them", 1e3 * farthest)
+        }));
         Ok(Self { skin: Arc::new(made.skin), remarks })
     }
 }

@@ -132,7 +132,8 @@ pub(crate) fn read_good_patches(
 /// Meshes a skin anew with taxels this far apart.
 fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<Skin> {
     let spacings = spacing.of_patches(skin)?;
-    let Remeshed { skin, left_out } = remesh_skin(skin, &spacings, Run::default()).map_err(Error::from)?;
+    let Remeshed { skin, left_out, mut shrunk } =
+        remesh_skin(skin, &spacings, Run::default()).map_err(Error::from)?;
     if skin.patches.is_empty() {
         let least = spacings.iter().copied().fold(f64::INFINITY, f64::min);
         return Err(advise(
@@ -148,6 +149,17 @@ fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<
             common,
             "{count} patches are smaller than the hexagon around one taxel, and left out: {}",
             first_names(&left_out)
+        );
+    }
+    shrunk.sort_by(|a, b| b.1.total_cmp(&a.1));
+    if let Some(&(_, farthest)) = shrunk.first() {
+        let names: Vec<String> = shrunk.into_iter().map(|(name, _)| name).collect();
+        note!(
+            common,
+            "parts thinner than the taxels are apart have none at their ends, up to {:.1} mm of them: {}; a smaller \
+             --spacing covers them",
+            1e3 * farthest,
+            first_names(&names)
         );
     }
     let taxels: usize = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
