@@ -32,22 +32,25 @@ from dermatome._dermatome import (
     Skin,
     __version__,
     build,
-    calibrate,
     check,
     coarsen,
     diff,
     flatten,
     simulate,
 )
+from dermatome._calibrate import Body, BodyCalibration, FollowedTouch, Following, HeldBack, LevelScore, ProbeOffset, calibrate, follow
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
 from dermatome._response import examine, response
 from dermatome._touch import touch
+from dermatome._touches import touches
 
 if TYPE_CHECKING:
     from dermatome._recording import Recording
 
 __all__ = [
+    "Body",
+    "BodyCalibration",
     "Calibration",
     "ContactTracker",
     "DataError",
@@ -57,10 +60,14 @@ __all__ = [
     "Fields",
     "FileError",
     "Flattening",
+    "FollowedTouch",
+    "Following",
+    "HeldBack",
     "Hits",
     "Index",
     "Layout",
     "Level",
+    "LevelScore",
     "Map",
     "Matrix",
     "MeshLevel",
@@ -68,6 +75,7 @@ __all__ = [
     "Observations",
     "Patch",
     "Picture",
+    "ProbeOffset",
     "Readings",
     "Recording",
     "RecordingFile",
@@ -83,9 +91,11 @@ __all__ = [
     "diff",
     "examine",
     "flatten",
+    "follow",
     "response",
     "simulate",
     "touch",
+    "touches",
 ]
 
 
