@@ -258,30 +258,20 @@ pub(crate) fn fit_bodies<'py>(
     Ok(made)
 }
 
+/// A calibrated taxel: its id, position, normal, NaN where it has none, covariance, module and patch.
+type TaxelRow = (u32, [f64; 3], [f64; 3], [f64; 6], String, String);
+
 /// Write the table of taxels that `calibrate --cad -o` writes.
 #[pyfunction]
-pub(crate) fn write_taxels_of_bodies(
-    py: Python<'_>,
-    path: PathBuf,
-    ids: Vec<u32>,
-    positions: Vec<[f64; 3]>,
-    normals: Vec<[f64; 3]>,
-    covariances: Vec<[f64; 6]>,
-    modules: Vec<String>,
-    patches: Vec<String>,
-) -> PyResult<()> {
-    let rows = ids.iter().zip(&positions).zip(&normals).zip(&covariances);
-    let taxel = |(((id, position), normal), covariance): (((&u32, &[f64; 3]), &[f64; 3]), &[f64; 6])| {
-        CalibratedTaxel {
-            id: TaxelId(*id),
-            position: DVec3::from_array(*position),
-            normal: Some(DVec3::from_array(*normal)).filter(|normal| normal.is_finite()),
-            covariance: Covariance::from(*covariance),
-        }
+pub(crate) fn write_taxels_of_bodies(py: Python<'_>, path: PathBuf, rows: Vec<TaxelRow>) -> PyResult<()> {
+    let taxel = |(id, position, normal, covariance, ..): &TaxelRow| CalibratedTaxel {
+        id: TaxelId(*id),
+        position: DVec3::from_array(*position),
+        normal: Some(DVec3::from_array(*normal)).filter(|normal| normal.is_finite()),
+        covariance: Covariance::from(*covariance),
     };
-    let taxels: IdVec<VertexId, CalibratedTaxel> = rows.map(taxel).collect();
-    let named = taxels.iter().zip(&modules).zip(&patches);
-    let named = named.map(|((taxel, module), patch)| NamedTaxel {
+    let taxels: IdVec<VertexId, CalibratedTaxel> = rows.iter().map(taxel).collect();
+    let named = taxels.iter().zip(&rows).map(|(taxel, (.., module, patch))| NamedTaxel {
         id: taxel.id,
         position: taxel.position,
         normal: taxel.normal,

@@ -1,14 +1,13 @@
 //! `follow`: observations that come touch by touch.
 
 use std::{
-    cell::RefCell,
     io::{BufRead, Read},
-    rc::Rc,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
 use dermatome::{
     calib::{BodyFollower, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower, Observations},
-    io::{TouchStream, touches_from_stream},
+    io::{IoError, TouchStream, touches_from_stream},
     run::Run,
 };
 use pyo3::{prelude::*, types::PyIterator};
@@ -16,7 +15,7 @@ use pyo3::{prelude::*, types::PyIterator};
 use crate::{
     bodies::{BodyArgs, Drawing, ModulesArg},
     calib::{CalibArgs, PyCalibration},
-    errors::error,
+    errors::{bad, error},
     jobs::run_here,
     observations::PyObservations,
     options::{count, unit},
@@ -29,7 +28,22 @@ struct PyLines {
     at: usize,
     /// Whether lines have ends; one without is then half a line.
     has_ends: Option<bool>,
-    raised: Rc<RefCell<Option<PyErr>>>,
+    raised: Raised,
+}
+
+/// What the lines raised.
+#[derive(Clone, Default)]
+struct Raised(Arc<Mutex<Option<PyErr>>>);
+
+impl Raised {
+    /// That, or else the error to which it led.
+    fn or(&self, other: IoError) -> PyErr {
+        unpoisoned(&self.0).take().unwrap_or_else(|| error(other))
+    }
+}
+
+fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl PyLines {
@@ -64,7 +78,7 @@ impl BufRead for PyLines {
                 Ok(Some(line)) => (self.line, self.at) = (line, 0),
                 Ok(None) => break,
                 Err(exception) => {
-                    *self.raised.borrow_mut() = Some(exception);
+                    *unpoisoned(&self.raised.0) = Some(exception);
                     return Err(std::io::Error::other("the lines raised an exception"));
                 }
             }
@@ -78,11 +92,11 @@ impl BufRead for PyLines {
 }
 
 /// The touches of the lines of a table.
-#[pyclass(unsendable, module = "dermatome._dermatome", name = "TouchLines")]
+#[pyclass(frozen, module = "dermatome._dermatome", name = "TouchLines")]
 pub(crate) struct PyTouchLines {
-    stream: TouchStream,
+    stream: Mutex<TouchStream>,
     metres: f64,
-    raised: Rc<RefCell<Option<PyErr>>>,
+    raised: Raised,
 }
 
 #[pymethods]
@@ -91,32 +105,34 @@ impl PyTouchLines {
     #[pyo3(signature = (lines, unit=None))]
     fn new(lines: &Bound<'_, PyAny>, unit: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let raised = Rc::new(RefCell::new(None));
+        let raised = Raised::default();
         let input = PyLines {
             lines: lines.try_iter()?.unbind(),
             line: Vec::new(),
             at: 0,
             has_ends: None,
-            raised: Rc::clone(&raised),
+            raised: raised.clone(),
         };
         let stream = touches_from_stream(input, "rows".as_ref());
-        let stream = stream.map_err(|e| raised.borrow_mut().take().unwrap_or_else(|| error(e)))?;
+        let stream = Mutex::new(stream.map_err(|e| raised.or(e))?);
         Ok(Self { stream, metres, raised })
     }
 
     /// The next touch and its time, or None at the end.
-    fn next(&mut self) -> PyResult<Option<(PyObservations, Option<f64>)>> {
-        let Some(read) = self.stream.next() else { return Ok(None) };
-        let (mut observations, remarks) =
-            read.map_err(|e| self.raised.borrow_mut().take().unwrap_or_else(|| error(e)))?;
+    fn next(&self) -> PyResult<Option<(PyObservations, Option<f64>)>> {
+        // Lines of Python run other threads meanwhile, which must not wait for this one.
+        let busy = || bad("rows", "another thread that reads them", "one thread");
+        let mut stream = self.stream.try_lock().map_err(|_| busy())?;
+        let Some(read) = stream.next() else { return Ok(None) };
+        let (mut observations, remarks) = read.map_err(|e| self.raised.or(e))?;
         observations.scale(self.metres);
-        Ok(Some((PyObservations::of_file(observations, &remarks), self.stream.time())))
+        Ok(Some((PyObservations::of_file(observations, &remarks), stream.time())))
     }
 
     /// The line on which the lines ended within a row.
     #[getter]
     fn half_row(&self) -> Option<usize> {
-        self.stream.half_row()
+        self.stream.try_lock().ok()?.half_row()
     }
 }
 

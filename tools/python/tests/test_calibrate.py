@@ -4,6 +4,7 @@ import json
 import pickle
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -262,6 +263,15 @@ def test_lines_are_followed_as_by_the_command(folder):
     half = dermatome.follow(iter((text + "0,0.1").splitlines(keepends=True)))
     assert len(list(half)) == 56 and any("has no end and was not read" in remark for remark in half.remarks)
     assert len(list(dermatome.follow(text.splitlines(), every=56))) == 56
+
+
+def test_touches_are_followed_from_any_thread():
+    lines = ["i,x,y,z,sigma", *["7,0.001,0,0,0.001"] * 5]
+    following = dermatome.follow(lines)
+    assert next(following).touch == 1
+    with ThreadPoolExecutor(1) as pool:
+        assert [touch.touch for touch in pool.submit(list, following).result()] == [2, 3, 4, 5]
+    assert following.result.positions[0, 0] == pytest.approx(0.001)
 
 
 def test_what_came_before_a_bad_touch_is_kept(folder):

@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if outputs.iter().any(|(path, _)| is_stream(path)) {
         return Err(advise("standard output has a line for each touch", "write the result to a file"));
     }
-    let (input, name): (Box<dyn BufRead>, &Path) = if is_stream(&args.observations) {
+    let (input, name): (Box<dyn BufRead + Send>, &Path) = if is_stream(&args.observations) {
         (Box::new(BufReader::new(stdin())), "standard input".as_ref())
     } else {
         let path: &Path = &args.observations;

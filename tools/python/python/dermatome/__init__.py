@@ -8,6 +8,8 @@ may be anything that numpy takes for an array, arrays out are new and in C order
 from typing import TYPE_CHECKING, Any
 
 from dermatome import _layout as _layout
+from dermatome._bodies import Body, BodyCalibration, HeldBack, LevelScore, ProbeOffset
+from dermatome._calibrate import calibrate
 from dermatome._dermatome import (
     Calibration,
     ContactTracker,
@@ -38,8 +40,8 @@ from dermatome._dermatome import (
     flatten,
     simulate,
 )
-from dermatome._calibrate import Body, BodyCalibration, FollowedTouch, Following, HeldBack, LevelScore, ProbeOffset, calibrate, follow
 from dermatome._errors import DataError, Error, FileError, MissingFileError
+from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
 from dermatome._response import examine, response
 from dermatome._touch import touch

@@ -831,13 +831,7 @@ def fit_bodies(
     threads: int,
 ) -> dict[str, Any]: ...
 def write_taxels_of_bodies(
-    path: _Path,
-    ids: Sequence[int],
-    positions: Sequence[Sequence[float]],
-    normals: Sequence[Sequence[float]],
-    covariances: Sequence[Sequence[float]],
-    modules: Sequence[str],
-    patches: Sequence[str],
+    path: _Path, rows: Sequence[tuple[int, Sequence[float], Sequence[float], Sequence[float], str, str]]
 ) -> None: ...
 def contacts_of_log(log: dict[str, str] | _Path, arguments: dict[str, Any]) -> tuple[Observations, dict[str, Any]]: ...
 @final
