@@ -191,6 +191,7 @@ pub(crate) fn calibrate_taxels(
     options: CalibArgs,
     threads: i64,
 ) -> PyResult<PyCalibration> {
+    observations.get().check_uncertainty()?;
     let (of, with) = (Arc::clone(&observations.get().observations), options.options()?);
     let found = run(py, count("threads", threads)?, move |stop| calibrate_with(&of, &with, stop.run()))?;
     Ok(PyCalibration::new(found.map_err(error)?, observations.clone().unbind(), options))

@@ -124,9 +124,8 @@ impl PyTouchLines {
         let busy = || bad("rows", "another thread that reads them", "one thread");
         let mut stream = self.stream.try_lock().map_err(|_| busy())?;
         let Some(read) = stream.next() else { return Ok(None) };
-        let (mut observations, remarks) = read.map_err(|e| self.raised.or(e))?;
-        observations.scale(self.metres);
-        Ok(Some((PyObservations::of_file(observations, &remarks), stream.time())))
+        let read = read.map_err(|e| self.raised.or(e))?;
+        Ok(Some((PyObservations::of_file(read, self.metres), stream.time())))
     }
 
     /// The line on which the lines ended within a row.
@@ -189,13 +188,21 @@ impl PyTouchFollower {
         Ok(Self { solver: Solver::Bodies(Box::new(follower), Box::new(drawing)), threads })
     }
 
+    /// What was assumed when a touch was read.
+    fn remarks_of(&self, touch: &Bound<'_, PyObservations>) -> Vec<String> {
+        match self.solver {
+            Solver::Taxels(..) => touch.get().remarks().to_vec(),
+            Solver::Bodies(..) => touch.get().remarks_of_bodies(),
+        }
+    }
+
     /// Add a touch.
     fn push(&mut self, py: Python<'_>, touch: &Bound<'_, PyObservations>) -> PyResult<Followed> {
         let (observations, Self { solver, threads }) = (touch.get(), self);
-        if let Solver::Bodies(follower, _) = solver
-            && observations.is_assumed()
-        {
-            follower.estimate_noise();
+        match solver {
+            Solver::Bodies(follower, _) if observations.is_assumed() => follower.estimate_noise(),
+            Solver::Bodies(..) => {}
+            Solver::Taxels(..) => observations.check_uncertainty()?,
         }
         let touch = &*observations.observations;
         let followed = run_here(py, *threads, |stop| solver.push(touch, stop.run()))?.map_err(error)?;

@@ -29,8 +29,9 @@ pub(crate) struct PyObservations {
     /// list of str: What was assumed when they were read.
     #[pyo3(get)]
     remarks: Vec<String>,
-    /// The remark that one was assumed, if their table gives no uncertainty.
-    assumed: Option<String>,
+    /// If their table gives no uncertainty: the remark that one was assumed, and whether that is not one in m, since lengths
+    /// are in another unit.
+    assumed: Option<(String, bool)>,
 }
 
 impl PyObservations {
@@ -38,12 +39,17 @@ impl PyObservations {
         Self { observations: Arc::new(observations), remarks, assumed: None }
     }
 
-    /// What was read from a table or a graph.
-    pub(crate) fn of_file(observations: Observations, remarks: &[ObservationRemark]) -> Self {
+    /// What was read from a table or a graph, whose unit of length is so many metres.
+    pub(crate) fn of_file(
+        (mut observations, remarks): (Observations, Vec<ObservationRemark>),
+        metres: f64,
+    ) -> Self {
+        observations.scale(metres);
         let is_assumed =
             |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
         let said = remarks.iter().map(ToString::to_string).collect();
-        let assumed = remarks.iter().find(|remark| is_assumed(remark)).map(ToString::to_string);
+        let assumed = remarks.iter().find(|remark| is_assumed(remark));
+        let assumed = assumed.map(|remark| (remark.to_string(), metres.to_bits() != 1.0_f64.to_bits()));
         Self { assumed, ..Self::new(observations, said) }
     }
 
@@ -52,9 +58,26 @@ impl PyObservations {
         self.assumed.is_some()
     }
 
+    /// Refuses an uncertainty that was assumed in another unit than m.
+    pub(crate) fn check_uncertainty(&self) -> PyResult<()> {
+        match &self.assumed {
+            Some((_, true)) => Err(bad(
+                "observations",
+                "no uncertainty, and none is assumed in another unit than m",
+                "a column sigma, in the unit of the lengths",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    pub(crate) fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
     /// What was said when they were read, if their noise is estimated next to a drawing.
     pub(crate) fn remarks_of_bodies(&self) -> Vec<String> {
-        let is_other = |remark: &&String| self.assumed.as_ref() != Some(*remark);
+        let assumed = self.assumed.as_ref().map(|(remark, _)| remark);
+        let is_other = |remark: &&String| assumed != Some(*remark);
         let mut remarks: Vec<String> = self.remarks.iter().filter(is_other).cloned().collect();
         if self.is_assumed() {
             remarks.push("the table gives no uncertainty; it is estimated from the touches".to_owned());
@@ -91,11 +114,10 @@ impl PyObservations {
         clip_information: bool,
     ) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let (mut observations, remarks) =
-            run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
-        observations.scale(metres);
+        let read = run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?;
+        let mut made = Self::of_file(read.map_err(error)?, metres);
+        let observations = Arc::make_mut(&mut made.observations);
         let clipped = if clip_information { observations.clip_information() } else { 0 };
-        let mut made = Self::of_file(observations, &remarks);
         if clipped > 0 {
             made.remarks.push(format!("{clipped} observations have information that was clipped"));
         }
@@ -133,9 +155,7 @@ impl PyObservations {
         let text = py.import("dermatome._columns")?.call_method1("table", ("columns", columns))?;
         let text: String = text.extract()?;
         let read = move || observations_from_stream(Cursor::new(text), "columns".as_ref(), &[]);
-        let (mut observations, remarks) = run(py, 0, move |_| read())?.map_err(error)?;
-        observations.scale(metres);
-        Ok(Self::of_file(observations, &remarks))
+        Ok(Self::of_file(run(py, 0, move |_| read())?.map_err(error)?, metres))
     }
 
     /// Write them to a graph .g2o or a table .csv.
@@ -170,7 +190,7 @@ impl PyObservations {
         contacts: Vec<ContactState>,
         touches: Vec<TouchState>,
         remarks: Vec<String>,
-        assumed: Option<String>,
+        assumed: Option<(String, bool)>,
     ) -> PyResult<Self> {
         let count = taxels.len();
         let taxel = |number: u32| Some(VertexId::from(number)).filter(|taxel| taxel.index() < count);

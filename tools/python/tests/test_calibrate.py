@@ -79,7 +79,7 @@ def test_bodies_are_those_of_the_command(folder):
     assert repr(again) == repr(found) and again.bodies[2].name == "right" and np.array_equal(again.positions, found.positions)
     with pytest.raises(AttributeError):
         found.chi2 = 0
-    assert all(len(repr(thing)) < 120 for thing in (found, *found.bodies, found.probe))
+    assert all(len(repr(thing)) < 120 for thing in (found, *found.bodies, found.probe, found.held_back, *found.held_back.levels))
 
 
 def test_a_skin_is_a_drawing_and_what_is_assumed_is_remarked(folder):
@@ -166,6 +166,22 @@ def test_wrong_columns_are_refused(columns, said):
     with pytest.raises(dermatome.DataError) as error:
         dermatome.Observations.from_columns(columns)
     assert said in str(error.value), error.value
+
+
+def test_no_uncertainty_is_assumed_in_another_unit_than_m(folder):
+    at, columns, _ = folder
+    bare = {name: column for name, column in columns.items() if name != "sigma"}
+    in_mm = bare | {name: [1e3 * x for x in bare[name]] for name in "xyz"}
+    contacts = dermatome.Observations.from_columns(in_mm, unit="mm")
+    for again in (contacts, pickle.loads(pickle.dumps(contacts))):
+        with pytest.raises(dermatome.DataError, match="none is assumed in another unit than m; needed: a column sigma"):
+            dermatome.calibrate(again)
+    with pytest.raises(dermatome.DataError, match="none is assumed in another unit than m"):
+        next(dermatome.follow([in_mm], unit="mm"))
+    # Next to a drawing it is estimated.
+    found = dermatome.calibrate(contacts, cad=at / "cad.csv", fit_probe=True)
+    expected = dermatome.calibrate(dermatome.Observations.from_columns(bare), cad=at / "cad.csv", fit_probe=True)
+    assert np.allclose(found.positions, expected.positions, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -288,6 +304,10 @@ def test_what_came_before_a_bad_touch_is_kept(folder):
     with pytest.raises(OSError, match="the arm is off"):
         next(following)
     assert following.result.positions[0, 0] == pytest.approx(0.001)
+    in_mm = dermatome.follow(["i,x,y,z,sigma", "7,1,0,0,1"], unit="mm")
+    assert next(in_mm).touch == 1 and in_mm.result.positions.tolist() == [[0.001, 0, 0]]
+    assumed = dermatome.follow([{"i": 7, "x": 1, "y": 0, "z": 0}])
+    assert list(assumed) and assumed.remarks == ["the table gives no uncertainty; 1 mm per axis was assumed"]
     bad = dermatome.follow(["i,x,y,z,sigma", "7,0,0,0,0.001", "7,zero,0,0,0.001"])
     next(bad)
     with pytest.raises(dermatome.DataError, match="rows: line 3"):
@@ -298,6 +318,7 @@ def test_what_came_before_a_bad_touch_is_kept(folder):
     with pytest.raises(dermatome.DataError, match="row 2 of the contacts is of taxel 99"):
         next(unknown)
     assert unknown.result.touches == 1 and unknown.result.noise is not None
+    assert unknown.remarks == ["the table gives no uncertainty; it is estimated from the touches"]
     with pytest.raises(dermatome.DataError, match="every: found 0"):
         dermatome.follow([], every=0)
     with pytest.raises(dermatome.DataError, match="rows: found str"):

@@ -79,7 +79,7 @@ class ProbeOffset:
         return f"<dermatome.ProbeOffset: {', '.join(axes)} mm>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LevelScore:
     """How well contacts that were held back are predicted if bodies move down to a level.
 
@@ -99,8 +99,11 @@ class LevelScore:
     contact_median: float
     contact_mean: float
 
+    def __repr__(self) -> str:
+        return f"<dermatome.LevelScore: {self.level}, median {1e3 * self.median:.2f} mm, 90 % {1e3 * self.p90:.2f} mm>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class HeldBack:
     """The prediction of contacts that were held back.
 
@@ -114,6 +117,9 @@ class HeldBack:
 
     supported: str
     levels: tuple[LevelScore, ...]
+
+    def __repr__(self) -> str:
+        return f"<dermatome.HeldBack: the touches support the level {self.supported}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

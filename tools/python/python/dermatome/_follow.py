@@ -81,7 +81,7 @@ class Following(Iterator[FollowedTouch]):
 
     def __next__(self) -> FollowedTouch:
         observations, time = self._observed()
-        for remark in observations.remarks:
+        for remark in self._follower.remarks_of(observations):
             if remark not in self.remarks:
                 self.remarks.append(remark)
         number, taxels, sigmas, dof, fits, moved, worst, undetermined = self._follower.push(observations)
