@@ -1,13 +1,15 @@
 //! Laws of the fit of rigid bodies: touches of simulated skins find where their modules are.
 
 use std::f64::consts::TAU;
+use std::sync::atomic::AtomicBool;
 
 use dermatome::calib::{
-    BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadSkin, ContactMeasurement, ContactObservation,
-    ContactObservationId as ContactId, Folds, Information, Misassembly, NamedTaxel, Observations,
-    TaxelVariable, Tolerance, TouchNoise, TouchRow, fit_bodies,
+    BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadSkin, ContactMeasurement,
+    ContactObservation, ContactObservationId as ContactId, Folds, Information, Misassembly, NamedTaxel,
+    Observations, TaxelVariable, Tolerance, TouchNoise, TouchRow, fit_bodies,
 };
 use dermatome::id::VertexId;
+use dermatome::run::Run;
 use dermatome::skin::TaxelId;
 use glam::{DQuat, DVec3};
 
@@ -485,6 +487,56 @@ fn wrong_touches_are_rejected() {
         let error = pose_error(body, &truth, module);
         assert!(DVec3::from_slice(&error).length() < 2e-3, "module {module}: {error:?}");
     }
+}
+
+/// The touches one by one, as a stream has them.
+fn one_by_one(all: &Observations) -> Vec<Observations> {
+    let mut touches: Vec<Observations> = Vec::new();
+    for (number, contact) in all.contacts.enumerate() {
+        let row = all.touches[number];
+        if touches.last().is_none_or(|last| last.touches[ContactId::new(0)].touch != row.touch) {
+            touches.push(Observations::default());
+        }
+        let touch = touches.last_mut().unwrap();
+        let taxel = touch.taxels.push(all.taxels[contact.taxel]);
+        touch.contacts.push(ContactObservation { taxel, ..contact.clone() });
+        touch.touches.push(row);
+    }
+    touches
+}
+
+#[test]
+fn followed_touches_end_at_the_batch_fit_and_unknown_taxels_are_not_added() {
+    let drawn = Drawn::new(10);
+    let (cad, spoil) = (drawn.cad(), Spoil { mount: [5.0, 3.0], ..Spoil::default() });
+    let mut random = Random(11);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let all = touches(&truth, &mut random, 0..10, 3, STILL, 1);
+    let options = BodyOptions::default();
+    let batch = fit_bodies(&all, &cad, &options).unwrap();
+    let mut follower = BodyFollower::new(cad.clone(), &options, 15).unwrap();
+    let stream = one_by_one(&all);
+    assert_eq!(stream.len(), 30);
+    for (touch, number) in stream.iter().zip(1..) {
+        let followed = follower.push(touch, Run::default()).unwrap();
+        assert_eq!((followed.touch, followed.solved.is_some()), (number, number % 15 == 0));
+    }
+    let mut unknown = stream[0].clone();
+    unknown.taxels[VertexId::new(0)].id = TaxelId(99_999);
+    let said = follower.push(&unknown, Run::default()).unwrap_err().to_string();
+    assert!(
+        said.contains(&format!("row {} of the contacts is of taxel 99999", all.contacts.len() + 1)),
+        "{said}"
+    );
+    // Nothing is left to fit: a run that is cancelled has no effect.
+    let cancelled = AtomicBool::new(true);
+    let found = follower.clone().finish(Run::default().cancelled_by(&cancelled)).unwrap();
+    assert_eq!(found.taxels, batch.taxels);
+    // Of noise that is estimated there is no fit yet.
+    let mut estimating = follower;
+    estimating.estimate_noise();
+    estimating.clone().finish(Run::default().cancelled_by(&cancelled)).unwrap_err();
+    assert!(estimating.finish(Run::default()).unwrap().noise.is_some());
 }
 
 #[test]

@@ -252,16 +252,25 @@ fn a_drawn_skin_follows_touches() {
     let first: String = text.lines().take(21).map(|line| format!("{line}\n")).collect();
     fs::write(at.join("first.csv"), &first).unwrap();
     dermatome(at, &format!("calibrate first.csv {words} -o first_out.csv")).assert().success();
-    let unknown = "99,0,0,0,900,900,1,0,0,0,1,0.0005\n".repeat(10);
-    let unknown: String = unknown
-        .lines()
-        .zip(900..)
-        .map(|(line, k)| line.replace("900,900", &format!("{k},{k}")) + "\n")
-        .collect();
-    let stopped = dermatome(at, &follow).write_stdin(first + &unknown).assert().code(2);
+    let unknown = "99,0,0,0,900,900,1,0,0,0,1,0.0005\n99,0,0,0,901,901,1,0,0,0,1,0.0005\n";
+    let stopped =
+        dermatome(at, &format!("{follow} -o followed.glb")).write_stdin(first + unknown).assert().code(2);
     let said = String::from_utf8_lossy(&stopped.get_output().stderr).into_owned();
     assert!(said.contains("row 21 of the contacts is of taxel 99"), "{said}");
+    let printed = String::from_utf8_lossy(&stopped.get_output().stdout).into_owned();
+    assert_eq!(printed.lines().count(), 20, "it ends at the first unknown taxel: {printed}");
     assert_eq!(column(at, "first_out.csv", "x"), column(at, "followed.csv", "x"));
+    assert!(at.join("followed.glb").exists(), "what came before the error is written");
+
+    // Without a column of uncertainty the noise is estimated, as in the batch.
+    let (_, taxels) = drawing();
+    let bare = contacts(&taxels).replace(",sigma", "").replace(",0.0005", "");
+    fs::write(at.join("bare.csv"), &bare).unwrap();
+    dermatome(at, &format!("calibrate bare.csv {words} -o bare_out.csv")).assert().success();
+    let run = dermatome(at, &follow).write_stdin(bare).assert().success();
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    assert_eq!(said.matches("gives no uncertainty; it is estimated").count(), 1, "{said}");
+    assert_eq!(column(at, "bare_out.csv", "sigma"), column(at, "followed.csv", "sigma"));
 }
 
 /// Real touches of a Nao's torso by its own finger: contacts that were held back are predicted, and the offset of the

@@ -90,6 +90,20 @@ fn the_experiment_gives_the_numbers_of_its_page() {
         common::dermatome(&folder, &simulate).assert().success();
         json(&format!("calibrate o.csv --truth t.csv -o s.glb --json {words}"))
     };
+    let arm = "simulate --arm --arm-noise-mm 1 --truth t.csv --triangles tri.csv -o log.csv";
+    common::dermatome(&folder, arm).assert().success();
+    common::dermatome(&folder, "touches log.csv -o c.csv").assert().success();
+    let fit = json("calibrate c.csv --truth t.csv --triangles tri.csv -o s.glb --json");
+    let built = json("build s.glb -o b --json");
+    let level = |key: &str| built["patches"][0]["levels"][0][key].as_f64().unwrap();
+    let said = format!(
+        "the RMSE is {:.2} mm, {:.2} mm after rigid alignment, and the map has a mean `s1/s2` of {:.3}, at most {:.3}.",
+        fit["rmse_mm"].as_f64().unwrap(),
+        fit["rmse_aligned_mm"].as_f64().unwrap(),
+        level("qc_mean"),
+        level("qc_max"),
+    );
+    assert!(page.contains(&said), "{said}");
     for (noise, name) in [("0", "none"), ("1", "1 mm")] {
         let fit = calibrated(&format!("--noise-mm {noise}"), "");
         let built = json("build s.glb -o b --json");

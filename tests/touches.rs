@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use dermatome::calib::Pose;
+use dermatome::io::{read_observations, write_touch_contacts};
 use dermatome::skin::TaxelId;
 use dermatome::touches::{
     ArmOptions, ArmSimulation, Drawing, TouchBody, TouchContact, TouchFrame, TouchLog, TouchesOptions,
@@ -89,6 +90,18 @@ fn noise_of_the_arm_is_within_the_bound() {
         assert!(error < 1.1 * bound, "{error} m, bound {bound} m");
         assert!((arm / sigma - 1.0).abs() < 0.1, "the noise of the arm is found: {arm} m");
     }
+}
+
+/// What goes to the calibration at once is what the table of contacts says.
+#[test]
+fn observations_of_contacts_are_those_of_their_table() {
+    let simulation = simulate_arm(&ArmOptions { taxels: 60, ..ArmOptions::default() }).unwrap();
+    let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("contacts.csv");
+    write_touch_contacts(path.as_path(), &found.contacts).unwrap();
+    let (read, remarks) = read_observations(&path, &[]).unwrap();
+    assert_eq!((read, remarks), (found.observations(), Vec::new()));
 }
 
 /// The sum of readings over the whole skin is the force, where discs cover it: each reads the pressure of its disc, of which

@@ -53,6 +53,18 @@ pub enum CalibError {
         "the stated noise of the touches and the tolerances of the bodies differ by more than 13 digits; needed: a larger noise, or smaller tolerances"
     )]
     UnlikeTolerances,
+    #[error(
+        "the drawing has patches on several links; needed: the skin of one link, in whose frame the touches are"
+    )]
+    CadOnSeveralLinks,
+    #[error(
+        "patch {patch} of the drawing has no ids of taxels; needed: ids, by which touches name the taxels that feel them"
+    )]
+    CadWithoutIds { patch: String },
+    #[error("taxel {id} of the drawing has no module; needed: one for each taxel")]
+    NoModule { id: TaxelId },
+    #[error("the modules of the drawing are its pieces, but {0}")]
+    CadPieces(Box<SkinError>),
     #[error("the drawing has no taxel; needed: at least one")]
     EmptyCad,
     #[error(

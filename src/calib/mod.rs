@@ -57,9 +57,10 @@ use std::time::Instant;
 pub use align::{Comparison, compare};
 pub(crate) use align::{Correlation, nearest_rotation};
 pub use bodies::{
-    BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel, CalibratedTaxel, Folds,
-    HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModulePose, MotionTest, NamedTaxel,
-    ProbeOffset, Tolerance, TouchId, TouchNoise, TurnedModule, fit_bodies, fit_bodies_with,
+    BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel,
+    CalibratedTaxel, Folds, HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModuleNames,
+    ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchId, TouchNoise, TurnedModule,
+    fit_bodies, fit_bodies_with,
 };
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};

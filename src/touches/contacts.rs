@@ -1,8 +1,12 @@
 //! The contacts of each touch: its terms in the normal equations of its taxel, or the mean of where the body was.
 
+use std::collections::BTreeMap;
+
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::calib::Information;
+use crate::calib::{
+    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchRow,
+};
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
 use crate::skin::TaxelId;
@@ -40,6 +44,31 @@ pub struct TouchContacts {
     pub contacts: Vec<TouchContact>,
     /// Numbers for messages.
     pub summary: TouchesSummary,
+}
+
+impl TouchContacts {
+    /// What [`calibrate()`](crate::calib::calibrate()) takes: the same as the table of contacts, without times.
+    pub fn observations(&self) -> Observations {
+        let mut observations = Observations::default();
+        let mut vertices: BTreeMap<TaxelId, VertexId> =
+            self.contacts.iter().map(|contact| (contact.taxel, VertexId::default())).collect();
+        for (&id, vertex) in &mut vertices {
+            *vertex = observations.taxels.push(TaxelVariable { id, initial: None, fixed: false });
+        }
+        for contact in &self.contacts {
+            let TouchContact { position, information, .. } = *contact;
+            let measurement = ContactMeasurement::Position { position, information };
+            let taxel = vertices.get(&contact.taxel).copied().unwrap_or_default();
+            observations.contacts.push(ContactObservation { taxel, measurement });
+            observations.touches.push(TouchRow {
+                touch: Some(contact.touch),
+                contact: contact.contact,
+                weight: contact.weight,
+                probe: contact.body_rotation,
+            });
+        }
+        observations
+    }
 }
 
 /// How contacts were found.

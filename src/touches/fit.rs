@@ -9,9 +9,9 @@
 
 use glam::DVec3;
 
+use crate::numeric::solve_system;
 use crate::touches::gather::Sample;
 use crate::touches::profile::Profile;
-use crate::touches::surface::solve;
 
 /// Standard deviations of positions and readings.
 #[derive(Debug, Clone, Copy)]
@@ -144,7 +144,7 @@ impl Taxel<'_> {
             while damping < 1e8 {
                 let mut system = normal.system;
                 system.iter_mut().enumerate().for_each(|(k, line)| line[k] *= 1.0 + damping);
-                let Some([x, y, z, gain]) = solve(system) else { break };
+                let Some([x, y, z, gain]) = solve_system(system) else { break };
                 let step = DVec3::new(x, y, z).clamp_length_max(LARGEST_STEP * radius);
                 let next =
                     Estimate { position: at.position + step, log_gain: at.log_gain + gain.clamp(-0.5, 0.5) };
@@ -195,7 +195,7 @@ impl NormalEquations {
     pub(super) fn gain_information(&self) -> f64 {
         let s = &self.system;
         let system: [[f64; 4]; 3] = std::array::from_fn(|k| [s[k][0], s[k][1], s[k][2], s[k][3]]);
-        let Some(x) = solve(system) else { return 0.0 };
+        let Some(x) = solve_system(system) else { return 0.0 };
         s[3][3] - (0..3).map(|k| x[k] * s[k][3]).sum::<f64>()
     }
 }

@@ -227,6 +227,13 @@ impl TouchReadings {
         found.filter(is_near).ok_or([first, last])
     }
 
+    /// The threshold unless another is given: five times the noise.
+    pub fn above_noise(&self) -> f64 {
+        /// The threshold over the noise.
+        const SIGMAS: f64 = 5.0;
+        SIGMAS * self.noise()
+    }
+
     /// The noise of the readings: the median over taxels of the median absolute change between frames, over what
     /// it is for one standard deviation of a normal distribution; 0 with fewer than three frames.
     pub fn noise(&self) -> f64 {

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, IVec3};
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{median, symmetric_eigen};
+use crate::numeric::{median, solve_system, symmetric_eigen};
 
 /// Neighbours within this many spacings determine a normal.
 const REACH: f64 = 4.5;
@@ -123,30 +123,8 @@ fn normal(points: &IdVec<VertexId, DVec3>, v: VertexId, around: &[VertexId], spa
     for (k, line) in system.iter_mut().enumerate().skip(3) {
         line[k] += DAMPING;
     }
-    let solved = solve(system)?;
+    let solved = solve_system(system)?;
     (plane - solved[1] * x - solved[2] * y).try_normalize()
-}
-
-/// The solution of a system of equations, whose right side is the last column; `None` if it is singular.
-pub(super) fn solve<const N: usize, const M: usize>(mut system: [[f64; M]; N]) -> Option<[f64; N]> {
-    for k in 0..N {
-        let pivot = (k..N).max_by(|&a, &b| system[a][k].abs().total_cmp(&system[b][k].abs()))?;
-        system.swap(k, pivot);
-        let top = system[k];
-        if top[k].abs() <= f64::MIN_POSITIVE || !top[k].is_finite() {
-            return None;
-        }
-        for line in &mut system[k + 1..] {
-            let factor = line[k] / top[k];
-            line.iter_mut().zip(top).skip(k).for_each(|(cell, above)| *cell -= factor * above);
-        }
-    }
-    let mut solution = [0.0; N];
-    for k in (0..N).rev() {
-        let known: f64 = (k + 1..N).map(|j| system[k][j] * solution[j]).sum();
-        solution[k] = (system[k][M - 1] - known) / system[k][k];
-    }
-    Some(solution)
 }
 
 /// Turns normals to the outside: neighbours agree, and each connected piece is outside where it bends away from its

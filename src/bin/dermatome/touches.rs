@@ -228,8 +228,6 @@ impl Args {
 
     /// The readings of a recording, and above which a taxel is active.
     fn recording(&self, path: &Path, common: &Common) -> anyhow::Result<TouchReadings> {
-        /// The threshold over the noise, unless another is given.
-        const SIGMAS: f64 = 5.0;
         let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).map_err(Error::from)?;
         let Some(ids) = reader.ids.clone().filter(|_| reader.has_times && reader.channels.len() == 1) else {
             let what = format!("{} has no times, no ids of taxels, or several channels", path.display());
@@ -241,7 +239,7 @@ impl Args {
             readings.times.push(time);
             readings.values.extend_from_slice(&values);
         }
-        readings.threshold = self.threshold.unwrap_or_else(|| SIGMAS * readings.noise());
+        readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
         Ok(readings)
     }
@@ -255,27 +253,7 @@ impl Args {
                 read_skin(path, &self.read, &PatchArgs::default(), &options, common)?
             }
         };
-        // A placeholder is an id where one taxel alone has it.
-        let count = |id: TaxelId| {
-            skin.patches.iter().flat_map(|patch| &patch.taxels.ids).filter(|own| **own == id).count()
-        };
-        let nobody: Vec<TaxelId> = TaxelId::PLACEHOLDERS.into_iter().filter(|&id| count(id) > 1).collect();
-        let is_id = |id: TaxelId| !nobody.contains(&id);
-        let mut drawing = Drawing::default();
-        for patch in &skin.patches {
-            let ids = &patch.taxels.ids;
-            for (v, &id) in ids.enumerate().filter(|(_, id)| is_id(**id)) {
-                drawing.positions.insert(id, patch.mesh.positions[v]);
-                drawing.normals.insert(id, patch.taxels.normals[v]);
-            }
-            for corners in &patch.mesh.triangles {
-                for k in 0..3 {
-                    let pair = [ids[corners[k]], ids[corners[(k + 1) % 3]]];
-                    drawing.neighbours.insert([pair[0].min(pair[1]), pair[0].max(pair[1])]);
-                }
-            }
-        }
-        Ok(drawing)
+        Ok(Drawing::of_skin(&skin))
     }
 
     /// The taxels of --skip.

@@ -18,7 +18,7 @@ use crate::calib::pose::{exp, hat, log};
 use crate::calib::solve::loss::LossFunction;
 use crate::calib::{CalibError, Loss};
 use crate::id::{IdVec, VertexId};
-use crate::numeric::symmetric_eigen;
+use crate::numeric::{solve_system, symmetric_eigen};
 use crate::run::Run;
 
 /// How much lower the cost of a hypothesis must be: odds of 1 to e^12.
@@ -234,10 +234,12 @@ fn cost(options: &BodyOptions, touches: &[OwnTouch], places: &[DVec3]) -> f64 {
     let (mut shift, mut rotation) = (DVec3::ZERO, DQuat::IDENTITY);
     for _ in 0..STEPS {
         let turn = log(rotation);
-        let mut matrix = [[0.0; 6]; 6];
-        let mut gradient: [f64; 6] =
-            std::array::from_fn(|k| if k < 3 { prior[0] * shift[k] } else { prior[1] * turn[k - 3] });
-        (0..6).for_each(|k| matrix[k][k] = prior[k / 3]);
+        // The right side is the last column.
+        let mut system = [[0.0; 7]; 6];
+        for (k, line) in system.iter_mut().enumerate() {
+            line[k] = prior[k / 3];
+            line[6] = if k < 3 { prior[0] * shift[k] } else { prior[1] * turn[k - 3] };
+        }
         for touch in touches {
             let arm = rotation * (touch.mean(places) - centre);
             let error = touch.position - (centre + shift + arm);
@@ -245,12 +247,12 @@ fn cost(options: &BodyOptions, touches: &[OwnTouch], places: &[DVec3]) -> f64 {
                 touch.weight * touch.precision * huber.weight(touch.precision * error.length_squared());
             let (t, r) = (DMat3::IDENTITY * -1.0, hat(arm));
             let columns = [t.x_axis, t.y_axis, t.z_axis, r.x_axis, r.y_axis, r.z_axis];
-            for (a, row) in matrix.iter_mut().enumerate() {
-                gradient[a] += weight * columns[a].dot(error);
-                row.iter_mut().zip(columns).for_each(|(sum, column)| *sum += weight * columns[a].dot(column));
+            for (line, one) in system.iter_mut().zip(columns) {
+                line[6] += weight * one.dot(error);
+                line.iter_mut().zip(columns).for_each(|(sum, other)| *sum += weight * one.dot(other));
             }
         }
-        let step = solved(&matrix, &gradient);
+        let Some(step) = solve_system(system) else { break };
         shift -= DVec3::from_slice(&step);
         rotation = (exp(-DVec3::from_slice(&step[3..])) * rotation).normalize();
     }
@@ -259,12 +261,4 @@ fn cost(options: &BodyOptions, touches: &[OwnTouch], places: &[DVec3]) -> f64 {
         touch.weight * huber.cost(touch.precision * error.length_squared())
     });
     errors.sum::<f64>() + prior[0] * shift.length_squared() + prior[1] * log(rotation).length_squared()
-}
-
-/// The solution of a positive definite system.
-fn solved(matrix: &[[f64; 6]; 6], rhs: &[f64; 6]) -> [f64; 6] {
-    let (values, vectors) = symmetric_eigen(matrix);
-    let parts: [f64; 6] =
-        std::array::from_fn(|k| (0..6).map(|i| vectors[i][k] * rhs[i]).sum::<f64>() / values[k]);
-    std::array::from_fn(|i| (0..6).map(|k| vectors[i][k] * parts[k]).sum())
 }

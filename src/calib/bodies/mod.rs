@@ -27,12 +27,14 @@
 //! its patch. Not guaranteed: the global minimum. Covariances are those of the linearised problem at the
 //! weights of the solution.
 //!
-//! In reading order: `cad`, `options`, `touches`, `placement`, `system`, `solve`, `covariance`, `misassembly`,
-//! `result`, `folds`.
+//! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `solve`, `covariance`, `misassembly`,
+//! `result`, `folds`, `follow`.
 
 mod cad;
 mod covariance;
+mod drawing;
 mod folds;
+mod follow;
 mod misassembly;
 mod options;
 mod placement;
@@ -42,7 +44,9 @@ mod system;
 mod touches;
 
 pub use cad::{CadModule, CadSkin, CadTaxel, ModuleId, NamedTaxel};
+pub use drawing::ModuleNames;
 pub use folds::{HeldBack, LevelScore};
+pub use follow::BodyFollower;
 pub use misassembly::{Misassembled, TurnedModule};
 pub use options::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance, TouchNoise};
 pub use result::{BodyCalibration, BodyFit, CalibratedTaxel, ModulePose, MotionTest, ProbeOffset};

@@ -64,6 +64,16 @@ impl Touches {
         cad: &CadSkin,
         needs_orientation: bool,
     ) -> Result<Self, CalibError> {
+        Self::of_rows(observations, cad, needs_orientation, 0)
+    }
+
+    /// As [`Touches::new`], of observations that come after `before` rows, which errors count.
+    pub(super) fn of_rows(
+        observations: &Observations,
+        cad: &CadSkin,
+        needs_orientation: bool,
+        before: usize,
+    ) -> Result<Self, CalibError> {
         if let Some((edge, found)) = observations.edges.enumerate().next() {
             let id = observations.taxels[found.from].id;
             let (observation, needed) = (ObservationId::Edge(edge), "contacts alone next to a drawing");
@@ -71,8 +81,9 @@ impl Touches {
         }
         let vertices: HashMap<TaxelId, VertexId> = cad.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
         let (mut sums, mut numbers) = (IdVec::<TouchId, RowSum>::default(), HashMap::new());
-        for (contact, observed) in observations.contacts.enumerate() {
-            let (row, id) = (observations.touch_of(contact), observations.taxels[observed.taxel].id);
+        for (place, observed) in observations.contacts.enumerate() {
+            let (row, id) = (observations.touch_of(place), observations.taxels[observed.taxel].id);
+            let contact = ContactObservationId::new(before + place.index());
             let vertex = *vertices.get(&id).ok_or(CalibError::NotInCad { contact, id })?;
             if needs_orientation && row.probe.is_none() {
                 return Err(CalibError::NoProbeOrientation { contact, id });

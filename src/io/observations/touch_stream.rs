@@ -1,9 +1,9 @@
 //! A table of observations that is read while it is written, touch by touch.
 
-use std::cell::Cell;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::io::IoError;
 use crate::io::error::Result;
@@ -22,7 +22,7 @@ pub struct TouchStream {
     columns: ColumnIndices,
     /// Whether the table stands on a row that was not read.
     is_held: bool,
-    last_byte: Rc<Cell<u8>>,
+    last_byte: Arc<AtomicU8>,
     half_row: Option<usize>,
     time: Option<f64>,
     /// An error behind the rows of a touch.
@@ -36,8 +36,8 @@ pub struct TouchStream {
 ///
 /// # Errors
 /// If the stream cannot be read, or its first line does not name the columns of such a table.
-pub fn touches_from_stream(input: impl BufRead + 'static, name: &Path) -> Result<TouchStream> {
-    let last_byte = Rc::new(Cell::new(b'\n'));
+pub fn touches_from_stream(input: impl BufRead + Send + 'static, name: &Path) -> Result<TouchStream> {
+    let last_byte = Arc::new(AtomicU8::new(b'\n'));
     let input = WatchedInput { input: Box::new(input), last_byte: last_byte.clone() };
     let mut lines = Lines::new(input, name, Some(b'#'));
     lines.advance()?;
@@ -77,7 +77,7 @@ impl TouchStream {
             return Ok(true);
         }
         let found = self.table.advance();
-        if !matches!(found, Ok(false)) && self.last_byte.get() != b'\n' {
+        if !matches!(found, Ok(false)) && self.last_byte.load(Ordering::Relaxed) != b'\n' {
             self.half_row = Some(self.table.row().at.line);
             return Ok(false);
         }
@@ -138,8 +138,8 @@ impl Iterator for TouchStream {
 
 /// A stream that remembers its last byte.
 struct WatchedInput {
-    input: Box<dyn BufRead>,
-    last_byte: Rc<Cell<u8>>,
+    input: Box<dyn BufRead + Send>,
+    last_byte: Arc<AtomicU8>,
 }
 
 impl Read for WatchedInput {
@@ -161,7 +161,7 @@ impl BufRead for WatchedInput {
             && let Ok(buffer) = self.input.fill_buf()
             && let Some(&byte) = buffer.get(last)
         {
-            self.last_byte.set(byte);
+            self.last_byte.store(byte, Ordering::Relaxed);
         }
         self.input.consume(amount);
     }

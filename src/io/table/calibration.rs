@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::{BodyCalibration, CadSkin, Calibration, Observations, Pose, Verdict};
+use crate::calib::{CadSkin, CalibratedTaxel, Calibration, Observations, Pose, Verdict};
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
@@ -49,14 +49,14 @@ pub fn write_calibration(path: impl Into<OutPath>, calibration: &Calibration) ->
 pub fn write_bodies(
     path: impl Into<OutPath>,
     cad: &CadSkin,
-    calibration: &BodyCalibration,
+    taxels: &IdVec<VertexId, CalibratedTaxel>,
 ) -> Result<(), IoError> {
     let path = &path.into();
-    let has_normals = calibration.taxels.iter().any(|taxel| taxel.normal.is_some());
+    let has_normals = taxels.iter().any(|taxel| taxel.normal.is_some());
     let normals = if has_normals { ",nx,ny,nz" } else { "" };
     let header = format!("id,x,y,z{normals},patch,module,sigma,cxx,cxy,cxz,cyy,cyz,czz");
     write_table(path, &header, |table| {
-        for (taxel, drawn) in calibration.taxels.iter().zip(&cad.taxels) {
+        for (taxel, drawn) in taxels.iter().zip(&cad.taxels) {
             let module = &cad.modules[drawn.module];
             table.whole(taxel.id.0);
             table.decimals(taxel.position.to_array());

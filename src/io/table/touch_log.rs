@@ -69,8 +69,19 @@ impl TouchColumns {
 /// If the file cannot be read, has no row, the columns `px,py,pz` are missing, or a cell is not what its column
 /// needs: errors name line and column.
 pub fn read_touches(path: &Path) -> std::result::Result<TouchRows, IoError> {
-    let source = Source::open(path)?;
-    let table = Table::of(&source)?;
+    read_source(&Source::open(path)?)
+}
+
+/// As [`read_touches`], of the bytes of a table; errors call it `name`.
+///
+/// # Errors
+/// As [`read_touches`].
+pub fn touches_from_bytes(name: &Path, bytes: Vec<u8>) -> std::result::Result<TouchRows, IoError> {
+    read_source(&Source::from_bytes(name, bytes)?)
+}
+
+fn read_source(source: &Source) -> Result<TouchRows> {
+    let table = Table::of(source)?;
     let columns = TouchColumns::new(&table.columns)?;
     let known: Vec<&str> = ["time", "touch", "contact", "link", "radius", "probe_link", "taxels"]
         .into_iter()

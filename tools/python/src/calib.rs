@@ -30,8 +30,13 @@ use crate::{
 pub(crate) struct PyCalibration {
     found: Arc<Calibration>,
     observations: Py<PyObservations>,
-    /// `robust`, `residual`, `initial`, `iterations` and `covariances` of `calibrate`.
-    options: (String, String, String, usize, bool),
+    options: CalibArgs,
+}
+
+impl PyCalibration {
+    pub(crate) fn new(found: Calibration, observations: Py<PyObservations>, options: CalibArgs) -> Self {
+        Self { found: Arc::new(found), observations, options }
+    }
 }
 
 #[pymethods]
@@ -124,7 +129,9 @@ impl PyCalibration {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        made_by(py, "calibration", (self.observations.clone_ref(py), self.options.clone()))
+        let CalibArgs { robust, residual, initial, iterations, covariances } = self.options.clone();
+        let options = (robust, residual, initial, iterations, covariances);
+        made_by(py, "calibration", (self.observations.clone_ref(py), options))
     }
 
     fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
@@ -136,85 +143,58 @@ impl PyCalibration {
     }
 }
 
-/// Find where taxels are from noisy observations of them, with a covariance for each.
-///
-/// Parameters
-/// ----------
-/// observations : Observations, str or os.PathLike
-///     What was observed, or a file of it.
-/// robust : {"auto", "none", "huber", "tukey", "gnc"}
-///     How outliers are treated.
-/// residual : {"split", "log", "quaternion"}
-///     How the error of a relative pose becomes six numbers.
-/// initial : {"chordal", "tree", "file"}
-///     Where to start.
-/// iterations : int
-///     Most iterations of one solve.
-/// covariances : bool
-///     Whether covariances are computed.
-/// threads : int
-///     0 for one per processor.
-///
-/// Returns
-/// -------
-/// Calibration
-///
-/// Examples
-/// --------
-/// >>> import dermatome
-/// >>> observations, truth = dermatome.simulate(taxels=50)
-/// >>> found = dermatome.calibrate(observations)
-/// >>> found.converged, found.skin().n_taxels
-/// (True, 50)
-#[pyfunction]
-#[pyo3(signature = (observations, *, robust="auto", residual="split", initial="chordal", iterations=100,
-    covariances=true, threads=0))]
-#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
-pub(crate) fn calibrate(
-    py: Python<'_>,
-    observations: &Bound<'_, PyAny>,
-    robust: &str,
-    residual: &str,
-    initial: &str,
+/// Options of `calibrate` without a drawing, as a dict has them.
+#[derive(Debug, Clone, FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct CalibArgs {
+    robust: String,
+    residual: String,
+    initial: String,
     iterations: i64,
     covariances: bool,
+}
+
+impl CalibArgs {
+    pub(crate) fn options(&self) -> PyResult<CalibOptions> {
+        let losses = [
+            ("auto", None),
+            ("none", Some(Loss::Squared)),
+            ("huber", Some(Loss::Huber)),
+            ("tukey", Some(Loss::Tukey)),
+            ("gnc", Some(Loss::Truncated)),
+        ];
+        let residuals = [
+            ("split", ResidualConvention::Split),
+            ("log", ResidualConvention::Log),
+            ("quaternion", ResidualConvention::Quaternion),
+        ];
+        let starts = [
+            ("chordal", Initialization::Chordal),
+            ("tree", Initialization::SpanningTree),
+            ("file", Initialization::InitialValues),
+        ];
+        Ok(CalibOptions {
+            robust: word("robust", &self.robust, &losses)?,
+            residual: word("residual", &self.residual, &residuals)?,
+            initialization: word("initial", &self.initial, &starts)?,
+            max_iterations: count("iterations", self.iterations)?,
+            covariances: self.covariances,
+        })
+    }
+}
+
+/// Find where taxels are.
+#[pyfunction]
+pub(crate) fn calibrate_taxels(
+    py: Python<'_>,
+    observations: &Bound<'_, PyObservations>,
+    options: CalibArgs,
     threads: i64,
 ) -> PyResult<PyCalibration> {
-    let losses = [
-        ("auto", None),
-        ("none", Some(Loss::Squared)),
-        ("huber", Some(Loss::Huber)),
-        ("tukey", Some(Loss::Tukey)),
-        ("gnc", Some(Loss::Truncated)),
-    ];
-    let residuals = [
-        ("split", ResidualConvention::Split),
-        ("log", ResidualConvention::Log),
-        ("quaternion", ResidualConvention::Quaternion),
-    ];
-    let starts = [
-        ("chordal", Initialization::Chordal),
-        ("tree", Initialization::SpanningTree),
-        ("file", Initialization::InitialValues),
-    ];
-    let options = CalibOptions {
-        robust: word("robust", robust, &losses)?,
-        residual: word("residual", residual, &residuals)?,
-        initialization: word("initial", initial, &starts)?,
-        max_iterations: count("iterations", iterations)?,
-        covariances,
-    };
-    let observations = match observations.cast::<PyObservations>() {
-        Ok(observations) => observations.clone(),
-        Err(_) => {
-            let read = py.get_type::<PyObservations>().call_method1("read", (observations,))?;
-            read.cast_into::<PyObservations>()?
-        }
-    };
-    let (of, iterations) = (Arc::clone(&observations.get().observations), options.max_iterations);
-    let found = run(py, count("threads", threads)?, move |stop| calibrate_with(&of, &options, stop.run()))?;
-    let options = (robust.to_owned(), residual.to_owned(), initial.to_owned(), iterations, covariances);
-    Ok(PyCalibration { found: Arc::new(found.map_err(error)?), observations: observations.unbind(), options })
+    observations.get().check_uncertainty()?;
+    let (of, with) = (Arc::clone(&observations.get().observations), options.options()?);
+    let found = run(py, count("threads", threads)?, move |stop| calibrate_with(&of, &with, stop.run()))?;
+    Ok(PyCalibration::new(found.map_err(error)?, observations.clone().unbind(), options))
 }
 
 /// Simulate observations of a skin on a sphere whose truth is known.

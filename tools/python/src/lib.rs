@@ -1,13 +1,16 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
 //! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `response`, `signal`, `events`, `observations`, `calib`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `response`, `signal`, `events`, `observations`, `calib`, `bodies`,
+//! `touches`, `follow`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
+mod bodies;
 mod calib;
 mod errors;
 mod events;
+mod follow;
 mod index;
 mod jobs;
 mod layout;
@@ -22,6 +25,7 @@ mod response;
 mod robot;
 mod signal;
 mod skin;
+mod touches;
 
 use std::{ffi::OsString, process::ExitCode};
 
@@ -51,8 +55,10 @@ mod _dermatome {
     #[pymodule_export]
     use super::{
         bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
-        calib::{PyCalibration, calibrate, simulate},
+        bodies::{fit_bodies, write_taxels_of_bodies},
+        calib::{PyCalibration, calibrate_taxels, simulate},
         events::{PyEventDetector, diff},
+        follow::{PyTouchFollower, PyTouchLines},
         index::{PyFields, PyHits, PyIndex},
         layout::{PyDecoder, PyLayout},
         map::{PyLevel, PyMap, PyPatch, build},
@@ -68,6 +74,7 @@ mod _dermatome {
             join_readings, read_readings, simulate_touch, summarise_readings,
         },
         skin::{PySkin, check},
+        touches::contacts_of_log,
     };
 
     #[pymodule_export]

@@ -1,6 +1,6 @@
 //! `Observations`: what was observed of taxels.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{io::Cursor, path::PathBuf, sync::Arc};
 
 use dermatome::{
     calib::{
@@ -8,7 +8,7 @@ use dermatome::{
         Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow,
     },
     id::VertexId,
-    io::{read_observations, write_observations},
+    io::{ObservationRemark, observations_from_stream, read_observations, write_observations},
     skin::TaxelId,
 };
 use glam::{DQuat, DVec3};
@@ -29,11 +29,60 @@ pub(crate) struct PyObservations {
     /// list of str: What was assumed when they were read.
     #[pyo3(get)]
     remarks: Vec<String>,
+    /// If their table gives no uncertainty: the remark that one was assumed, and whether that is not one in m, since lengths
+    /// are in another unit.
+    assumed: Option<(String, bool)>,
 }
 
 impl PyObservations {
     pub(crate) fn new(observations: Observations, remarks: Vec<String>) -> Self {
-        Self { observations: Arc::new(observations), remarks }
+        Self { observations: Arc::new(observations), remarks, assumed: None }
+    }
+
+    /// What was read from a table or a graph, whose unit of length is so many metres.
+    pub(crate) fn of_file(
+        (mut observations, remarks): (Observations, Vec<ObservationRemark>),
+        metres: f64,
+    ) -> Self {
+        observations.scale(metres);
+        let is_assumed =
+            |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
+        let said = remarks.iter().map(ToString::to_string).collect();
+        let assumed = remarks.iter().find(|remark| is_assumed(remark));
+        let assumed = assumed.map(|remark| (remark.to_string(), metres.to_bits() != 1.0_f64.to_bits()));
+        Self { assumed, ..Self::new(observations, said) }
+    }
+
+    /// Whether their table gives no uncertainty, so that one was assumed.
+    pub(crate) fn is_assumed(&self) -> bool {
+        self.assumed.is_some()
+    }
+
+    /// Refuses an uncertainty that was assumed in another unit than m.
+    pub(crate) fn check_uncertainty(&self) -> PyResult<()> {
+        match &self.assumed {
+            Some((_, true)) => Err(bad(
+                "observations",
+                "no uncertainty, and none is assumed in another unit than m",
+                "a column sigma, in the unit of the lengths",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    pub(crate) fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
+    /// What was said when they were read, if their noise is estimated next to a drawing.
+    pub(crate) fn remarks_of_bodies(&self) -> Vec<String> {
+        let assumed = self.assumed.as_ref().map(|(remark, _)| remark);
+        let is_other = |remark: &&String| assumed != Some(*remark);
+        let mut remarks: Vec<String> = self.remarks.iter().filter(is_other).cloned().collect();
+        if self.is_assumed() {
+            remarks.push("the table gives no uncertainty; it is estimated from the touches".to_owned());
+        }
+        remarks
     }
 }
 
@@ -65,15 +114,48 @@ impl PyObservations {
         clip_information: bool,
     ) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
-        let (mut observations, remarks) =
-            run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?.map_err(error)?;
-        observations.scale(metres);
-        let mut remarks: Vec<_> = remarks.iter().map(ToString::to_string).collect();
+        let read = run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?;
+        let mut made = Self::of_file(read.map_err(error)?, metres);
+        let observations = Arc::make_mut(&mut made.observations);
         let clipped = if clip_information { observations.clip_information() } else { 0 };
         if clipped > 0 {
-            remarks.push(format!("{clipped} observations have information that was clipped"));
+            made.remarks.push(format!("{clipped} observations have information that was clipped"));
         }
-        Ok(Self::new(observations, remarks))
+        Ok(made)
+    }
+
+    /// Observations of arrays, which are the columns of a table (docs/files.md).
+    ///
+    /// Parameters
+    /// ----------
+    /// columns : mapping of str to (k,) array_like
+    ///     Displacements have `i`, `j`, `dx`, `dy`, `dz`, contacts `i`, `x`, `y`, `z` and perhaps `nx`, `ny`, `nz`, `touch`,
+    ///     `contact`, `weight`, `qx`, `qy`, `qz`, `qw`; then `sigma`, or `sx`, `sy`, `sz`, or `ixx`, `ixy`, `ixz`, `iyy`,
+    ///     `iyz`, `izz`. Errors count the names of the columns as line 1.
+    /// unit : {"m", "mm", "cm", "in"} or float
+    ///     Unit of all lengths.
+    ///
+    /// Returns
+    /// -------
+    /// Observations
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> dermatome.Observations.from_columns({"i": [1, 2], "x": [0, 0.01], "y": [0, 0], "z": [0, 0], "sigma": [1e-3, 1e-3]})
+    /// <dermatome.Observations: 2 taxels, 0 displacements, 2 contacts>
+    #[staticmethod]
+    #[pyo3(signature = (columns, *, unit=None))]
+    fn from_columns(
+        py: Python<'_>,
+        columns: &Bound<'_, PyAny>,
+        unit: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let metres = unit.map_or(Ok(1.0), self::unit)?;
+        let text = py.import("dermatome._columns")?.call_method1("table", ("columns", columns))?;
+        let text: String = text.extract()?;
+        let read = move || observations_from_stream(Cursor::new(text), "columns".as_ref(), &[]);
+        Ok(Self::of_file(run(py, 0, move |_| read())?.map_err(error)?, metres))
     }
 
     /// Write them to a graph .g2o or a table .csv.
@@ -108,6 +190,7 @@ impl PyObservations {
         contacts: Vec<ContactState>,
         touches: Vec<TouchState>,
         remarks: Vec<String>,
+        assumed: Option<(String, bool)>,
     ) -> PyResult<Self> {
         let count = taxels.len();
         let taxel = |number: u32| Some(VertexId::from(number)).filter(|taxel| taxel.index() < count);
@@ -140,11 +223,11 @@ impl PyObservations {
         };
         let made =
             made().ok_or_else(|| bad("state", "observations that do not fit", "those of Observations"));
-        Ok(Self::new(made?, remarks))
+        Ok(Self { assumed, ..Self::new(made?, remarks) })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
-        let (py, Self { observations, remarks }) = (slf.py(), slf.get());
+        let (py, Self { observations, remarks, assumed }) = (slf.py(), slf.get());
         let Observations { model, taxels, edges, contacts, touches } = &**observations;
         let variable = |taxel: &TaxelVariable| (taxel.id.0, taxel.initial.as_ref().map(numbers), taxel.fixed);
         let taxels: Vec<TaxelState> = taxels.iter().map(variable).collect();
@@ -155,7 +238,8 @@ impl PyObservations {
         let contacts: Vec<ContactState> = contacts.iter().map(contact).collect();
         let touch = |row: &TouchRow| (row.touch, row.contact, row.weight, row.probe.map(|q| q.to_array()));
         let touches: Vec<TouchState> = touches.iter().map(touch).collect();
-        let state = (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone());
+        let state =
+            (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone(), assumed.clone());
         Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
     }
 

@@ -79,6 +79,11 @@ def one_of_each(dome_map, tmp_path):
     np.save(tmp_path / "a.npy", values)
     (tmp_path / "arm.urdf").write_text("<robot name='r'><link name='hand'/></robot>")
     (tmp_path / "response.csv").write_text("taxel_id,gain,sigma\n1,2,0.1\n2,3,\n")
+    columns = {"i": [1], "x": [0.001], "y": [0], "z": [0], "touch": [0], "contact": [0], "qx": [0], "qy": [0], "qz": [0], "qw": [1]}
+    columns = {name: np.resize(column, 4) for name, column in columns.items()} | {"i": [1, 2, 3, 4], "touch": range(4), "contact": range(4)}
+    contacts = dermatome.Observations.from_columns(columns | {"sigma": [1e-3] * 4})
+    bodies = dermatome.calibrate(contacts, cad=dermatome.Skin.from_arrays(*dome()), fit_probe=True, folds=2)
+    following = dermatome.follow([contacts])
     patch, layout = dome_map.patches["dome"], dermatome.Layout.parse(LAYOUT)
     things = [
         dome_map, patch, patch.levels[1], dermatome.Skin.from_arrays(*dome()), index, index.locate(dome()[0]), index.nearest(dome()[0], 3),
@@ -88,6 +93,7 @@ def one_of_each(dome_map, tmp_path):
         layout.decoder("a.npy", (256,)), dermatome.RecordingFile(tmp_path / "a.npy"), dermatome.Readings.open(tmp_path / "a.npy", layout=layout),
         dermatome.Readings.from_arrays(values, units="N"), *(error("no", "argument") for error in (dermatome.Error, dermatome.DataError)),
         dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"), dermatome.Response.read(tmp_path / "response.csv"),
+        bodies, bodies.bodies[1], bodies.probe, bodies.held_back, bodies.held_back.levels[0], next(following), following,
     ]  # fmt: skip
     return {type(thing).__name__: thing for thing in things}
 
@@ -95,7 +101,7 @@ def one_of_each(dome_map, tmp_path):
 def test_every_public_class_goes_to_spawned_processes_and_back(one_of_each, tmp_path):
     assert set(one_of_each) == {name for name in dermatome.__all__ if isinstance(getattr(dermatome, name), type)}
     # These stand at a frame of what they read.
-    for name in ("Decoder", "EventDetector", "RecordingFile"):
+    for name in ("Decoder", "EventDetector", "Following", "RecordingFile"):
         with pytest.raises(TypeError, match=f"cannot pickle .*{name}"):
             pickle.dumps(one_of_each.pop(name))
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -25,6 +25,13 @@ part.condition(skin_map, scale=np.ones(9), baseline=3, gain={1: 2.0}, clip=[0, 1
 part.condition(skin_map, gain=np.ones(9), baseline=[0.5] * 9, units=["N"], zero="follow")
 dermatome.ros.read("bag", "/skin", skin_map, values="pressure", ids=lambda message: message.ids, units="N", stamp="header")
 dermatome.ros.read("bag", "/skin", skin_map, values=["force", "heat"], channels=["force", "heat"])
+contacts, summary = dermatome.touches({"px": [0.0], "py": np.zeros(1), "taxels": [{1: 2.0}]}, skin=skin, radius=0.01)
+taxels: dermatome.Calibration = dermatome.calibrate(contacts, robust="gnc")
+bodies: dermatome.BodyCalibration = dermatome.calibrate("contacts.csv", cad="skin.glb", modules={1: "a"}, fit_probe=True)
+moved: list[float] = [body.moved for body in bodies.bodies]
+following = dermatome.follow(open("contacts.csv"), cad=skin, every=10)
+known: list[bool | None] = [touch.fits for touch in following]
+dermatome.follow([{"i": 1, "x": 0.0}]).result.covariances
 dermatome.mujoco.readings(None, dermatome.mujoco.attach_all(None, skin_map, bodies={"hand": "palm"}))
 """
 MISTAKES = [
@@ -36,6 +43,11 @@ MISTAKES = [
     "skin_map.renderer(0, interpolate='cubic')",
     "skin_map.pool(readings, 1)",
     "index.locate([[0, 0, 0]], levels=1)",
+    'dermatome.calibrate(contacts, cad=skin, robust="gnc")',
+    "dermatome.calibrate(contacts, folds=3)",
+    "bodies.chi2 = 3.0",
+    'dermatome.touches("log.csv", probe=0.01)',
+    "dermatome.follow(3)",
     "hits.distances",
     "hits.fields.scipy()",
     "hits.uv = hits.uv",

@@ -8,13 +8,12 @@ use std::time::Instant;
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::calib::{BodyCalibration, TouchNoise, fit_bodies};
-use dermatome::io::{
-    ObservationRemark, observations_from_stream, read_observations, write_bodies, write_skin,
-};
+use dermatome::io::{observations_from_stream, read_observations, write_bodies, write_skin};
 
 use crate::calibrate::args::Args;
 use crate::calibrate::body_summary::{BodySummary, notes, print_bodies};
 use crate::calibrate::drawing::Drawing;
+use crate::calibrate::inputs::is_assumed;
 use crate::calibrate::results::{OutputKind, check};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::{note, remark_lost};
@@ -22,6 +21,10 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::outputs::{self, is_stream};
 use crate::options::Common;
+
+/// The remark on touches whose table has no uncertainty.
+pub(super) const NOISE_IS_ESTIMATED: &str =
+    "the table gives no uncertainty; it is estimated from the touches";
 
 /// Fits the bodies of the drawing `cad`.
 pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<ExitCode> {
@@ -33,10 +36,9 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
         read_observations(&args.observations, &[])
     };
     let (mut observations, remarks) = read.map_err(Error::from)?;
-    let is_assumed = |remark: &&ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
     remarks.iter().filter(|remark| !is_assumed(remark)).for_each(|remark| note!(common, "{remark}"));
-    let noise = if remarks.iter().any(|remark| is_assumed(&remark)) {
-        note!(common, "the table gives no uncertainty; it is estimated from the touches");
+    let noise = if remarks.iter().any(is_assumed) {
+        note!(common, "{NOISE_IS_ESTIMATED}");
         TouchNoise::Estimated
     } else {
         TouchNoise::Stated
@@ -88,7 +90,7 @@ pub(super) fn write(
     let file = |path: &Path| common.outputs.file(path);
     for &(path, kind) in outputs {
         if matches!(kind, OutputKind::Table) {
-            write_bodies(file(path), &drawing.cad, found).map_err(Error::from)?;
+            write_bodies(file(path), &drawing.cad, &found.taxels).map_err(Error::from)?;
             outputs::drop_triangles(path, common)?;
         } else {
             let skin = drawing.calibrated(found, common)?;

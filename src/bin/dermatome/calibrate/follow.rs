@@ -1,6 +1,5 @@
 //! `calibrate --follow`: a line of JSON for each touch while the table of observations is written.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write, stdin, stdout};
 use std::path::Path;
@@ -8,20 +7,17 @@ use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::calib::{
-    BodyCalibration, BodyOptions, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower,
-    Observations, TouchNoise, fit_bodies,
+    BodyFollower, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower, Observations, TouchNoise,
 };
-use dermatome::id::VertexId;
 use dermatome::io::{IoError, ObservationRemark, touches_from_stream, write_bodies, write_calibration};
 use dermatome::run::Run;
-use dermatome::skin::TaxelId;
 use serde::Serialize;
 
 use crate::calibrate::args::Args;
-use crate::calibrate::bodies;
+use crate::calibrate::bodies::{self, NOISE_IS_ESTIMATED};
 use crate::calibrate::body_summary::notes;
 use crate::calibrate::drawing::Drawing;
-use crate::calibrate::inputs::Inputs;
+use crate::calibrate::inputs::{Inputs, is_assumed};
 use crate::calibrate::results::{self, OutputKind};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::note;
@@ -55,45 +51,7 @@ struct Worst {
 /// What is solved after touches.
 enum Solver {
     Taxels(Box<Follower>),
-    Bodies(Box<BodyFollower>),
-}
-
-/// Fits the bodies of a drawing to a growing set of touches, each time from the drawing.
-struct BodyFollower {
-    drawing: Drawing,
-    options: BodyOptions,
-    every: usize,
-    observations: Observations,
-    vertices: HashMap<TaxelId, VertexId>,
-    touches: usize,
-    found: Option<BodyCalibration>,
-}
-
-impl BodyFollower {
-    fn push(&mut self, touch: &Observations) -> Result<FollowedTouch, CalibError> {
-        self.observations.append(touch, &mut self.vertices);
-        self.touches += 1;
-        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
-        taxels.sort_unstable();
-        let is_due = self.touches.is_multiple_of(self.every);
-        let solved = is_due.then(|| self.solve()).transpose()?;
-        Ok(FollowedTouch { touch: self.touches, taxels, innovation: None, solved })
-    }
-
-    fn solve(&mut self) -> Result<FollowedSolve, CalibError> {
-        let found = fit_bodies(&self.observations, &self.drawing.cad, &self.options)?;
-        let drawn = self.drawing.cad.taxels.iter().map(|taxel| taxel.position);
-        let before = match &self.found {
-            Some(before) => before.taxels.iter().map(|taxel| taxel.position).collect(),
-            None => drawn.collect::<Vec<_>>(),
-        };
-        let moves = before.iter().zip(&found.taxels).map(|(before, taxel)| before.distance(taxel.position));
-        let moved = moves.fold(0.0, f64::max);
-        let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
-        let worst = sigmas.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        self.found = Some(found);
-        Ok(FollowedSolve::Solved { moved, worst })
-    }
+    Bodies { drawing: Box<Drawing>, follower: Box<BodyFollower> },
 }
 
 impl Solver {
@@ -101,21 +59,16 @@ impl Solver {
         let Some(cad) = &args.cad.cad else {
             return Ok(Self::Taxels(Box::new(Calibration::follow(&args.options(), args.every))));
         };
-        Ok(Self::Bodies(Box::new(BodyFollower {
-            drawing: Drawing::read(cad, &args.cad, common)?,
-            options: args.cad.options(TouchNoise::Stated),
-            every: args.every,
-            observations: Observations::default(),
-            vertices: HashMap::new(),
-            touches: 0,
-            found: None,
-        })))
+        let drawing = Box::new(Drawing::read(cad, &args.cad, common)?);
+        let options = args.cad.options(TouchNoise::Stated);
+        let follower = BodyFollower::new(drawing.cad.clone(), &options, args.every).map_err(Error::from)?;
+        Ok(Self::Bodies { drawing, follower: Box::new(follower) })
     }
 
     fn push(&mut self, touch: &Observations) -> Result<FollowedTouch, CalibError> {
         match self {
             Self::Taxels(follower) => follower.push(touch, Run::default()),
-            Self::Bodies(follower) => follower.push(touch),
+            Self::Bodies { follower, .. } => follower.push(touch, Run::default()),
         }
     }
 
@@ -126,9 +79,11 @@ impl Solver {
                 Self::Taxels(follower) => {
                     follower.solution().map(|found| write_calibration(*path, found)).transpose()?;
                 }
-                Self::Bodies(follower) => {
-                    let BodyFollower { drawing, found, .. } = &**follower;
-                    found.as_ref().map(|found| write_bodies(*path, &drawing.cad, found)).transpose()?;
+                Self::Bodies { drawing, follower } => {
+                    follower
+                        .solution()
+                        .map(|found| write_bodies(*path, &drawing.cad, &found.taxels))
+                        .transpose()?;
                 }
             }
         }
@@ -137,7 +92,7 @@ impl Solver {
 
     /// Writes every output of the batch result; returns why it is not a minimum.
     fn finish(
-        &mut self,
+        self,
         outputs: &[(&Path, OutputKind)],
         args: &Args,
         common: &Common,
@@ -149,13 +104,12 @@ impl Solver {
                 results::write(outputs, &found, &inputs, args, common)?;
                 Ok((!found.termination.is_converged()).then(|| found.termination.to_string()))
             }
-            Self::Bodies(follower) => {
-                follower.solve().map_err(Error::from)?;
-                let Some(found) = &follower.found else { return Ok(None) };
+            Self::Bodies { drawing, follower } => {
+                let found = follower.finish(Run::default()).map_err(Error::from)?;
                 if !common.quiet {
-                    notes(found, &follower.drawing.cad, common);
+                    notes(&found, &drawing.cad, common);
                 }
-                bodies::write(outputs, &follower.drawing, found, common)?;
+                bodies::write(outputs, &drawing, &found, common)?;
                 Ok((!found.converged).then(|| "not converged".to_owned()))
             }
         }
@@ -168,7 +122,7 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if outputs.iter().any(|(path, _)| is_stream(path)) {
         return Err(advise("standard output has a line for each touch", "write the result to a file"));
     }
-    let (input, name): (Box<dyn BufRead>, &Path) = if is_stream(&args.observations) {
+    let (input, name): (Box<dyn BufRead + Send>, &Path) = if is_stream(&args.observations) {
         (Box::new(BufReader::new(stdin())), "standard input".as_ref())
     } else {
         let path: &Path = &args.observations;
@@ -180,22 +134,28 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (mut unfit, mut failed) = (0_usize, None);
     let mut remarked = Vec::new();
     while let Some(touch) = stream.next() {
-        let (mut observations, remarks) = match touch {
+        let (mut observations, mut remarks) = match touch {
             Ok(read) => read,
             Err(error) => {
-                failed = Some(error);
+                failed = Some(Error::from(error));
                 break;
             }
         };
-        if let Solver::Bodies(follower) = &mut solver
-            && remarks.iter().any(|remark| matches!(remark, ObservationRemark::AssumedSigma { .. }))
+        if let Solver::Bodies { follower, .. } = &mut solver
+            && remarks.extract_if(.., |remark| is_assumed(remark)).next().is_some()
         {
-            follower.options.noise = TouchNoise::Estimated;
-        } else {
-            remark(&mut remarked, remarks, args.unit, common)?;
+            follower.estimate_noise();
+            remark_once(&mut remarked, NOISE_IS_ESTIMATED, common);
         }
+        remark(&mut remarked, &remarks, args.unit, common)?;
         observations.scale(args.unit.metres());
-        let followed = solver.push(&observations).map_err(Error::from)?;
+        let followed = match solver.push(&observations) {
+            Ok(followed) => followed,
+            Err(error) => {
+                failed = Some(Error::from(error));
+                break;
+            }
+        };
         unfit += usize::from(followed.innovation.is_some_and(|i| !i.fits()));
         if matches!(followed.solved, Some(FollowedSolve::Solved { .. })) {
             solver.write_tables(&outputs)?;
@@ -214,7 +174,7 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if let Err(other) = solver.finish(&outputs, args, common) {
             note!(common, "nothing was written at the end: {other:#}");
         }
-        return Err(Error::from(error).into());
+        return Err(error.into());
     }
     let unfinished = solver.finish(&outputs, args, common)?;
     if let Some(why) = &unfinished {
@@ -227,22 +187,25 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 /// Prints each remark once.
 fn remark(
     seen: &mut Vec<String>,
-    remarks: Vec<ObservationRemark>,
+    remarks: &[ObservationRemark],
     unit: Unit,
     common: &Common,
 ) -> anyhow::Result<()> {
     for remark in remarks {
-        if unit != Unit::M && matches!(remark, ObservationRemark::AssumedSigma { .. }) {
+        if unit != Unit::M && is_assumed(remark) {
             let what = "a table gives no uncertainty, and none is assumed with --unit";
             return Err(advise(what, "add a column sigma, in the unit of the file"));
         }
-        let text = remark.to_string();
-        if !seen.contains(&text) {
-            note!(common, "{text}");
-            seen.push(text);
-        }
+        remark_once(seen, &remark.to_string(), common);
     }
     Ok(())
+}
+
+fn remark_once(seen: &mut Vec<String>, text: &str, common: &Common) {
+    if !seen.iter().any(|other| other == text) {
+        note!(common, "{text}");
+        seen.push(text.to_owned());
+    }
 }
 
 fn line(followed: &FollowedTouch, time: Option<f64>) -> anyhow::Result<String> {

@@ -18,6 +18,11 @@ use crate::console::notes::note;
 use crate::files::outputs::is_stream;
 use crate::options::{Common, Unit};
 
+/// Whether the table gives no uncertainty, so that one was assumed.
+pub(super) fn is_assumed(remark: &ObservationRemark) -> bool {
+    matches!(remark, ObservationRemark::AssumedSigma { .. })
+}
+
 /// What is read before the solve, so that no broken file wastes one.
 pub(super) struct Inputs {
     pub(super) observations: Observations,
@@ -45,8 +50,6 @@ impl Inputs {
             note!(common, "columns of touches count only with --cad: every row is an observation of its own");
         }
         // What is assumed is a length in metres, which must not become one in the unit of the file.
-        let is_assumed =
-            |remark: &ObservationRemark| matches!(remark, ObservationRemark::AssumedSigma { .. });
         if args.unit != Unit::M && remarks.iter().any(is_assumed) {
             let what = "a table gives no uncertainty, and none is assumed with --unit";
             return Err(advise(what, "add a column sigma, in the unit of the file"));

@@ -8,6 +8,8 @@ may be anything that numpy takes for an array, arrays out are new and in C order
 from typing import TYPE_CHECKING, Any
 
 from dermatome import _layout as _layout
+from dermatome._bodies import Body, BodyCalibration, HeldBack, LevelScore, ProbeOffset
+from dermatome._calibrate import calibrate
 from dermatome._dermatome import (
     Calibration,
     ContactTracker,
@@ -32,7 +34,6 @@ from dermatome._dermatome import (
     Skin,
     __version__,
     build,
-    calibrate,
     check,
     coarsen,
     diff,
@@ -40,14 +41,18 @@ from dermatome._dermatome import (
     simulate,
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
+from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
 from dermatome._response import examine, response
 from dermatome._touch import touch
+from dermatome._touches import touches
 
 if TYPE_CHECKING:
     from dermatome._recording import Recording
 
 __all__ = [
+    "Body",
+    "BodyCalibration",
     "Calibration",
     "ContactTracker",
     "DataError",
@@ -57,10 +62,14 @@ __all__ = [
     "Fields",
     "FileError",
     "Flattening",
+    "FollowedTouch",
+    "Following",
+    "HeldBack",
     "Hits",
     "Index",
     "Layout",
     "Level",
+    "LevelScore",
     "Map",
     "Matrix",
     "MeshLevel",
@@ -68,6 +77,7 @@ __all__ = [
     "Observations",
     "Patch",
     "Picture",
+    "ProbeOffset",
     "Readings",
     "Recording",
     "RecordingFile",
@@ -83,9 +93,11 @@ __all__ = [
     "diff",
     "examine",
     "flatten",
+    "follow",
     "response",
     "simulate",
     "touch",
+    "touches",
 ]
 
 

@@ -29,18 +29,22 @@ __all__ = [
     "Response",
     "Robot",
     "Skin",
+    "TouchFollower",
+    "TouchLines",
     "__version__",
     "as_floats",
     "as_numbers",
     "build",
-    "calibrate",
+    "calibrate_taxels",
     "check",
     "coarsen",
     "colours",
     "condition_readings",
+    "contacts_of_log",
     "diff",
     "estimate_response",
     "examine_taxels",
+    "fit_bodies",
     "flatten",
     "is_extensive",
     "join_readings",
@@ -49,6 +53,7 @@ __all__ = [
     "simulate",
     "simulate_touch",
     "summarise_readings",
+    "write_taxels_of_bodies",
 ]
 
 __version__: str
@@ -777,6 +782,8 @@ class Observations(_Made):
         unit: _Unit | None = None,
         clip_information: bool = False,
     ) -> Observations: ...
+    @staticmethod
+    def from_columns(columns: Mapping[str, ArrayLike], *, unit: _Unit | None = None) -> Observations: ...
     def write(self, path: _Path) -> None: ...
     @property
     def remarks(self) -> list[str]: ...
@@ -815,16 +822,43 @@ class Calibration(_Made):
     def __reduce__(self) -> tuple[Any, ...]: ...
     def __deepcopy__(self, _memo: Any) -> Calibration: ...
 
-def calibrate(
-    observations: Observations | _Path,
-    *,
-    robust: Literal["auto", "none", "huber", "tukey", "gnc"] = "auto",
-    residual: Literal["split", "log", "quaternion"] = "split",
-    initial: Literal["chordal", "tree", "file"] = "chordal",
-    iterations: int = 100,
-    covariances: bool = True,
-    threads: int = 0,
-) -> Calibration: ...
+def calibrate_taxels(observations: Observations, options: dict[str, Any], threads: int) -> Calibration: ...
+def fit_bodies(
+    observations: Observations,
+    cad: Skin | Map | _Path,
+    modules: dict[int, str] | _Path | None,
+    options: dict[str, Any],
+    threads: int,
+) -> dict[str, Any]: ...
+def write_taxels_of_bodies(
+    path: _Path, rows: Sequence[tuple[int, Sequence[float], Sequence[float], Sequence[float], str, str]]
+) -> None: ...
+def contacts_of_log(log: dict[str, str] | _Path, arguments: dict[str, Any]) -> tuple[Observations, dict[str, Any]]: ...
+@final
+class TouchLines:
+    def __new__(cls, lines: Iterable[str], unit: _Unit | None = None) -> TouchLines: ...
+    def next(self) -> tuple[Observations, float | None] | None: ...
+    @property
+    def half_row(self) -> int | None: ...
+
+@final
+class TouchFollower(_Made):
+    @staticmethod
+    def of_taxels(options: dict[str, Any], every: int, threads: int) -> TouchFollower: ...
+    @staticmethod
+    def of_bodies(
+        cad: Skin | Map | _Path,
+        modules: dict[int, str] | _Path | None,
+        options: dict[str, Any],
+        every: int,
+        threads: int,
+    ) -> TouchFollower: ...
+    def remarks_of(self, touch: Observations) -> list[str]: ...
+    def push(
+        self, touch: Observations
+    ) -> tuple[int, list[int], float | None, int | None, bool | None, float | None, tuple[int, float] | None, int | None]: ...
+    def finish(self) -> Calibration | dict[str, Any]: ...
+
 def simulate(
     *,
     taxels: int = 500,

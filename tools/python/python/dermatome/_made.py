@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._dermatome import Calibration, ContactTracker, Index, Level, Map, Observations, Patch, Picture, Renderer, calibrate
+from dermatome._dermatome import Calibration, ContactTracker, Index, Level, Map, Observations, Patch, Picture, Renderer, calibrate_taxels
 
 
 def index(map: Map, reactive: bool, fields: bool, poses: dict[str, Any]) -> Index:
@@ -22,7 +22,7 @@ def picture(map: Map, values: Any, options: dict[str, Any]) -> Picture:
 
 def calibration(observations: Observations, options: tuple[Any, ...]) -> Calibration:
     names = ("robust", "residual", "initial", "iterations", "covariances")
-    return calibrate(observations, **dict(zip(names, options)))
+    return calibrate_taxels(observations, dict(zip(names, options)), 0)
 
 
 def patch(map: Map, name: str) -> Patch:

@@ -1,0 +1,137 @@
+//! Drawings as files and skins have them: which module and which patch carries each taxel.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::cad::{CadSkin, NamedTaxel};
+use super::result::{BodyCalibration, CalibratedTaxel};
+use crate::calib::CalibError;
+use crate::skin::{AssembleOptions, Draft, Sheet, Skin, TaxelId, assemble};
+
+/// The name of the module of each taxel, by its id.
+pub type ModuleNames = HashMap<TaxelId, String>;
+
+/// Where the modules of a drawing come from.
+enum Modules<'m> {
+    Named(&'m ModuleNames),
+    /// Numbers in the drawing.
+    Numbered,
+    /// The pieces that are connected.
+    Pieces(ModuleNames),
+}
+
+impl CadSkin {
+    /// The bodies of a drawing as a file has it: its sheets are patches. Modules are those that are named, else those that the
+    /// sheets count, else the pieces that are connected.
+    ///
+    /// # Errors
+    /// If there are patches on several links, a patch without ids, a taxel without a module where modules are named, or the
+    /// pieces cannot be assembled; as [`CadSkin::validate`].
+    pub fn of_draft(draft: &Draft, modules: Option<&ModuleNames>) -> Result<Self, CalibError> {
+        let first = draft.sheets.first().and_then(|sheet| sheet.link);
+        if draft.sheets.iter().any(|sheet| sheet.link != first) {
+            return Err(CalibError::CadOnSeveralLinks);
+        }
+        let patches = patch_names(&draft.sheets);
+        let modules = Modules::find(draft, modules)?;
+        let mut taxels = Vec::new();
+        for (sheet, patch) in draft.sheets.iter().zip(&patches) {
+            let ids = sheet.ids.as_deref().filter(|ids| ids.len() == sheet.positions.len());
+            let ids = ids.ok_or_else(|| CalibError::CadWithoutIds { patch: patch.clone() })?;
+            for (k, &id) in ids.iter().enumerate() {
+                let module = modules.of(sheet, patch, k, id).ok_or(CalibError::NoModule { id })?;
+                let normal = sheet.normals.as_ref().and_then(|normals| normals.get(k)).copied();
+                taxels.push((id, sheet.positions[k], normal, module, patch));
+            }
+        }
+        Self::new(taxels.iter().map(|(id, position, normal, module, patch)| NamedTaxel {
+            id: *id,
+            position: *position,
+            normal: *normal,
+            module,
+            patch,
+        }))
+    }
+
+    /// The bodies of a skin: its patches, and the modules that are named; without names a patch is one module.
+    ///
+    /// # Errors
+    /// If there are patches on several links, or a taxel without a module where modules are named; as [`CadSkin::validate`].
+    pub fn of_skin(skin: &Skin, modules: Option<&ModuleNames>) -> Result<Self, CalibError> {
+        let first = skin.patches.iter().next().map(|patch| patch.link);
+        if skin.patches.iter().any(|patch| Some(patch.link) != first) {
+            return Err(CalibError::CadOnSeveralLinks);
+        }
+        let mut taxels = Vec::new();
+        for patch in &skin.patches {
+            for (v, &id) in patch.taxels.ids.enumerate() {
+                let module = match modules {
+                    Some(names) => names.get(&id).ok_or(CalibError::NoModule { id })?,
+                    None => &patch.name,
+                };
+                let (position, normal) = (patch.mesh.positions[v], patch.taxels.normals[v]);
+                taxels.push(NamedTaxel { id, position, normal: Some(normal), module, patch: &patch.name });
+            }
+        }
+        Self::new(taxels)
+    }
+}
+
+impl BodyCalibration {
+    /// Moves the taxels of a skin to where the fit places them, with their covariances.
+    pub fn move_taxels(&self, skin: &mut Skin) {
+        let places: HashMap<TaxelId, &CalibratedTaxel> = self.taxels.iter().map(|t| (t.id, t)).collect();
+        for patch in skin.patches.iter_mut() {
+            let taxels = patch.taxels.ids.map(|id| places.get(id).copied());
+            for ((position, normal), taxel) in
+                patch.mesh.positions.iter_mut().zip(patch.taxels.normals.iter_mut()).zip(&taxels)
+            {
+                if let Some(taxel) = taxel {
+                    *position = taxel.position;
+                    *normal = taxel.normal.unwrap_or(*normal);
+                }
+            }
+            // Tangents of the drawing are not perpendicular to normals that turned.
+            patch.taxels.tangents = None;
+            patch.taxels.covariances =
+                Some(taxels.map(|taxel| taxel.map(|t| t.covariance).unwrap_or_default()));
+        }
+    }
+}
+
+/// A name for each sheet, no two alike.
+fn patch_names(sheets: &[Sheet]) -> Vec<String> {
+    let mut seen = BTreeMap::new();
+    let name = |sheet: &Sheet| {
+        let name = if sheet.name.is_empty() { "skin" } else { &sheet.name };
+        let count = seen.entry(name.to_owned()).or_insert(0);
+        *count += 1;
+        if *count == 1 { name.to_owned() } else { format!("{name}#{count}") }
+    };
+    sheets.iter().map(name).collect()
+}
+
+impl<'m> Modules<'m> {
+    fn find(draft: &Draft, named: Option<&'m ModuleNames>) -> Result<Self, CalibError> {
+        if let Some(named) = named {
+            return Ok(Self::Named(named));
+        }
+        if draft.sheets.iter().all(|sheet| sheet.modules.is_some()) {
+            return Ok(Self::Numbered);
+        }
+        let assembled = assemble(draft, &AssembleOptions::default())
+            .map_err(|error| CalibError::CadPieces(Box::new(error)))?;
+        let pieces = assembled.skin.patches.iter();
+        let named = pieces.flat_map(|patch| patch.taxels.ids.iter().map(|id| (*id, patch.name.clone())));
+        Ok(Self::Pieces(named.collect()))
+    }
+
+    /// The name of the module of a taxel.
+    fn of(&self, sheet: &Sheet, patch: &str, vertex: usize, id: TaxelId) -> Option<String> {
+        match self {
+            Self::Named(names) => names.get(&id).cloned(),
+            Self::Numbered => sheet.modules.as_ref()?.get(vertex).map(u32::to_string),
+            // Taxels that no triangle uses move with their patch.
+            Self::Pieces(names) => Some(names.get(&id).cloned().unwrap_or_else(|| patch.to_owned())),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The fit of rigid bodies to touches that come one by one.
+//!
+//! Each fit begins at the drawing: its robust loss must find outliers among all touches so far.
+
+use std::collections::HashMap;
+
+use super::cad::CadSkin;
+use super::options::{BodyOptions, TouchNoise};
+use super::result::BodyCalibration;
+use super::touches::Touches;
+use crate::calib::{CalibError, FollowedSolve, FollowedTouch, Observations, fit_bodies_with};
+use crate::id::VertexId;
+use crate::run::Run;
+use crate::skin::TaxelId;
+
+/// Fits the bodies of a drawn skin to a growing set of touches.
+///
+/// ```
+/// use dermatome::calib::{
+///     BodyFollower, BodyOptions, CadSkin, ContactMeasurement, ContactObservation, Information, NamedTaxel,
+///     Observations, TaxelVariable,
+/// };
+/// use dermatome::{id::VertexId, run::Run, skin::TaxelId};
+/// use glam::DVec3;
+///
+/// // One taxel, which is mounted 2 mm too high.
+/// let taxel = NamedTaxel {
+///     id: TaxelId(7), position: DVec3::X, normal: Some(DVec3::Z), module: "0", patch: "skin",
+/// };
+/// let mut follower = BodyFollower::new(CadSkin::new([taxel])?, &BodyOptions::default(), 1)?;
+/// let mut touch = Observations::default();
+/// let taxel: VertexId = touch.taxels.push(TaxelVariable { id: TaxelId(7), initial: None, fixed: false });
+/// let position = DVec3::X + 0.002 * DVec3::Z;
+/// let measurement = ContactMeasurement::Position { position, information: Information::diagonal([1e8; 3]) };
+/// touch.contacts.push(ContactObservation { taxel, measurement });
+/// let followed = follower.push(&touch, Run::default())?;
+/// assert_eq!((followed.touch, followed.taxels), (1, vec![TaxelId(7)]));
+/// let found = follower.finish(Run::default())?;
+/// assert!((found.taxels[taxel].position.z - 0.002).abs() < 1e-5);
+/// # Ok::<(), dermatome::calib::CalibError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct BodyFollower {
+    cad: CadSkin,
+    options: BodyOptions,
+    every: usize,
+    observations: Observations,
+    vertices: HashMap<TaxelId, VertexId>,
+    touches: usize,
+    solution: Option<Solution>,
+}
+
+/// The last fit.
+#[derive(Debug, Clone)]
+struct Solution {
+    /// How many touches it is of.
+    touches: usize,
+    noise: TouchNoise,
+    found: BodyCalibration,
+}
+
+impl BodyFollower {
+    /// Fits after every `every` touches. [`BodyOptions::folds`] are left to [`fit_bodies`](crate::calib::fit_bodies()).
+    ///
+    /// # Errors
+    /// If the drawing breaks a rule ([`CadSkin::validate`]) or an option is out of range.
+    pub fn new(cad: CadSkin, options: &BodyOptions, every: usize) -> Result<Self, CalibError> {
+        cad.validate()?;
+        options.validate()?;
+        Ok(Self {
+            cad,
+            options: BodyOptions { folds: None, ..*options },
+            every: every.max(1),
+            observations: Observations::default(),
+            vertices: HashMap::new(),
+            touches: 0,
+            solution: None,
+        })
+    }
+
+    /// Estimates the noise from now on, as for touches whose file gives none.
+    pub fn estimate_noise(&mut self) {
+        self.options.noise = TouchNoise::Estimated;
+    }
+
+    /// The drawing.
+    pub fn cad(&self) -> &CadSkin {
+        &self.cad
+    }
+
+    /// Adds a touch, and fits if it is time. Taxels that were not touched yet follow their module.
+    ///
+    /// # Errors
+    /// If the touch breaks a rule or names a taxel that the drawing does not have, then it is not added; rows are counted over
+    /// all touches. As [`fit_bodies`](crate::calib::fit_bodies()).
+    pub fn push(&mut self, touch: &Observations, run: Run<'_>) -> Result<FollowedTouch, CalibError> {
+        touch.validate()?;
+        let needs_orientation = self.options.probe.is_some();
+        Touches::of_rows(touch, &self.cad, needs_orientation, self.observations.contacts.len())?;
+        self.observations.append(touch, &mut self.vertices);
+        self.touches += 1;
+        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
+        taxels.sort_unstable();
+        let is_due = self.touches.is_multiple_of(self.every);
+        let solved = is_due.then(|| self.solve(run)).transpose()?;
+        Ok(FollowedTouch { touch: self.touches, taxels, innovation: None, solved })
+    }
+
+    /// The last fit.
+    pub fn solution(&self) -> Option<&BodyCalibration> {
+        self.solution.as_ref().map(|solution| &solution.found)
+    }
+
+    /// The fit to all touches, which is the last one if that has all of them.
+    ///
+    /// # Errors
+    /// As [`fit_bodies`](crate::calib::fit_bodies()); without a touch there is nothing to fit.
+    pub fn finish(mut self, run: Run<'_>) -> Result<BodyCalibration, CalibError> {
+        let is_last = |last: &Solution| last.touches == self.touches && last.noise == self.options.noise;
+        match self.solution.take().filter(is_last) {
+            Some(last) => Ok(last.found),
+            None => fit_bodies_with(&self.observations, &self.cad, &self.options, run),
+        }
+    }
+
+    fn solve(&mut self, run: Run<'_>) -> Result<FollowedSolve, CalibError> {
+        let found = fit_bodies_with(&self.observations, &self.cad, &self.options, run)?;
+        let before: Vec<_> = match self.solution() {
+            Some(last) => last.taxels.iter().map(|taxel| taxel.position).collect(),
+            None => self.cad.taxels.iter().map(|taxel| taxel.position).collect(),
+        };
+        let moves = before.iter().zip(&found.taxels).map(|(before, taxel)| before.distance(taxel.position));
+        let moved = moves.fold(0.0, f64::max);
+        let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
+        let worst = sigmas.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        self.solution = Some(Solution { touches: self.touches, noise: self.options.noise, found });
+        Ok(FollowedSolve::Solved { moved, worst })
+    }
+}

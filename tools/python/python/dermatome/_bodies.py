@@ -1,0 +1,236 @@
+"""The bodies of a drawn skin where touches place them."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dermatome._dermatome import Skin, write_taxels_of_bodies
+from dermatome._errors import DataError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Body:
+    """A body that carries taxels: the mount, a patch or a module. Motions are relative to the body that carries it.
+
+    Attributes
+    ----------
+    level : {"mount", "patch", "module"}
+        What it is.
+    name : str
+        The name of the patch or the module; "mount" of the mount.
+    contacts : int
+        Contacts of its taxels, without rejected ones.
+    moved, turned : float
+        How far its centre moved, in m, and how far it turned, in rad.
+    translation, rotation : (3,) float64 array
+        The same as vectors.
+    sigma, sigma_turned : float or None
+        Standard deviations of both, in m and rad; None: it does not move.
+    chi2, p : float or None
+        The test of its motion against its tolerance; None without a contact.
+    dof : int or None
+        Numbers of the motion that the touches determine.
+    believable : bool or None
+        Whether the drawing is believable: `p` of 0.001 or more.
+    """
+
+    level: str
+    name: str
+    contacts: int
+    moved: float
+    turned: float
+    translation: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    sigma: float | None
+    sigma_turned: float | None
+    chi2: float | None
+    dof: int | None
+    p: float | None
+    believable: bool | None
+
+    def __repr__(self) -> str:
+        motion = f"moved {1e3 * self.moved:.2f} mm, turned {math.degrees(self.turned):.2f} degrees"
+        name = self.level if self.level == "mount" else f"{self.level} {self.name}"
+        return f"<dermatome.Body: {name}, {self.contacts} contacts, {motion}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProbeOffset:
+    """The offset of the probe in its own frame.
+
+    Attributes
+    ----------
+    offset, sigma : (3,) float64 array
+        The offset and the standard deviation of each axis, in m.
+    """
+
+    offset: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        axes = (f"{1e3 * offset:.1f} +- {1e3 * sigma:.1f}" for offset, sigma in zip(self.offset, self.sigma))
+        return f"<dermatome.ProbeOffset: {', '.join(axes)} mm>"
+
+
+@dataclass(frozen=True, repr=False)
+class LevelScore:
+    """How well contacts that were held back are predicted if bodies move down to a level.
+
+    Attributes
+    ----------
+    level : {"mount", "patch", "module"}
+        The last level that moved.
+    median, p90 : float
+        Median and 90 % of the distances of touches from their predictions, in m.
+    contact_median, contact_mean : float
+        Median and mean over contacts of the mean distance of their touches, in m.
+    """
+
+    level: str
+    median: float
+    p90: float
+    contact_median: float
+    contact_mean: float
+
+    def __repr__(self) -> str:
+        return f"<dermatome.LevelScore: {self.level}, median {1e3 * self.median:.2f} mm, 90 % {1e3 * self.p90:.2f} mm>"
+
+
+@dataclass(frozen=True, repr=False)
+class HeldBack:
+    """The prediction of contacts that were held back.
+
+    Attributes
+    ----------
+    supported : {"mount", "patch", "module"}
+        The last level that predicts contacts better than those before it.
+    levels : tuple of LevelScore
+        The score of each level.
+    """
+
+    supported: str
+    levels: tuple[LevelScore, ...]
+
+    def __repr__(self) -> str:
+        return f"<dermatome.HeldBack: the touches support the level {self.supported}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyCalibration:
+    """Where the bodies of a drawn skin are, and its taxels with them.
+
+    Attributes
+    ----------
+    ids : (n,) uint32 array
+        Ids of the taxels, in the order of the drawing.
+    positions, normals : (n, 3) float64 array
+        Where the taxels are, in m, and their normals, NaN where the drawing has none.
+    covariances : (n, 6) float64 array
+        Covariances of the positions, xx, xy, xz, yy, yz, zz, in m^2.
+    modules, patches : tuple of str
+        The module and the patch of each taxel.
+    touches, contacts : int
+        How many there are.
+    rejected : (k,) uint32 array
+        Touches that are outliers, numbered in the order of their first rows.
+    chi2, dof : float
+        Squared whitened errors of inliers and motions over their tolerances; numbers that the inliers observe.
+    noise : (4, 2) float64 array or None
+        Standard deviations along the normal and per axis of the tangent plane, in m, of touches of 1, 2, 3 and more taxels; None:
+        the observations state them.
+    probe : ProbeOffset or None
+        The offset of the probe, if it is fitted.
+    standoff, standoff_sigma : float or None
+        Distance of touches from taxels along their normals, and its standard deviation, in m, if it is fitted.
+    bodies : tuple of Body
+        The mount, then the patches, then the modules.
+    exchanged : tuple of (str, str)
+        Modules that fit best in each other's place.
+    turned : tuple of (str, float)
+        Modules that fit best turned about their outward normal, and by which angle, in rad.
+    untouched : tuple of str
+        Modules without a touch: they keep their drawn pose on their patch.
+    held_back : HeldBack or None
+        The prediction of contacts that were held back, with `folds`.
+    steps : int
+        Steps of the fit.
+    converged : bool
+        Whether the last step was negligible.
+    remarks : tuple of str
+        What was assumed, and what looks wrong.
+    """
+
+    ids: NDArray[np.uint32]
+    positions: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    modules: tuple[str, ...]
+    patches: tuple[str, ...]
+    touches: int
+    contacts: int
+    rejected: NDArray[np.uint32]
+    chi2: float
+    dof: float
+    noise: NDArray[np.float64] | None
+    probe: ProbeOffset | None
+    standoff: float | None
+    standoff_sigma: float | None
+    bodies: tuple[Body, ...]
+    exchanged: tuple[tuple[str, str], ...]
+    turned: tuple[tuple[str, float], ...]
+    untouched: tuple[str, ...]
+    held_back: HeldBack | None
+    steps: int
+    converged: bool
+    remarks: tuple[str, ...]
+    _skin: Skin | str
+
+    def skin(self) -> Skin:
+        """The drawing with its taxels where the fit places them."""
+        if isinstance(self._skin, str):
+            raise DataError(f"cad: {self._skin}")
+        return self._skin
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the taxels to a table .csv, which is a drawing again, or the skin to another file, as .glb."""
+        if os.fspath(path).lower().endswith(".csv"):
+            columns = (of.tolist() for of in (self.ids, self.positions, self.normals, self.covariances))
+            write_taxels_of_bodies(path, list(zip(*columns, self.modules, self.patches)))
+        else:
+            self.skin().write(path)
+
+    def __repr__(self) -> str:
+        ending = "converged" if self.converged else "not converged"
+        counts = f"{len(self.ids)} taxels, {len(self.bodies)} bodies, {self.touches} touches, {self.contacts} contacts"
+        return f"<dermatome.BodyCalibration: {counts}, {ending}>"
+
+
+def bodies_of(found: dict[str, Any]) -> BodyCalibration:
+    """A calibration of what the library found."""
+    held_back = found["held_back"]
+    made = {
+        **found,
+        "modules": tuple(found["modules"]),
+        "patches": tuple(found["patches"]),
+        "probe": None if found["probe"] is None else ProbeOffset(*found["probe"]),
+        "bodies": tuple(Body(**body) for body in found["bodies"]),
+        "exchanged": tuple(tuple(pair) for pair in found["exchanged"]),
+        "turned": tuple(tuple(pair) for pair in found["turned"]),
+        "untouched": tuple(found["untouched"]),
+        "held_back": None if held_back is None else HeldBack(held_back[0], tuple(LevelScore(*score) for score in held_back[1])),
+        "remarks": tuple(found["remarks"]),
+        "_skin": found["skin"],
+    }
+    del made["skin"]
+    return BodyCalibration(**made)
+
+
+for _each in (Body, ProbeOffset, LevelScore, HeldBack, BodyCalibration):
+    _each.__module__ = "dermatome"

@@ -1,0 +1,120 @@
+"""From the log of a robot that touches its skin to contacts."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from dermatome._dermatome import Map, Observations, Skin, contacts_of_log
+from dermatome._errors import DataError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from dermatome._readings import Readings
+
+
+def touches(
+    log: str | os.PathLike[str] | Mapping[str, ArrayLike | Sequence[Mapping[int, float]]],
+    *,
+    skin: Skin | Map | str | os.PathLike[str] | None = None,
+    readings: Readings | str | os.PathLike[str] | None = None,
+    threshold: float | None = None,
+    pose: str | os.PathLike[str] | None = None,
+    joints: Mapping[str, float] | str | os.PathLike[str] | None = None,
+    link: str | None = None,
+    radius: float | None = None,
+    taxel_radius: float = 0.002,
+    stiffness: float | None = None,
+    arm_noise: float | None = None,
+    skip: Iterable[int] = (),
+    threads: int = 0,
+) -> tuple[Observations, dict[str, Any]]:
+    """Turn the log of a robot that touches its skin into contacts for `calibrate`, as `dermatome touches`.
+
+    Parameters
+    ----------
+    log : str, os.PathLike or mapping of str to (k,) array_like
+        A row for each frame: a table, or its columns (docs/files.md): `px`, `py`, `pz`, the centre of the sphere that touches,
+        and, unless `pose` or `readings` has them, `x`, `y`, `z`, `qx`, `qy`, `qz`, `qw`, the pose of the link that carries
+        the skin, and `taxels`, for each frame a dict of id to reading, or ids. `probe_link` names another link that touches.
+    skin : Skin, Map, str or os.PathLike, optional
+        A drawing of the skin, in the frame of the link: its taxels have their normals and neighbours from it.
+    readings : Readings, str or os.PathLike, optional
+        Readings of the taxels, at the times of the log, if it has no column `taxels`.
+    threshold : float, optional
+        A taxel is active above this, in the unit of the readings; by default five times the noise.
+    pose : str or os.PathLike, optional
+        Poses of links: a table, or a robot (.urdf, .xml), with `joints`.
+    joints : mapping of str to float, str or os.PathLike, optional
+        Values of the joints of the robot, in rad and m: one for each, or a table of them over time; by default 0.
+    link : str, optional
+        The link whose skin is touched, if the log has several.
+    radius : float, optional
+        Radius of the sphere that touches, in m, if the log has no column `radius`.
+    taxel_radius : float
+        Radius of the disc on which a taxel feels, in m (0.002).
+    stiffness : float, optional
+        Pressure over depth, in Pa/m, if readings are forces in N; by default it is estimated.
+    arm_noise : float, optional
+        Noise of the arm's position, in m per axis; by default it is estimated.
+    skip : iterable of int
+        Ids of taxels that are left out.
+    threads : int
+        0 for one per processor.
+
+    Returns
+    -------
+    contacts : Observations
+        What `calibrate` takes; `write` writes it to a table, and `remarks` are the notes of the command.
+    summary : dict
+        How they were found: `frames`, `touches`, `taxels`, `contacts`, `fitted`, `left_out`, `arm_noise` (m), `reading_noise`,
+        `spacing` (m); docs/json.md explains them.
+
+    Examples
+    --------
+    >>> import dermatome
+    >>> finger = {"px": [0, 0.01], "py": [0, 0], "pz": [0, 0]}
+    >>> still = {"x": [0, 0], "y": [0, 0], "z": [0, 0], "qx": [0, 0], "qy": [0, 0], "qz": [0, 0], "qw": [1, 1]}
+    >>> contacts, summary = dermatome.touches({**finger, **still, "touch": [1, 2], "taxels": [[7, 8], [8, 9]]})
+    >>> contacts, summary["touches"]
+    (<dermatome.Observations: 3 taxels, 0 displacements, 4 contacts>, 2)
+    """
+    arguments = {
+        "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
+        "readings": None if readings is None else _readings(readings),
+        "threshold": threshold,
+        "pose": pose,
+        "joints": joints if joints is None or isinstance(joints, (str, os.PathLike)) else dict(joints),
+        "link": link,
+        "radius": radius,
+        "taxel_radius": taxel_radius,
+        "stiffness": stiffness,
+        "arm_noise": arm_noise,
+        "skip": [int(taxel) for taxel in skip],
+        "threads": threads,
+    }
+    if threshold is not None and readings is None:
+        raise DataError("threshold: found no readings; needed: readings, or a log whose active taxels are known")
+    if isinstance(log, (str, os.PathLike)):
+        return contacts_of_log(log, arguments)
+    from dermatome._columns import table
+
+    return contacts_of_log({"text": table("log", log)}, arguments)
+
+
+def _readings(source: Readings | str | os.PathLike[str]) -> tuple[Any, Any, Any]:
+    """Times, ids and values."""
+    from dermatome._readings import Readings
+
+    readings = Readings.read(source) if isinstance(source, (str, os.PathLike)) else source
+    if readings.ids is None or readings.values.shape[1] != 1:
+        channels = readings.values.shape[1]
+        found = "no ids of taxels" if readings.ids is None else f"{channels} channels"
+        raise DataError(f"readings: found {found}; needed: a recording with ids and one channel")
+    return readings.timestamps, readings.ids, readings.values[:, 0]
+
+
+touches.__module__ = "dermatome"

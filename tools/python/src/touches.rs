@@ -1,0 +1,295 @@
+//! `touches`: from the log of a robot that touches its skin to contacts.
+
+use std::{
+    collections::{BTreeSet, HashMap},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use dermatome::{
+    Error, Skin,
+    id::IdVec,
+    io::{
+        TouchRows, is_robot, read_joint_values, read_link_names, read_motion, read_robot, read_touches,
+        touches_from_bytes,
+    },
+    robot::Robot,
+    skin::{Link, LinkId, Motion, TaxelId},
+    touches::{
+        Drawing, LogOfRows, RowSources, TouchContacts, TouchReadings, TouchesOptions,
+        contacts_of_touches_with, log_of_rows, pose_in_motion,
+    },
+};
+use glam::DAffine3;
+use numpy::PyUntypedArrayMethods;
+use pyo3::{prelude::*, types::PyDict};
+
+use crate::{
+    arrays::{floats, one_each, one_number_each},
+    errors::{bad, error},
+    jobs::{Stop, run},
+    map::PyMap,
+    observations::PyObservations,
+    options::{count, positive},
+    skin::PySkin,
+};
+
+/// A log in a file, or as the text of a table.
+#[derive(FromPyObject)]
+pub(crate) enum LogArg {
+    Table(LogText),
+    File(PathBuf),
+}
+
+/// The text of a table.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct LogText {
+    text: String,
+}
+
+/// Values of joints: a table, or one for each by its name.
+#[derive(FromPyObject)]
+pub(crate) enum JointsArg {
+    Named(HashMap<String, f64>),
+    Table(PathBuf),
+}
+
+/// What a log needs besides itself, as a dict has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct TouchesArgs<'py> {
+    skin: Option<Bound<'py, PyAny>>,
+    /// Times, ids and values.
+    readings: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    threshold: Option<f64>,
+    pose: Option<PathBuf>,
+    joints: Option<JointsArg>,
+    link: Option<String>,
+    radius: Option<f64>,
+    taxel_radius: f64,
+    stiffness: Option<f64>,
+    arm_noise: Option<f64>,
+    skip: Vec<u32>,
+    threads: i64,
+}
+
+/// The same, converted.
+struct Sources {
+    readings: Option<TouchReadings>,
+    pose: Option<PathBuf>,
+    /// What `pose` describes, if that is a robot.
+    robot: Option<Robot>,
+    joints: Option<JointsArg>,
+    link: Option<String>,
+    radius: Option<f64>,
+}
+
+impl TouchesArgs<'_> {
+    fn skin(&self) -> PyResult<Option<Arc<Skin>>> {
+        let Some(skin) = &self.skin else { return Ok(None) };
+        match (skin.cast::<PySkin>(), skin.cast::<PyMap>()) {
+            (Ok(skin), _) => Ok(Some(Arc::clone(&skin.get().skin))),
+            (_, Ok(map)) => Ok(Some(Arc::new(map.get().map.skin()))),
+            _ => Err(bad("skin", skin.get_type().name()?, "a Skin, a Map or a path")),
+        }
+    }
+
+    fn readings(&self) -> PyResult<Option<TouchReadings>> {
+        let Some((times, ids, values)) = &self.readings else { return Ok(None) };
+        let values = floats("readings", values)?;
+        let (frames, width) = match *values.shape() {
+            [frames, width] => (frames, width),
+            _ => return Err(bad("readings", "another shape", "shape (T, N)")),
+        };
+        let times = one_each("timestamps", times, frames)?;
+        if times.iter().any(|time| !time.is_finite()) || !times.is_sorted() {
+            return Err(bad("readings", "times that are unknown or do not ascend", "times that ascend"));
+        }
+        let ids = one_number_each("ids", ids, width)?.into_iter().map(TaxelId).collect();
+        let mut readings = TouchReadings { times, ids, values: values.as_slice()?.to_vec(), threshold: 0.0 };
+        readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
+        Ok(Some(readings))
+    }
+}
+
+impl Sources {
+    /// The log, with poses and readings of other files.
+    fn log(&self, rows: &TouchRows, remarks: &mut Vec<String>) -> Result<LogOfRows, Error> {
+        let (rows, unused) = rows;
+        note_columns("the log", unused, remarks);
+        let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
+        let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
+        // A table may have poses of the whole robot.
+        if let Some(path) = self.pose.as_deref().filter(|_| self.robot.is_none()) {
+            names.append(&mut read_link_names(path)?);
+        }
+        let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
+        let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
+        let motion = self.pose.as_ref().map(|path| self.motion(path, &links, remarks)).transpose()?;
+        let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
+        let sources = RowSources {
+            pose: motion.is_some().then_some(&pose),
+            pose_times: motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last),
+            readings: self.readings.as_ref(),
+            radius: self.radius,
+            link: self.link.as_deref(),
+        };
+        Ok(log_of_rows(rows, &sources)?)
+    }
+
+    /// How links move: poses, or the joints of a robot.
+    fn motion(
+        &self,
+        path: &Path,
+        links: &IdVec<LinkId, Link>,
+        remarks: &mut Vec<String>,
+    ) -> Result<Motion, Error> {
+        let Some(robot) = &self.robot else {
+            let read = read_motion(path, None, links)?;
+            note_columns(&path.display().to_string(), &read.unused, remarks);
+            return Ok(read.motion);
+        };
+        let rows = match &self.joints {
+            None => vec![(0.0, robot.joint_values(&[]))],
+            Some(JointsArg::Table(path)) => {
+                let table = read_joint_values(path, robot)?;
+                note_columns(&path.display().to_string(), &table.unused, remarks);
+                table.rows
+            }
+            Some(JointsArg::Named(values)) => {
+                let joints = robot.joints.iter().enumerate();
+                let given = joints.filter_map(|(k, joint)| Some((k, *values.get(&joint.name)?)));
+                vec![(0.0, robot.joint_values(&given.collect::<Vec<_>>()))]
+            }
+        };
+        Ok(robot.motion(&rows, links)?)
+    }
+}
+
+fn note_columns(table: &str, columns: &[String], remarks: &mut Vec<String>) {
+    if !columns.is_empty() {
+        let s = if columns.len() == 1 { " " } else { "s " };
+        let are = if columns.len() == 1 { "is" } else { "are" };
+        remarks.push(format!("{table}: column{s}{} {are} not used", columns.join(", ")));
+    }
+}
+
+fn note_count(count: usize, things: &str, how: &str, remarks: &mut Vec<String>) {
+    match count {
+        0 => {}
+        1 => remarks.push(format!("1 {} is {how}", things.trim_end_matches('s'))),
+        _ => remarks.push(format!("{count} {things} are {how}")),
+    }
+}
+
+/// What is said of how contacts were found, as the command says it.
+fn remark(found: &TouchContacts, log: &LogOfRows, remarks: &mut Vec<String>) {
+    let summary = &found.summary;
+    note_count(log.others, "rows", "of other links, left out", remarks);
+    note_count(log.silent, "rows", "without an active taxel, left out", remarks);
+    note_count(summary.empty_touches, "touches", "without a taxel that is used, left out", remarks);
+    note_count(summary.lone, "readings", "without an active neighbour, left out", remarks);
+    if let Some(first) = summary.inside.first() {
+        let count = summary.inside.len();
+        remarks.push(format!(
+            "in {count} frames, first in line {first}, the centre of the sphere is inside the skin; check the poses, \
+             px,py,pz and the normals of the drawing"
+        ));
+    }
+    let (touches, taxels, contacts) = (summary.touches, summary.taxels, found.contacts.len());
+    remarks.push(format!(
+        "{touches} touches of {taxels} taxels in {} frames: {contacts} contacts",
+        summary.frames
+    ));
+    if summary.fitted < taxels {
+        let means = taxels - summary.fitted;
+        remarks.push(format!(
+            "{means} of {taxels} taxels are the means of where the body was: they have too few readings, or the radius of \
+             the body is not known (radius)"
+        ));
+    }
+    let arm = summary.arm_noise * 1e3;
+    remarks.push(match summary.reading_noise {
+        Some(noise) => format!("noise: {arm:.3} mm of the arm's position, {noise:.3e} of a reading"),
+        None => format!("noise of the arm's position: {arm:.3} mm, as given or assumed"),
+    });
+}
+
+/// Turn a log into observations and a dict of how they were found.
+#[pyfunction]
+pub(crate) fn contacts_of_log<'py>(
+    py: Python<'py>,
+    log: LogArg,
+    arguments: TouchesArgs<'py>,
+) -> PyResult<(PyObservations, Bound<'py, PyDict>)> {
+    let taxel = positive("taxel_radius", arguments.taxel_radius)?;
+    let stiffness = arguments.stiffness.map(|stiffness| positive("stiffness", stiffness)).transpose()?;
+    let skin = arguments.skin()?;
+    let readings = arguments.readings()?;
+    let mut remarks = Vec::new();
+    if let Some(readings) = &readings {
+        let threshold = readings.threshold;
+        remarks.push(format!("taxels are active above {threshold:.3e}, in the unit of the readings"));
+    }
+    let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
+    let TouchesArgs { pose, joints, link, arm_noise, skip, threads, .. } = arguments;
+    let of_robot = pose.clone().filter(|path| is_robot(path));
+    let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
+    match (&robot, &joints) {
+        (None, Some(_)) => return Err(bad("joints", "no robot as pose", "a .urdf or .xml")),
+        (Some(robot), Some(JointsArg::Named(values))) => {
+            let known: Vec<&str> = robot.joints.iter().map(|joint| &*joint.name).collect();
+            let mut unknown: Vec<&String> =
+                values.keys().filter(|name| !known.contains(&name.as_str())).collect();
+            unknown.sort_unstable();
+            if let Some(name) = unknown.first() {
+                return Err(bad("joints", format!("{name:?}"), format!("some of {known:?}")));
+            }
+        }
+        _ => {}
+    }
+    let sources = Sources { readings, pose, robot, joints, link, radius };
+    let work = move |stop: &Stop| {
+        let rows = match log {
+            LogArg::Table(LogText { text }) => touches_from_bytes("log".as_ref(), text.into_bytes())?,
+            LogArg::File(path) => read_touches(&path)?,
+        };
+        let made = sources.log(&rows, &mut remarks)?;
+        let options = TouchesOptions {
+            taxel_radius: Some(taxel),
+            gain: stiffness.map(|stiffness| stiffness * std::f64::consts::PI * taxel * taxel),
+            arm_noise,
+            drawing: skin.as_deref().map(Drawing::of_skin),
+            left_out: skip.into_iter().map(TaxelId).collect(),
+        };
+        let found = contacts_of_touches_with(&made.log, &options, stop.run())?;
+        remark(&found, &made, &mut remarks);
+        Ok::<_, Error>((found, made, remarks))
+    };
+    let (found, made, remarks) = run(py, count("threads", threads)?, work)?.map_err(error)?;
+    let (summary, said) = (PyDict::new(py), &found.summary);
+    for (name, number) in [
+        ("frames", said.frames),
+        ("touches", said.touches),
+        ("taxels", said.taxels),
+        ("contacts", found.contacts.len()),
+        ("fitted", said.fitted),
+    ] {
+        summary.set_item(name, number)?;
+    }
+    let left_out = PyDict::new(py);
+    for (name, number) in [
+        ("rows_of_other_links", made.others),
+        ("rows_without_taxel", made.silent),
+        ("touches", said.empty_touches),
+        ("readings", said.lone),
+    ] {
+        left_out.set_item(name, number)?;
+    }
+    summary.set_item("left_out", left_out)?;
+    summary.set_item("arm_noise", said.arm_noise)?;
+    summary.set_item("reading_noise", said.reading_noise)?;
+    summary.set_item("spacing", said.spacing)?;
+    Ok((PyObservations::new(found.observations(), remarks), summary))
+}
