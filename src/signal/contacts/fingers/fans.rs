@@ -112,6 +112,7 @@ pub(super) struct Fan {
     /// The number of the centre, and of the fit that has used it last.
     pub(super) centre: usize,
     pub(super) used: u64,
+    pub(super) at: DVec3,
     beside: Vec<Beside>,
     /// For each direction the number after that of its last taxel.
     directions: Vec<usize>,
@@ -241,6 +242,7 @@ impl FanBuilder {
                 self.plane.push((taxel, [x * stretch, y * stretch]));
             }
         }
+        fan.at = centre;
         fan.beside.clear();
         fan.ends.clear();
         fan.directions.clear();

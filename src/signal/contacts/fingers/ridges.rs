@@ -4,7 +4,7 @@
 //! round bump. With `s` the square root of the readings, an atom is `(a + b u) exp(-d^2 / 2 w^2)`: `d` is the distance from
 //! a segment of length 0 to 65 mm in the tangent plane of its centre, `u` the position along it from -1 to 1, `w` the
 //! width, `a >= 0` and `|b| <= 0.7 a`. The atom that lowers the sum of squares of what is left most is added; then each
-//! is taken out and the best one put back. The count is that of the first sum of atoms that leaves a quarter of
+//! is taken out and the best one near it put back. The count is that of the first sum of atoms that leaves a quarter of
 //! the squares of `s` or less.
 //!
 //! *Heuristic*: width, lengths and the quarter are from 336 recordings of 0 to 5 fingers on a cover of 642 taxels. Round
@@ -30,6 +30,10 @@ const MOST_CENTRES: usize = 1500;
 /// The atoms of this many centres are kept from frame to frame, some 10 kB each if taxels are 7 mm apart: those of all of a
 /// cover of 642 taxels.
 const MOST_KEPT: usize = 2 * MOST_CENTRES;
+
+/// A ridge is put back this close to where it was, in m. *Heuristic*: what is left is largest where it was. Counts of the
+/// recordings are the same as with any place, for half of the time.
+const NEAR: f64 = 0.03;
 
 /// Fits ridges; owns its lists.
 #[derive(Debug, Clone)]
@@ -96,7 +100,7 @@ impl Ridges {
         let all = self.squares();
         self.chosen.clear();
         while self.chosen.len() < MOST && self.squares() > LEFT * all {
-            let Some(ridge) = self.best() else { break };
+            let Some(ridge) = self.best(None) else { break };
             self.add(ridge, -1.0);
             self.chosen.push(ridge);
             self.improve();
@@ -109,14 +113,14 @@ impl Ridges {
         self.near.iter().map(|&taxel| self.left[taxel] * self.left[taxel]).sum()
     }
 
-    /// Takes each ridge out and puts the best one back.
+    /// Takes each ridge out and puts the best one near it back.
     fn improve(&mut self) {
         for _ in 0..if self.chosen.len() > 1 { SWEEPS } else { 0 } {
             let mut has_changed = false;
             for k in 0..self.chosen.len() {
                 let old = self.chosen[k];
                 self.add(old, 1.0);
-                let new = self.best().unwrap_or(old);
+                let new = self.best(Some(self.fans[old.fan].at)).unwrap_or(old);
                 has_changed |= (new.fan, new.atom) != (old.fan, old.atom);
                 self.add(new, -1.0);
                 self.chosen[k] = new;
@@ -133,10 +137,12 @@ impl Ridges {
         }
     }
 
-    /// The atom that lowers the squares most, with its height and slope; of several the first.
-    fn best(&self) -> Option<Ridge> {
+    /// The atom that lowers the squares most, with its height and slope; of several the first. With a point, of the centres
+    /// near it.
+    fn best(&self, near: Option<DVec3>) -> Option<Ridge> {
+        let is_near = |fan: &Fan| near.is_none_or(|at| fan.at.distance_squared(at) <= NEAR * NEAR);
         let mut best: Option<Ridge> = None;
-        for &fan in &self.of_region {
+        for &fan in self.of_region.iter().filter(|&&fan| is_near(&self.fans[fan])) {
             let found = self.fans[fan].best(&self.left, best.map_or(0.0, |best| best.gain));
             best = found.map(|ridge| Ridge { fan, ..ridge }).or(best);
         }
