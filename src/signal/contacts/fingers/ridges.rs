@@ -10,6 +10,10 @@
 //! *Heuristic*: width, lengths and the quarter are from 336 recordings of 0 to 5 fingers on a cover of 642 taxels. Round
 //! bumps of any width count up to 26 points fewer of these right; widths of 4 mm 2 to 6 points, shares of 0.22 to 0.28
 //! the same.
+//!
+//! Of simulated fingers of 40 mm, laid down, with noise to 5 kPa, 47 of 48 are one ridge; 44 if gains vary by 40 % or 5 % of
+//! the taxels are dead, 41 with both. Of 60 mm it is 39, 34 and 32, of palms of 40 mm 42, 36 and 41, and 35: uneven gains
+//! leave valleys in them.
 
 use glam::DVec3;
 
