@@ -1,17 +1,21 @@
 //! Frames carried to all levels, contacts and zeros followed, on caps of 642, 4336 (in 13 patches) and
 //! 100 000 taxels of 6 mm. `track` takes frames in which a share of the taxels is pressed, one
-//! contact on each patch.
+//! contact on each patch. `fingers` has none, one and five fingers on 651 taxels 7 mm apart: their contacts with either
+//! probe, and the events of these.
 #![allow(clippy::cast_possible_truncation, reason = "counts of a bench are small")]
 
 use std::{f64::consts::TAU, hint::black_box, time::Duration};
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     map::{PatchMap, SkinMap},
     mesh::shapes,
     pyramid::{CoarsenOptions, LevelId, coarsen},
-    signal::{Channel, ContactTracker, Frame, Restrictor, Stage, TrackerOptions, ZeroTracker},
-    skin::{LinkId, Patch, Skin},
+    signal::{
+        Channel, ContactTracker, EventDetector, EventOptions, Frame, Probe, Restrictor, Stage,
+        TrackerOptions, ZeroTracker,
+    },
+    skin::{LinkId, Patch, PatchId, Skin},
 };
 
 /// Patches of caps with this many taxels in all. Map positions are those seen along z: nothing here
@@ -115,5 +119,63 @@ fn zero(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, restrict, track, zero);
+/// Fingers laid side by side, 26 mm apart, with noise, at 100 Hz, in the second in which they are pressed and later.
+fn fingers(c: &mut Criterion) {
+    let mut group = c.benchmark_group("fingers");
+    group.measurement_time(Duration::from_secs(1)).warm_up_time(Duration::from_millis(300));
+    let map = SkinMap::flat(shapes::lattice(21, 31, 0.007_26), 1e-3);
+    let at = map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions.clone();
+    let channel = Channel::new("pressure", "Pa").unwrap();
+    for (probe, name) in [(Probe::Any, "any"), (Probe::Finger, "finger")] {
+        for count in [0, 1, 5] {
+            let options = TrackerOptions { probe, low: probe.low(), ..TrackerOptions::default() };
+            let mut tracker = ContactTracker::new(&map, &channel, &options).unwrap();
+            let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+            let (mut frame, mut number) = (Frame::new(&map, 1), 0_u32);
+            let mut next = |frame: &mut Frame| {
+                frame.time = 0.01 * f64::from(number);
+                let rise = (5.0 * (frame.time - 0.5)).clamp(0.0, 1.0);
+                for ((v, x), k) in at.enumerate().zip(0_u32..) {
+                    let finger = |finger: u32| {
+                        let (along, across) = (x.y - 0.06, x.x - 0.02 - 0.026 * f64::from(finger));
+                        let beyond = (along.abs() - 0.015).max(0.0);
+                        (-0.5 * (across * across + beyond * beyond) / 0.0045_f64.powi(2)).exp()
+                    };
+                    let noise = (f64::from(k.wrapping_mul(7919).wrapping_add(number.wrapping_mul(104_729)))
+                        * 0.37)
+                        .sin();
+                    let pressure = 30e3 * rise * (0..count).map(finger).sum::<f64>();
+                    frame.values[PatchId::new(0)][0][v] = 500.0 * noise + pressure;
+                }
+                number += 1;
+            };
+            for _ in 0..70 {
+                next(&mut frame);
+                tracker.track(&frame);
+                detector.see(frame.time, &tracker).unwrap();
+            }
+            group.bench_function(BenchmarkId::new(format!("contacts, {name}"), count), |b| {
+                b.iter(|| black_box(tracker.track(&frame).len()));
+            });
+            // They do not depend on the probe.
+            if probe == Probe::Finger {
+                continue;
+            }
+            group.bench_function(BenchmarkId::new("events", count), |b| {
+                b.iter_batched(
+                    || {
+                        next(&mut frame);
+                        tracker.track(&frame);
+                        (frame.time, tracker.clone())
+                    },
+                    |(time, tracker)| black_box(detector.see(time, &tracker).unwrap().len()),
+                    BatchSize::PerIteration,
+                );
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, restrict, track, zero, fingers);
 criterion_main!(benches);

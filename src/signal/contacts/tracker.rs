@@ -19,7 +19,7 @@ use crate::skin::PatchId;
 /// Finds contacts in frames of readings and tracks them from frame to frame.
 ///
 /// It owns its buffers: it allocates only when a frame has more contacts, or a larger one, than all earlier
-/// frames.
+/// frames; with [`Probe::Finger`] also where a contact has taxels that had none before.
 ///
 /// ```
 /// use dermatome::{

@@ -107,8 +107,8 @@ impl EventDetector {
     /// [`SignalError::NoEventTime`] if the frame has no time.
     pub fn see(&mut self, time: f64, tracker: &ContactTracker) -> Result<&[Event], SignalError> {
         self.start(time)?;
-        self.history.keep(time, tracker.values());
         self.follow(time, tracker.contacts());
+        self.history.keep(time, tracker.values());
         Ok(self.report(time))
     }
 
@@ -134,13 +134,8 @@ impl EventDetector {
 
     fn report(&mut self, time: f64) -> &[Event] {
         self.end_contacts(time, false);
-        let history = &mut self.history;
-        self.open
-            .iter_mut()
-            .filter(|contact| contact.track.is_some())
-            .for_each(|contact| contact.date_begin(history));
         self.report_changes(time);
-        self.groups.grasp(time, &self.open, &self.options, &mut self.events);
+        self.groups.grasp(time, &mut self.open, &self.options, &mut self.events);
         self.groups.end_pats(time, &self.open, &self.options, &mut self.events);
         &self.events
     }
@@ -177,8 +172,13 @@ impl EventDetector {
     fn follow(&mut self, time: f64, regions: &[ContactRegion]) {
         let is_there = |region: &&ContactRegion| region.event != ContactEvent::Release;
         let here = || regions.iter().filter(is_there);
+        let history = &mut self.history;
         for contact in &mut self.open {
             let region = here().find(|region| Some(region.track) == contact.track);
+            // The history does not have this frame yet: it is that of the last frame of the contact.
+            if region.is_none() || contact.is_risen(time) {
+                contact.date_begin(history);
+            }
             match region {
                 Some(region) => contact.see(time, region),
                 None => contact.track = None,
@@ -227,6 +227,7 @@ impl EventDetector {
             }
             if contact.is_lasting(options) {
                 contact.close();
+                contact.date_begin(history);
                 contact.date_end(history);
                 let word = contact.word_now(options, true);
                 if contact.word.is_none() {
@@ -244,22 +245,27 @@ impl EventDetector {
 
     /// Reports contacts that have begun, and those that are something else by now.
     fn report_changes(&mut self, time: f64) {
-        let Self { open, options, events, .. } = self;
+        let Self { open, options, events, history, .. } = self;
         for contact in open.iter_mut().filter(|contact| contact.track.is_some()) {
             match contact.word {
                 None if contact.is_lasting(options) => {
+                    contact.date_begin(history);
                     contact.word = Some(Word::Touch);
                     events.push(contact.event(Word::Touch, Phase::Begin, time, options));
                 }
-                Some(before) => {
+                Some(before) if contact.may_be_more_than(before, options) => {
+                    if contact.may_be_hold(options) {
+                        contact.date_begin(history);
+                    }
                     let word = contact.word_now(options, false);
                     // A stroke that comes back stays one.
                     if word > before {
+                        contact.date_begin(history);
                         contact.word = Some(word);
                         events.push(contact.event(word, Phase::Change, time, options));
                     }
                 }
-                None => {}
+                _ => {}
             }
         }
     }

@@ -88,11 +88,12 @@ impl Groups {
     pub(super) fn grasp(
         &mut self,
         time: f64,
-        open: &[Followed],
+        open: &mut [Followed],
         options: &EventOptions,
         events: &mut Vec<Event>,
     ) {
-        for (k, first) in open.iter().enumerate() {
+        for k in 0..open.len() {
+            let first = &open[k];
             let is_first = open[..k].iter().all(|other| other.link != first.link);
             let of_link = || open.iter().filter(|contact| contact.link == first.link);
             let limit = options.grasp_rad.cos();
@@ -102,10 +103,10 @@ impl Groups {
             }
             let place = self.grasps.iter().position(|grasp| grasp.link == first.link);
             let place = place.unwrap_or_else(|| {
-                self.grasps.push(Grasp::new(time, first, options));
+                self.grasps.push(Grasp::new(time, &mut open[k], options));
                 self.grasps.len() - 1
             });
-            self.grasps[place].add(time, of_link(), options);
+            self.grasps[place].add(time, open, options);
         }
         self.grasps.sort_by_key(|grasp| grasp.link);
         self.grasps.retain_mut(|grasp| {
@@ -145,7 +146,7 @@ impl Series {
 }
 
 impl Grasp {
-    fn new(time: f64, first: &Followed, options: &EventOptions) -> Self {
+    fn new(time: f64, first: &mut Followed, options: &EventOptions) -> Self {
         Self {
             link: first.link,
             since: time,
@@ -160,14 +161,12 @@ impl Grasp {
         }
     }
 
-    fn add<'f>(
-        &mut self,
-        time: f64,
-        contacts: impl Iterator<Item = &'f Followed> + Clone,
-        options: &EventOptions,
-    ) {
-        let force: f64 = contacts.clone().map(|contact| contact.force).sum();
-        for contact in contacts.clone() {
+    /// Takes those of these contacts that are on its link.
+    fn add(&mut self, time: f64, open: &mut [Followed], options: &EventOptions) {
+        let link = self.link;
+        let of_link = || open.iter().filter(|contact| contact.link == link);
+        let force: f64 = of_link().map(|contact| contact.force).sum();
+        for contact in of_link() {
             if let Err(place) = self.contacts.binary_search(&contact.number) {
                 self.contacts.insert(place, contact.number);
             }
@@ -178,7 +177,8 @@ impl Grasp {
         self.frames += 1.0;
         self.last = time;
         if !self.is_reported && time - self.since >= options.grasp_s {
-            let strongest = contacts.reduce(|a, b| if b.force > a.force { b } else { a });
+            let of_link = open.iter_mut().filter(|contact| contact.link == link);
+            let strongest = of_link.reduce(|a, b| if b.force > a.force { b } else { a });
             if let Some(strongest) = strongest {
                 self.contact = strongest.contact(Word::Grasp, options);
             }

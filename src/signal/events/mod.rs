@@ -23,13 +23,14 @@
 //! distances from the median centre. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
 //!
-//! In reading order: `history` keeps the latest readings, `contact` follows one contact ([`Followed`](contact::Followed)), `groups` finds pats and grasps,
-//! `detector` combines them ([`EventDetector`]).
+//! In reading order: `history` keeps the latest readings, `path` the centres of one contact, `contact` follows it
+//! ([`Followed`](contact::Followed)), `groups` finds pats and grasps, `detector` combines them ([`EventDetector`]).
 
 mod contact;
 mod detector;
 mod groups;
 mod history;
+mod path;
 
 use glam::{DVec2, DVec3};
 

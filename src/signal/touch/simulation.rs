@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::Adjacency;
 use crate::numeric::Random;
+use crate::signal::touch::integral::contact;
 use crate::signal::touch::path::Walker;
 use crate::signal::touch::probe::{Probe, Sensor};
 use crate::signal::touch::readout::{Readout, stream};
@@ -120,13 +121,6 @@ const MOST_OFF: f64 = 0.1;
 
 /// Steps of a rolling sphere at which its distance from the others is checked.
 const CHECKED_STEPS: u32 = 16;
-
-/// Triangles are divided until their edges are shorter than this share of the contact's radius; the
-/// force of a press on a plane is then exact to 0.2 %.
-const FINENESS: f64 = 1.0 / 16.0;
-
-/// Most divisions of an edge, for triangles much larger than the contact.
-const MOST_PARTS: f64 = 256.0;
 
 impl<'a> TouchSimulation<'a> {
     /// Prepares a recording on the taxels of a skin that are present.
@@ -406,63 +400,4 @@ fn above(walker: &Walker, patch: &Patch, height: f64) -> Option<(DVec3, DVec3)> 
     let normals = corners.zip(walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
     let normal = normals.sum::<DVec3>().try_normalize()?;
     Some((walker.point + height * normal, normal))
-}
-
-/// Force and centre of pressure of the whole contact, at most this deep; `None` if nothing is touched.
-fn contact(probe: &Probe, depth: f64, patch: &Patch, options: &TouchOptions) -> Option<(f64, DVec3)> {
-    let (mesh, normals) = (&patch.mesh, &patch.taxels.normals);
-    let (centre, reach) = (probe.sphere.centre, probe.reach());
-    let radius = (depth * (2.0 * probe.sphere.radius - depth)).max(0.0).sqrt();
-    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
-    for face in mesh.triangles.ids() {
-        let corners = mesh.corners(face);
-        let longest =
-            (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max).sqrt();
-        if corners[0].distance_squared(centre) > (reach + longest).powi(2) {
-            continue;
-        }
-        let normals = mesh.triangles[face].map(|v| normals[v]);
-        let parts = (longest / (FINENESS * radius)).ceil().clamp(1.0, MOST_PARTS);
-        let area = mesh.face_area(face) / (parts * parts);
-        for weights in parts_of_a_triangle(parts) {
-            let mix = |of: &[DVec3; 3]| of.iter().zip(weights).map(|(x, w)| w * *x).sum::<DVec3>();
-            let point = mix(&corners);
-            let depth = probe.depth(point, mix(&normals).normalize_or_zero());
-            volume += area * depth;
-            moment += area * depth * point;
-        }
-    }
-    (volume > 0.0).then(|| (options.stiffness * volume, moment / volume))
-}
-
-/// Barycentric coordinates of the centres of the `parts` squared equal triangles into which one is divided.
-fn parts_of_a_triangle(parts: f64) -> impl Iterator<Item = [f64; 3]> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 256")]
-    let n = parts as u32;
-    (0..n).flat_map(move |i| (0..n - i).map(move |j| (i, j))).flat_map(move |(i, j)| {
-        let weights = move |shift: f64| {
-            let (u, v) = ((f64::from(i) + shift) / parts, (f64::from(j) + shift) / parts);
-            [1.0 - u - v, u, v]
-        };
-        // The small triangle with the orientation of the whole, and its neighbour with the opposite one.
-        let other = (i + j + 1 < n).then(|| weights(2.0 / 3.0));
-        std::iter::once(weights(1.0 / 3.0)).chain(other)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_have_the_centre_of_the_whole() {
-        for n in 1..6 {
-            let parts: Vec<_> = parts_of_a_triangle(f64::from(n)).collect();
-            assert_eq!(parts.len(), (n * n) as usize);
-            for k in 0..3 {
-                let mean = parts.iter().map(|w| w[k]).sum::<f64>() / f64::from(n * n);
-                assert!((mean - 1.0 / 3.0).abs() < 1e-12, "{n} {k} {mean}");
-            }
-        }
-    }
 }
