@@ -209,7 +209,7 @@ fn silent_and_swapped_taxels_are_told_apart() {
         silent += found(&report, TaxelState::Silent).count();
         swapped += found(&report, TaxelState::Swapped).count();
     }
-    // A quarter of the taxels is at the boundary, where no touch surrounds them.
+    // Three touches on both sides of one are needed; a third of the taxels is at the boundary.
     assert!(silent >= 5 && swapped >= 26, "{silent} of 16 silent, {swapped} of 32 swapped");
 }
 
