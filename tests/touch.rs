@@ -247,6 +247,14 @@ fn faults_are_what_the_truth_says() {
         TouchOptions { readout: ReadoutOptions { faults, ..ReadoutOptions::default() }, ..plain.clone() };
     let (clean, frames) = (record(&skin, &plain), record(&skin, &faulty));
     let truth = TouchSimulation::new(&skin, &faulty).unwrap().response().clone();
+    let others =
+        truth.taxels.iter().filter(|known| known.state == TaxelState::Turned).map(|known| known.other);
+    let distinct: std::collections::HashSet<_> = others.clone().collect();
+    assert_eq!(
+        others.count(),
+        distinct.len() + 2,
+        "each place of a turned module is read once, and three centres"
+    );
     let area = PI * plain.taxel_radius.powi(2);
     let (press, sigma) = (area * plain.stiffness * plain.depths[0], area * plain.noise);
     for kind in FaultCounts::kinds() {
@@ -254,6 +262,9 @@ fn faults_are_what_the_truth_says() {
         let needed = match kind {
             TaxelState::Swapped => 6,
             TaxelState::ModuleStep => 36,
+            TaxelState::Turned => {
+                truth.taxels.iter().filter(|known| known.state == *kind).count().clamp(15, 30)
+            }
             _ => 3,
         };
         assert_eq!(count, needed, "{kind}");
@@ -282,7 +293,8 @@ fn faults_are_what_the_truth_says() {
                 let noise = (quiet.iter().map(|(x, _)| x.powi(2)).sum::<f64>() / quiet.len() as f64).sqrt();
                 assert!((4.0..6.0).contains(&(noise / sigma)), "{noise}");
             }
-            TaxelState::Swapped => {
+            TaxelState::Turned if known.other.is_none() => assert!(own == was, "the centre"),
+            TaxelState::Swapped | TaxelState::Turned => {
                 let other = readings_of(&skin, &clean, known.other.unwrap());
                 let is_touched = other.iter().any(|x| *x > 0.2 * press);
                 assert!(!is_touched || correlation(&own, &other) > 0.9, "{known:?}");

@@ -135,9 +135,16 @@ pub(super) fn adjust(
     }
 }
 
-/// Whether the blur of a solution is at its bound: these contacts are not those of the model.
-pub(super) fn is_at_bound(report: &GainReport) -> bool {
-    report.blur < 1.1 * BLURS[0]
+/// Refuses a solution whose blur or power is at a bound: these contacts are not those of the model.
+pub(super) fn check_bounds(report: &GainReport) -> Result<(), ResponseError> {
+    let GainReport { blur, power, .. } = *report;
+    if blur < 1.1 * BLURS[0] {
+        return Err(ResponseError::ForeignContacts { blur });
+    }
+    if power <= POWERS[0] || power >= POWERS[1] {
+        return Err(ResponseError::ForeignPower { power });
+    }
+    Ok(())
 }
 
 /// The taxels of a press are joined with each other, and all with what is shared.

@@ -7,17 +7,13 @@
 
 use crate::id::VertexId;
 use crate::mesh::neighbours;
-use crate::numeric::{Csr, median_of};
-use crate::response::press::{Foot, HOT, Press, PressFrame, Surface};
+use crate::numeric::Csr;
+use crate::response::press::{Foot, HOT, Press, PressFrame, Surface, least_noise, median_noise};
 use crate::signal::{Frame, RunningNoise};
 use crate::skin::{Patch, Skin};
 
 /// Frames from which noise is learned before a touch is seen.
 const START_FRAMES: u64 = 10;
-
-/// Noise of a taxel is at least this share of the median, and of the largest reading of all.
-const LEAST_NOISE: f64 = 0.5;
-const LEAST_NOISE_OF_PEAK: f64 = 2e-3;
 
 /// A press ends after this many frames without a touch.
 const GAP: usize = 3;
@@ -131,7 +127,6 @@ impl<'s> Collector<'s> {
             return;
         }
         let median = self.median_noise();
-        let floor = LEAST_NOISE_OF_PEAK * self.largest;
         let mut best: Option<Kept> = None;
         let mut total = 0.0;
         for (number, (patch, channels)) in self.patches.iter().zip(&frame.values).enumerate() {
@@ -139,7 +134,7 @@ impl<'s> Collector<'s> {
             let is_hot: Vec<bool> = values
                 .iter()
                 .zip(&self.channel[patch.first..])
-                .map(|(x, channel)| *x > HOT * channel.least_noise(median, floor))
+                .map(|(x, channel)| *x > HOT * least_noise(&channel.noise, median, self.largest))
                 .collect();
             for group in patch.groups(&is_hot) {
                 let sum = group.iter().map(|&v| values[VertexId::from(v)]).sum::<f64>();
@@ -226,11 +221,21 @@ impl<'s> Collector<'s> {
     pub(super) fn finish(mut self) -> (Vec<Press>, Vec<f64>, Tally) {
         self.end_press();
         let median = self.median_noise();
-        let floor = LEAST_NOISE_OF_PEAK * self.largest;
-        let noise: Vec<f64> = self.channel.iter().map(|channel| channel.least_noise(median, floor)).collect();
+        let noise: Vec<f64> =
+            self.channel.iter().map(|channel| least_noise(&channel.noise, median, self.largest)).collect();
+        // What no press changes has no gain that could be found: the steps of its logarithm would never end.
+        let mut is_felt = vec![false; noise.len()];
+        self.presses
+            .iter()
+            .flat_map(|press| press.hot_taxels(&noise))
+            .for_each(|taxel| is_felt[taxel] = true);
         for press in &mut self.presses {
             for (k, &taxel) in press.taxels.iter().enumerate() {
                 let channel = &self.channel[taxel as usize];
+                if !is_felt[taxel as usize] {
+                    press.frames.iter_mut().for_each(|frame| frame.readings[k] = f64::NAN);
+                    continue;
+                }
                 let is_saturated = channel.is_stuck_at_most && channel.at_most >= SATURATED;
                 for frame in &mut press.frames {
                     let reading = &mut frame.readings[k];
@@ -267,16 +272,7 @@ impl<'s> Collector<'s> {
     }
 
     fn median_noise(&self) -> f64 {
-        let mut known: Vec<f64> =
-            self.channel.iter().map(|channel| channel.noise.sigma).filter(|noise| !noise.is_nan()).collect();
-        median_of(&mut known).unwrap_or(0.0)
-    }
-}
-
-impl Channel {
-    fn least_noise(&self, median: f64, floor: f64) -> f64 {
-        // `max` takes the other number for NaN.
-        self.noise.sigma.max(LEAST_NOISE * median).max(floor).max(f64::MIN_POSITIVE)
+        median_noise(self.channel.iter().map(|channel| &channel.noise))
     }
 }
 

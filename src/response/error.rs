@@ -27,6 +27,11 @@ pub enum ResponseError {
     )]
     ForeignContacts { blur: f64 },
     #[error(
+        "readings grow with the depth of touches to the power of {power:.2}, a bound of the model: they are saturated, or \
+         follow another law, and gains would be wrong by more than their sigma; use lighter touches, or steps of pressure"
+    )]
+    ForeignPower { power: f64 },
+    #[error(
         "there is no step of pressure in {rows} rows; rows of a time in s and a pressure in Pa are needed"
     )]
     NoSteps { rows: usize },

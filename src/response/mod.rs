@@ -104,9 +104,7 @@ impl<'s> GainEstimator<'s> {
         }
         let start = start(&presses, &noise, self.skin);
         let (logs, sigma, report) = bundle::adjust(&presses, start, &noise, run)?;
-        if bundle::is_at_bound(&report) {
-            return Err(ResponseError::ForeignContacts { blur: report.blur });
-        }
+        bundle::check_bounds(&report)?;
         let mut seen = vec![0; noise.len()];
         presses.iter().flat_map(|press| press.hot_taxels(&noise)).for_each(|taxel| seen[taxel] += 1);
         let mut next = 0;

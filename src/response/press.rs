@@ -4,7 +4,9 @@ use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{TriMesh, VertexCorners, closest_point};
+use crate::numeric::median;
 use crate::response::contact::View;
+use crate::signal::RunningNoise;
 use crate::skin::Patch;
 
 /// A taxel is touched from this many times its noise on.
@@ -16,6 +18,19 @@ pub(super) struct Press {
     /// Its taxels: rows of the whole system.
     pub(super) taxels: Vec<u32>,
     pub(super) frames: Vec<PressFrame>,
+}
+
+/// The noise of a taxel, which is at least a share of the median of all, and of the largest reading.
+pub(super) fn least_noise(noise: &RunningNoise, median: f64, largest: f64) -> f64 {
+    const SHARE: f64 = 0.5;
+    const SHARE_OF_LARGEST: f64 = 2e-3;
+    // `max` takes the other number for NaN.
+    noise.sigma.max(SHARE * median).max(SHARE_OF_LARGEST * largest).max(f64::MIN_POSITIVE)
+}
+
+/// The median noise of those taxels of which it is known.
+pub(super) fn median_noise<'n>(all: impl Iterator<Item = &'n RunningNoise>) -> f64 {
+    median(all.map(|noise| noise.sigma).filter(|sigma| !sigma.is_nan())).unwrap_or(0.0)
 }
 
 impl Press {

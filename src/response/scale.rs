@@ -8,8 +8,8 @@
 use crate::mesh::neighbours;
 use crate::numeric::{Csr, DEVIATION_OF_MEDIAN, median_of};
 use crate::response::ResponseError;
-use crate::response::press::HOT;
-use crate::signal::Frame;
+use crate::response::press::{HOT, least_noise, median_noise};
+use crate::signal::{Frame, RunningNoise};
 use crate::skin::Skin;
 
 /// Touches that a scale needs at least, and an exponent.
@@ -52,8 +52,7 @@ pub struct ScaleEstimator {
     areas: Vec<f64>,
     /// Times in s, and forces in N.
     forces: Vec<[f64; 2]>,
-    noise: Vec<f64>,
-    last: Vec<f64>,
+    noise: Vec<RunningNoise>,
     largest: f64,
     touches: Vec<Touch>,
     times: [f64; 2],
@@ -93,8 +92,7 @@ impl ScaleEstimator {
             neighbours: neighbours(skin.patches.iter().map(|patch| &patch.mesh)),
             areas,
             forces,
-            noise: vec![f64::NAN; taxels],
-            last: vec![f64::NAN; taxels],
+            noise: vec![RunningNoise::UNKNOWN; taxels],
             largest: 0.0,
             touches: Vec::new(),
             times: [f64::INFINITY, f64::NEG_INFINITY],
@@ -112,27 +110,26 @@ impl ScaleEstimator {
         let force = self.force_at(time);
         if force <= 0.0 {
             // Noise is that of untouched frames.
-            for ((noise, last), &x) in self.noise.iter_mut().zip(&mut self.last).zip(&read) {
-                let size = (x - *last).abs();
-                if size.is_finite() {
-                    *noise = if noise.is_nan() { size } else { *noise + 0.05 * (size - *noise) };
+            for (noise, &x) in self.noise.iter_mut().zip(&read) {
+                if x.is_finite() {
+                    noise.see(x, f64::NAN);
+                } else {
+                    noise.interrupt();
                 }
-                *last = x;
             }
             return;
         }
-        self.last.fill(f64::NAN);
+        self.noise.iter_mut().for_each(RunningNoise::interrupt);
         self.largest = read.iter().copied().fold(self.largest, f64::max);
-        let is_hot: Vec<bool> = read
-            .iter()
-            .zip(&self.noise)
-            .map(|(x, noise)| *x > (HOT * noise).max(2e-3 * self.largest))
-            .collect();
+        let median = median_noise(self.noise.iter());
+        let is_hot = |(x, noise): (&f64, &RunningNoise)| *x > HOT * least_noise(noise, median, self.largest);
+        let is_hot: Vec<bool> = read.iter().zip(&self.noise).map(is_hot).collect();
         let mut is_in = is_hot.clone();
         for k in (0..is_hot.len()).filter(|&k| is_hot[k]) {
             self.neighbours[k].iter().for_each(|&w| is_in[w as usize] = true);
         }
-        let relative = |k: usize| Some(read[k].max(0.0)).filter(|_| read[k].is_finite());
+        // Noise below zero belongs to the sum, or noise would add to every force.
+        let relative = |k: usize| Some(read[k]).filter(|x| x.is_finite());
         let felt = (0..read.len()).filter(|&k| is_in[k]).filter_map(|k| {
             let around = || self.neighbours[k].iter().filter_map(|&w| relative(w as usize));
             let mean = || around().sum::<f64>() / around().count() as f64;
@@ -198,7 +195,7 @@ impl Touch {
     fn log_ratio(&self, exponent: f64) -> Option<f64> {
         let most = self.frames.iter().map(|(force, _)| *force).fold(0.0, f64::max);
         let ratio = |(force, felt): &(f64, Vec<[f64; 2]>)| {
-            let sum: f64 = felt.iter().map(|[area, pressure]| area * pressure.powf(exponent)).sum();
+            let sum: f64 = felt.iter().map(|[area, p]| area * p.signum() * p.abs().powf(exponent)).sum();
             (*force > SHARE * most && sum > 0.0).then(|| (force / sum).ln())
         };
         median_of(&mut self.frames.iter().filter_map(ratio).collect::<Vec<_>>())

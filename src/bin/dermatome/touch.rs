@@ -115,9 +115,12 @@ pub(crate) struct Args {
     #[arg(long)]
     inverted: bool,
     /// Faulty taxels, as in dead=3,swapped=2: dead, silent, stuck, noisy, jumping, chattering or saturated ones,
-    /// swapped or crosstalk pairs, module-step groups of 12
+    /// swapped or crosstalk pairs, module-step groups of 12, turned ones of a taxel and all around it
     #[arg(long, value_name = "KIND=N", value_delimiter = ',', value_parser = fault)]
     faults: Vec<(TaxelState, usize)>,
+    /// Share of the pressure on one taxel of a crosstalk pair that leaks into the other one
+    #[arg(long, value_name = "F", default_value_t = 0.5)]
+    leak: f64,
     /// File for what each taxel is: gain, exponent, drift and fault, a .csv as `response` writes
     #[arg(long, value_name = "OUT.csv")]
     true_response: Option<OutFile>,
@@ -252,6 +255,7 @@ impl Args {
                 flicker: self.flicker_kpa * 1e3,
                 is_inverted: self.inverted,
                 faults: self.faults.iter().fold(FaultCounts::default(), |all, &(kind, n)| all.with(kind, n)),
+                leak: self.leak,
             },
             seed: self.seed,
         }

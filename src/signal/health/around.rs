@@ -76,9 +76,10 @@ impl Around {
         self.neighbours[taxel].iter().map(|&(other, _)| other as usize)
     }
 
-    /// Whether neighbours that `is_hot` leave no gap of 150 degrees, seen from a taxel.
+    /// Whether a taxel lies between neighbours that `is_hot`: none of the gaps between them is much wider than half a
+    /// turn. Bodies are convex: between two places a press is at least as deep as at the shallower one.
     pub(super) fn is_surrounded(&self, taxel: usize, is_hot: impl Fn(usize) -> bool) -> bool {
-        const WIDEST: f64 = 150.0 / 180.0 * std::f64::consts::PI;
+        const WIDEST: f64 = 190.0 / 180.0 * std::f64::consts::PI;
         let mut angles = self.neighbours[taxel]
             .iter()
             .filter(|(other, _)| is_hot(*other as usize))

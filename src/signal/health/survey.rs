@@ -8,7 +8,7 @@ const BINS: usize = 320;
 const LEAST_EXPONENT: i32 = -40;
 
 /// The median size of the difference of two readings with normal noise, over its standard deviation.
-const MEDIAN_DIFFERENCE: f64 = 0.954;
+const MEDIAN_DIFFERENCE: f64 = std::f64::consts::SQRT_2 / DEVIATION_OF_MEDIAN;
 
 /// A taxel is stuck where it repeats a reading for this many frames, and this many times longer than most others do.
 const STUCK_FRAMES: u32 = 50;

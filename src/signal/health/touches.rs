@@ -27,9 +27,11 @@ const JUMP_THRESHOLDS: f64 = 2.0;
 const LONE_THRESHOLDS: f64 = 2.0;
 const LONE_SHARE: f64 = 0.3;
 
-/// Touched neighbours that surround a taxel; the share of their readings below which it does not react.
+/// Touched neighbours that surround a taxel; it does not react if its mean is below this share of theirs, or below this
+/// many standard deviations of its noise: so far off are zeros.
 const SURROUNDED: usize = 3;
 const ABSENT_SHARE: f64 = 0.08;
+const ABSENT_NOISE: f64 = 1.0;
 
 /// What the touches of a taxel show.
 #[derive(Debug, Clone, Default)]
@@ -145,7 +147,7 @@ impl Touches {
                 over.count += 1.0;
             }
         } else if self.over.as_ref().is_some_and(|over| now - over.last > GAP) {
-            self.end_surrounded();
+            self.end_surrounded(taxel, survey);
         }
     }
 
@@ -159,15 +161,16 @@ impl Touches {
         self.home += u32::from(touch.near > survey.threshold.max(HOME_SHARE * touch.peak));
     }
 
-    fn end_surrounded(&mut self) {
+    fn end_surrounded(&mut self, taxel: usize, survey: &Survey) {
         let Some(over) = self.over.take() else { return };
         self.surrounded += 1;
-        self.absent += u32::from(over.own / over.frames < ABSENT_SHARE * over.others / over.count);
+        let most = (ABSENT_SHARE * over.others / over.count).max(ABSENT_NOISE * survey.sigma[taxel]);
+        self.absent += u32::from(over.own / over.frames < most);
     }
 
     pub(super) fn end_recording(&mut self, taxel: usize, survey: &Survey) {
         self.end_touch(taxel, survey);
-        self.end_surrounded();
+        self.end_surrounded(taxel, survey);
         self.is_hot = false;
     }
 }

@@ -4,10 +4,11 @@
 //!
 //! In reading order: [`TouchOptions`], `sphere` (the contact model), `probe` (ellipsoids, and taxels below a cover
 //! that blurs), `integral` (their forces), `path` (where the sphere rolls), `simulation` (frames and their truth),
-//! `readout` (how taxels are read, and faults); `spreader` turns contacts with a force into readings.
+//! `readout` (how taxels are read) and `faults`; `spreader` turns contacts with a force into readings.
 //!
 //! Not modelled: friction, and the deformation of the skin next to its contact, but for the blur.
 
+mod faults;
 mod integral;
 mod path;
 mod probe;
@@ -18,7 +19,8 @@ mod spreader;
 
 use crate::signal::{Quantity, SignalError};
 
-pub use readout::{FaultCounts, ReadoutOptions};
+pub use faults::FaultCounts;
+pub use readout::ReadoutOptions;
 pub use simulation::{Touch, TouchSimulation};
 pub(crate) use sphere::Sphere;
 pub use spreader::{Press, Spreader};
@@ -206,6 +208,9 @@ impl TouchOptions {
             if !(0.0..=3.0).contains(&spread) {
                 return bad(&format!("the spread of the {what}"), spread, "0 to 3");
             }
+        }
+        if !(0.0..=1.0).contains(&self.readout.leak) {
+            return bad("the share of the pressure that leaks", self.readout.leak, "0 to 1");
         }
         if !(-1e9..=1e9).contains(&self.readout.warming) {
             return bad("the drift with temperature in Pa/s", self.readout.warming, "-1e9 to 1e9");

@@ -132,14 +132,14 @@ impl<'a> TouchSimulation<'a> {
         skin.validate()?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated: 0 to 1e7")]
         let frames = (options.seconds() * options.rate + 1e-9).floor() as usize;
-        let readout = Readout::new(skin, options, frames)?;
-        let mut live: IdVec<PatchId, Vec<_>> = skin.patches.map(|_| Vec::new());
-        readout.live().for_each(|(patch, taxel)| live[patch].push(taxel));
         let adjacency = |patch: &Patch| {
             Adjacency::new(&patch.mesh)
                 .map_err(|source| SkinError::Mesh { patch: patch.name.clone(), source })
         };
         let adjacency = skin.patches.iter().map(adjacency).collect::<Result<_, _>>()?;
+        let readout = Readout::new(skin, &adjacency, options, frames)?;
+        let mut live: IdVec<PatchId, Vec<_>> = skin.patches.map(|_| Vec::new());
+        readout.live().for_each(|(patch, taxel)| live[patch].push(taxel));
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
         let (name, unit, quantity) = match options.quantity {
             Quantity::Extensive => ("force", "N", Quantity::Extensive),
