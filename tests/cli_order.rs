@@ -72,6 +72,14 @@ fn a_shuffled_recording_is_read_by_its_order() {
     let [a, b] = ["a.npz", "b.npz"].map(|name| fs::read(folder.path().join(name)).unwrap());
     assert!(a == b, "the same values");
 
+    let words = "plot sheet/map.glb --recording shuffled.csv --columns truth.csv --signals -o signals.svg";
+    common::dermatome(&folder, words).assert().success();
+    let picture = fs::read_to_string(folder.path().join("signals.svg")).unwrap();
+    assert!(picture.contains("from signals"), "{picture}");
+    common::refuses(&folder, "plot sheet/map.glb --recording - --signals -o s.svg", &["read twice"]);
+    common::refuses(&folder, "plot sheet/map.glb --signals -o s.svg", &["--readings"]);
+    common::refuses(&folder, "plot sheet.glb --recording touched.csv --signals -o s.svg", &["map"]);
+
     for (table, said) in [
         ("column,taxel_id\n999,1\n", "as the readings have"),
         ("column,taxel_id\n0,1\n0,2\n", "each column once"),

@@ -2,11 +2,14 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use dermatome::Error;
 use dermatome::id::VertexId;
 use dermatome::io::{Readings, ReadingsReader};
 use dermatome::map::SkinMap;
-use dermatome::recording::{RecordingOptions, find_order};
+use dermatome::plot::{PlotOptions, plot_signals};
+use dermatome::recording::{Recording, RecordingOptions, find_order, map_signals};
 use dermatome::run::Run;
 use dermatome::signal::{
     ConditionOptions, LEAST_OBJECTIVE, Order, Quantity, ReadoutOptions, TouchOptions, TouchSimulation, Zero,
@@ -195,6 +198,35 @@ fn what_touches_leave_open_is_refused() {
     ] {
         assert_eq!(kind(&readings, &known).0, needed);
     }
+}
+
+/// The map from signals is the true one, up to turns, mirror images and scale; taxels without signals have no place on it.
+#[test]
+fn signals_draw_the_map() {
+    let skin = hand();
+    let plain: Vec<usize> = (0..count(&skin)).collect();
+    let mut readings = record(&skin, &presses(120), &plain);
+    readings.values.chunks_mut(plain.len()).for_each(|frame| frame[20] = f64::NAN);
+    let map = Arc::new(SkinMap::of_taxels(&skin));
+    let open = |readings: &Readings, zero| {
+        let condition = ConditionOptions { zero, ..ConditionOptions::default() };
+        let options = RecordingOptions { condition, ..RecordingOptions::default() };
+        Ok::<_, Error>(Recording::open(&map, ReadingsReader::memory(readings.clone())?, &options)?)
+    };
+    let signals = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&readings, zero)).unwrap();
+    let found = signals[PatchId::new(0)].as_ref().unwrap();
+    assert!(found.rms < 1.5 * SPACING, "{} m", found.rms);
+    assert_eq!(found.points[VertexId::new(20)], None);
+    // Neighbours are nearer to each other than to most others.
+    let (a, b, far) = (VertexId::new(0), VertexId::new(1), VertexId::new(plain.len() - 1));
+    let [a, b, far] = [a, b, far].map(|taxel| found.points[taxel].unwrap());
+    assert!(a.distance(b) < 0.3 * a.distance(far));
+    let picture = plot_signals(&map, &signals, &PlotOptions::default()).unwrap().to_svg();
+    assert!(picture.contains("sheet, from signals") && picture.contains("mm rms"));
+
+    let silent = record(&skin, &TouchOptions { pause: 2.0, ..presses(0) }, &plain);
+    let error = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&silent, zero)).unwrap_err();
+    assert_eq!(error.kind(), "no_touch");
 }
 
 /// Per cent of all taxels whose column is within a spacing of them, and objectives: the numbers of `docs/recordings.md`.

@@ -40,7 +40,7 @@ use crate::signal::{
 pub use examine::examine;
 pub use levels::Carried;
 pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
-pub use order::find_order;
+pub use order::{find_order, map_signals};
 pub use respond::{Reference, ResponseReport, respond};
 
 /// One frame of a recording, and what follows from it.

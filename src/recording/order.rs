@@ -9,8 +9,8 @@ use crate::map::SkinMap;
 use crate::mesh::TriMesh;
 use crate::recording::{Recording, RecordingOptions};
 use crate::run::Run;
-use crate::signal::{ColumnOrder, ConditionOptions, Order, OrderError, SignalError, Zero};
-use crate::skin::{Skin, TaxelId};
+use crate::signal::{ColumnOrder, ConditionOptions, Order, OrderError, SignalError, SignalMap, Zero};
+use crate::skin::{PatchId, Skin, TaxelId};
 
 /// Finds the order of the columns of recordings of separate touches on a skin; ids of columns are not used.
 ///
@@ -50,21 +50,52 @@ pub fn find_order<E: From<Error>>(
             let zero = if pass == 0 { Zero::Taken } else { options.condition.zero };
             let condition = ConditionOptions { zero, ..options.condition.clone() };
             let options = RecordingOptions { condition, ..options.clone() };
-            let mut recording = Recording::open(columns, reader, &options).map_err(Error::from)?;
-            let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
-            let channel = channel.ok_or_else(|| SignalError::NoTouch {
-                known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
-            });
-            order.begin_recording(channel.map_err(Error::from)?);
-            while let Some(step) = recording.next_step()? {
-                order.see(step.frame);
-            }
-            order.end_recording();
+            see(order, Recording::open(columns, reader, &options).map_err(Error::from)?)?;
         }
         found.iter_mut().for_each(|(order, ..)| order.end_pass());
     }
     let (order, ..) = found.ok_or_else(|| Error::from(SignalError::NoFrames))?;
     order.solve(map, known, run).map_err(fail)
+}
+
+/// Where the signals of recordings put the taxels of each patch of a map: the nearer, the more alike they are.
+///
+/// `open` opens a recording, by its number, with a zero; each of the `recordings` is opened [`ColumnOrder::PASSES`]
+/// times. The first channel that measures touches counts. Touches follow `zero`.
+///
+/// # Errors
+/// Those of `open` and of reading; [`OrderError`] if nothing is touched, or the map has too many taxels.
+pub fn map_signals<E: From<Error>>(
+    map: &SkinMap,
+    zero: Zero,
+    recordings: usize,
+    mut open: impl FnMut(usize, Zero) -> Result<Recording, E>,
+) -> Result<IdVec<PatchId, Option<SignalMap>>, E> {
+    let fail = |error: OrderError| E::from(Error::from(error));
+    let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut order = ColumnOrder::new(taxels, None).map_err(fail)?;
+    for pass in 0..ColumnOrder::PASSES {
+        for number in 0..recordings {
+            let recording = open(number, if pass == 0 { Zero::Taken } else { zero })?;
+            see(&mut order, recording)?;
+        }
+        order.end_pass();
+    }
+    order.signal_maps(map).map_err(fail)
+}
+
+/// Sees all frames of a recording.
+fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
+    let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
+    let channel = channel.ok_or_else(|| SignalError::NoTouch {
+        known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
+    })?;
+    order.begin_recording(channel);
+    while let Some(step) = recording.next_step()? {
+        order.see(step.frame);
+    }
+    order.end_recording();
+    Ok(())
 }
 
 /// A map whose taxels are the columns, none a neighbour of another.

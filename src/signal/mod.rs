@@ -46,7 +46,7 @@ pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub(crate) use noise::{QUANTISATION, RunningNoise};
-pub use order::{ColumnOrder, LEAST_OBJECTIVE, Order, OrderError, OrderedColumn};
+pub use order::{ColumnOrder, LEAST_OBJECTIVE, Order, OrderError, OrderedColumn, SignalMap};
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;

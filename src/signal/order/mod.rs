@@ -9,6 +9,8 @@
 //! 4. `matching`: of assignments near each of them, the one whose likeness fits the distances best: the largest
 //!    objective, the cosine of the likeness and of `exp(-d^2 / 2 l^2)` over all pairs.
 //!
+//! `signal_map` is step 2 for taxels that are known: the map from signals, to compare with the true one.
+//!
 //! An order below [`LEAST_OBJECTIVE`] is refused. So is a skin that looks alike from two sides: two orders that differ
 //! explain the signals alike, and only known columns decide. Columns that nothing touched have no taxel.
 //!
@@ -21,11 +23,12 @@ mod embed;
 mod error;
 mod likeness;
 mod matching;
+mod signal_map;
 mod surface;
 
 use glam::DVec2;
 
-use crate::id::VertexId;
+use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::parallel::par_map;
 use crate::run::Run;
@@ -40,6 +43,7 @@ use crate::signal::{Frame, SignalError};
 use crate::skin::{PatchId, TaxelId};
 
 pub use error::OrderError;
+pub use signal_map::SignalMap;
 
 /// An order is refused below this objective. Simulated touches: above 0.88 every one was right, below 0.85 none.
 pub const LEAST_OBJECTIVE: f64 = 0.88;
@@ -234,6 +238,19 @@ impl ColumnOrder {
             crowded: self.sums.crowded,
             threshold: self.survey.threshold,
         })
+    }
+
+    /// Where signals put the taxels of each patch, if the columns are the taxels of a map, patch after patch; `None` of a
+    /// patch of which fewer than four are touched.
+    ///
+    /// # Errors
+    /// [`OrderError::NoTouch`].
+    ///
+    /// # Panics
+    /// If the map has another number of taxels.
+    pub fn signal_maps(&self, map: &SkinMap) -> Result<IdVec<PatchId, Option<SignalMap>>, OrderError> {
+        assert_eq!(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum::<usize>(), self.columns);
+        Ok(signal_map::signal_maps(map, &self.touched()?))
     }
 
     /// The likeness of the columns that are touched, if they are some.
