@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::id::VertexId;
-use dermatome::io::{Readings, ReadingsReader};
+use dermatome::io::{Readings, ReadingsReader, read_order, write_order};
 use dermatome::map::SkinMap;
 use dermatome::plot::{PlotOptions, plot_signals};
 use dermatome::recording::{Recording, RecordingOptions, find_order, map_signals};
@@ -200,6 +200,22 @@ fn what_touches_leave_open_is_refused() {
     }
 }
 
+/// Taxels that share an id are placed, but a table cannot name them.
+#[test]
+fn shared_ids_are_not_written() {
+    let mut skin = hand();
+    let truth = shuffled(count(&skin));
+    let ids = &mut skin.patches[PatchId::new(0)].taxels.ids;
+    [10, 30].into_iter().for_each(|k| ids[VertexId::new(k)] = TaxelId(0));
+    let order = find(&skin, &record(&skin, &presses(120), &truth), &[]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("order.csv");
+    assert_eq!(write_order(&path, &order).unwrap(), 2);
+    let rows = read_order(&path).unwrap().rows;
+    assert_eq!(rows.len(), order.placed() - 2);
+    assert!(rows.iter().all(|&(column, id)| order.columns[column].taxel.is_some_and(|(.., own)| own == id)));
+}
+
 /// The map from signals is the true one, up to turns, mirror images and scale; taxels without signals have no place on it.
 #[test]
 fn signals_draw_the_map() {
@@ -208,12 +224,12 @@ fn signals_draw_the_map() {
     let mut readings = record(&skin, &presses(120), &plain);
     readings.values.chunks_mut(plain.len()).for_each(|frame| frame[20] = f64::NAN);
     let map = Arc::new(SkinMap::of_taxels(&skin));
-    let open = |readings: &Readings, zero| {
+    let open = |map: &Arc<SkinMap>, readings: &Readings, zero| {
         let condition = ConditionOptions { zero, ..ConditionOptions::default() };
         let options = RecordingOptions { condition, ..RecordingOptions::default() };
-        Ok::<_, Error>(Recording::open(&map, ReadingsReader::memory(readings.clone())?, &options)?)
+        Ok::<_, Error>(Recording::open(map, ReadingsReader::memory(readings.clone())?, &options)?)
     };
-    let signals = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&readings, zero)).unwrap();
+    let signals = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&map, &readings, zero)).unwrap();
     let found = signals[PatchId::new(0)].as_ref().unwrap();
     assert!(found.rms < 1.5 * SPACING, "{} m", found.rms);
     assert_eq!(found.points[VertexId::new(20)], None);
@@ -224,8 +240,23 @@ fn signals_draw_the_map() {
     let picture = plot_signals(&map, &signals, &PlotOptions::default()).unwrap().to_svg();
     assert!(picture.contains("sheet, from signals") && picture.contains("mm rms"));
 
+    // A second patch that nothing touches has no map from signals, and an empty place in the picture.
+    let mut both = hand();
+    both.append(&common::cut_sheet(SPACING, |x, y| x < 2.5 && y < 2.5));
+    let mut wider = Readings { width: readings.width + 8, values: Vec::new(), ..readings.clone() };
+    for frame in readings.values.chunks(readings.width) {
+        wider.values.extend_from_slice(frame);
+        wider.values.extend([0.0; 8]);
+    }
+    let map = Arc::new(SkinMap::of_taxels(&both));
+    assert_eq!(map.patches[PatchId::new(1)].taxels.ids.len(), 8);
+    let two = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&map, &wider, zero)).unwrap();
+    assert_eq!((&two[PatchId::new(0)], &two[PatchId::new(1)]), (&signals[PatchId::new(0)], &None));
+    plot_signals(&map, &two, &PlotOptions::default()).unwrap();
+
+    let map = Arc::new(SkinMap::of_taxels(&skin));
     let silent = record(&skin, &TouchOptions { pause: 2.0, ..presses(0) }, &plain);
-    let error = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&silent, zero)).unwrap_err();
+    let error = map_signals(&map, Zero::At(0.0), 1, |_, zero| open(&map, &silent, zero)).unwrap_err();
     assert_eq!(error.kind(), "no_touch");
 }
 
@@ -239,8 +270,13 @@ fn table() {
     let skin = dermatome::skin::assemble(&draft, &dermatome::skin::AssembleOptions::default()).unwrap().skin;
     let truth = shuffled(count(&skin));
     let ids = &skin.patches[PatchId::new(0)].taxels.ids;
-    // Three corners of the cover.
-    let known = [0, 200, 640].map(|k| (k, ids[VertexId::new(truth[k])]));
+    // Three taxels far from each other whose ids are their own.
+    let known = [0, 200, 640].map(|at| {
+        let is_own = |id: TaxelId| ids.iter().filter(|other| **other == id).count() == 1;
+        let at =
+            (0..ids.len()).map(|k| (at + k) % ids.len()).find(|&k| is_own(ids[VertexId::new(k)])).unwrap();
+        (truth.iter().position(|&k| k == at).unwrap(), ids[VertexId::new(at)])
+    });
     for (radius, presses_of_it, least) in
         [(0.04, 200, 0.85), (0.04, 400, 0.98), (0.015, 400, 0.0), (0.015, 800, 0.9)]
     {

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             None => read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common)?,
         };
         if args.order.order {
-            order = Some(args.order.find(&args.recordings, &skin, common)?);
+            order = Some((args.order.find(&args.recordings, &skin, common)?, skin));
         } else {
             health = Some((args.recordings.examine(&skin, common)?, skin));
         }
@@ -73,8 +73,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             all.extend(report.findings.iter().map(|finding| finding_as_json(finding, skin)));
             object["health"] = summary_as_json(report);
         }
-        if let Some(order) = &order {
-            object["order"] = order::as_json(order);
+        if let Some((order, skin)) = &order {
+            object["order"] = order::as_json(order, skin);
         }
         print_json("dermatome.check/1", &object)?;
     } else if findings.is_empty() && health.is_none() && order.is_none() {
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         let of_skin: String = findings.iter().map(|f| sentence(f, &draft)).collect();
         let of_recordings = health.as_ref().map(|(report, _)| sentences(report));
-        let of_recordings = of_recordings.or(order.as_ref().map(order::sentence));
+        let of_recordings = of_recordings.or(order.as_ref().map(|(order, _)| order::sentence(order)));
         print(&(of_skin + &of_recordings.unwrap_or_default()))?;
     }
     let is_faulty = health.is_some_and(|(report, _)| !report.findings.is_empty());

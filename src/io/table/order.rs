@@ -1,5 +1,6 @@
 //! Tables of which column of a recording is of which taxel.
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use crate::io::IoError;
@@ -23,7 +24,7 @@ pub fn read_order(path: &Path) -> Result<TaxelTable<(usize, TaxelId)>, IoError> 
     let unused = table.columns.unknown(&["column", "taxel_id", "support"]);
     let unused = unused.map(|(_, name)| name.to_owned()).collect();
     let mut rows: Vec<(usize, TaxelId)> = Vec::new();
-    let (mut columns, mut taxels) = (std::collections::HashSet::new(), std::collections::HashSet::new());
+    let (mut columns, mut taxels) = (HashSet::new(), HashSet::new());
     table.each_row(&mut |row| {
         let number = row.text(column).parse().ok().filter(|number: &u32| *number < u32::MAX);
         let number = number.ok_or_else(|| row.invalid(column, "the number of a column, counted from 0"))?;
@@ -43,21 +44,30 @@ pub fn read_order(path: &Path) -> Result<TaxelTable<(usize, TaxelId)>, IoError> 
     Ok(TaxelTable { rows, unused })
 }
 
-/// Writes which column is of which taxel, as [`read_order`] reads it, and the support of each.
+/// Writes which column is of which taxel, as [`read_order`] reads it, and the support of each. Taxels that share an id
+/// cannot be named: their columns have an empty cell, and their number is returned.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
-pub fn write_order(path: impl Into<OutPath>, order: &Order) -> Result<(), IoError> {
+pub fn write_order(path: impl Into<OutPath>, order: &Order) -> Result<usize, IoError> {
+    let mut counts = HashMap::new();
+    order
+        .columns
+        .iter()
+        .filter_map(|column| column.taxel)
+        .for_each(|(.., id)| *counts.entry(id).or_insert(0) += 1);
+    let is_named = |id: &TaxelId| counts.get(id) == Some(&1);
     write_table(&path.into(), "column,taxel_id,support", |table| {
         for (number, column) in (0_u32..).zip(&order.columns) {
             table.whole(number);
-            match column.taxel {
-                Some((.., id)) => table.whole(id.0),
+            match column.taxel.map(|(.., id)| id).filter(is_named) {
+                Some(id) => table.whole(id.0),
                 None => table.empty(1),
             }
             table.number_if_any(Some(column.support).filter(|support| support.is_finite()));
             table.end_row()?;
         }
         Ok(())
-    })
+    })?;
+    Ok(counts.values().filter(|&&count| count > 1).sum())
 }

@@ -26,10 +26,10 @@ pub enum OrderError {
     )]
     MoreColumns { found: usize, taxels: usize },
     #[error(
-        "the signals of only {found} columns are connected, for {taxels} taxels, after {touches} touches; {needed} are \
-         needed: more separate touches that roll, all over the skin"
+        "the signals of only {found} of {columns} columns are connected, for {taxels} taxels, after {touches} touches; \
+         {needed} are needed: more separate touches that roll, all over the skin"
     )]
-    Unconnected { found: usize, taxels: usize, touches: usize, needed: usize },
+    Unconnected { found: usize, columns: usize, taxels: usize, touches: usize, needed: usize },
     #[error(
         "the best order explains {objective:.3} of the likeness of signals, {needed} is needed; there were {touches} touches: \
          more separate ones that roll are needed, all over the skin, some 200 of a hand and 800 of a fingertip for 600 taxels"

@@ -199,8 +199,8 @@ impl ColumnOrder {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
         let needed = ((LEAST_SHARE * all.len() as f64).ceil() as usize).max(LEAST_COLUMNS);
         if found < needed {
-            let (taxels, touches) = (all.len(), self.sums.touches);
-            return Err(OrderError::Unconnected { found, taxels, touches, needed });
+            let (columns, taxels, touches) = (self.columns, all.len(), self.sums.touches);
+            return Err(OrderError::Unconnected { found, columns, taxels, touches, needed });
         }
         let likeness = likeness.select(&embedding.members);
         let number = |column: usize| likeness.columns.binary_search(&column).ok();
@@ -216,6 +216,7 @@ impl ColumnOrder {
         let answers = answers.into_iter().collect::<Result<Vec<_>, _>>()?;
         let (mut best, runner_up) = self.choose(answers, &pinned, &likeness, &surface)?;
         put_known(&mut best.taxels, &pinned);
+        best.objective = matching.objective(&best.taxels);
         let mut columns =
             vec![OrderedColumn { taxel: None, support: f64::NAN, is_known: false }; self.columns];
         let place =
@@ -351,7 +352,9 @@ fn telling(best: &Answer, twin: &Answer, surface: &Surface) -> [TaxelId; 3] {
             let away = chosen.iter().map(|&other| surface.distance(best.taxels[k], best.taxels[other]));
             away.fold(moved[k], f64::min)
         };
-        chosen.extend((0..moved.len()).max_by(|&a, &b| worth(a).total_cmp(&worth(b))));
+        // A taxel that shares its id cannot be named.
+        let named = (0..moved.len()).filter(|&k| surface.taxel(surface.ids[best.taxels[k]]).is_ok());
+        chosen.extend(named.max_by(|&a, &b| worth(a).total_cmp(&worth(b))));
     }
     std::array::from_fn(|k| {
         chosen.get(k).map_or(TaxelId::default(), |&column| surface.ids[best.taxels[column]])

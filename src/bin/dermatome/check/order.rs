@@ -50,7 +50,14 @@ impl OrderArgs {
         let count = recordings.readings.len();
         let order = find_order(&map, &known, recordings.threshold, &options, count, open, Run::default())?;
         if let Some(path) = &recordings.output {
-            write_order(common.outputs.file(path), &order).map_err(Error::from)?;
+            let unnamed = write_order(common.outputs.file(path), &order).map_err(Error::from)?;
+            if unnamed > 0 {
+                note!(
+                    common,
+                    "{unnamed} columns are of taxels that share an id; they have none in {}",
+                    path.display()
+                );
+            }
             outputs::publish(common)?;
         }
         if order.crowded > 0 {
@@ -74,10 +81,12 @@ pub(super) fn sentence(order: &Order) -> String {
 }
 
 /// The order, for programs.
-pub(super) fn as_json(order: &Order) -> Value {
+pub(super) fn as_json(order: &Order, skin: &Skin) -> Value {
     let column = |(number, column): (usize, &dermatome::signal::OrderedColumn)| {
         json!({
             "column": number, "taxel": column.taxel.map(|(.., id)| id.0),
+            "patch": column.taxel.map(|(patch, ..)| &skin.patches[patch].name),
+            "vertex": column.taxel.map(|(_, vertex, _)| vertex.raw()),
             "support": Some(column.support).filter(|x| x.is_finite()), "known": column.is_known,
         })
     };

@@ -41,7 +41,7 @@ from dermatome._dermatome import (
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._readings import Readings
-from dermatome._response import examine, response
+from dermatome._response import examine, order, response
 from dermatome._touch import touch
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ __all__ = [
     "diff",
     "examine",
     "flatten",
+    "order",
     "response",
     "simulate",
     "touch",
