@@ -52,7 +52,7 @@ fn record(skin: &Skin, options: &TouchOptions, order: &[usize]) -> Readings {
 
 /// A permutation: multiples of a number that has no factor in common with the count.
 fn shuffled(count: usize) -> Vec<usize> {
-    let factor = [37, 41, 43].into_iter().find(|factor| count % factor != 0).unwrap();
+    let factor = [37, 41, 43].into_iter().find(|factor| !count.is_multiple_of(*factor)).unwrap();
     (0..count).map(|k| (k * factor + 5) % count).collect()
 }
 
