@@ -27,6 +27,8 @@ pub enum Error {
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
     #[error(transparent)]
+    Order(#[from] crate::signal::OrderError),
+    #[error(transparent)]
     Response(#[from] crate::response::ResponseError),
     #[error(transparent)]
     Diff(#[from] crate::diff::DiffError),
@@ -100,6 +102,7 @@ kinds!(
     Flatten(crate::flatten::FlattenError),
     Map(crate::map::MapError),
     Signal(crate::signal::SignalError),
+    Order(crate::signal::OrderError),
     Response(crate::response::ResponseError),
     Diff(crate::diff::DiffError),
     Touches(crate::touches::TouchesError),

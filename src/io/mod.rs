@@ -103,6 +103,7 @@ pub use table::diff::write_diff;
 pub use table::joints::{JointTable, read_joint_values};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_link_names, read_motion};
+pub use table::order::{read_order, write_order};
 pub use table::region_writer::{RegionWriter, write_steps, write_touches};
 pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};

@@ -1,23 +1,29 @@
 //! Small matrices, distributions, sets and compressed lists: independent of meshes and taxels.
 
+mod assignment;
 mod chi_square;
 mod covariance;
 mod csr;
+mod dense_cholesky;
 mod disjoint_sets;
 mod linear_system;
 mod matrix6;
 mod order;
 mod random;
+mod shortest_paths;
 mod symmetric_eigen;
 
+pub(crate) use assignment::assign;
 pub(crate) use chi_square::{chi_square_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use csr::Csr;
+pub(crate) use dense_cholesky::{dense_cholesky, solve_dense};
 pub(crate) use disjoint_sets::{DisjointSets, Labels, Relation};
 pub(crate) use linear_system::solve_system;
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use order::{along_curve, argsort, chains, median, median_of, morton, nth_smallest, order_by};
 pub(crate) use random::Random;
+pub(crate) use shortest_paths::distances_from;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 
 /// The standard deviation of normal numbers over the median of their sizes.

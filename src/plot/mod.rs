@@ -3,7 +3,8 @@
 //! A picture shows levels side by side at one scale, with their receptive fields or their distortion, and the
 //! skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does [`plot_frame`] with the
 //! readings of one frame; [`Picture::to_svg`] and [`Picture::to_png`] write it. [`image_png`] colours the
-//! pixels of a tactile image. [`plot_diff`] draws what changed between two files of one skin.
+//! pixels of a tactile image. [`plot_diff`] draws what changed between two files of one skin, [`plot_signals`] the map
+//! from signals beside the true one.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};
@@ -30,6 +31,7 @@ mod picture;
 mod plot_diff;
 mod plot_frame;
 mod plot_map;
+mod plot_signals;
 
 use crate::pyramid::LevelId;
 
@@ -39,6 +41,7 @@ pub use picture::Picture;
 pub use plot_diff::plot_diff;
 pub use plot_frame::{FramePlotter, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
+pub use plot_signals::plot_signals;
 
 /// The quantity that the colours of a plot show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -12,12 +12,14 @@
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
 //!
 //! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to
-//! [`Health`](crate::signal::Health), `respond` to the estimators of a response.
+//! [`Health`](crate::signal::Health), `respond` to the estimators of a response, `order` to
+//! [`ColumnOrder`](crate::signal::ColumnOrder).
 
 mod examine;
 mod intake;
 mod levels;
 mod options;
+mod order;
 mod respond;
 
 use std::collections::VecDeque;
@@ -38,6 +40,7 @@ use crate::signal::{
 pub use examine::examine;
 pub use levels::Carried;
 pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
+pub use order::{find_order, map_signals};
 pub use respond::{Reference, ResponseReport, respond};
 
 /// One frame of a recording, and what follows from it.

@@ -7,7 +7,7 @@
 //! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
 //! finds contact regions ([`ContactTracker`]), `events` has words for what they do ([`EventDetector`]). `response` is what is known about the channels of taxels ([`Response`]),
-//! `health` finds faulty taxels ([`Health`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
+//! `health` finds faulty taxels ([`Health`]), `order` finds which column is of which taxel ([`ColumnOrder`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
 //! regions ([`GroupPool`]).
 //!
 //! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
@@ -25,6 +25,7 @@ mod frame;
 mod health;
 mod match_taxels;
 mod noise;
+mod order;
 mod pool;
 mod response;
 mod restrict;
@@ -45,6 +46,7 @@ pub use frame::{Frame, LevelFrame, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub(crate) use noise::{QUANTISATION, RunningNoise};
+pub use order::{ColumnOrder, LEAST_OBJECTIVE, Order, OrderError, OrderedColumn, SignalMap};
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;

@@ -7,9 +7,11 @@ use std::{env, fs};
 
 #[cfg(feature = "cli")]
 use assert_cmd::assert::Assert;
+use dermatome::id::VertexId;
 use dermatome::io::Readings;
+use dermatome::mesh::{TriMesh, shapes};
 use dermatome::signal::Channel;
-use dermatome::skin::TaxelId;
+use dermatome::skin::{Skin, TaxelId};
 
 /// The command without arguments.
 #[cfg(feature = "cli")]
@@ -112,4 +114,19 @@ pub(crate) fn fingers(path: &Path) -> Vec<(String, Readings)> {
         values: numbers(&mut archive, name).1,
     };
     names.iter().map(|name| (name.clone(), of_name(name))).collect()
+}
+
+/// A lattice of 11 x 11 taxels without those that a rule leaves out, whose arguments are in spacings.
+pub(crate) fn cut_sheet(spacing: f64, is_kept: impl Fn(f64, f64) -> bool) -> Skin {
+    let lattice = shapes::lattice(11, 11, spacing);
+    let kept = lattice.positions.enumerate().filter(|(_, p)| is_kept(p.x / spacing, p.y / spacing));
+    let kept: Vec<VertexId> = kept.map(|(v, _)| v).collect();
+    let number = |v: VertexId| kept.iter().position(|k| *k == v).and_then(|k| u32::try_from(k).ok());
+    let triangles = lattice.triangles.iter().filter_map(|t| {
+        let corners = t.map(number);
+        Some([corners[0]?, corners[1]?, corners[2]?])
+    });
+    let positions = kept.iter().map(|&v| lattice.positions[v]).collect();
+    let mesh = TriMesh::from_arrays(positions, &triangles.collect::<Vec<_>>());
+    Skin::from_mesh("sheet", mesh)
 }

@@ -1,5 +1,6 @@
 //! `check`: the problems of a skin, and with recordings of its taxels.
 
+mod order;
 mod recordings;
 
 use std::process::ExitCode;
@@ -9,6 +10,7 @@ use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, ch
 
 use serde_json::{Value, json};
 
+use crate::check::order::OrderArgs;
 use crate::check::recordings::{RecordingArgs, finding_as_json, sentences, summary_as_json};
 use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
@@ -21,7 +23,7 @@ use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 /// Errors are what `build` refuses; warnings are what it accepts, though it is probably a mistake; notes
 /// are nothing wrong. That taxels are bare is a note on standard error. With recordings, errors are taxels that cannot be
 /// trusted too: dead, stuck, noisy, jumping, chattering, saturated, silent or swapped ones, crosstalk, and steps and turns of modules; those
-/// that nothing touched are untested.
+/// that nothing touched are untested. With --order recordings show which of their columns is of which taxel.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
@@ -34,13 +36,15 @@ pub(crate) struct Args {
     read: ReadArgs,
     #[command(flatten)]
     recordings: RecordingArgs,
+    #[command(flatten)]
+    order: OrderArgs,
 }
 
 /// A line holds no more elements; `--json` gives them all.
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    args.recordings.check()?;
+    args.recordings.check(if args.order.order { "twice" } else { "three times" })?;
     let draft = read_draft_of(&args.file, &args.read, false)?;
     // A map that lookups refuse is no skin without findings.
     let map = read_map_if_any(&args.file)?;
@@ -49,7 +53,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note!(common, "{found}"));
     let is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
-    let mut health = None;
+    let (mut health, mut order) = (None, None);
     if is_refused && !args.recordings.is_empty() {
         note!(common, "the recordings are not judged: first the skin must have no errors");
     } else if !args.recordings.is_empty() {
@@ -57,7 +61,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             Some(map) => map.skin(),
             None => read_skin(&args.file, &args.read, &PatchArgs::default(), &options, common)?,
         };
-        health = Some((args.recordings.examine(&skin, common)?, skin));
+        if args.order.order {
+            order = Some((args.order.find(&args.recordings, &skin, common)?, skin));
+        } else {
+            health = Some((args.recordings.examine(&skin, common)?, skin));
+        }
     }
     if args.json {
         let mut object = as_json(&findings, &draft);
@@ -65,12 +73,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             all.extend(report.findings.iter().map(|finding| finding_as_json(finding, skin)));
             object["health"] = summary_as_json(report);
         }
+        if let Some((order, skin)) = &order {
+            object["order"] = order::as_json(order, skin);
+        }
         print_json("dermatome.check/1", &object)?;
-    } else if findings.is_empty() && health.is_none() {
+    } else if findings.is_empty() && health.is_none() && order.is_none() {
         print("no findings\n")?;
     } else {
         let of_skin: String = findings.iter().map(|f| sentence(f, &draft)).collect();
-        print(&(of_skin + &health.as_ref().map_or(String::new(), |(report, _)| sentences(report))))?;
+        let of_recordings = health.as_ref().map(|(report, _)| sentences(report));
+        let of_recordings = of_recordings.or(order.as_ref().map(|(order, _)| order::sentence(order)));
+        print(&(of_skin + &of_recordings.unwrap_or_default()))?;
     }
     let is_faulty = health.is_some_and(|(report, _)| !report.findings.is_empty());
     Ok(if is_refused || is_faulty { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })

@@ -8,12 +8,16 @@ use std::sync::Arc;
 use dermatome::Error;
 use dermatome::io::IoError;
 use dermatome::map::SkinMap;
-use dermatome::plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_skin};
+use dermatome::plot::{
+    Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_signals, plot_skin,
+};
 use dermatome::pyramid::LevelId;
-use dermatome::recording::{Carried, FrameRange};
+use dermatome::recording::{Carried, FrameRange, map_signals};
+use dermatome::signal::Zero;
 use glob::Pattern;
 
 use crate::console::errors::advise;
+use crate::console::notes::note;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream};
@@ -75,8 +79,12 @@ pub(crate) struct Args {
 struct FrameArgs {
     /// Draw one frame of these readings: text with a line of taxel ids, .csv, .npy or .npz; `-`: text
     /// or CSV on standard input
-    #[arg(long, value_name = "READINGS", conflicts_with = "show")]
+    #[arg(long, visible_alias = "recording", value_name = "READINGS", conflicts_with = "show")]
     readings: Option<InPath>,
+    /// Draw instead of a frame the map that all of these readings, of touches, draw by themselves, beside the true map: the
+    /// nearer two taxels, the more alike their signals. Colours are those of places on the true map
+    #[arg(long, requires = "readings", conflicts_with_all = ["frame", "channel", "levels", "space", "view", "range"])]
+    signals: bool,
     /// The frame that is drawn, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0, requires = "readings")]
     frame: usize,
@@ -117,6 +125,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         options.patches = select_patches(&args.map, names, &args.patches, |name| name)?;
     }
     let picture = match (map, &args.frame.readings) {
+        (Some(map), Some(readings)) if args.frame.signals => {
+            picture_of_signals(args, &Arc::new(map), readings, &options, common)?
+        }
         (Some(map), Some(readings)) => picture_of_frame(args, &Arc::new(map), readings, &options, common)?,
         (Some(map), None) => plot_map(&map, &options).map_err(Error::from)?,
         (None, Some(_)) => return Err(Error::from(IoError::NoMap { path: (&args.map).into() }).into()),
@@ -157,6 +168,40 @@ fn picture_of_frame(
             "frames count from 0; give --frame a smaller number",
         )
     })
+}
+
+fn picture_of_signals(
+    args: &Args,
+    map: &Arc<SkinMap>,
+    path: &Path,
+    options: &PlotOptions,
+    common: &Common,
+) -> anyhow::Result<Picture> {
+    if is_stream(path) {
+        return Err(advise("recordings are read twice", "name a file, not -"));
+    }
+    let zero = args.readings_args.zero().unwrap_or(Zero::Follow);
+    let mut is_known = false;
+    let signals = map_signals(map, zero, 1, |_, zero| {
+        let recording = args.readings_args.open_at(zero, path, map, common)?;
+        if !is_known {
+            remark_join(&recording, path, common);
+        }
+        is_known = true;
+        Ok::<_, anyhow::Error>(recording)
+    })?;
+    for (patch, found) in map.patches.iter().zip(&signals) {
+        let known = found.iter().flat_map(|found| found.points.iter().flatten()).count();
+        let missing = patch.taxels.ids.len() - known;
+        if missing > 0 {
+            note!(
+                common,
+                "{}: the signals of {missing} taxels are not connected with the others",
+                patch.name
+            );
+        }
+    }
+    Ok(plot_signals(map, &signals, options).map_err(Error::from)?)
 }
 
 fn time(text: &str) -> Result<f64, String> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::io::{
-    IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains, read_response,
+    IoError, Layout, ReadOptions, ReadingsReader, StatementSource, read_gains, read_order, read_response,
 };
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
@@ -43,6 +43,10 @@ pub(crate) struct ReadingsArgs {
     /// What to do with a taxel id that several columns have
     #[arg(long, value_parser = one_of(&DUPLICATES), default_value = "refuse", hide = true)]
     duplicates: Duplicates,
+    /// Which taxel each column is of, whatever the readings say: a table with columns column,taxel_id that `check --order`
+    /// writes; columns are counted from 0, without frames and times
+    #[arg(long, value_name = "ORDER.csv")]
+    columns: Option<InPath>,
     /// Subtract the zero of each taxel: `follow` (it drifts, and is followed where nothing touches), first=N (the mean
     /// of the first N frames), `stored` (that of --response), or a number
     #[arg(long, value_name = "follow|stored|first=N|NUMBER", value_parser = zero, allow_hyphen_values = true)]
@@ -205,8 +209,17 @@ impl ReadingsArgs {
         map: &Arc<SkinMap>,
         common: &Common,
     ) -> anyhow::Result<Recording> {
+        let readings = self.reader(path, common)?;
+        let options = self.recording_options(common)?;
+        let condition = ConditionOptions { response, ..options.condition };
+        let options = RecordingOptions { condition, frames, ..options };
+        Ok(Recording::open(map, readings, &options).map_err(Error::from)?)
+    }
+
+    /// Opens readings without a map: those of a file, or of standard input.
+    pub(crate) fn reader(&self, path: &Path, common: &Common) -> anyhow::Result<ReadingsReader> {
         let read = self.read_options()?;
-        let readings = if is_stream(path) {
+        let mut readings = if is_stream(path) {
             if read.stream.is_some() {
                 return Err(advise(
                     "standard input is one stream of text",
@@ -224,13 +237,23 @@ impl ReadingsArgs {
         } else {
             ReadingsReader::open(path, read).map_err(Error::from)?
         };
+        if let Some(path) = &self.columns {
+            let table = read_order(path).map_err(Error::from)?;
+            note_columns(path, &table.unused, common);
+            readings.assign_columns(path, &table.rows).map_err(Error::from)?;
+        }
+        Ok(readings)
+    }
+
+    /// How readings are made comparable, without a response.
+    pub(crate) fn recording_options(&self, common: &Common) -> anyhow::Result<RecordingOptions> {
         let mut gains = Vec::new();
         if let Some(path) = &self.gain {
             let table = read_gains(path).map_err(Error::from)?;
             note_columns(path, &table.unused, common);
             gains = table.rows;
         }
-        let options = RecordingOptions {
+        Ok(RecordingOptions {
             names: self.channels.clone(),
             units: self.units.clone(),
             rate_hz: self.rate,
@@ -238,14 +261,13 @@ impl ReadingsArgs {
             condition: ConditionOptions {
                 zero: self.zero.unwrap_or_default(),
                 gains,
-                response,
+                response: None,
                 clip: self.clip,
                 split_hz: self.split,
             },
             fill: self.fill,
-            frames,
-        };
-        Ok(Recording::open(map, readings, &options).map_err(Error::from)?)
+            frames: FrameRange::default(),
+        })
     }
 
     fn read_options(&self) -> anyhow::Result<ReadOptions> {

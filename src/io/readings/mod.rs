@@ -69,6 +69,15 @@ pub struct ReadingsReader {
     /// Whether frames have a time.
     pub has_times: bool,
     source: Source,
+    chosen: Option<Chosen>,
+}
+
+/// Columns of a source that are read, in their order.
+struct Chosen {
+    columns: Vec<usize>,
+    /// Number of columns of the source.
+    width: usize,
+    values: Vec<f64>,
 }
 
 enum Source {
@@ -271,13 +280,17 @@ impl ReadingsReader {
         let mut all: Vec<Statement> =
             self.channels.iter().map(|c| state(&format!("unit of {}", c.name), &stated(&c.unit))).collect();
         all.push(state("time", if self.has_times { "as in the file, in s" } else { "none in the file" }));
-        let ids = if self.ids.is_some() { "by their ids" } else { "in the order of the map" };
+        let ids = match (&self.chosen, &self.ids) {
+            (Some(_), _) => "by a table of columns",
+            (None, Some(_)) => "by their ids",
+            (None, None) => "in the order of the map",
+        };
         all.push(state("taxels", ids));
         all
     }
 
     fn of(source: Source, About { ids, channels, width, frames, has_times }: About) -> Self {
-        Self { ids, channels, width, frames, has_times, source }
+        Self { ids, channels, width, frames, has_times, source, chosen: None }
     }
 
     /// Reads a stream of text or CSV, which errors call `path`. A line is read as soon as it has
@@ -336,6 +349,41 @@ impl ReadingsReader {
     /// If the row has another number of cells, a cell is not a number, the file has ended too early,
     /// or there is no row at all. After an error about a line the next one may be read.
     pub fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
-        self.source.read(values, time)
+        let Some(Chosen { columns, width, values: all }) = &mut self.chosen else {
+            return self.source.read(values, time);
+        };
+        if !self.source.read(all, time)? {
+            return Ok(false);
+        }
+        values.clear();
+        for channel in all.chunks_exact(*width) {
+            values.extend(columns.iter().map(|&column| channel[column]));
+        }
+        Ok(true)
+    }
+
+    /// Reads these columns only, counted from 0, each as the readings of a taxel, whatever the file says; `table` says
+    /// so, for errors.
+    ///
+    /// # Errors
+    /// If there is none of them, or one is not a column of the readings.
+    pub fn assign_columns(&mut self, table: &Path, columns: &[(usize, TaxelId)]) -> Result<(), IoError> {
+        if columns.is_empty() {
+            return Err(invalid(table, "rows", "no column with a taxel", "one at least"));
+        }
+        if let Some((column, _)) = columns.iter().find(|(column, _)| *column >= self.width) {
+            let needed = format!("0 to {}, as the readings have", self.width.saturating_sub(1));
+            return Err(invalid(table, "column", column.to_string(), needed));
+        }
+        let before = self.chosen.take();
+        let source = |column: usize| before.as_ref().map_or(column, |chosen| chosen.columns[column]);
+        self.chosen = Some(Chosen {
+            columns: columns.iter().map(|(column, _)| source(*column)).collect(),
+            width: before.as_ref().map_or(self.width, |chosen| chosen.width),
+            values: Vec::new(),
+        });
+        self.ids = Some(columns.iter().map(|(_, taxel)| *taxel).collect());
+        self.width = columns.len();
+        Ok(())
     }
 }

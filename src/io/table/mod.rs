@@ -13,6 +13,7 @@ pub(super) mod diff;
 pub(super) mod joints;
 pub(super) mod lookups;
 pub(super) mod motion;
+pub(super) mod order;
 pub(super) mod region_writer;
 pub(super) mod response;
 pub(super) mod regions;

@@ -12,21 +12,21 @@ use crate::skin::{PatchId, Presence, TaxelId};
 
 /// A taxel with its neighbours, and the directions in which they lie.
 #[derive(Debug, Clone)]
-pub(super) struct Around {
+pub(in crate::signal) struct Around {
     /// Where each taxel is, in the order of the patches.
-    pub(super) taxels: Vec<(PatchId, VertexId)>,
-    pub(super) ids: Vec<TaxelId>,
-    pub(super) positions: Vec<DVec3>,
-    pub(super) normals: Vec<DVec3>,
-    pub(super) is_present: Vec<bool>,
+    pub(in crate::signal) taxels: Vec<(PatchId, VertexId)>,
+    pub(in crate::signal) ids: Vec<TaxelId>,
+    pub(in crate::signal) positions: Vec<DVec3>,
+    pub(in crate::signal) normals: Vec<DVec3>,
+    pub(in crate::signal) is_present: Vec<bool>,
     /// The neighbours of each taxel on the mesh in the order of their angles around its normal, which are in rad.
-    pub(super) neighbours: Csr<(u32, f64)>,
+    pub(in crate::signal) neighbours: Csr<(u32, f64)>,
     /// The taxels at most two edges away from each one, itself among them, in ascending order.
     within_two: Csr<u32>,
 }
 
 impl Around {
-    pub(super) fn new(map: &SkinMap) -> Self {
+    pub(in crate::signal) fn new(map: &SkinMap) -> Self {
         let (mut taxels, mut ids, mut is_present) = (Vec::new(), Vec::new(), Vec::new());
         let (mut positions, mut normals, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = 0_u32;
@@ -64,15 +64,20 @@ impl Around {
         Self { taxels, ids, positions, normals, is_present, neighbours, within_two }
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::signal) fn len(&self) -> usize {
         self.taxels.len()
     }
 
-    pub(super) fn is_near(&self, a: u32, b: u32) -> bool {
+    /// The taxels at most two edges away from one, itself among them.
+    pub(in crate::signal) fn near(&self, taxel: usize) -> &[u32] {
+        &self.within_two[taxel]
+    }
+
+    pub(in crate::signal) fn is_near(&self, a: u32, b: u32) -> bool {
         self.within_two[a as usize].binary_search(&b).is_ok()
     }
 
-    pub(super) fn of(&self, taxel: usize) -> impl Iterator<Item = usize> + Clone {
+    pub(in crate::signal) fn of(&self, taxel: usize) -> impl Iterator<Item = usize> + Clone {
         self.neighbours[taxel].iter().map(|&(other, _)| other as usize)
     }
 
@@ -95,6 +100,6 @@ impl Around {
 }
 
 /// The readings of one channel of a frame, in the order of the taxels.
-pub(super) fn readings(frame: &Frame, channel: usize) -> impl Iterator<Item = f64> + '_ {
+pub(in crate::signal) fn readings(frame: &Frame, channel: usize) -> impl Iterator<Item = f64> + '_ {
     frame.values.iter().flat_map(move |patch| patch[channel].iter().copied())
 }

@@ -15,13 +15,13 @@
 //! simulated recordings of 400 presses on a cover of 642 taxels (`tests/health`): at most one false finding in 20
 //! recordings without faults. Swaps and crosstalk within two edges of the mesh are not found.
 
-mod around;
+pub(in crate::signal) mod around;
 mod judge;
 mod leaks;
 mod modules;
-mod pairs;
+pub(in crate::signal) mod pairs;
 mod report;
-mod survey;
+pub(in crate::signal) mod survey;
 mod touches;
 mod window;
 

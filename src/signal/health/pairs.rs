@@ -15,6 +15,11 @@ const MOST_PAIRS: usize = 4_000_000;
 const CROWDED_SHARE: f64 = 0.25;
 const CROWDED: usize = 64;
 
+/// Whether so large a share of the taxels is touched that a frame says little of any pair.
+pub(in crate::signal) fn is_crowded(touched: usize, taxels: usize) -> bool {
+    touched as f64 > (CROWDED_SHARE * taxels as f64).max(CROWDED as f64)
+}
+
 /// What two taxels have in common, the smaller number first.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
@@ -41,8 +46,7 @@ impl Pairs {
     /// Sees the taxels that are touched in a frame, in ascending order, with their excess, and those that react while
     /// nothing touches around them.
     pub(super) fn see(&mut self, touched: &[(u32, f64)], lone: &[u32], around: &Around) {
-        let most = (CROWDED_SHARE * around.len() as f64).max(CROWDED as f64);
-        if touched.len() as f64 > most {
+        if is_crowded(touched.len(), around.len()) {
             self.crowded += 1;
             return;
         }

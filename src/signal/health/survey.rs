@@ -31,15 +31,15 @@ const THRESHOLD: f64 = 4.0;
 
 /// What one taxel read so far.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
-    pub(super) frames: u32,
-    pub(super) least: f64,
-    pub(super) most: f64,
+pub(in crate::signal) struct Seen {
+    pub(in crate::signal) frames: u32,
+    pub(in crate::signal) least: f64,
+    pub(in crate::signal) most: f64,
     last: f64,
     run: u32,
-    pub(super) longest_run: u32,
-    pub(super) repeated: f64,
-    pub(super) at_most: u32,
+    pub(in crate::signal) longest_run: u32,
+    pub(in crate::signal) repeated: f64,
+    pub(in crate::signal) at_most: u32,
     most_row: u32,
     equal: u32,
     differences: Vec<u32>,
@@ -63,23 +63,23 @@ const UNSEEN: Seen = Seen {
 
 /// What the first pass says of each taxel.
 #[derive(Debug, Clone)]
-pub(super) struct Survey {
-    pub(super) seen: Vec<Seen>,
+pub(in crate::signal) struct Survey {
+    pub(in crate::signal) seen: Vec<Seen>,
     /// Standard deviation of the noise.
-    pub(super) sigma: Vec<f64>,
-    pub(super) median_sigma: f64,
+    pub(in crate::signal) sigma: Vec<f64>,
+    pub(in crate::signal) median_sigma: f64,
     /// A reading above it is a touch.
-    pub(super) threshold: f64,
-    pub(super) is_dead: Vec<bool>,
-    pub(super) is_stuck: Vec<bool>,
-    pub(super) is_noisy: Vec<bool>,
-    pub(super) is_saturated: Vec<bool>,
+    pub(in crate::signal) threshold: f64,
+    pub(in crate::signal) is_dead: Vec<bool>,
+    pub(in crate::signal) is_stuck: Vec<bool>,
+    pub(in crate::signal) is_noisy: Vec<bool>,
+    pub(in crate::signal) is_saturated: Vec<bool>,
     /// Neither dead nor stuck nor noisy.
-    pub(super) is_ok: Vec<bool>,
+    pub(in crate::signal) is_ok: Vec<bool>,
 }
 
 impl Survey {
-    pub(super) fn new(taxels: usize) -> Self {
+    pub(in crate::signal) fn new(taxels: usize) -> Self {
         let no = vec![false; taxels];
         Self {
             seen: vec![UNSEEN; taxels],
@@ -94,16 +94,16 @@ impl Survey {
         }
     }
 
-    pub(super) fn see(&mut self, readings: impl Iterator<Item = f64>) {
+    pub(in crate::signal) fn see(&mut self, readings: impl Iterator<Item = f64>) {
         self.seen.iter_mut().zip(readings).filter(|(_, c)| c.is_finite()).for_each(|(seen, c)| seen.see(c));
     }
 
-    pub(super) fn end_recording(&mut self) {
+    pub(in crate::signal) fn end_recording(&mut self) {
         self.seen.iter_mut().for_each(|seen| (seen.last, seen.run) = (f64::NAN, 0));
     }
 
     /// Judges the taxels that are read; a threshold that is not given follows from the noise.
-    pub(super) fn settle(&mut self, is_read: &[bool], threshold: Option<f64>) {
+    pub(in crate::signal) fn settle(&mut self, is_read: &[bool], threshold: Option<f64>) {
         let read = || self.seen.iter().zip(is_read).filter(|(_, is_read)| **is_read).map(|(seen, _)| seen);
         let quantum = read().map(|seen| seen.quantum).fold(f64::INFINITY, f64::min);
         let step = if quantum.is_finite() { QUANTISATION * quantum } else { 0.0 };
@@ -146,7 +146,7 @@ impl Survey {
     }
 
     /// The excess from which on a taxel is touched.
-    pub(super) fn hot(&self, taxel: usize) -> f64 {
+    pub(in crate::signal) fn hot(&self, taxel: usize) -> f64 {
         const NOISE: f64 = 5.0;
         self.threshold.max(NOISE * self.sigma[taxel])
     }

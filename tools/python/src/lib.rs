@@ -66,7 +66,7 @@ mod _dermatome {
         observations::PyObservations,
         plot::{PyPicture, colours},
         recording_file::PyRecordingFile,
-        response::{PyResponse, estimate_response, examine_taxels},
+        response::{PyResponse, estimate_response, examine_taxels, order_columns},
         robot::PyRobot,
         run_command,
         signal::{

@@ -1,12 +1,15 @@
-//! `Response`: how readings become pressures, and which taxels can be trusted.
+//! `Response`: how readings become pressures, which taxels can be trusted, and which column is of which taxel.
 
 use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     SkinMap,
     io::{Readings, ReadingsReader, read_response, write_response},
-    recording::{Recording, RecordingOptions, Reference, examine, respond},
-    signal::{ConditionOptions, HealthOptions, HealthReport, Response, TaxelResponse, TaxelState, Zero},
+    recording::{Recording, RecordingOptions, Reference, examine, find_order, respond},
+    signal::{
+        ConditionOptions, HealthOptions, HealthReport, OrderedColumn, Response, TaxelResponse, TaxelState,
+        Zero,
+    },
     skin::TaxelId,
 };
 use numpy::PyArray1;
@@ -257,4 +260,40 @@ pub(crate) fn examine_taxels<'py>(
         all.push(object);
     }
     Ok((all, PyResponse { response: Arc::new(response) }))
+}
+
+/// Which column of recordings is of which taxel: its id, or -1, its support, and how well the order fits. `known` are
+/// columns, counted from 0, with the ids of their taxels; without `zero` it is followed.
+#[pyfunction]
+#[pyo3(signature = (map, recordings, *, known=Vec::new(), threshold=None, zero=None))]
+pub(crate) fn order_columns<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    recordings: Vec<Bound<'py, PyAny>>,
+    known: Vec<(usize, u32)>,
+    threshold: Option<f64>,
+    zero: Option<f64>,
+) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyDict>)> {
+    let readings = all_readings(recordings)?;
+    let known: Vec<(usize, TaxelId)> = known.into_iter().map(|(column, id)| (column, TaxelId(id))).collect();
+    let condition = ConditionOptions { zero: zero_of(zero), ..ConditionOptions::default() };
+    let options = RecordingOptions { condition, ..RecordingOptions::default() };
+    let map = Arc::clone(&map.get().map);
+    let made = run(py, 0, move |stop| {
+        let open = |number: usize| {
+            stop.check();
+            Ok::<_, dermatome::Error>(ReadingsReader::memory(readings[number].clone())?)
+        };
+        find_order(&map, &known, threshold, &options, readings.len(), open, stop.run())
+    })?;
+    let order = made.map_err(error)?;
+    let id = |column: &OrderedColumn| column.taxel.map_or(-1, |(.., id)| i64::from(id.0));
+    let report = PyDict::new(py);
+    report.set_item("support", vector(py, order.columns.iter().map(|column| column.support)))?;
+    report.set_item("objective", order.objective)?;
+    report.set_item("runner_up", order.runner_up)?;
+    report.set_item("touches", order.touches)?;
+    report.set_item("without_column", order.without_column)?;
+    report.set_item("threshold", order.threshold)?;
+    Ok((vector(py, order.columns.iter().map(id)), report))
 }

@@ -90,3 +90,27 @@ def test_what_determines_nothing_is_refused(sheet, touched):
         with pytest.raises(dermatome.DataError) as found:
             call()
         assert text in str(found.value), str(found.value)
+
+
+def test_shuffled_columns_find_their_taxels():
+    at = [[0.006 * (x + y % 2 / 2), 0.0052 * y, 0] for y in range(10) for x in range(11) if y < 4 or x < 5]
+    skin_map = dermatome.build(dermatome.Skin.from_arrays(at))
+    touched, _ = dermatome.touch(skin_map, presses=120, rate=20, duration=1.1, extensive=False, noise=2000, seed=1)
+    wires = np.random.default_rng(0).permutation(skin_map.n_taxels)
+    truth = touched.ids[wires]
+    shuffled = dermatome.Readings.from_arrays(touched.values[:, :, wires], timestamps=touched.timestamps, units="Pa")
+    ids, report = dermatome.order(skin_map, shuffled, zero=0)
+    assert ids.dtype == np.int64 and (ids == truth).mean() > 0.8
+    assert report["objective"] > 0.88 and report["support"].shape == ids.shape and report["touches"] > 100
+    known = {0: int(truth[0]), 40: int(truth[40])}
+    found, _ = dermatome.order(skin_map, [shuffled, shuffled], known=known, zero=0)
+    assert found[0] == truth[0] and found[40] == truth[40]
+    for wrong, kind in (
+        ({"known": {9999: 1}}, "known_column"),
+        ({"known": {0: 987_654}}, "known_taxel"),
+        ({"threshold": 1e12}, "no_touch"),
+        ({"threshold": 0}, "option"),
+    ):
+        with pytest.raises(dermatome.DataError) as refused:
+            dermatome.order(skin_map, shuffled, zero=0, **wrong)
+        assert refused.value.kind in (kind, "signal"), refused.value

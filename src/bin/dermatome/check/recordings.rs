@@ -23,18 +23,18 @@ use crate::readings::{ReadingsArgs, positive, remark_join};
 pub(super) struct RecordingArgs {
     /// Recordings of ordinary touches, of which zeros are followed by default: list the taxels that cannot be trusted
     #[arg(long = "recording", value_name = "R", num_args = 1..)]
-    readings: Vec<InPath>,
+    pub(super) readings: Vec<InPath>,
     /// The module of each taxel, for steps and turns of whole modules: a table with columns taxel_id,module
     #[arg(long, value_name = "M.csv", requires = "readings")]
     modules: Option<InPath>,
     /// A taxel is touched above this, in the unit of the readings [default: four times the noise]
     #[arg(long, value_name = "X", value_parser = positive, requires = "readings")]
-    threshold: Option<f64>,
-    /// File for the state of each taxel: a response .csv
+    pub(super) threshold: Option<f64>,
+    /// File for the state of each taxel: a response .csv; with --order for the taxel of each column: .csv
     #[arg(short, long, value_name = "OUT.csv", requires = "readings")]
-    output: Option<OutFile>,
+    pub(super) output: Option<OutFile>,
     #[command(flatten)]
-    read: ReadingsArgs,
+    pub(super) read: ReadingsArgs,
 }
 
 impl RecordingArgs {
@@ -42,10 +42,11 @@ impl RecordingArgs {
         self.readings.is_empty()
     }
 
-    pub(super) fn check(&self) -> anyhow::Result<()> {
+    /// `passes` says how often recordings are read.
+    pub(super) fn check(&self, passes: &str) -> anyhow::Result<()> {
         self.output.as_deref().map_or(Ok(()), outputs::check_table)?;
         if self.readings.iter().any(|path| is_stream(path)) {
-            return Err(advise("recordings are read three times", "name a file, not -"));
+            return Err(advise(format!("recordings are read {passes}"), "name a file, not -"));
         }
         Ok(())
     }

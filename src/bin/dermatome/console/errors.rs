@@ -16,7 +16,7 @@ use dermatome::image::ImageError;
 use dermatome::io::{Feature, IoError, file_kind};
 use dermatome::map::MapError;
 use dermatome::plot::PlotError;
-use dermatome::signal::SignalError;
+use dermatome::signal::{OrderError, SignalError};
 use dermatome::skin::SkinError;
 use dermatome::touches::TouchesError;
 
@@ -213,6 +213,22 @@ fn option_help(error: &Error) -> &'static str {
             SignalError::NoChannel { .. } => "give --channel one of them, or leave it out to take the first",
             SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
+            _ => "correct the readings",
+        },
+        Error::Order(e) => match e {
+            OrderError::Symmetric { .. } => {
+                "give --known three columns: a table with columns column,taxel_id"
+            }
+            OrderError::NoTouch { .. } => "check --threshold and --zero, and that the recording has touches",
+            OrderError::Unconnected { .. } | OrderError::Poor { .. } => {
+                "record more touches, and give all recordings to --recording"
+            }
+            OrderError::KnownTwice { .. }
+            | OrderError::KnownColumnTwice { .. }
+            | OrderError::KnownColumn { .. }
+            | OrderError::KnownTaxel { .. }
+            | OrderError::Contradiction { .. } => "correct --known",
+            OrderError::TooLarge { .. } => "find the order of one patch at a time",
             _ => "correct the readings",
         },
         Error::Touches(e) => match e {

@@ -43,7 +43,7 @@ from dermatome._dermatome import (
 from dermatome._errors import DataError, Error, FileError, MissingFileError
 from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
-from dermatome._response import examine, response
+from dermatome._response import examine, order, response
 from dermatome._touch import touch
 from dermatome._touches import touches
 
@@ -94,6 +94,7 @@ __all__ = [
     "examine",
     "flatten",
     "follow",
+    "order",
     "response",
     "simulate",
     "touch",

@@ -48,6 +48,7 @@ __all__ = [
     "flatten",
     "is_extensive",
     "join_readings",
+    "order_columns",
     "read_readings",
     "run_command",
     "simulate",
@@ -741,6 +742,14 @@ def examine_taxels(
     modules: Sequence[tuple[int, str]] = ...,
     zero: float | None = None,
 ) -> tuple[list[dict[str, Any]], Response]: ...
+def order_columns(
+    map: Map,
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    *,
+    known: Sequence[tuple[int, int]] = ...,
+    threshold: float | None = None,
+    zero: float | None = None,
+) -> tuple[_I64, dict[str, Any]]: ...
 def summarise_readings(
     map: Map,
     values: ArrayLike,

@@ -1,14 +1,15 @@
-"""How readings become pressures, and which taxels can be trusted."""
+"""How readings become pressures, which taxels can be trusted, and which column is of which taxel."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import Map, Response, estimate_response, examine_taxels
+from dermatome._dermatome import Map, Response, estimate_response, examine_taxels, order_columns
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
     from dermatome._readings import Readings
 
@@ -103,6 +104,62 @@ def examine(
     """
     named = [] if modules is None else [(int(taxel), str(module)) for taxel, module in modules.items()]
     return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
+
+
+def order(
+    map: Map,
+    readings: Readings | Sequence[Readings],
+    *,
+    known: Mapping[int, int] | None = None,
+    threshold: float | None = None,
+    zero: float | None = None,
+) -> tuple[NDArray[np.int64], dict[str, Any]]:
+    """Find which column of a recording is of which taxel, as `dermatome check --order`; `Readings.ids` is not used.
+
+    Parameters
+    ----------
+    map : Map
+        The map of the skin.
+    readings : Readings or sequence of Readings
+        Recordings of separate touches that roll, all over the skin, without conditioning.
+    known : dict of int to int, optional
+        Columns, counted from 0, whose taxel is known, with its id; three decide where the skin is symmetric.
+    threshold : float, optional
+        A column is touched above this, in the unit of the readings; by default four times the noise.
+    zero : float, optional
+        The zero of all readings; by default it is followed where nothing touches.
+
+    Returns
+    -------
+    ids : (N,) ndarray of int64
+        The id of the taxel of each column; -1 of one that too few touches reached.
+    report : dict
+        `objective` (0 to 1), `runner_up` (that of the best order that differs, or None), `support` of each column, `touches`,
+        `without_column` (taxels) and `threshold`.
+
+    Raises
+    ------
+    DataError
+        If touches do not determine the order, the skin is symmetric, or `known` does not fit.
+
+    Examples
+    --------
+    >>> import dermatome, numpy as np
+    >>> arms = [[0.006 * (x + y % 2 / 2), 0.0052 * y, 0] for y in range(10) for x in range(11) if y < 4 or x < 5]
+    >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(arms))
+    >>> touched, _ = dermatome.touch(skin_map, presses=120, rate=20, duration=1.1, extensive=False, noise=2000)
+    >>> wires = np.random.default_rng(0).permutation(skin_map.n_taxels)
+    >>> shuffled = dermatome.Readings.from_arrays(touched.values[:, :, wires], units="Pa")
+    >>> ids, report = dermatome.order(skin_map, shuffled)
+    >>> bool((ids == touched.ids[wires]).mean() > 0.8)
+    True
+    """
+    from dermatome._readings import Readings
+
+    every = [readings] if isinstance(readings, Readings) else list(readings)
+    arrays = [(each.values, each.timestamps, list(each.channels), list(each.units)) for each in every]
+    pairs = [] if known is None else [(int(column), int(taxel)) for column, taxel in known.items()]
+    return order_columns(map, arrays, known=pairs, threshold=threshold, zero=zero)
 
 
 def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[tuple[Any, Any, list[str], list[str]]]:

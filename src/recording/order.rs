@@ -1,0 +1,106 @@
+//! Which column of recordings is of which taxel: recordings, passed as often as [`ColumnOrder`] needs them.
+
+use std::sync::Arc;
+
+use crate::Error;
+use crate::id::{IdVec, VertexId};
+use crate::io::ReadingsReader;
+use crate::map::SkinMap;
+use crate::mesh::TriMesh;
+use crate::recording::{Recording, RecordingOptions};
+use crate::run::Run;
+use crate::signal::{ColumnOrder, ConditionOptions, Order, OrderError, SignalError, SignalMap, Zero};
+use crate::skin::{PatchId, Skin, TaxelId};
+
+/// Finds the order of the columns of recordings of separate touches on a skin; ids of columns are not used.
+///
+/// `open` opens a recording, by its number; each of the `recordings` is opened [`ColumnOrder::PASSES`] times, so that
+/// memory does not depend on their length. The first channel that measures touches counts. `known` columns, counted from
+/// 0, with the ids of their taxels, decide where the skin is symmetric. `options` say how readings are made comparable;
+/// [`Zero::Taken`] would be right only if their zeros are.
+///
+/// # Errors
+/// Those of `open` and of reading; [`OrderError`] if the recordings do not determine the order.
+pub fn find_order<E: From<Error>>(
+    map: &SkinMap,
+    known: &[(usize, TaxelId)],
+    threshold: Option<f64>,
+    options: &RecordingOptions,
+    recordings: usize,
+    mut open: impl FnMut(usize) -> Result<ReadingsReader, E>,
+    run: Run<'_>,
+) -> Result<Order, E> {
+    let fail = |error: OrderError| E::from(Error::from(error));
+    let mut found: Option<(ColumnOrder, Arc<SkinMap>, usize)> = None;
+    for pass in 0..ColumnOrder::PASSES {
+        for number in 0..recordings {
+            let mut reader = open(number)?;
+            reader.ids = None;
+            let (order, columns, first) = match &mut found {
+                Some(found) => found,
+                None => {
+                    let order = ColumnOrder::new(reader.width, threshold).map_err(fail)?;
+                    found.insert((order, Arc::new(columns(reader.width)), reader.width))
+                }
+            };
+            if reader.width != *first {
+                let (found, first) = (reader.width, *first);
+                return Err(fail(OrderError::Columns { number: number + 1, found, first }));
+            }
+            let zero = if pass == 0 { Zero::Taken } else { options.condition.zero };
+            let condition = ConditionOptions { zero, ..options.condition.clone() };
+            let options = RecordingOptions { condition, ..options.clone() };
+            see(order, Recording::open(columns, reader, &options).map_err(Error::from)?)?;
+        }
+        found.iter_mut().for_each(|(order, ..)| order.end_pass());
+    }
+    let (order, ..) = found.ok_or_else(|| Error::from(SignalError::NoFrames))?;
+    order.solve(map, known, run).map_err(fail)
+}
+
+/// Where the signals of recordings put the taxels of each patch of a map: the nearer, the more alike they are.
+///
+/// `open` opens a recording, by its number, with a zero; each of the `recordings` is opened [`ColumnOrder::PASSES`]
+/// times. The first channel that measures touches counts. Touches follow `zero`.
+///
+/// # Errors
+/// Those of `open` and of reading; [`OrderError`] if nothing is touched, or the map has too many taxels.
+pub fn map_signals<E: From<Error>>(
+    map: &SkinMap,
+    zero: Zero,
+    recordings: usize,
+    mut open: impl FnMut(usize, Zero) -> Result<Recording, E>,
+) -> Result<IdVec<PatchId, Option<SignalMap>>, E> {
+    let fail = |error: OrderError| E::from(Error::from(error));
+    let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut order = ColumnOrder::new(taxels, None).map_err(fail)?;
+    for pass in 0..ColumnOrder::PASSES {
+        for number in 0..recordings {
+            let recording = open(number, if pass == 0 { Zero::Taken } else { zero })?;
+            see(&mut order, recording)?;
+        }
+        order.end_pass();
+    }
+    order.signal_maps(map).map_err(fail)
+}
+
+/// Sees all frames of a recording.
+fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
+    let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
+    let channel = channel.ok_or_else(|| SignalError::NoTouch {
+        known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
+    })?;
+    order.begin_recording(channel);
+    while let Some(step) = recording.next_step()? {
+        order.see(step.frame);
+    }
+    order.end_recording();
+    Ok(())
+}
+
+/// A map whose taxels are the columns, none a neighbour of another.
+fn columns(count: usize) -> SkinMap {
+    let positions: IdVec<VertexId, _> = IdVec::filled(glam::DVec3::ZERO, count);
+    let mesh = TriMesh { positions, ..TriMesh::default() };
+    SkinMap::of_taxels(&Skin::from_mesh("columns", mesh))
+}
