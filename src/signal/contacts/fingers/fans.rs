@@ -135,6 +135,11 @@ pub(super) struct Ridge {
 }
 
 impl Fan {
+    /// The number of entries of its lists.
+    pub(super) fn len(&self) -> usize {
+        self.beside.len() + self.ends.len()
+    }
+
     /// The weights of the taxels of an atom.
     pub(super) fn entries(&self, atom: usize) -> impl Iterator<Item = (VertexId, [f64; 2])> {
         let (direction, number) = match atom.checked_sub(1) {
