@@ -108,6 +108,13 @@ fn what_is_assumed_is_printed() {
     let printed = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
     assert!(printed.contains("module m3") && printed.contains("offset of the probe"), "{printed}");
     notes(at, "calibrate contacts.csv -o out.csv", &["columns of touches count only with --cad"]);
+    let rows: String = taxels.iter().map(|(id, _)| format!("{id},m{}\n", id / 10)).collect();
+    fs::write(at.join("modules.csv"), format!("taxel_id,module\n{rows}900,b\n")).unwrap();
+    notes(
+        at,
+        "calibrate contacts.csv --cad cad.csv --modules modules.csv -o out.csv",
+        &["modules.csv: not in the drawing, and passed over: taxels `900`"],
+    );
 }
 
 #[test]
@@ -147,7 +154,7 @@ fn bad_tables_are_refused_with_their_rows() {
     refuses(at, "calibrate contacts.csv --cad cad.csv -o out.g2o", &["a graph has no place for bodies"]);
 }
 
-/// Observations one by one end at the result of all of them, and a wrong one is told at once.
+/// Observations one by one end at the result of all of them, and a wrong one is named at once.
 #[test]
 fn a_followed_stream_ends_at_the_batch_result() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
 //! Drawings as files and skins have them: which module and which patch carries each taxel.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::cad::{CadSkin, NamedTaxel};
 use super::result::{BodyCalibration, CalibratedTaxel};
@@ -73,6 +73,14 @@ impl CadSkin {
             }
         }
         Self::new(taxels)
+    }
+
+    /// The taxels whose modules are named, but that this skin does not have, in the order of their ids.
+    pub fn not_drawn(&self, modules: &ModuleNames) -> Vec<TaxelId> {
+        let drawn: HashSet<TaxelId> = self.taxels.iter().map(|taxel| taxel.id).collect();
+        let mut others: Vec<TaxelId> = modules.keys().copied().filter(|id| !drawn.contains(id)).collect();
+        others.sort_unstable();
+        others
     }
 }
 

@@ -40,6 +40,8 @@ pub(crate) enum ModulesArg {
 pub(crate) struct Drawing {
     pub(crate) cad: CadSkin,
     skin: Result<Arc<Skin>, String>,
+    /// Taxels with a module that are not in the drawing.
+    not_drawn: Vec<TaxelId>,
 }
 
 impl Drawing {
@@ -65,8 +67,10 @@ impl Drawing {
             _ => return Err(bad("cad", cad.get_type().name()?, "a Skin, a Map or a path")),
         };
         let made = run(py, 0, move |_| {
-            let cad = CadSkin::of_skin(&skin, names()?.as_ref())?;
-            Ok::<_, Error>(Self { cad, skin: Ok(skin) })
+            let names = names()?;
+            let cad = CadSkin::of_skin(&skin, names.as_ref())?;
+            let not_drawn = names.map(|names| cad.not_drawn(&names)).unwrap_or_default();
+            Ok::<_, Error>(Self { cad, skin: Ok(skin), not_drawn })
         });
         made?.map_err(error)
     }
@@ -79,13 +83,20 @@ impl Drawing {
         let cad = CadSkin::of_draft(&draft, names.as_ref())?;
         let assembled = assemble(&draft, &AssembleOptions::default());
         let skin = assembled.map(|made| Arc::new(made.skin)).map_err(|error| error.to_string());
-        Ok(Self { cad, skin })
+        let not_drawn = names.map(|names| cad.not_drawn(&names)).unwrap_or_default();
+        Ok(Self { cad, skin, not_drawn })
     }
 
     /// What looks wrong, as the command says it.
     fn remarks(&self, found: &BodyCalibration) -> Vec<String> {
         let name = |module: ModuleId| self.cad.modules[module].name.as_str();
         let mut said = Vec::new();
+        if let Some(first) = self.not_drawn.first() {
+            let count = self.not_drawn.len();
+            said.push(format!(
+                "taxels of modules that are not in the drawing are passed over: {count}, the first is {first}"
+            ));
+        }
         for &[a, b] in &found.misassembled.exchanged {
             let (a, b) = (name(a), name(b));
             said.push(format!("modules {a} and {b} look exchanged: each fits best in the other's place"));

@@ -100,6 +100,9 @@ def test_a_skin_is_a_drawing_and_what_is_assumed_is_remarked(folder):
     assert not any("1 mm per axis" in remark for remark in assumed.remarks)
     copied = pickle.loads(pickle.dumps(dermatome.Observations.from_columns(bare)))
     assert dermatome.calibrate(copied, cad=skin, modules=modules).chi2 == assumed.chi2
+    more = dermatome.calibrate(copied, cad=skin, modules={**modules, 4_000_000: "m"})
+    assert more.chi2 == assumed.chi2
+    assert "not in the drawing are passed over: 1, the first is 4000000" in " ".join(more.remarks)
 
 
 def test_exchanged_modules_are_named(folder):
