@@ -532,11 +532,22 @@ fn followed_touches_end_at_the_batch_fit_and_unknown_taxels_are_not_added() {
     let cancelled = AtomicBool::new(true);
     let found = follower.clone().finish(Run::default().cancelled_by(&cancelled)).unwrap();
     assert_eq!(found.taxels, batch.taxels);
-    // Of noise that is estimated there is no fit yet.
+    // A touch that is refused does not change the noise, the next one does.
     let mut estimating = follower;
     estimating.estimate_noise();
+    estimating.push(&unknown, Run::default()).unwrap_err();
+    assert_eq!(estimating.clone().finish(Run::default()).unwrap().taxels, batch.taxels);
+    estimating.push(&stream[0], Run::default()).unwrap();
     estimating.clone().finish(Run::default().cancelled_by(&cancelled)).unwrap_err();
     assert!(estimating.finish(Run::default()).unwrap().noise.is_some());
+    // Rows with one number are two touches if they come one after the other.
+    let mut renumbered = BodyFollower::new(cad, &options, 15).unwrap();
+    for touch in &stream {
+        let mut touch = touch.clone();
+        touch.touches.iter_mut().for_each(|row| row.touch = Some(1));
+        renumbered.push(&touch, Run::default()).unwrap();
+    }
+    assert_eq!(renumbered.finish(Run::default()).unwrap().taxels, batch.taxels);
 }
 
 #[test]

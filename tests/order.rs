@@ -156,12 +156,18 @@ fn silent_columns_have_no_taxel() {
     assert!(near > 0.9 * (width - 2) as f64 / count(&skin) as f64, "{near} of all");
     // A known column has its taxel, though nothing touched it.
     let id = skin.patches[PatchId::new(0)].taxels.ids[VertexId::new(truth[3])];
-    let order = find(&skin, &readings, &[(3, id)]).unwrap();
-    assert_eq!(order.columns[3].taxel.map(|(.., id)| id), Some(id));
-    assert!(order.columns[3].support.is_nan());
-    let mut ids: Vec<TaxelId> = order.columns.iter().filter_map(|c| c.taxel).map(|(.., id)| id).collect();
-    ids.sort_unstable();
-    assert!(ids.is_sorted_by(|a, b| a < b), "each taxel once");
+    // The same if its signals are connected with no others.
+    let mut alone = readings.clone();
+    let untouched = |frame: &&mut [f64]| frame.iter().all(|x| x.is_nan() || *x < 8000.0);
+    alone.values.chunks_mut(width).filter(untouched).take(8).for_each(|frame| frame[3] = 50_000.0);
+    for readings in [readings, alone] {
+        let order = find(&skin, &readings, &[(3, id)]).unwrap();
+        assert_eq!(order.columns[3].taxel.map(|(.., id)| id), Some(id));
+        assert!(order.columns[3].support.is_nan());
+        let mut ids: Vec<TaxelId> = order.columns.iter().filter_map(|c| c.taxel).map(|(.., id)| id).collect();
+        ids.sort_unstable();
+        assert!(ids.is_sorted_by(|a, b| a < b), "each taxel once");
+    }
 }
 
 #[test]

@@ -17,7 +17,7 @@ use crate::skin::{PatchId, Skin, TaxelId};
 /// `open` opens a recording, by its number; each of the `recordings` is opened [`ColumnOrder::PASSES`] times, so that
 /// memory does not depend on their length. The first channel that measures touches counts. `known` columns, counted from
 /// 0, with the ids of their taxels, decide where the skin is symmetric. `options` say how readings are made comparable;
-/// [`Zero::Taken`] would be right only if their zeros are.
+/// [`Zero::Taken`] is right only for readings less their zeros.
 ///
 /// # Errors
 /// Those of `open` and of reading; [`OrderError`] if the recordings do not determine the order.

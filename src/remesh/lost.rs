@@ -4,7 +4,9 @@
 //! around the rim, always on the surface, and the mesh shrinks. Vertices of the surface that are far from the new mesh
 //! are fixed then, and the rounds start again.
 
-use glam::DVec3;
+use std::collections::HashMap;
+
+use glam::{DVec3, I64Vec3};
 
 use crate::bvh::BvhError;
 use crate::id::{IdVec, VertexId};
@@ -24,6 +26,9 @@ pub(super) fn lost(
     made: &TriMesh,
     spacing: f64,
 ) -> Result<Vec<(VertexId, f64)>, BvhError> {
+    if made.triangles.is_empty() {
+        return Ok(points.ids().map(|v| (v, f64::INFINITY)).collect());
+    }
     let made = Surface::new(made.clone())?;
     let distance = |v: VertexId| {
         let nearest = made.nearest(points[v], DVec3::ZERO, None);
@@ -43,10 +48,16 @@ pub(super) fn pin(
     points: &IdVec<VertexId, DVec3>,
     spacing: f64,
 ) -> bool {
-    let known = pins.len();
+    let (known, apart) = (pins.len(), APART * spacing);
+    let cell = |v: VertexId| (points[v] / apart).floor().as_i64vec3();
+    let mut cells: HashMap<I64Vec3, Vec<VertexId>> = HashMap::new();
+    pins.iter().for_each(|&pin| cells.entry(cell(pin)).or_default().push(pin));
     for &(v, _) in lost {
-        if pins.iter().all(|&pin| points[pin].distance(points[v]) >= APART * spacing) {
+        let around = (0..27).map(|k| cell(v) + I64Vec3::new(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1));
+        let mut near = around.filter_map(|cell| cells.get(&cell)).flatten();
+        if near.all(|&pin| points[pin].distance(points[v]) >= apart) {
             pins.push(v);
+            cells.entry(cell(v)).or_default().push(v);
         }
     }
     pins.len() > known

@@ -185,8 +185,9 @@ fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
         if !is_pinned {
             break;
         }
-        let covered;
-        (covered, is_pinned) = trial()?;
+        // One that fails costs nothing that was reached before.
+        let Ok((covered, more)) = trial() else { break };
+        is_pinned = more;
         if covered.lost.0 < best.lost.0 {
             best = covered;
         }

@@ -227,7 +227,7 @@ impl TouchReadings {
         found.filter(is_near).ok_or([first, last])
     }
 
-    /// The threshold unless another is given: five times the noise.
+    /// The default threshold: five times the noise.
     pub fn above_noise(&self) -> f64 {
         /// The threshold over the noise.
         const SIGMAS: f64 = 5.0;

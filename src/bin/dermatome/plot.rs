@@ -81,8 +81,8 @@ struct FrameArgs {
     /// or CSV on standard input
     #[arg(long, visible_alias = "recording", value_name = "READINGS", conflicts_with = "show")]
     readings: Option<InPath>,
-    /// Draw instead of a frame the map that all of these readings, of touches, draw by themselves, beside the true map: the
-    /// nearer two taxels, the more alike their signals. Colours are those of places on the true map
+    /// Draw the map that follows from the signals of all these readings of touches, next to the true map, instead of a frame:
+    /// the nearer two taxels, the more alike their signals. Colours are those of places on the true map
     #[arg(long, requires = "readings", conflicts_with_all = ["frame", "channel", "levels", "space", "view", "range"])]
     signals: bool,
     /// The frame that is drawn, counted from 0

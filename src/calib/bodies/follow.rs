@@ -8,7 +8,7 @@ use super::cad::CadSkin;
 use super::options::{BodyOptions, TouchNoise};
 use super::result::BodyCalibration;
 use super::touches::Touches;
-use crate::calib::{CalibError, FollowedSolve, FollowedTouch, Observations, fit_bodies_with};
+use crate::calib::{CalibError, FollowedSolve, FollowedTouch, Observations, TouchRow, fit_bodies_with};
 use crate::id::VertexId;
 use crate::run::Run;
 use crate::skin::TaxelId;
@@ -47,6 +47,8 @@ pub struct BodyFollower {
     observations: Observations,
     vertices: HashMap<TaxelId, VertexId>,
     touches: usize,
+    /// Whether the noise is estimated from the next touch on.
+    estimates: bool,
     solution: Option<Solution>,
 }
 
@@ -74,13 +76,14 @@ impl BodyFollower {
             observations: Observations::default(),
             vertices: HashMap::new(),
             touches: 0,
+            estimates: false,
             solution: None,
         })
     }
 
-    /// Estimates the noise from now on, as for touches whose file gives none.
+    /// Estimates the noise from the next touch on, as for touches whose file gives none.
     pub fn estimate_noise(&mut self) {
-        self.options.noise = TouchNoise::Estimated;
+        self.estimates = true;
     }
 
     /// The drawing.
@@ -88,16 +91,24 @@ impl BodyFollower {
         &self.cad
     }
 
-    /// Adds a touch, and fits if it is time. Taxels that were not touched yet follow their module.
+    /// Adds a touch, and fits if it is time. All its rows are one touch, whatever their numbers; a contact that they name may
+    /// be that of other touches. Taxels that were not touched yet follow their module.
     ///
     /// # Errors
     /// If the touch breaks a rule or names a taxel that the drawing does not have, then it is not added; rows are counted over
     /// all touches. As [`fit_bodies`](crate::calib::fit_bodies()).
     pub fn push(&mut self, touch: &Observations, run: Run<'_>) -> Result<FollowedTouch, CalibError> {
+        let mut touch = touch.clone();
+        let number = self.touches as u64;
+        let row = |contact| TouchRow { touch: Some(number), ..touch.touch_of(contact) };
+        touch.touches = touch.contacts.ids().map(row).collect();
         touch.validate()?;
         let needs_orientation = self.options.probe.is_some();
-        Touches::of_rows(touch, &self.cad, needs_orientation, self.observations.contacts.len())?;
-        self.observations.append(touch, &mut self.vertices);
+        Touches::of_rows(&touch, &self.cad, needs_orientation, self.observations.contacts.len())?;
+        if self.estimates {
+            self.options.noise = TouchNoise::Estimated;
+        }
+        self.observations.append(&touch, &mut self.vertices);
         self.touches += 1;
         let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
         taxels.sort_unstable();

@@ -273,7 +273,12 @@ impl ReadingsReader {
     /// What is known about the readings, and by whom; reading adds to it.
     pub fn statements(&self) -> Vec<Statement> {
         if let Source::Laid(laid) = &self.source {
-            return laid.statements();
+            let mut all = laid.statements();
+            if self.chosen.is_some() {
+                let taxels = all.iter_mut().filter(|statement| statement.what == "taxels");
+                taxels.for_each(|taxels| taxels.value = "by a table of columns".to_owned());
+            }
+            return all;
         }
         let state = |what: &str, value: &str| Statement::new(what, value, StatementSource::File);
         let stated = |text: &str| if text.is_empty() { "none in the file" } else { text }.to_owned();

@@ -17,8 +17,8 @@ pub enum OrderError {
     )]
     Columns { number: usize, found: usize, first: usize },
     #[error(
-        "{found} of {columns} columns are touched in {frames} frames ({crowded} more, in which most columns are touched at \
-         once, are left out); at least {needed} are needed; touches are above {threshold:.4}"
+        "{found} of {columns} columns are touched in {frames} frames ({crowded} of them, in which most columns are \
+         touched at once, are left out); at least {needed} are needed; touches are above {threshold:.4}"
     )]
     NoTouch { found: usize, columns: usize, frames: usize, crowded: usize, needed: usize, threshold: f64 },
     #[error(

@@ -58,7 +58,6 @@ impl Sums {
             let excess = x - survey.hot(k);
             if survey.is_ok[k] && excess > 0.0 {
                 self.hot.push((column, excess.sqrt()));
-                self.touched[k] = self.touched[k].saturating_add(1);
             }
         }
         let begins = !self.is_touched && self.hot.len() >= LEAST_TOUCHED;
@@ -67,6 +66,10 @@ impl Sums {
         if is_crowded(self.hot.len(), self.columns) {
             self.crowded += 1;
             return;
+        }
+        for &(column, _) in &self.hot {
+            let count = &mut self.touched[column as usize];
+            *count = count.saturating_add(1);
         }
         for (rank, &(a, x)) in self.hot.iter().enumerate() {
             let row = &mut self.products[a as usize * self.columns..][..self.columns];

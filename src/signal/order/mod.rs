@@ -185,16 +185,18 @@ impl ColumnOrder {
     ) -> Result<Order, OrderError> {
         let all = Surface::new(map)?;
         let known = self.known(known, &all)?;
-        let likeness = self.touched()?;
-        let is_silent = |column: &usize| likeness.columns.binary_search(column).is_err();
-        // The taxels of known columns without a signal are taken.
-        let silent: Vec<(usize, usize)> =
-            known.iter().copied().filter(|(column, _)| is_silent(column)).collect();
-        let surface = all.without(&silent.iter().map(|(_, taxel)| *taxel).collect::<Vec<_>>());
-        if likeness.len() > surface.len() {
-            return Err(OrderError::MoreColumns { found: likeness.len(), taxels: surface.len() });
+        let touched = self.touched()?;
+        let embedding = embed(&touched);
+        let likeness = touched.select(&embedding.members);
+        let number = |column: usize| likeness.columns.binary_search(&column).ok();
+        // The taxels of known columns that are not connected are taken.
+        let taken: Vec<usize> =
+            known.iter().filter(|(column, _)| number(*column).is_none()).map(|(_, taxel)| *taxel).collect();
+        let surface = all.without(&taken);
+        if touched.len() > all.len() || likeness.len() > surface.len() {
+            let (found, taxels) = (touched.len().max(likeness.len() + taken.len()), all.len());
+            return Err(OrderError::MoreColumns { found, taxels });
         }
-        let embedding = embed(&likeness);
         let found = embedding.members.len();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a count")]
         let needed = ((LEAST_SHARE * all.len() as f64).ceil() as usize).max(LEAST_COLUMNS);
@@ -202,8 +204,6 @@ impl ColumnOrder {
             let (columns, taxels, touches) = (self.columns, all.len(), self.sums.touches);
             return Err(OrderError::Unconnected { found, columns, taxels, touches, needed });
         }
-        let likeness = likeness.select(&embedding.members);
-        let number = |column: usize| likeness.columns.binary_search(&column).ok();
         let target = |taxel: usize| surface.ids.iter().position(|id| *id == all.ids[taxel]);
         let pinned: Vec<(usize, usize)> =
             known.iter().filter_map(|&(column, taxel)| Some((number(column)?, target(taxel)?))).collect();
@@ -217,6 +217,10 @@ impl ColumnOrder {
         let (mut best, runner_up) = self.choose(answers, &pinned, &likeness, &surface)?;
         put_known(&mut best.taxels, &pinned);
         best.objective = matching.objective(&best.taxels);
+        if best.objective < LEAST_OBJECTIVE {
+            let (objective, needed, touches) = (best.objective, LEAST_OBJECTIVE, self.sums.touches);
+            return Err(OrderError::Poor { objective, needed, touches });
+        }
         let mut columns =
             vec![OrderedColumn { taxel: None, support: f64::NAN, is_known: false }; self.columns];
         let place =
@@ -335,7 +339,7 @@ impl ColumnOrder {
         let twin = others.iter().find(|other| agrees(other) && best.objective - other.objective < ALIKE);
         if let Some(twin) = twin {
             let objectives = [best.objective, twin.objective];
-            return Err(OrderError::Symmetric { objectives, taxels: telling(best, twin, surface) });
+            return Err(OrderError::Symmetric { objectives, taxels: distinguishing(best, twin, surface) });
         }
         let runner_up = others.first().map(|other| other.objective);
         Ok((best.clone(), runner_up))
@@ -343,7 +347,7 @@ impl ColumnOrder {
 }
 
 /// Three taxels far apart whose columns differ between two answers.
-fn telling(best: &Answer, twin: &Answer, surface: &Surface) -> [TaxelId; 3] {
+fn distinguishing(best: &Answer, twin: &Answer, surface: &Surface) -> [TaxelId; 3] {
     let moved: Vec<f64> =
         best.taxels.iter().zip(&twin.taxels).map(|(&a, &b)| surface.distance(a, b)).collect();
     let mut chosen: Vec<usize> = Vec::new();

@@ -70,7 +70,7 @@ impl Surface {
             out.iter_mut().zip(&present).for_each(|(x, &to)| *x = all[to]);
         });
         let mut counts = HashMap::new();
-        around.ids.iter().for_each(|id| *counts.entry(*id).or_default() += 1);
+        present.iter().for_each(|&k| *counts.entry(around.ids[k]).or_default() += 1);
         Ok(Self {
             taxels: present.iter().map(|&k| around.taxels[k]).collect(),
             ids: present.iter().map(|&k| around.ids[k]).collect(),

@@ -178,7 +178,10 @@ fn note_columns(table: &str, columns: &[String], remarks: &mut Vec<String>) {
 fn note_count(count: usize, things: &str, how: &str, remarks: &mut Vec<String>) {
     match count {
         0 => {}
-        1 => remarks.push(format!("1 {} is {how}", things.trim_end_matches('s'))),
+        1 => {
+            let touch = things.strip_suffix("es").filter(|thing| thing.ends_with("ch"));
+            remarks.push(format!("1 {} is {how}", touch.unwrap_or(things.trim_end_matches('s'))));
+        }
         _ => remarks.push(format!("{count} {things} are {how}")),
     }
 }

@@ -128,7 +128,7 @@ def calibrate(
     as_drawn : bool
         Fit modules that look exchanged or turned as they are drawn.
     folds : int, optional
-        Predict each of so many groups of contacts from the others, and find which bodies the touches support.
+        Number of groups of contacts; each is predicted from the others, to find which bodies the touches support.
     seed : int
         Seed of the groups.
     threads : int

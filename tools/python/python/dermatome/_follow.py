@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
+import numpy as np
+
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._calibrate import OF_BODIES, OF_TAXELS, check_options, options_of_bodies
 from dermatome._dermatome import Calibration, Map, Observations, Skin, TouchFollower, TouchLines
@@ -109,12 +111,8 @@ class Following(Iterator[FollowedTouch]):
             return self._of_lines(self._lines)
         if isinstance(row, Observations):
             return row, None
-        times = row.get("time") if isinstance(row, Mapping) else None
-        try:
-            last = times[-1] if times is not None and hasattr(times, "__getitem__") else times
-        except IndexError:  # An array without axes.
-            last = times
-        return Observations.from_columns(row, unit=self._unit), None if last is None else float(last)
+        times = np.ravel(row["time"]) if hasattr(row, "keys") and "time" in row.keys() else ()
+        return Observations.from_columns(row, unit=self._unit), float(times[-1]) if len(times) else None
 
     def _of_lines(self, lines: TouchLines) -> tuple[Observations, float | None]:
         read = lines.next()
@@ -162,7 +160,7 @@ def follow(
         Lines of a table, the names of its columns first, as of a file or a socket, where rows with one number in a column
         `touch` are a touch; or touches, each as observations or as columns (`Observations.from_columns`).
     every : int
-        Solve after so many touches.
+        Number of touches between solves.
     unit : {"m", "mm", "cm", "in"} or float
         Unit of all lengths in lines and columns.
     robust, covariances
