@@ -7,8 +7,6 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from dermatome._errors import DataError
 
 # Columns of whole numbers, which arrays may have as floats.
@@ -61,7 +59,7 @@ def _word(argument: str, name: str, value: Any) -> str:
     """A text, a number, or the active taxels of a frame: with readings, or ids alone."""
     if value is None or isinstance(value, str):
         return value or ""
-    if isinstance(value, np.generic):
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # A number of numpy.
         value = value.item()
     if isinstance(value, Mapping):
         return ";".join(f"{int(taxel)}:{float(reading)!r}" for taxel, reading in value.items())

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
-import numpy as np
-
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._calibrate import OF_BODIES, OF_TAXELS, check_options, options_of_bodies
 from dermatome._dermatome import Calibration, Map, Observations, Skin, TouchFollower, TouchLines
@@ -111,7 +109,11 @@ class Following(Iterator[FollowedTouch]):
             return self._of_lines(self._lines)
         if isinstance(row, Observations):
             return row, None
-        times = np.ravel(row["time"]) if hasattr(row, "keys") and "time" in row.keys() else ()
+        times: Any = ()
+        if hasattr(row, "keys") and "time" in row.keys():
+            import numpy as np
+
+            times = np.ravel(row["time"])
         return Observations.from_columns(row, unit=self._unit), float(times[-1]) if len(times) else None
 
     def _of_lines(self, lines: TouchLines) -> tuple[Observations, float | None]:
