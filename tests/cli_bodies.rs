@@ -113,7 +113,7 @@ fn what_is_assumed_is_printed() {
     notes(
         at,
         "calibrate contacts.csv --cad cad.csv --modules modules.csv -o out.csv",
-        &["modules.csv: not in the drawing, and passed over: taxels `900`"],
+        &["modules of taxels that are not in the drawing are passed over: 900"],
     );
 }
 

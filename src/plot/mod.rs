@@ -4,7 +4,7 @@
 //! skin in space. [`plot_map`] and [`plot_skin`] lay out a [`Picture`], as does [`plot_frame`] with the
 //! readings of one frame; [`Picture::to_svg`] and [`Picture::to_png`] write it. [`image_png`] colours the
 //! pixels of a tactile image. [`plot_diff`] draws what changed between two files of one skin, [`plot_signals`] the map
-//! from signals beside the true one.
+//! from signals next to the true one.
 //!
 //! ```
 //! use dermatome::{mesh::shapes, pipeline, plot, skin::Skin};

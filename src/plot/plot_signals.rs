@@ -1,4 +1,4 @@
-//! Pictures of the map from signals alone, beside the true one: where both agree, neighbours on the skin feel alike.
+//! Pictures of the map from signals alone, next to the true one: where both agree, neighbours on the skin feel alike.
 
 use glam::DVec2;
 
@@ -16,7 +16,7 @@ use crate::pyramid::{Level, LevelId};
 use crate::signal::SignalMap;
 use crate::skin::{Patch, PatchId};
 
-/// Colours of the corners of a map; taxels have the mixture of their place, in so many steps along each axis.
+/// Colours of the corners of a map. Taxels have the mixture of their place, in [`STEPS`] steps along each axis.
 const CORNERS: [[Colour; 2]; 2] =
     [[Colour::rgb(0x2b_6cb0), Colour::rgb(0x2f_9e44)], [Colour::rgb(0x9c_36b5), Colour::rgb(0xff_d43b)]];
 const STEPS: u32 = 16;
@@ -24,7 +24,7 @@ const STEPS: u32 = 16;
 /// Colours of taxels that have no map from signals.
 const UNKNOWN: Colour = Colour::rgb(0xd9_d9d9);
 
-/// Draws level 0 of each patch on its map and, beside it, where its signals put the taxels, with the triangles between
+/// Draws level 0 of each patch on its map and, next to it, where its signals put the taxels, with the triangles between
 /// them. A taxel has the same colour in both, that of its place on the true map; those without signals are grey there.
 ///
 /// Of `options` the patches and the width are used.

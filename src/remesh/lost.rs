@@ -41,13 +41,13 @@ pub(super) fn lost(
     Ok(far)
 }
 
-/// Adds lost points to the fixed ones, the farthest first, apart from each other; returns whether there was one.
+/// Adds lost points to the fixed ones, the farthest first, apart from each other; returns how many.
 pub(super) fn pin(
     pins: &mut Vec<VertexId>,
     lost: &[(VertexId, f64)],
     points: &IdVec<VertexId, DVec3>,
     spacing: f64,
-) -> bool {
+) -> usize {
     let (known, apart) = (pins.len(), APART * spacing);
     let cell = |v: VertexId| (points[v] / apart).floor().as_i64vec3();
     let mut cells: HashMap<I64Vec3, Vec<VertexId>> = HashMap::new();
@@ -60,7 +60,7 @@ pub(super) fn pin(
             cells.entry(cell(v)).or_default().push(v);
         }
     }
-    pins.len() > known
+    pins.len() - known
 }
 
 #[cfg(test)]

@@ -124,7 +124,7 @@ pub fn remesh(mesh: &TriMesh, spacing: f64) -> Result<TriMesh, RemeshError> {
 /// A new mesh of a surface.
 struct Covered {
     mesh: TriMesh,
-    /// The number of points of the surface that it lost, and how far the farthest is from it, in m.
+    /// How many places apart from each other it lost, and how far the farthest point is from it, in m.
     lost: (usize, f64),
 }
 
@@ -168,7 +168,7 @@ fn cover(mesh: &TriMesh, spacing: f64) -> Result<Covered, RemeshError> {
 fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
     let points = &start.positions;
     let mut pins = Vec::new();
-    let mut trial = || -> Result<(Covered, bool), RemeshError> {
+    let mut trial = || -> Result<Covered, RemeshError> {
         let mut rounds = start.clone();
         pins.iter().for_each(|&pin| rounds.freedom[pin] = Freedom::Fixed);
         rounds.run();
@@ -176,19 +176,19 @@ fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
         // As of a mesh that is read from a file.
         fill_holes(&mut mesh, FillHoles::PinHoles)?;
         let lost = lost(points, &mesh, start.spacing)?;
-        let is_pinned = pin(&mut pins, &lost, points, start.spacing);
-        let lost = (lost.len(), lost.first().map_or(0.0, |&(_, distance)| distance));
-        Ok((Covered { mesh, lost }, is_pinned))
+        let places = pin(&mut pins, &lost, points, start.spacing);
+        Ok(Covered { mesh, lost: (places, lost.first().map_or(0.0, |&(_, distance)| distance)) })
     };
-    let (mut best, mut is_pinned) = trial()?;
+    let mut best = trial()?;
+    let mut places = best.lost.0;
     for _ in 0..MAX_RESTARTS {
-        if !is_pinned {
+        if places == 0 {
             break;
         }
         // One that fails costs nothing that was reached before.
-        let Ok((covered, more)) = trial() else { break };
-        is_pinned = more;
-        if covered.lost.0 < best.lost.0 {
+        let Ok(covered) = trial() else { break };
+        places = covered.lost.0;
+        if places < best.lost.0 {
             best = covered;
         }
     }

@@ -44,7 +44,7 @@ mod motion;
 mod normals;
 mod patch;
 mod remark;
-mod sentence;
+pub(crate) mod sentence;
 mod weld;
 mod taxels;
 

@@ -5,7 +5,7 @@ use std::fmt;
 use crate::id::VertexId;
 
 /// A number of things, with the words for one and for several.
-pub(super) fn count(number: usize, one: &str, several: &str) -> String {
+pub(crate) fn count(number: usize, one: &str, several: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { several })
 }
 
@@ -37,7 +37,7 @@ pub(super) fn edge_list(edges: &[[VertexId; 2]]) -> String {
 }
 
 /// `1, 5, 9 and 4 more`: the first few of a list.
-pub(super) fn first_few<T: fmt::Display>(items: &[T]) -> String {
+pub(crate) fn first_few<T: fmt::Display>(items: &[T]) -> String {
     /// Enough to find them in the file, and no more than fits on a line of a terminal.
     const SHOWN: usize = 8;
     let shown: Vec<String> = items.iter().take(SHOWN).map(ToString::to_string).collect();

@@ -40,6 +40,7 @@ mod gather;
 mod log;
 mod options;
 mod profile;
+mod remarks;
 mod rows;
 mod surface;
 

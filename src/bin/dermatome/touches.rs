@@ -14,14 +14,14 @@ use dermatome::io::{
 use dermatome::signal::TaxelState;
 use dermatome::skin::{Link, LinkId, Motion, TaxelId};
 use dermatome::touches::{
-    Drawing, LogOfRows, RowSources, TouchContacts, TouchReadings, TouchRow, TouchesOptions,
-    contacts_of_touches, log_of_rows, pose_in_motion,
+    Drawing, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesOptions, contacts_of_touches,
+    log_of_rows, pose_in_motion,
 };
 use glam::DAffine3;
 use serde::Serialize;
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns, note_count};
+use crate::console::notes::{note, note_columns};
 use crate::console::print::print_json;
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check_table(&args.output)?;
     let (rows, unused) = read_touches(&args.log).map_err(Error::from)?;
     note_columns(&args.log, &unused, common);
-    let LogOfRows { log, silent, others } = args.log(&rows, common)?;
+    let made = args.log(&rows, common)?;
     let options = TouchesOptions {
         taxel_radius: Some(args.taxel),
         gain: args.stiffness_kpa.map(|kpa| kpa * 1e6 * std::f64::consts::PI * args.taxel * args.taxel),
@@ -120,12 +120,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         drawing: args.skin.as_ref().map(|path| args.drawing(path, common)).transpose()?,
         left_out: args.left_out(common)?,
     };
-    let found = contacts_of_touches(&log, &options).map_err(Error::from).with_context(|| args.about())?;
+    let found =
+        contacts_of_touches(&made.log, &options).map_err(Error::from).with_context(|| args.about())?;
     write_touch_contacts(common.outputs.file(&args.output), &found.contacts).map_err(Error::from)?;
     outputs::publish(common)?;
-    note_count(common, others as u64, "rows", "of other links, left out");
-    note_count(common, silent as u64, "rows", "without an active taxel, left out");
-    remark(&found, common);
+    for remark in made.remarks().into_iter().chain(found.remarks()) {
+        note!(common, "{remark}");
+    }
     if args.json {
         let summary = &found.summary;
         let printed = Summary {
@@ -135,8 +136,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             contacts: found.contacts.len(),
             fitted: summary.fitted,
             left_out: LeftOut {
-                rows_of_other_links: others,
-                rows_without_taxel: silent,
+                rows_of_other_links: made.others,
+                rows_without_taxel: made.silent,
                 touches: summary.empty_touches,
                 readings: summary.lone,
             },
@@ -147,36 +148,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_json("dermatome.touches/1", &printed)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Says how contacts were found.
-fn remark(found: &TouchContacts, common: &Common) {
-    let summary = &found.summary;
-    note_count(common, summary.empty_touches as u64, "touches", "without a taxel that is used, left out");
-    note_count(common, summary.lone as u64, "readings", "without an active neighbour, left out");
-    if let Some(first) = summary.inside.first() {
-        let count = summary.inside.len();
-        note!(
-            common,
-            "in {count} frames, first in line {first}, the centre of the sphere is inside the skin of --skin; check \
-             the poses, px,py,pz and the normals of the drawing"
-        );
-    }
-    let (touches, taxels, contacts) = (summary.touches, summary.taxels, found.contacts.len());
-    note!(common, "{touches} touches of {taxels} taxels in {} frames: {contacts} contacts", summary.frames);
-    if summary.fitted < taxels {
-        let means = taxels - summary.fitted;
-        note!(
-            common,
-            "{means} of {taxels} taxels are the means of where the body was: they have too few readings, or the radius of \
-             the body is not known (--radius-mm)"
-        );
-    }
-    let arm = summary.arm_noise * 1e3;
-    match summary.reading_noise {
-        Some(noise) => note!(common, "noise: {arm:.3} mm of the arm's position, {noise:.3e} of a reading"),
-        None => note!(common, "noise of the arm's position: {arm:.3} mm, as given or assumed"),
-    }
 }
 
 impl Args {

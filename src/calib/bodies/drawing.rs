@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::cad::{CadSkin, NamedTaxel};
+use super::cad::{CadSkin, ModuleId, NamedTaxel};
 use super::result::{BodyCalibration, CalibratedTaxel};
 use crate::calib::CalibError;
+use crate::skin::sentence::first_few;
 use crate::skin::{AssembleOptions, Draft, Sheet, Skin, TaxelId, assemble};
 
 /// The name of the module of each taxel, by its id.
@@ -75,16 +76,42 @@ impl CadSkin {
         Self::new(taxels)
     }
 
-    /// The taxels whose modules are named, but that this skin does not have, in the order of their ids.
-    pub fn not_drawn(&self, modules: &ModuleNames) -> Vec<TaxelId> {
+    /// Names the taxels whose modules are given, but that this skin does not have, if there are some.
+    pub fn remark_of_modules(&self, modules: &ModuleNames) -> Option<String> {
         let drawn: HashSet<TaxelId> = self.taxels.iter().map(|taxel| taxel.id).collect();
         let mut others: Vec<TaxelId> = modules.keys().copied().filter(|id| !drawn.contains(id)).collect();
         others.sort_unstable();
-        others
+        let named = first_few(&others);
+        (!others.is_empty())
+            .then(|| format!("modules of taxels that are not in the drawing are passed over: {named}"))
     }
 }
 
 impl BodyCalibration {
+    /// What looks wrong and what was not used, a sentence each; `cad` is the drawing that was fitted.
+    pub fn remarks(&self, cad: &CadSkin) -> Vec<String> {
+        let name = |module: ModuleId| format!("`{}`", cad.modules[module].name);
+        let mut said = Vec::new();
+        for &[a, b] in &self.misassembled.exchanged {
+            let (a, b) = (name(a), name(b));
+            said.push(format!("modules {a} and {b} look exchanged: each fits best in the other's place"));
+        }
+        for turned in &self.misassembled.turned {
+            let (module, degrees) = (name(turned.module), turned.degrees);
+            said.push(format!("module {module} looks turned by {degrees} degrees about its normal"));
+        }
+        if !self.rejected.is_empty() {
+            let (rejected, touches) = (self.rejected.len(), self.counts[0]);
+            said.push(format!("{rejected} of {touches} touches were rejected as outliers"));
+        }
+        if !self.untouched.is_empty() {
+            let names: Vec<String> = self.untouched.iter().map(|&module| name(module)).collect();
+            let names = first_few(&names);
+            said.push(format!("without a touch, a module keeps its drawn pose on its patch: {names}"));
+        }
+        said
+    }
+
     /// Moves the taxels of a skin to where the fit places them, with their covariances.
     pub fn move_taxels(&self, skin: &mut Skin) {
         let places: HashMap<TaxelId, &CalibratedTaxel> = self.taxels.iter().map(|t| (t.id, t)).collect();

@@ -1,4 +1,4 @@
-//! The map of taxels from their signals alone, beside the true one.
+//! The map of taxels from their signals alone, next to the true one.
 
 use glam::DVec2;
 

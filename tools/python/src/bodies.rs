@@ -40,8 +40,8 @@ pub(crate) enum ModulesArg {
 pub(crate) struct Drawing {
     pub(crate) cad: CadSkin,
     skin: Result<Arc<Skin>, String>,
-    /// Taxels with a module that are not in the drawing.
-    not_drawn: Vec<TaxelId>,
+    /// What is said of the modules that were given.
+    remark: Option<String>,
 }
 
 impl Drawing {
@@ -69,8 +69,8 @@ impl Drawing {
         let made = run(py, 0, move |_| {
             let names = names()?;
             let cad = CadSkin::of_skin(&skin, names.as_ref())?;
-            let not_drawn = names.map(|names| cad.not_drawn(&names)).unwrap_or_default();
-            Ok::<_, Error>(Self { cad, skin: Ok(skin), not_drawn })
+            let remark = names.and_then(|names| cad.remark_of_modules(&names));
+            Ok::<_, Error>(Self { cad, skin: Ok(skin), remark })
         });
         made?.map_err(error)
     }
@@ -83,38 +83,8 @@ impl Drawing {
         let cad = CadSkin::of_draft(&draft, names.as_ref())?;
         let assembled = assemble(&draft, &AssembleOptions::default());
         let skin = assembled.map(|made| Arc::new(made.skin)).map_err(|error| error.to_string());
-        let not_drawn = names.map(|names| cad.not_drawn(&names)).unwrap_or_default();
-        Ok(Self { cad, skin, not_drawn })
-    }
-
-    /// What looks wrong, as the command says it.
-    fn remarks(&self, found: &BodyCalibration) -> Vec<String> {
-        let name = |module: ModuleId| self.cad.modules[module].name.as_str();
-        let mut said = Vec::new();
-        if let Some(first) = self.not_drawn.first() {
-            let count = self.not_drawn.len();
-            said.push(format!(
-                "taxels of modules that are not in the drawing are passed over: {count}, the first is {first}"
-            ));
-        }
-        for &[a, b] in &found.misassembled.exchanged {
-            let (a, b) = (name(a), name(b));
-            said.push(format!("modules {a} and {b} look exchanged: each fits best in the other's place"));
-        }
-        for turned in &found.misassembled.turned {
-            let (module, degrees) = (name(turned.module), turned.degrees);
-            said.push(format!("module {module} looks turned by {degrees} degrees about its normal"));
-        }
-        if !found.rejected.is_empty() {
-            let (rejected, touches) = (found.rejected.len(), found.counts[0]);
-            said.push(format!("{rejected} of {touches} touches were rejected as outliers"));
-        }
-        if !found.untouched.is_empty() {
-            let names: Vec<_> = found.untouched.iter().map(|&module| name(module)).collect();
-            let names = names.join(", ");
-            said.push(format!("without a touch, a module keeps its drawn pose on its patch: {names}"));
-        }
-        said
+        let remark = names.and_then(|names| cad.remark_of_modules(&names));
+        Ok(Self { cad, skin, remark })
     }
 
     /// What Python makes a `BodyCalibration` of.
@@ -171,7 +141,8 @@ impl Drawing {
         all.set_item("held_back", held_back)?;
         all.set_item("steps", found.steps)?;
         all.set_item("converged", found.converged)?;
-        all.set_item("remarks", self.remarks(found))?;
+        let remarks = self.remark.iter().cloned().chain(found.remarks(&self.cad));
+        all.set_item("remarks", remarks.collect::<Vec<_>>())?;
         match &self.skin {
             Ok(skin) => {
                 let mut skin = Skin::clone(skin);

@@ -16,8 +16,8 @@ use dermatome::{
     robot::Robot,
     skin::{Link, LinkId, Motion, TaxelId},
     touches::{
-        Drawing, LogOfRows, RowSources, TouchContacts, TouchReadings, TouchesOptions,
-        contacts_of_touches_with, log_of_rows, pose_in_motion,
+        Drawing, LogOfRows, RowSources, TouchReadings, TouchesOptions, contacts_of_touches_with, log_of_rows,
+        pose_in_motion,
     },
 };
 use glam::DAffine3;
@@ -175,50 +175,6 @@ fn note_columns(table: &str, columns: &[String], remarks: &mut Vec<String>) {
     }
 }
 
-fn note_count(count: usize, things: &str, how: &str, remarks: &mut Vec<String>) {
-    match count {
-        0 => {}
-        1 => {
-            let touch = things.strip_suffix("es").filter(|thing| thing.ends_with("ch"));
-            remarks.push(format!("1 {} is {how}", touch.unwrap_or(things.trim_end_matches('s'))));
-        }
-        _ => remarks.push(format!("{count} {things} are {how}")),
-    }
-}
-
-/// What is said of how contacts were found, as the command says it.
-fn remark(found: &TouchContacts, log: &LogOfRows, remarks: &mut Vec<String>) {
-    let summary = &found.summary;
-    note_count(log.others, "rows", "of other links, left out", remarks);
-    note_count(log.silent, "rows", "without an active taxel, left out", remarks);
-    note_count(summary.empty_touches, "touches", "without a taxel that is used, left out", remarks);
-    note_count(summary.lone, "readings", "without an active neighbour, left out", remarks);
-    if let Some(first) = summary.inside.first() {
-        let count = summary.inside.len();
-        remarks.push(format!(
-            "in {count} frames, first in line {first}, the centre of the sphere is inside the skin; check the poses, \
-             px,py,pz and the normals of the drawing"
-        ));
-    }
-    let (touches, taxels, contacts) = (summary.touches, summary.taxels, found.contacts.len());
-    remarks.push(format!(
-        "{touches} touches of {taxels} taxels in {} frames: {contacts} contacts",
-        summary.frames
-    ));
-    if summary.fitted < taxels {
-        let means = taxels - summary.fitted;
-        remarks.push(format!(
-            "{means} of {taxels} taxels are the means of where the body was: they have too few readings, or the radius of \
-             the body is not known (radius)"
-        ));
-    }
-    let arm = summary.arm_noise * 1e3;
-    remarks.push(match summary.reading_noise {
-        Some(noise) => format!("noise: {arm:.3} mm of the arm's position, {noise:.3e} of a reading"),
-        None => format!("noise of the arm's position: {arm:.3} mm, as given or assumed"),
-    });
-}
-
 /// Turn a log into observations and a dict of how they were found.
 #[pyfunction]
 pub(crate) fn contacts_of_log<'py>(
@@ -267,7 +223,7 @@ pub(crate) fn contacts_of_log<'py>(
             left_out: skip.into_iter().map(TaxelId).collect(),
         };
         let found = contacts_of_touches_with(&made.log, &options, stop.run())?;
-        remark(&found, &made, &mut remarks);
+        remarks.extend(made.remarks().into_iter().chain(found.remarks()));
         Ok::<_, Error>((found, made, remarks))
     };
     let (found, made, remarks) = run(py, count("threads", threads)?, work)?.map_err(error)?;

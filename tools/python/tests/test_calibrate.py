@@ -96,13 +96,13 @@ def test_a_skin_is_a_drawing_and_what_is_assumed_is_remarked(folder):
     assumed = dermatome.calibrate(dermatome.Observations.from_columns(bare), cad=skin, modules=modules)
     assert assumed.noise.shape == (4, 2) and assumed.untouched == ("m3",)
     assert assumed.remarks[0] == "the table gives no uncertainty; it is estimated from the touches"
-    assert assumed.remarks[-1] == "without a touch, a module keeps its drawn pose on its patch: m3"
+    assert assumed.remarks[-1] == "without a touch, a module keeps its drawn pose on its patch: `m3`"
     assert not any("1 mm per axis" in remark for remark in assumed.remarks)
     copied = pickle.loads(pickle.dumps(dermatome.Observations.from_columns(bare)))
     assert dermatome.calibrate(copied, cad=skin, modules=modules).chi2 == assumed.chi2
     more = dermatome.calibrate(copied, cad=skin, modules={**modules, 4_000_000: "m"})
     assert more.chi2 == assumed.chi2
-    assert "not in the drawing are passed over: 1, the first is 4000000" in " ".join(more.remarks)
+    assert "not in the drawing are passed over: 4000000" in " ".join(more.remarks)
 
 
 def test_exchanged_modules_are_named(folder):

@@ -11,7 +11,7 @@ use dermatome::calib::{BodyCalibration, TouchNoise, fit_bodies};
 use dermatome::io::{observations_from_stream, read_observations, write_bodies, write_skin};
 
 use crate::calibrate::args::Args;
-use crate::calibrate::body_summary::{BodySummary, notes, print_bodies};
+use crate::calibrate::body_summary::{BodySummary, print_bodies};
 use crate::calibrate::drawing::Drawing;
 use crate::calibrate::inputs::is_assumed;
 use crate::calibrate::results::{OutputKind, check};
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
     let seconds = clock.elapsed().as_secs_f64();
     bar.finish_and_clear();
     if !common.quiet {
-        notes(&found, &drawing.cad, common);
+        found.remarks(&drawing.cad).iter().for_each(|remark| note!(common, "{remark}"));
     }
     if !found.converged && !args.keep {
         let what = format!("{}: not converged; nothing was written", args.observations.display());

@@ -3,9 +3,7 @@
 use dermatome::calib::{BodyCalibration, BodyFit, CadSkin, HeldBack, ModuleId};
 use serde::Serialize;
 
-use crate::console::notes::{first_names, note};
 use crate::console::print::{plain, print, print_table};
-use crate::options::Common;
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
@@ -136,30 +134,6 @@ impl HeldBackSummary {
             contact_mean_mm: 1e3 * score.contact_mean,
         });
         Self { supported: held_back.supported.to_string(), levels: levels.collect() }
-    }
-}
-
-/// Prints what was assumed, and what looks wrong.
-pub(super) fn notes(found: &BodyCalibration, cad: &CadSkin, common: &Common) {
-    let name = |module: ModuleId| plain(&cad.modules[module].name);
-    for [a, b] in &found.misassembled.exchanged {
-        note!(
-            common,
-            "modules {} and {} look exchanged: each fits best in the other's place",
-            name(*a),
-            name(*b)
-        );
-    }
-    for turned in &found.misassembled.turned {
-        let (module, degrees) = (name(turned.module), turned.degrees);
-        note!(common, "module {module} looks turned by {degrees} degrees about its normal");
-    }
-    if !found.rejected.is_empty() {
-        note!(common, "{} of {} touches were rejected as outliers", found.rejected.len(), found.counts[0]);
-    }
-    if !found.untouched.is_empty() {
-        let names: Vec<String> = found.untouched.iter().map(|&module| name(module)).collect();
-        note!(common, "without a touch, a module keeps its drawn pose on its patch: {}", first_names(&names));
     }
 }
 

@@ -9,7 +9,7 @@ use dermatome::skin::{AssembleOptions, Draft, Skin, assemble};
 
 use crate::calibrate::cad_args::CadArgs;
 use crate::console::errors::advise;
-use crate::console::notes::{first_names, note, note_columns, note_remarks};
+use crate::console::notes::{note, note_columns, note_remarks};
 use crate::files::outputs;
 use crate::options::Common;
 
@@ -42,15 +42,8 @@ impl Drawing {
                 anyhow::Error::from(Error::from(other)).context(format!("the drawing {shown} cannot be used"))
             }
         })?;
-        let others = modules.map(|modules| cad.not_drawn(&modules)).unwrap_or_default();
-        if let (false, Some(table)) = (others.is_empty(), &args.modules) {
-            let ids: Vec<String> = others.iter().map(ToString::to_string).collect();
-            note!(
-                common,
-                "{}: not in the drawing, and passed over: taxels {}",
-                table.display(),
-                first_names(&ids)
-            );
+        if let Some(remark) = modules.and_then(|modules| cad.remark_of_modules(&modules)) {
+            note!(common, "{remark}");
         }
         Ok(Self { draft, cad })
     }

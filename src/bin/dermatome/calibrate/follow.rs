@@ -15,7 +15,6 @@ use serde::Serialize;
 
 use crate::calibrate::args::Args;
 use crate::calibrate::bodies::{self, NOISE_IS_ESTIMATED};
-use crate::calibrate::body_summary::notes;
 use crate::calibrate::drawing::Drawing;
 use crate::calibrate::inputs::{Inputs, is_assumed};
 use crate::calibrate::results::{self, OutputKind};
@@ -107,7 +106,7 @@ impl Solver {
             Self::Bodies { drawing, follower } => {
                 let found = follower.finish(Run::default()).map_err(Error::from)?;
                 if !common.quiet {
-                    notes(&found, &drawing.cad, common);
+                    found.remarks(&drawing.cad).iter().for_each(|remark| note!(common, "{remark}"));
                 }
                 bodies::write(outputs, &drawing, &found, common)?;
                 Ok((!found.converged).then(|| "not converged".to_owned()))

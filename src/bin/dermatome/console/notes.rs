@@ -29,10 +29,7 @@ pub(crate) fn print_note(common: &Common, text: fmt::Arguments<'_>) {
 pub(crate) fn note_count(common: &Common, count: u64, things: &str, how: &str) {
     match count {
         0 => {}
-        1 => {
-            let touch = things.strip_suffix("es").filter(|thing| thing.ends_with("ch"));
-            note!(common, "1 {} is {how}", touch.unwrap_or(things.trim_end_matches('s')));
-        }
+        1 => note!(common, "1 {} is {how}", things.trim_end_matches('s')),
         _ => note!(common, "{count} {things} are {how}"),
     }
 }

@@ -152,27 +152,18 @@ def calibrate(
     >>> dermatome.calibrate(contacts, cad=skin, level="mount").bodies[0]
     <dermatome.Body: mount, 50 contacts, moved 2.00 mm, turned 0.00 degrees>
     """
-    taxels = {"robust": robust, "residual": residual, "initial": initial, "iterations": iterations, "covariances": covariances}
-    bodies = {
-        "modules": modules,
-        "level": level,
-        "mount": mount,
-        "mount_angle": mount_angle,
-        "patch": patch,
-        "patch_angle": patch_angle,
-        "module": module,
-        "module_angle": module_angle,
-        "fit_probe": fit_probe,
-        "fit_standoff": fit_standoff,
-        "as_drawn": as_drawn,
-        "folds": folds,
-        "seed": seed,
-    }
+    taxels, bodies = options_of(locals())
     check_options(cad, taxels, bodies)
     observed = observations if isinstance(observations, Observations) else Observations.read(observations)
     if cad is None:
         return calibrate_taxels(observed, taxels, threads)
     return bodies_of(fit_bodies(observed, cad, *options_of_bodies(bodies), threads))
+
+
+def options_of(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The options of taxels and those of bodies among arguments, with the default of each that is not among them."""
+    taxels, bodies = ({name: given.get(name, known) for name, known in of.items()} for of in (OF_TAXELS, OF_BODIES))
+    return taxels, bodies
 
 
 def check_options(cad: Any, taxels: dict[str, Any], bodies: dict[str, Any]) -> None:

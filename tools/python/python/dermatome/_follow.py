@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from dermatome._bodies import BodyCalibration, bodies_of
-from dermatome._calibrate import OF_BODIES, OF_TAXELS, check_options, options_of_bodies
+from dermatome._calibrate import check_options, options_of, options_of_bodies
 from dermatome._dermatome import Calibration, Map, Observations, Skin, TouchFollower, TouchLines
 from dermatome._errors import DataError
 
@@ -186,21 +186,7 @@ def follow(
     >>> float(touches.result.positions[0, 0].round(6))
     0.0005
     """
-    taxels = {**OF_TAXELS, "robust": robust, "covariances": covariances}
-    bodies = {
-        **OF_BODIES,
-        "modules": modules,
-        "level": level,
-        "mount": mount,
-        "mount_angle": mount_angle,
-        "patch": patch,
-        "patch_angle": patch_angle,
-        "module": module,
-        "module_angle": module_angle,
-        "fit_probe": fit_probe,
-        "fit_standoff": fit_standoff,
-        "as_drawn": as_drawn,
-    }
+    taxels, bodies = options_of(locals())
     check_options(cad, taxels, bodies)
     if every < 1:
         raise DataError(f"every: found {every}; needed: a number of touches, at least 1")
