@@ -177,6 +177,46 @@ fn holes_of_a_closed_tube_are_joined() {
     }
 }
 
+/// Numbers from 0 to 1.
+fn random(mut state: u64) -> impl FnMut() -> f64 {
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1_u64 << 31) as f64
+    }
+}
+
+/// A block with windows, stretched and with rough sides, without some of its faces.
+fn rough_frame(windows: u32, seed: u64) -> TriMesh {
+    let mut mesh = shapes::frame(windows, 1, 0.01);
+    let mut next = random(77 * seed + 5);
+    let (tall, rough, deep) = (1.0 + 4.0 * next(), 0.004 * next(), 1.0 + 2.0 * next());
+    for p in mesh.positions.iter_mut() {
+        *p = (*p + (DVec3::new(next(), next(), next()) - 0.5) * rough) * DVec3::new(1.0, deep, tall);
+    }
+    let mut next = random(0x9e37_79b9 * seed + 12345);
+    let mut is_free = vec![true; mesh.positions.len()];
+    let share = [0.05, 0.1, 0.2][seed as usize % 3];
+    let is_hole: IdVec<FaceId, bool> = mesh.triangles.map(|corners| {
+        let is_hole = next() < share && corners.iter().all(|v| is_free[v.index()]);
+        if is_hole {
+            corners.iter().for_each(|v| is_free[v.index()] = false);
+        }
+        is_hole
+    });
+    without(&mesh, |face| is_hole[face])
+}
+
+/// Holes of a body with handles: joined to a seam that has its cones already, they left maps at energies of 7.8, 9.7 and
+/// 11.3.
+#[test]
+fn holes_of_a_body_with_handles_are_joined_before_cones() {
+    for (windows, seed, most) in [(1, 38, 5.2), (4, 12, 5.0), (5, 15, 6.5)] {
+        let (_, map) = flat(&rough_frame(windows, seed));
+        let energy = map.distortion.symmetric_dirichlet;
+        assert!(energy < most, "{windows} windows, seed {seed}: {energy}");
+    }
+}
+
 #[test]
 fn a_torus_is_cut_both_ways() {
     let mesh = shapes::torus(60, 24, 0.1, 0.04);

@@ -84,12 +84,12 @@ pub(crate) fn decide(
     }
     let search = SeamSearch { graph: &graph, map, factor: ConformalFactor::new(mesh) };
     let found = if base.edges.is_empty() {
-        let whole = search.tried(base, f64::INFINITY);
+        let whole = search.tried(base.clone(), f64::INFINITY);
         if is_disk || whole.trial.excess <= WHOLE { whole } else { search.with_loops(whole) }
     } else {
-        search.with_cones(base)
+        search.with_cones(base.clone())
     };
-    let found = if found.trial.excess > POOR { search.relieved(found) } else { found };
+    let found = if found.trial.excess > POOR { search.relieved(found, &base) } else { found };
     let found = match limit {
         Some(limit) => search.below(found, limit),
         None => vec![found],
@@ -151,14 +151,15 @@ impl SeamSearch<'_, '_> {
         best
     }
 
-    /// A poor map with more cones, or with all loops joined as well, if that is much better. A cone may be joined to a
-    /// loop that the seam leaves out; then a tube between the two stays a ring on the map, however many cones follow.
-    fn relieved(&self, poor: Found) -> Found {
+    /// A poor map with more cones, or that of the seam that must be with all loops joined to it before any cone, if that is
+    /// much better. A cone may be joined to a loop that the seam leaves out; then a tube between the two stays a ring
+    /// on the map, however many cones follow, and joining the loops afterwards keeps the detours of the cones.
+    fn relieved(&self, poor: Found, base: &Seam) -> Found {
         let graph = self.graph;
         let coned = self.more_cones(poor.seam.clone(), Some(&poor.trial));
         let apexes = (0..graph.loops.len()).map(|k| graph.apex(k));
         let has_others = graph.loops.len() > 1 && !apexes.clone().all(|apex| poor.seam.ends.contains(&apex));
-        let joined = has_others.then(|| self.with_cones(poor.seam.joined(graph, apexes)));
+        let joined = has_others.then(|| self.with_cones(base.joined(graph, apexes)));
         // The excess that a map of the first seam would need to be as good.
         let worth =
             |new: &Found| new.trial.excess * POOR_FALL.powf((new.trial.length - poor.trial.length).max(1.0));

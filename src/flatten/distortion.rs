@@ -11,8 +11,11 @@ use crate::parallel::par_each;
 /// Symmetric Dirichlet energy beyond which a map is far from isometric.
 pub(crate) const FAR: f64 = 50.0;
 
-/// Symmetric Dirichlet energy above which a map is of no use, and no seam improves it: others are tried.
+/// Symmetric Dirichlet energy above which a map is of no use.
 pub(crate) const ABSURD: f64 = 15.0;
+
+/// Symmetric Dirichlet energy above which a map is poor: other seams are tried, and a user is warned.
+pub(crate) const POOR: f64 = 6.0;
 
 /// Ratios are clamped to this, so that one face without area on the map does not make a mean infinite.
 const LARGEST: f64 = 1e12;
@@ -65,7 +68,7 @@ impl Distortion {
     /// Whether the map is so poor that a user should be warned: the symmetric Dirichlet energy is beyond 6, or
     /// the stretches of some face beyond a ratio of 20.
     pub fn is_poor(&self) -> bool {
-        !(self.symmetric_dirichlet <= 6.0 && self.qc_max <= 20.0)
+        !(self.symmetric_dirichlet <= POOR && self.qc_max <= 20.0)
     }
 }
 

@@ -99,7 +99,7 @@ use crate::run::Run;
 use crate::skin::Taxels;
 
 pub(crate) use crossings::crossing_vertices;
-pub(crate) use distortion::ABSURD;
+pub(crate) use distortion::{ABSURD, POOR};
 pub use distortion::{Convergence, Distortion, distortion};
 pub use error::FlattenError;
 pub(crate) use magnification::patch_scales;

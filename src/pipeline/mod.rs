@@ -40,7 +40,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{ABSURD, Boundary, flatten_pyramid_with, patch_scales};
+use crate::flatten::{Boundary, POOR, flatten_pyramid_with, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
@@ -156,7 +156,7 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         let mut best = map_one(patch, pyramid, scale, options);
         for other in other_attempts(patch, options) {
             run.check()?;
-            if energy(&best, patch, options) <= ABSURD {
+            if energy(&best, patch, options) <= POOR {
                 break;
             }
             let pyramid = coarsen_patch(patch, &[], side(patch), &other, run);
