@@ -442,6 +442,8 @@ fn packages_are_found() {
     let file = here.join("hand/meshes/m.stl");
     write_robot(here, &link("a", &format!("<mesh filename='file://{}'/>", file.display())));
     dermatome(here, "info r.urdf").assert().success();
+    write_robot(&here.join("hand/urdf"), &link("a", "<mesh filename='hand/meshes/m.stl'/>"));
+    dermatome(here, "info hand/urdf/r.urdf").assert().success();
     refuses(here, "info hand/meshes/m.stl --links a", &["a .urdf"]);
 }
 
@@ -705,6 +707,26 @@ fn what_the_skin_does_not_need_stops_nothing() {
     read_robot(&folder.path().join("late.urdf")).unwrap();
     fs::write(folder.path().join("late.urdf"), [late.as_bytes(), b"<!-- \xff -->"].concat()).unwrap();
     read_robot(&folder.path().join("late.urdf")).unwrap();
+    fs::write(folder.path().join("late.urdf"), [late.as_bytes(), b"\r\n\0"].concat()).unwrap();
+    read_robot(&folder.path().join("late.urdf")).unwrap();
+}
+
+/// Commas may end numbers, as in the descriptions that Bullet comes with.
+#[test]
+fn commas_after_numbers_separate_them() {
+    let placed = |at: &str| {
+        let box_at = link("b", "<box size='1, 1, 1'/>");
+        robot(&format!(
+            "{}{box_at}{}",
+            link("a", BALL),
+            joint("a", "b", "fixed", &format!("<origin xyz='{at}'/>"))
+        ))
+    };
+    let [plain, commas] = ["0.07 0 -0.69", "0.07, 0,  -0.69"].map(placed);
+    assert_eq!(draft_of(plain.path()).links, draft_of(commas.path()).links);
+    for wrong in ["0,07 0 -0.69", "0.07,0,-0.69", ", 0 1 2"] {
+        refuses(placed(wrong).path(), "info r.urdf", &["3 finite numbers", wrong]);
+    }
 }
 
 /// A joint that follows another with an offset rests there in the skin, too.

@@ -101,7 +101,8 @@ impl Source {
     /// The content as XML: a declaration after comments is left out, as other readers do.
     #[cfg(feature = "robots")]
     pub(crate) fn xml_text(&self) -> Result<&str, IoError> {
-        let text = self.text()?;
+        // Readers in C end at the first zero byte, and some programs write it.
+        let text = self.text()?.trim_end_matches('\0');
         let mut rest = text.trim_start();
         while let Some((_, after)) = rest.strip_prefix("<!--").and_then(|inner| inner.split_once("-->")) {
             rest = after.trim_start();

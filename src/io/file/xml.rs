@@ -78,8 +78,7 @@ impl<'a> Xml<'a> {
         attribute: &str,
     ) -> Result<Option<[f64; N]>> {
         let Some(text) = node.attribute(attribute) else { return Ok(None) };
-        let numbers: Option<Vec<f64>> = text.split_whitespace().map(finite).collect();
-        let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
+        let numbers = listed_numbers(text).and_then(|numbers| numbers.try_into().ok());
         let many = if N == 1 { "a finite number" } else { "finite numbers" };
         let refuse = || {
             let needed = if N == 1 { many.to_owned() } else { format!("{N} {many}") };
@@ -87,6 +86,11 @@ impl<'a> Xml<'a> {
         };
         numbers.map(Some).ok_or_else(refuse)
     }
+}
+
+/// The finite numbers of an attribute. White space separates them, also after a comma, as Bullet reads them.
+pub(crate) fn listed_numbers(text: &str) -> Option<Vec<f64>> {
+    text.split_whitespace().map(|word| finite(word.strip_suffix(',').unwrap_or(word))).collect()
 }
 
 /// The text of an element, all pieces of it: a comment may stand between them.

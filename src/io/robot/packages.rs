@@ -61,7 +61,13 @@ impl Packages {
             searched: vec![file.clone()],
             has_collision: false,
         };
-        if file.is_file() { Ok(file) } else { Err(missing()) }
+        if file.is_file() {
+            return Ok(file);
+        }
+        // Bullet takes names from the folder of its data, above that of the description.
+        let is_from_above = !url.contains("://") && url.contains('/') && Path::new(url).is_relative();
+        let from_above = is_from_above.then(|| self.in_package(path, element, url, url).ok()).flatten();
+        from_above.ok_or_else(missing)
     }
 
     fn in_package(&self, path: &Path, element: &str, url: &str, rest: &str) -> Result<PathBuf> {

@@ -8,8 +8,8 @@ use roxmltree::Node;
 
 use crate::io::IoError;
 use crate::io::error::Result;
-use crate::io::file::xml::Xml;
-use crate::io::file::{Source, excerpt, finite, invalid};
+use crate::io::file::xml::{Xml, listed_numbers};
+use crate::io::file::{Source, excerpt, invalid};
 
 /// Attributes by name.
 type Attributes = BTreeMap<String, String>;
@@ -299,8 +299,8 @@ impl<'m> View<'m> {
 
     pub(super) fn list(&self, name: &str) -> Result<Vec<f64>> {
         let text = self.get(name).unwrap_or_default();
-        let numbers: Option<Vec<f64>> = text.split_whitespace().map(finite).collect();
-        numbers.ok_or_else(|| self.invalid(format!("{name}={}", excerpt(text)), "finite numbers"))
+        listed_numbers(text)
+            .ok_or_else(|| self.invalid(format!("{name}={}", excerpt(text)), "finite numbers"))
     }
 
     /// The first numbers of an attribute, if that is there.
