@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::calib::Pose;
 use crate::skin::TaxelId;
 
-/// What is known beside the two files.
+/// What is known in addition to the two files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiffOptions {
     /// The module of taxels, where the files do not have it.

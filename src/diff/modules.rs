@@ -1,4 +1,4 @@
-//! Rigid modules: which moved beside those around them, and how.
+//! Rigid modules: which moved relative to those around them, and how.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_6;
@@ -27,7 +27,7 @@ pub(super) fn members_of_modules(pairs: &[Pair]) -> BTreeMap<(&str, &str), Vec<u
     modules
 }
 
-/// A module, its motion beside that of its neighbours, and whether that is more than noise.
+/// A module, its motion relative to that of its neighbours, and whether that is more than noise.
 pub(super) struct Module<'p> {
     pub(super) name: &'p str,
     pub(super) members: Vec<usize>,

@@ -1,4 +1,4 @@
-//! Single taxels: which moved beside those around them, and which have other ids.
+//! Single taxels: which moved relative to those around them, and which have other ids.
 
 use std::collections::BTreeMap;
 

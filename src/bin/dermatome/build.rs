@@ -262,7 +262,7 @@ struct Seconds {
     coarsen: f64,
     flatten: f64,
     rasterise: f64,
-    /// Writing the map, the images and the page, which begins beside rasterising.
+    /// Writing the map, the images and the page, which begins while images are still drawn.
     write: f64,
 }
 

@@ -194,7 +194,7 @@ impl Document {
         let relative = Path::new(&name);
         let stays = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
         if !self.is_file() {
-            return refuse("a file beside bytes of memory");
+            return refuse("the name of another file, in a glTF read from memory");
         }
         if name.is_empty() || !relative.components().all(stays) {
             return refuse("a uri that leaves the folder");

@@ -148,7 +148,7 @@ impl Binding {
     }
 }
 
-/// The binds that our own files keep beside the joints of a skin.
+/// The binds that our own files keep with the joints of a skin.
 fn kept_binds(
     document: &Document,
     element: &str,

@@ -18,7 +18,7 @@ use crate::io::gltf::document::{DRACO, Document};
 /// Largest deviation of normals and tangents from unit length: the Khronos validator's, for 8 bits.
 const UNIT_NORMAL: f64 = 0.00674;
 
-/// What is needed of a skin beside positions, where it is there.
+/// What is needed of a skin in addition to positions, where it is there.
 const OF_TAXELS: [&str; 9] = [
     "_TAXEL_ID",
     "_AREA",
