@@ -180,7 +180,8 @@ mod tests {
         let at = |i: u32, j: u32| DVec3::new(sum(widths, i), sum(heights, j), 0.0);
         let mesh = shapes::sheet(columns + 1, rows + 1, at);
         let centre = |t: &[VertexId; 3]| t.iter().map(|&v| mesh.positions[v]).sum::<DVec3>() / 3.0;
-        let cell = |of: &[f64], x: f64| (0..of.len() as u32).rposition(|k| sum(of, k) < x).unwrap();
+        let cell =
+            |of: &[f64], x: f64| (0..u32::try_from(of.len()).unwrap()).rposition(|k| sum(of, k) < x).unwrap();
         let part = mesh.triangles.map(|t| {
             let p = centre(t);
             (!is_hole(cell(widths, p.x), cell(heights, p.y))).then_some(0)
