@@ -23,10 +23,58 @@ pub(super) struct Mask {
     pub(super) shows: bool,
     /// Runs of covered cells of each row, from the bottom: the first cell, and the one after the last.
     rows: Vec<Vec<[usize; 2]>>,
+    /// The same of the cells with a pixel within the gap around covered ones; they begin `margin` cells lower and
+    /// farther left.
+    taken: Vec<Vec<[usize; 2]>>,
+    margin: usize,
+}
+
+/// Cells of a mask, as bits.
+struct Bits {
+    size: [usize; 2],
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl Bits {
+    fn new(size: [usize; 2]) -> Self {
+        let words = size[0].div_ceil(64);
+        Self { size, words, bits: vec![0; words * size[1]] }
+    }
+
+    fn set(&mut self, column: usize, row: usize) {
+        self.bits[row * self.words + column / 64] |= 1 << (column % 64);
+    }
+
+    fn runs(&self) -> Vec<Vec<[usize; 2]>> {
+        self.bits.chunks(self.words).map(|row| runs(row, self.size[0])).collect()
+    }
+
+    /// Sets the cells of `cell` pixels, from `margin` cells before the first on, that have the centre of a pixel within
+    /// a triangle, or nearer to it than `gap` pixels along either axis; returns whether there is one.
+    fn add(&mut self, corners: &[DVec2; 3], cell: usize, [margin, gap]: [usize; 2]) -> bool {
+        let (side, gap) = (cell as f64, ROUNDING + gap as f64);
+        let range = |[low, high]: [f64; 2], count: usize| {
+            let first = ((low - gap + 0.5) / side - 1.0).ceil() + margin as f64;
+            let last = ((high + gap - 0.5) / side).floor() + margin as f64;
+            to_index(first).min(count)..to_index(last + 1.0).min(count)
+        };
+        let mut shows = false;
+        for row in range(span(&corners.map(|p| p.y)), self.size[1]) {
+            let lowest = (row * cell) as f64 - (margin * cell) as f64;
+            let columns = within(corners, [lowest + 0.5 - gap, lowest + side - 0.5 + gap]);
+            for column in range(columns, self.size[0]) {
+                self.set(column, row);
+                shows = true;
+            }
+        }
+        shows
+    }
 }
 
 impl Mask {
-    /// The mask of all levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels. A cell is
+    /// The mask of all levels of a map; a pixel has the side `pixel` (m), a cell `cell` pixels, and `gap` pixels around
+    /// it show no other chart. A cell is
     /// covered if a triangle meets the rectangle around the centres of its pixels, or if it has the pixel that
     /// stands for a level that may cover none. `None` if it is
     /// larger than `most` cells: a long thin map can be larger than memory.
@@ -34,7 +82,7 @@ impl Mask {
         patch: &PatchMap,
         turns: u8,
         pixel: f64,
-        cell: usize,
+        [cell, gap]: [usize; 2],
         most: [usize; 2],
     ) -> Option<Self> {
         let Extent { lo, hi } = Extent::of(patch, turns);
@@ -43,14 +91,9 @@ impl Mask {
         if size[0] > most[0] || size[1] > most[1] {
             return None;
         }
-        let words = size[0].div_ceil(64);
-        let mut bits = vec![0_u64; words * size[1]];
-        let range = |[low, high]: [f64; 2], count: usize| {
-            let cell = cell as f64;
-            let first = ((low - ROUNDING + 0.5) / cell - 1.0).ceil();
-            let last = ((high + ROUNDING - 0.5) / cell).floor();
-            to_index(first).min(count)..to_index(last + 1.0).min(count)
-        };
+        // In cells of several pixels a margin of whole cells would be too wide.
+        let (margin, is_fine) = (gap.div_ceil(cell), cell == 1);
+        let (mut covered, mut taken) = (Bits::new(size), Bits::new(size.map(|n| n + 2 * margin)));
         let mut shows = true;
         for level in &patch.levels {
             let (mut shows_level, mut area) = (false, 0.0);
@@ -58,29 +101,40 @@ impl Mask {
                 let corners = level.uv_of(face).map(|uv| (turned(uv, turns) - frame.origin) / pixel);
                 let [a, b, c] = corners;
                 area += 0.5 * (b - a).perp_dot(c - a).abs();
-                for row in range(span(&corners.map(|p| p.y)), size[1]) {
-                    let band = [0.5, cell as f64 - 0.5].map(|y| (row * cell) as f64 + y);
-                    let columns = within(&corners, [band[0] - ROUNDING, band[1] + ROUNDING]);
-                    for column in range(columns, size[0]) {
-                        bits[row * words + column / 64] |= 1 << (column % 64);
-                        shows_level = true;
-                    }
+                shows_level |= covered.add(&corners, cell, [0, 0]);
+                if !is_fine {
+                    taken.add(&corners, cell, [margin, gap]);
                 }
             }
             shows &= shows_level;
             if area < MAY_COVER_NONE
                 && let Some((_, at)) = stand_in(level, turns, &frame)
             {
-                let [column, row] = at.map(|n| n as usize / cell);
-                bits[row * words + column / 64] |= 1 << (column % 64);
+                let at = at.map(|n| n as usize);
+                covered.set(at[0] / cell, at[1] / cell);
+                let centre = DVec2::new(at[0] as f64 + 0.5, at[1] as f64 + 0.5);
+                taken.add(&[centre; 3], cell, [margin, gap]);
             }
         }
-        let mut rows: Vec<Vec<[usize; 2]>> = bits.chunks(words).map(|row| runs(row, size[0])).collect();
-        if rows.iter().all(Vec::is_empty) {
+        let mut rows = covered.runs();
+        let is_empty = rows.iter().all(Vec::is_empty);
+        if is_empty {
             rows[0] = vec![[0, 1]];
         }
-        Some(Self { turns, frame, size, shows, rows })
+        let taken = if is_fine || is_empty { grown(&rows, margin) } else { taken.runs() };
+        Some(Self { turns, frame, size, shows, rows, taken, margin })
     }
+}
+
+/// The runs with all cells within `margin` of theirs, which begin as much lower and farther left.
+fn grown(rows: &[Vec<[usize; 2]>], margin: usize) -> Vec<Vec<[usize; 2]>> {
+    let mut taken = vec![Vec::new(); rows.len() + 2 * margin];
+    for (row, runs) in rows.iter().enumerate() {
+        for around in &mut taken[row..=row + 2 * margin] {
+            around.extend(runs.iter().map(|&[start, end]| [start, end + 2 * margin]));
+        }
+    }
+    taken
 }
 
 /// An index from a number; 0 if it is negative.
@@ -181,23 +235,23 @@ impl Grid {
         }
     }
 
-    /// Takes the cells of a mask at a position, and those within `gap` of them.
-    pub(super) fn take(&mut self, mask: &Mask, [x, y]: [usize; 2], gap: usize) {
+    /// Takes the cells of a mask at a position, with the gap around it.
+    pub(super) fn take(&mut self, mask: &Mask, [x, y]: [usize; 2]) {
         let powers = self.width.max(1).ilog2() as usize + 1;
-        let top = y + mask.size[1] + gap;
+        let (margin, top) = (mask.margin, y + mask.size[1] + mask.margin);
         if self.rows.len() < top {
             self.rows.resize_with(top, || vec![0; powers * self.words]);
         }
-        for (row, runs) in (y..).zip(&mask.rows) {
-            for around in row.saturating_sub(gap)..=row + gap {
-                for &[start, end] in runs {
-                    for cell in (x + start).saturating_sub(gap)..(x + end + gap).min(self.width) {
-                        self.rows[around][cell / 64] |= 1 << (cell % 64);
-                    }
+        for (row, runs) in (y..).zip(&mask.taken).filter(|(row, _)| *row >= margin) {
+            for &[start, end] in runs {
+                for cell in
+                    (x + start).saturating_sub(margin)..(x + end).saturating_sub(margin).min(self.width)
+                {
+                    self.rows[row - margin][cell / 64] |= 1 << (cell % 64);
                 }
             }
         }
-        for row in &mut self.rows[y.saturating_sub(gap)..top] {
+        for row in &mut self.rows[y.saturating_sub(margin)..top] {
             for power in 1..powers {
                 let (shorter, longer) = row.split_at_mut(power * self.words);
                 let shorter = &shorter[(power - 1) * self.words..];

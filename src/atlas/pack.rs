@@ -1,6 +1,6 @@
 //! Packs charts one after the other, each on free pixels, so that small charts fill the holes and bays of
-//! large ones. On a Panda, a G1 and an iCub (36 to 182 charts, 240 x 320 pixels) 65, 69 and 61 % of the image
-//! are filled; packing by outlines (horizons; `(levy2002)`) fills 26 to 30 %.
+//! large ones. On ten robots (Panda, UR10, Talos, TIAGo, Go1, Solo, Baxter, Allegro, Kinova, Romeo) at the default pixel
+//! 66 to 75 % of the image are filled; packing by outlines (horizons; `(levy2002)`) fills 26 to 30 %.
 //!
 //! [`Pack::Tight`] places larger charts first, each with the best of eight turns, as low and as far left as
 //! possible. [`Pack::Body`] places proximal links first, turns the distal end of each link up, and chooses a
@@ -48,7 +48,8 @@ const DISTANCE_COST: f64 = 0.2;
 /// boxes have distance 0.
 const CENTRE_WEIGHT: f64 = 0.1;
 
-/// Cost of a column, in rows, when charts are packed tightly, for a square.
+/// Cost of a column, in rows, when charts are packed tightly into a square of fixed size, which they fill 1 % more with
+/// it. With it an image of free height would be filled 3 to 11 % less.
 const COLUMN_COST: f64 = 0.5;
 
 /// Lowest position of the charts of a link, as a share of the centre height of the charts of its parent: the
@@ -191,12 +192,13 @@ impl<'a> Items<'a> {
             .map(|item| {
                 item.turns
                     .iter()
-                    .filter_map(|&turns| Mask::new(item.patch, turns, pixel, cell, cells))
+                    .filter_map(|&turns| Mask::new(item.patch, turns, pixel, [cell, self.pack.gap()], cells))
                     .collect()
             })
             .collect();
         let mut grid = Grid::new(cells[0]);
-        let column = COLUMN_COST * if height == usize::MAX { 1.0 } else { height as f64 / width as f64 };
+        // In an image that grows upwards only the height counts.
+        let column = if height == usize::MAX { 0.0 } else { COLUMN_COST * height as f64 / width as f64 };
         // For each chart the centre of its columns; for each link the highest centre of the rows of its charts.
         let mut centres: Vec<f64> = Vec::with_capacity(self.all.len());
         let mut middles: IdVec<LinkId, usize> = IdVec::default();
@@ -228,7 +230,7 @@ impl<'a> Items<'a> {
                 best = found.map(|(cost, at)| (cost, at, mask)).or(best);
             }
             let (_, [x, y], mask) = best?;
-            grid.take(mask, [x, y], self.pack.gap().div_ceil(cell));
+            grid.take(mask, [x, y]);
             centres.push(x as f64 + 0.5 * mask.size[0] as f64);
             let link = item.patch.link;
             while middles.len() <= link.index() {

@@ -9,13 +9,14 @@
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
 //! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles stay, however small they are.
+//! Strips between two rims that are narrower than a tenth of the spacing are removed.
 //!
 //! Where vertices would slide off a thin wall or a rod, some are fixed, so that details alone are lost.
 //!
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that
 //! walls keep their thickness where a surface bends too much for the spacing.
 //!
-//! In reading order: `surface` (the nearest point), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
+//! In reading order: `surface` (the nearest point), `necks` (strips between rims), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
 //! `thin` (faces without height, see `faces`), `lost` (what the rounds do not cover); `outer` finds the faces of a link that can be touched,
 //! `crumbs` its small pieces.
 
@@ -24,6 +25,7 @@ mod crumbs;
 mod faces;
 mod lost;
 mod moves;
+mod necks;
 mod outer;
 mod rounds;
 mod surface;
@@ -40,6 +42,7 @@ use crate::mesh::{
 use crate::remesh::faces::{FLAT, Thin, height};
 use crate::remesh::lost::{lost, pin};
 use crate::remesh::moves::sharp_neighbours;
+use crate::remesh::necks::open_necks;
 use crate::remesh::rounds::{Freedom, Rounds};
 use crate::remesh::surface::Surface;
 use crate::run::{Cancelled, Run};
@@ -58,6 +61,9 @@ const CORNER: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Faces of the surface lower than this fraction of the spacing are cracks between other faces: they are
 /// removed first.
 const CRACK: f64 = 1e-3;
+
+/// Strips of the surface between two rims that are narrower than this fraction of the spacing are removed.
+const NECK: f64 = 0.1;
 
 /// Most times that the rounds start again with more fixed vertices.
 const MAX_RESTARTS: usize = 2;
@@ -134,6 +140,7 @@ fn cover(mesh: &TriMesh, spacing: f64) -> Result<Covered, RemeshError> {
     }
     let mut mesh = mesh.clone();
     fill_shorter(&mut mesh, 3.0 * spacing)?;
+    open_necks(&mut mesh, NECK * spacing, least_area(spacing))?;
     let (halfedges, _) = HalfedgeMesh::new(&mesh)?;
     check_count(&mesh, &halfedges, spacing)?;
     let (sharp, positions) = (mesh.triangles.map(|_| [false; 3]), mesh.positions.clone());
@@ -251,6 +258,11 @@ fn freedoms(rounds: &Rounds<'_>) -> IdVec<VertexId, Freedom> {
     at.ids().map(freedom).collect()
 }
 
+/// The area of the hexagon around a taxel, in m^2: six triangles.
+fn least_area(spacing: f64) -> f64 {
+    6.0 * 0.75_f64.sqrt() / 2.0 * spacing * spacing
+}
+
 /// A remeshed skin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Remeshed {
@@ -275,10 +287,8 @@ pub struct Remeshed {
 pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remeshed, RemeshError> {
     let patches: Vec<(&Patch, f64)> =
         skin.patches.enumerate().map(|(id, patch)| (patch, spacings[id.index()])).collect();
-    // Six triangles.
-    let least = |spacing: f64| 6.0 * 0.75_f64.sqrt() / 2.0 * spacing * spacing;
     let (large, small): (Vec<_>, Vec<_>) =
-        patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least(*spacing));
+        patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least_area(*spacing));
     let fresh = |&(patch, spacing): &(&Patch, f64)| {
         if patch.taxels.joints.is_some() {
             return Err(RemeshError::Joints);
@@ -295,7 +305,7 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
     for (made, (old, spacing)) in made.into_iter().zip(&large) {
         let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
         let (mut patch, farthest) = made.map_err(in_patch)?;
-        if patch.mesh.area() < least(*spacing) {
+        if patch.mesh.area() < least_area(*spacing) {
             left_out.push(patch.name);
             continue;
         }
