@@ -125,3 +125,50 @@ fn recordings_that_tell_nothing_are_refused() {
     );
     assert!(!folder.join("no.csv").exists());
 }
+
+/// A recording of which half the columns are of another skin is one of half the taxels: the others have no gain, and the
+/// command says so. Of a table of gains of which half is of another skin the other half counts.
+#[test]
+fn half_a_recording_of_another_skin_gives_half_the_gains() {
+    let folder = folder_with_a_patch();
+    let folder = folder.path();
+    let run = |words: &str| dermatome(folder, words).assert().success();
+    run(
+        "touch skin.glb -o bag.csv --reads pressure --bag-kpa 5,20,60 --presses 1 --press-s 6 --pause-s 2 --rate-hz 10 \
+         --truth steps.csv",
+    );
+    let bag = fs::read_to_string(folder.join("bag.csv")).unwrap();
+    let (header, rows) = bag.split_once('\n').unwrap();
+    let renamed: Vec<String> = header
+        .split(',')
+        .map(|column| {
+            let (id, rest) = column.split_once('.').unwrap_or((column, ""));
+            match id.parse::<u32>() {
+                Ok(id) if id > 40 => format!("{}.{rest}", id + 900),
+                _ => column.to_owned(),
+            }
+        })
+        .collect();
+    fs::write(folder.join("mixed.csv"), format!("{}\n{rows}", renamed.join(","))).unwrap();
+    let said =
+        run("response skin.glb mixed.csv --pressure steps.csv -o mixed_gains.csv").get_output().clone();
+    let said = String::from_utf8(said.stderr).unwrap();
+    for words in ["40 columns are of no taxel of the map: 941", "40 have none", "40 untested"] {
+        assert!(said.contains(words), "{said}");
+    }
+    for taxel in read(folder, "mixed_gains.csv").taxels {
+        let state = if taxel.taxel.0 > 40 { TaxelState::Untested } else { TaxelState::Ok };
+        assert_eq!((taxel.state, taxel.gain.is_some()), (state, state == TaxelState::Ok), "{taxel:?}");
+    }
+    let said = dermatome(folder, "check skin.glb --recording mixed.csv").assert().get_output().clone();
+    let said = String::from_utf8([said.stdout, said.stderr].concat()).unwrap();
+    assert!(said.contains("40 columns are of no taxel of the map"), "{said}");
+    fs::write(folder.join("half.csv"), "# scale: relative\ntaxel_id,gain\n1,2\n900,2\n").unwrap();
+    fs::write(folder.join("force.csv"), "time,force\n0,1\n20,1\n").unwrap();
+    refuses(
+        folder,
+        "response skin.glb bag.csv -o no.csv --force force.csv --response half.csv",
+        &["79 taxels are without a gain", "0 touches of known force", "correct --force"],
+    );
+    assert!(!folder.join("no.csv").exists());
+}

@@ -309,3 +309,57 @@ fn faults_are_what_the_truth_says() {
         }
     }
 }
+
+/// A sheet of taxels this far apart, flat or on a cylinder of 40 mm radius, and whether each is near its border.
+fn sheet(spacing: f64, [columns, rows]: [u32; 2], is_bent: bool) -> (Skin, Vec<bool>) {
+    let step = spacing * 0.75_f64.sqrt();
+    let mesh = shapes::sheet(columns, rows, |i, j| {
+        let (x, y) = (spacing * (f64::from(i) + 0.5 * f64::from(j % 2)), step * f64::from(j));
+        let angle = y / 0.04;
+        if is_bent { DVec3::new(x, 0.04 * angle.sin(), 0.04 * angle.cos()) } else { DVec3::new(x, y, 0.0) }
+    });
+    let is_near = |k: u32, count: u32| k < 2 || k + 2 >= count;
+    let near = (0..rows).flat_map(|j| (0..columns).map(move |i| is_near(i, columns) || is_near(j, rows)));
+    (Skin::from_mesh("sheet", mesh), near.collect())
+}
+
+/// The force is the pressure integrated over the skin: on a plane and on a cylinder, for taxels near each other and
+/// as far apart as those of a forearm, with and without a cover. A cover keeps it, and facets do not change it.
+#[test]
+fn forces_are_the_pressure_over_the_skin() {
+    for is_bent in [false, true] {
+        let mut most = Vec::new();
+        for (spacing, size, presses) in [(0.002, [70, 81], 8), (0.0077, [20, 23], 100)] {
+            let (skin, is_near_border) = sheet(spacing, size, is_bent);
+            for (blur, aspect) in [(0.0, 1.0), (0.0015, 2.5)] {
+                let options = TouchOptions {
+                    quantity: Quantity::Intensive,
+                    blur,
+                    aspect,
+                    presses,
+                    roll: 0.0,
+                    rate: 4.0,
+                    seed: 9,
+                    ..TouchOptions::default()
+                };
+                let (mut felt, mut forces) = (0.0, Vec::new());
+                for (frame, touch) in record(&skin, &options) {
+                    let values = &frame.values[PatchId::new(0)][0];
+                    let is_cut = values.iter().zip(&is_near_border).any(|(x, near)| *near && *x > 0.0);
+                    let Some(touch) = touch.filter(|_| !is_cut) else { continue };
+                    felt += readings(&skin, &frame).map(|(x, _, area)| x * area).sum::<f64>();
+                    forces.push(touch.force);
+                }
+                let force: f64 = forces.iter().sum();
+                let case = format!("bent {is_bent}, {spacing} m, blur {blur} m");
+                assert!(forces.len() > 5, "{case}: {} frames", forces.len());
+                assert!((felt / force - 1.0).abs() < 0.01, "{case}: {felt} N felt of {force} N");
+                if aspect == 1.0 {
+                    forces.sort_by(f64::total_cmp);
+                    most.push(forces[3 * forces.len() / 4]);
+                }
+            }
+        }
+        assert!((most[1] / most[0] - 1.0).abs() < 0.01, "bent {is_bent}: {most:?} N");
+    }
+}

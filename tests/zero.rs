@@ -1,5 +1,6 @@
 //! Zeros that are followed: laws on simulated readings whose true zeros are known, in counts at 10 Hz with a noise of
-//! 50 and a full scale of 10,000.
+//! 50, `1/f` noise of 20 a decade, and a full scale of 10,000. Five seeds of each: `cargo test --test zero -- --ignored
+//! table --nocapture`.
 #![allow(clippy::cast_possible_truncation, reason = "counts of frames and taxels are small")]
 
 use dermatome::SkinMap;
@@ -14,6 +15,11 @@ use glam::DVec3;
 
 const HZ: f64 = 10.0;
 const NOISE: f64 = 50.0;
+
+/// `1/f` noise of each zero: its standard deviation, and its time constants in s, one for each decade.
+const FLICKER: f64 = 20.0;
+const FLICKER_S: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
+
 fn patch() -> PatchId {
     PatchId::new(0)
 }
@@ -44,6 +50,7 @@ struct Scene {
     /// The zero of each taxel, and how fast it drifts over the mean.
     zeros: Vec<f64>,
     speeds: Vec<f64>,
+    flicker: Vec<[f64; FLICKER_S.len()]>,
     /// The drift of the mean, in counts a second.
     drift: f64,
     pressed: Vec<f64>,
@@ -61,6 +68,7 @@ impl Scene {
         Self {
             zeros: (0..taxels).map(|_| 1000.0 + 7000.0 * random.uniform()).collect(),
             speeds: (0..taxels).map(|_| (1.0 + 0.3 * random.normal()).max(0.0)).collect(),
+            flicker: vec![[0.0; FLICKER_S.len()]; taxels],
             drift: drift * 1e4 / 60.0,
             pressed: vec![0.0; taxels],
             tracker: ZeroTracker::new(&map, &[Channel::default()]),
@@ -89,6 +97,12 @@ impl Scene {
         self.count += 1;
         for k in 0..self.zeros.len() {
             self.zeros[k] += self.drift * self.speeds[k] / HZ;
+            for (x, seconds) in self.flicker[k].iter_mut().zip(FLICKER_S) {
+                let kept = (-1.0 / (HZ * seconds)).exp();
+                let new = kept * *x + FLICKER * (1.0 - kept * kept).sqrt() * self.random.normal();
+                self.zeros[k] += new - *x;
+                *x = new;
+            }
             let noise = NOISE * self.random.normal();
             self.frame.values[patch()][0][VertexId::new(k)] = self.zeros[k] + self.pressed[k] + noise;
         }
@@ -117,9 +131,9 @@ fn sum(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     values.filter(|(_, pressed)| *pressed > NOISE).map(|(x, _)| x).sum()
 }
 
-#[test]
-fn forces_of_touches_are_right_under_drift() {
-    let mut scene = Scene::new(11, 0.01);
+/// The rms error of forces of touches under a drift of 1 % a minute, in per cent, and that of zeros, in counts.
+fn errors_under_drift(seed: u64) -> [f64; 2] {
+    let mut scene = Scene::new(seed, 0.01);
     scene.rest(60.0);
     let (mut errors, mut frames) = (0.0, 0.0);
     while scene.count < 4800 {
@@ -139,50 +153,43 @@ fn forces_of_touches_are_right_under_drift() {
         let pause = 1.0 + 3.0 * scene.random.uniform();
         scene.rest(pause);
     }
-    let error = 100.0 * f64::sqrt(errors / frames);
-    assert!(error < 3.0, "{error} %");
-    let zero = scene.error(|_| true);
-    assert!(zero < 40.0, "{zero} counts");
+    [100.0 * f64::sqrt(errors / frames), scene.error(|_| true)]
 }
 
-/// With drift, coefficients are known after a while without touch.
-#[test]
-fn a_contact_that_is_held_stays() {
-    for (drift, untouched, most) in [(0.0, 300.0, 2.0), (0.01, 900.0, 2.0)] {
-        let mut scene = Scene::new(12, drift);
-        scene.rest(untouched);
-        let held = scene.sphere(25.0, 2.5);
-        scene.pressed.clone_from(&held);
-        let mut found = 0.0;
-        for k in 0..18_000 {
-            let excess = scene.step();
-            if k >= 17_900 {
-                found += sum(excess.into_iter().zip(held.iter().copied())) / 100.0;
-            }
+/// How much of a contact is lost that is held for half an hour, in per cent, at a drift that is a share of the full scale a
+/// minute, after this time without touch in s.
+fn lost_in_half_an_hour(seed: u64, drift: f64, untouched: f64) -> f64 {
+    let mut scene = Scene::new(seed, drift);
+    scene.rest(untouched);
+    let held = scene.sphere(25.0, 2.5);
+    scene.pressed.clone_from(&held);
+    let mut found = 0.0;
+    for k in 0..18_000 {
+        let excess = scene.step();
+        if k >= 17_900 {
+            found += sum(excess.into_iter().zip(held.iter().copied())) / 100.0;
         }
-        let pressed: f64 = held.iter().filter(|x| **x > NOISE).sum();
-        let change = 100.0 * (found / pressed - 1.0).abs();
-        assert!(change < most, "drift {drift}: {change} %");
     }
+    let pressed: f64 = held.iter().filter(|x| **x > NOISE).sum();
+    100.0 * (found / pressed - 1.0).abs()
 }
 
-#[test]
-fn a_zero_that_was_taken_in_contact_is_taken_again() {
-    let mut scene = Scene::new(13, 0.005);
+/// The error of the zeros below three contacts of 20 s in which the recording begins, 5 s after them, in counts, and the
+/// zeros that were taken again.
+fn error_after_a_start_in_contact(seed: u64) -> (f64, u64) {
+    let mut scene = Scene::new(seed, 0.005);
     let touches: Vec<_> = [2.0, 3.0, 2.5].into_iter().map(|depth| scene.sphere(25.0, depth)).collect();
     let touched: Vec<f64> =
         (0..scene.zeros.len()).map(|k| touches.iter().map(|touch| touch[k]).sum()).collect();
     scene.pressed.clone_from(&touched);
     (0..200).for_each(|_| _ = scene.step());
     scene.rest(5.0);
-    let error = scene.error(|k| touched[k] > 100.0);
-    assert!(error < 100.0, "{error} counts");
-    assert!(scene.tracker.report().retaken > 3, "{:?}", scene.tracker.report());
+    (scene.error(|k| touched[k] > 100.0), scene.tracker.report().retaken)
 }
 
-#[test]
-fn the_zeros_of_a_replaced_module_are_taken_again() {
-    let mut scene = Scene::new(14, 0.005);
+/// The error of the zeros of a module 5 s after it was replaced, in counts, and how many were.
+fn error_after_a_module_was_replaced(seed: u64) -> (f64, u64) {
+    let mut scene = Scene::new(seed, 0.005);
     scene.rest(100.0);
     let centre = scene.at(200);
     let mut near: Vec<usize> = (0..scene.zeros.len()).collect();
@@ -192,9 +199,59 @@ fn the_zeros_of_a_replaced_module_are_taken_again() {
         scene.zeros[k] += 1500.0 * scene.random.normal();
     }
     scene.rest(5.0);
-    let error = scene.error(|k| module.contains(&k));
-    assert!(error < 100.0, "{error} counts");
-    assert_eq!(scene.tracker.report().replaced, 1);
+    (scene.error(|k| module.contains(&k)), scene.tracker.report().replaced)
+}
+
+#[test]
+fn forces_of_touches_are_right_under_drift() {
+    let [error, zero] = errors_under_drift(11);
+    assert!(error < 3.0, "{error} %");
+    assert!(zero < 40.0, "{zero} counts");
+}
+
+/// With drift, coefficients are known after a while without touch.
+#[test]
+fn a_contact_that_is_held_stays() {
+    for (drift, untouched) in [(0.0, 300.0), (0.01, 900.0)] {
+        let change = lost_in_half_an_hour(12, drift, untouched);
+        assert!(change < 2.0, "drift {drift}: {change} %");
+    }
+}
+
+#[test]
+fn a_zero_that_was_taken_in_contact_is_taken_again() {
+    let (error, retaken) = error_after_a_start_in_contact(13);
+    assert!(error < 100.0 && retaken > 3, "{error} counts, {retaken} taken again");
+}
+
+/// Also of those that only taxels which stay where they were join with the others (seeds 32 and 35).
+#[test]
+fn the_zeros_of_a_replaced_module_are_taken_again() {
+    for seed in [14, 31, 32, 33, 34, 35] {
+        let (error, replaced) = error_after_a_module_was_replaced(seed);
+        assert!(error < 100.0 && replaced == 1, "seed {seed}: {error} counts, {replaced} replaced");
+    }
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn table_of_zeros() {
+    let mut missed = Vec::new();
+    for seed in 31..36 {
+        let ([force, zero], still) = (errors_under_drift(seed), lost_in_half_an_hour(seed, 0.0, 300.0));
+        let drifting = lost_in_half_an_hour(seed, 0.01, 900.0);
+        let (begun, replaced) =
+            (error_after_a_start_in_contact(seed).0, error_after_a_module_was_replaced(seed).0);
+        let row = format!(
+            "seed {seed}: forces {force:.1} %, zeros {zero:.0} counts; held {still:.1} %, with drift {drifting:.1} %; \
+             after a start in contact {begun:.0}, a replaced module {replaced:.0} counts"
+        );
+        println!("{row}");
+        if force > 3.0 || still > 2.0 || drifting > 2.0 || begun > 100.0 || replaced > 100.0 {
+            missed.push(row);
+        }
+    }
+    assert!(missed.is_empty(), "beyond their limits: {missed:#?}");
 }
 
 /// One count of flicker of a sensor whose readings are whole numbers is no touch.

@@ -32,8 +32,11 @@ const MOST_STEPS: usize = 40;
 const LEAST_STEPS: usize = 6;
 const SMALL_STEP: f64 = 0.05;
 
-/// Steps after which the depths of presses say what is usual.
+/// Steps after which the depths of presses say what is usual, and the bounds of the standard deviation of their logarithms.
+/// Where readings say little of depths, the estimated ones are closer to each other than the true ones: learned from
+/// them without a lower bound, the deviation would become smaller with each step, and the power would take the place of depths.
 const STEPS_TO_LEARN: usize = 4;
+const DEPTH_DEVIATIONS: [f64; 2] = [0.2, 1.0];
 
 /// The largest steps: of a logarithm of a gain, of shared numbers, of a place in m, of logarithms of a depth and of a
 /// radius, and of a shape.
@@ -209,7 +212,7 @@ impl<'p> Bundle<'p> {
     fn learn(&mut self, steps: usize) {
         if steps >= STEPS_TO_LEARN {
             let [mean, deviation] = self.depths();
-            self.common.depth = [mean, deviation.clamp(0.05, 1.0)];
+            self.common.depth = [mean, deviation.clamp(DEPTH_DEVIATIONS[0], DEPTH_DEVIATIONS[1])];
         }
     }
 

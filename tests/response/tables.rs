@@ -148,12 +148,13 @@ fn flat() -> Skin {
 /// Noise below zero counts as noise above it does, so that it does not add to the forces of touches.
 #[test]
 fn twenty_known_touches_give_the_scale_to_two_per_cent() {
-    let [error, sigma] = error_of_scale(&flat(), &known_touches(&[0.04], 51));
-    assert!(error.abs() < 0.02 && sigma < 0.01, "{error}, {sigma}");
+    for (name, skin) in [("flat", flat()), ("forearm", forearm(22, 27))] {
+        let [error, sigma] = error_of_scale(&skin, &known_touches(&[0.04], 51));
+        assert!(error.abs() < 0.02 && sigma < 0.01, "{name}: {error}, {sigma}");
+    }
 }
 
-/// The force of the truth is that on the triangles, which are inside of a convex skin: on the forearm and the cover it is
-/// less than the sum over taxels.
+/// On flat and on curved skins.
 #[test]
 #[ignore = "a measurement"]
 fn table_of_errors_of_scales() {
@@ -174,7 +175,7 @@ fn table_of_errors_of_scales() {
             let mean = rows.iter().map(|[error, _]| error).sum::<f64>() / 5.0;
             let rms = (rows.iter().map(|[error, _]| (error - mean).powi(2)).sum::<f64>() / 4.0).sqrt();
             println!("{name}, {bodies}: mean {:.1} %, rms {:.1} %, {rows:.3?}", 1e2 * mean, 1e2 * rms);
-            assert!(name != &"flat" || (mean.abs() < 0.03 && rms < 0.02), "{name}, {bodies}");
+            assert!(mean.abs() < 0.03 && rms < 0.02, "{name}, {bodies}");
         }
     }
 }
@@ -190,7 +191,7 @@ fn table_of_touches_that_fit_badly() {
     type Cell<'a> = (&'a str, &'a dyn Fn(u64) -> TouchOptions);
     let cells: [Cell<'_>; 3] = [("taps", &taps), ("8 mm", &small), ("100 presses", &few)];
     for (name, options) in cells {
-        for seed in 11..14 {
+        for seed in 11..15 {
             let (truth, found) = estimate(&skin, &options(seed));
             println!("{name}, seed {seed}: {}", said(&truth, found));
         }
@@ -228,7 +229,7 @@ fn table_of_touches_of_an_elastic_solid() {
             *value = points.iter().map(pressure).sum::<f64>() / POINTS as f64;
         }
     };
-    for seed in 11..14 {
+    for seed in 11..15 {
         let options = TouchOptions { aspect: 1.0, wobble: 0.0, ..usual(&[RADIUS], 400, seed) };
         let (truth, found) = estimate_as(&skin, &options, press);
         println!("an elastic solid, seed {seed}: {}", said(&truth, found));

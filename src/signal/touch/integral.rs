@@ -1,9 +1,10 @@
-//! Force and centre of pressure of a body on a patch: its pressure integrated over the triangles.
+//! Force and centre of pressure of a body on a patch: its pressure integrated over the smooth skin.
 
 use glam::DVec3;
 
 use crate::signal::touch::TouchOptions;
 use crate::signal::touch::probe::Probe;
+use crate::signal::touch::surface::{mix, normals, rounded};
 use crate::skin::Patch;
 
 /// Triangles are divided until their edges are shorter than this share of the contact's radius; the
@@ -20,7 +21,7 @@ pub(super) fn contact(
     patch: &Patch,
     options: &TouchOptions,
 ) -> Option<(f64, DVec3)> {
-    let (mesh, normals) = (&patch.mesh, &patch.taxels.normals);
+    let mesh = &patch.mesh;
     let (centre, reach) = (probe.sphere.centre, probe.reach());
     let radius = (depth * (2.0 * probe.sphere.radius - depth)).max(0.0).sqrt();
     let (mut volume, mut moment) = (0.0, DVec3::ZERO);
@@ -28,16 +29,15 @@ pub(super) fn contact(
         let corners = mesh.corners(face);
         let longest =
             (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max).sqrt();
-        if corners[0].distance_squared(centre) > (reach + longest).powi(2) {
+        if corners[0].distance_squared(centre) > (reach + 1.5 * longest).powi(2) {
             continue;
         }
-        let normals = mesh.triangles[face].map(|v| normals[v]);
+        let normals = normals(patch, face);
         let parts = (longest / (FINENESS * radius)).ceil().clamp(1.0, MOST_PARTS);
         let area = mesh.face_area(face) / (parts * parts);
         for weights in parts_of_a_triangle(parts) {
-            let mix = |of: &[DVec3; 3]| of.iter().zip(weights).map(|(x, w)| w * *x).sum::<DVec3>();
-            let point = mix(&corners);
-            let depth = probe.depth(point, mix(&normals).normalize_or_zero());
+            let point = rounded(&corners, &normals, weights);
+            let depth = probe.depth(point, mix(&normals, weights).normalize_or_zero());
             volume += area * depth;
             moment += area * depth * point;
         }

@@ -16,6 +16,7 @@ mod readout;
 mod simulation;
 mod sphere;
 mod spreader;
+mod surface;
 
 use crate::signal::{Quantity, SignalError};
 

@@ -85,6 +85,8 @@ const SAMPLES: usize = 256;
 pub(super) struct Sensor {
     /// Radius of its disc, in m.
     disc: f64,
+    /// Standard deviation of the blur along each axis, in m.
+    blur: f64,
     /// Points of equal weight, in m; none if the disc is bare.
     points: Vec<[f64; 2]>,
     /// No point is farther from the taxel, in m.
@@ -95,7 +97,7 @@ impl Sensor {
     pub(super) fn new(options: &TouchOptions) -> Self {
         let (disc, blur) = (options.taxel_radius, options.blur);
         if blur == 0.0 && options.aspect <= 1.0 && options.shape == TouchShape::Sphere {
-            return Self { disc, points: Vec::new(), reach: disc };
+            return Self { disc, blur, points: Vec::new(), reach: disc };
         }
         // Distances from the taxel, of points that fill the space of disc and distribution evenly: the multiples of
         // four numbers without a common measure (the additive recurrence of Roberts 2018).
@@ -122,7 +124,12 @@ impl Sensor {
         let factor = ((0.5 * disc * disc + 2.0 * blur * blur) / square).sqrt();
         points.iter_mut().flatten().for_each(|x| *x *= factor);
         let reach = points.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
-        Self { disc, points, reach }
+        Self { disc, blur, points, reach }
+    }
+
+    /// The variance along each axis of the points where a taxel senses, in m^2.
+    pub(super) fn variance(&self) -> f64 {
+        0.25 * self.disc * self.disc + self.blur * self.blur
     }
 
     /// The mean depth of the skin below a probe on the disc of a taxel, spread by the cover, in m.

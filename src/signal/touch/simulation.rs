@@ -10,6 +10,7 @@ use crate::signal::touch::path::Walker;
 use crate::signal::touch::probe::{Probe, Sensor};
 use crate::signal::touch::readout::{Readout, stream};
 use crate::signal::touch::sphere::Sphere;
+use crate::signal::touch::surface::{below, sagittas};
 use crate::signal::touch::{TouchOptions, TouchShape};
 use crate::signal::{Channel, Frame, Quantity, Response, SignalError};
 use crate::skin::{Patch, PatchId, Skin, SkinError};
@@ -78,6 +79,8 @@ pub struct TouchSimulation<'a> {
     contacts: Vec<(Probe, Touch)>,
     touches: Vec<Touch>,
     sensor: Sensor,
+    /// How far the skin is below the tangent plane of each taxel where this senses, in m.
+    sagittas: IdVec<PatchId, IdVec<VertexId, f64>>,
     /// Sizes and directions of the spheres, and how unsteady their depths are.
     bodies: Random,
     bag: Bag,
@@ -145,11 +148,13 @@ impl<'a> TouchSimulation<'a> {
             Quantity::Extensive => ("force", "N", Quantity::Extensive),
             Quantity::Intensive => ("pressure", "Pa", Quantity::Intensive),
         };
+        let sensor = Sensor::new(options);
         Ok(Self {
             channel: Channel { name: name.into(), unit: unit.into(), quantity },
             frames,
             skin,
-            sensor: Sensor::new(options),
+            sagittas: skin.patches.map(|patch| sagittas(patch, sensor.variance())),
+            sensor,
             bodies: Random::new(options.seed, stream::BODIES),
             bag: Bag {
                 pressure: 0.0,
@@ -210,7 +215,8 @@ impl<'a> TouchSimulation<'a> {
             for (&taxel, share) in live.iter().zip(&mut shares) {
                 let mut felt = self.bag.pressure * share;
                 for (probe, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
-                    let (at, normal) = (patch.mesh.positions[taxel], patch.taxels.normals[taxel]);
+                    let normal = patch.taxels.normals[taxel];
+                    let at = patch.mesh.positions[taxel] - self.sagittas[id][taxel] * normal;
                     let pressure = self.options.stiffness * self.sensor.depth(probe, at, normal);
                     touch.taxels += usize::from(pressure > 0.0);
                     felt += pressure;
@@ -284,9 +290,9 @@ impl<'a> TouchSimulation<'a> {
                 depth = depth.min(0.99 * press.probe.sphere.radius);
             }
             let radius = press.probe.sphere.radius;
-            let Some((centre, normal)) = above(&press.walker, patch, radius - depth) else { continue };
-            press.probe.sphere.centre = centre;
-            (press.probe.foot, press.probe.pressed) = (press.walker.point, depth);
+            let Some((foot, normal)) = below(&press.walker, patch) else { continue };
+            press.probe.sphere.centre = foot + (radius - depth) * normal;
+            (press.probe.foot, press.probe.pressed) = (foot, depth);
             // Rolling does not turn the body about the normal.
             let axis = press.probe.axis.reject_from_normalized(normal).try_normalize();
             press.probe.axis = match press.probe.shape {
@@ -380,9 +386,9 @@ impl<'a> TouchSimulation<'a> {
                     press.walker.advance(&patch.mesh, adjacency, roll / f64::from(CHECKED_STEPS));
                 }
                 // Neither the spheres nor the points under them may come closer.
-                let foot = press.walker.point;
-                let above = above(&press.walker, patch, press.probe.sphere.radius);
-                (reach(press), [foot, above.map_or(foot, |(centre, _)| centre)])
+                let walked = press.walker.point;
+                let (foot, normal) = below(&press.walker, patch).unwrap_or((walked, DVec3::ZERO));
+                (reach(press), [foot, foot + press.probe.sphere.radius * normal])
             });
             let places: Vec<_> = places.collect();
             let (own, here) = places[0];
@@ -392,12 +398,4 @@ impl<'a> TouchSimulation<'a> {
             places[1..].iter().all(is_apart)
         })
     }
-}
-
-/// The point at a height above the skin, and the normal there.
-fn above(walker: &Walker, patch: &Patch, height: f64) -> Option<(DVec3, DVec3)> {
-    let corners = patch.mesh.triangles[walker.face].into_iter();
-    let normals = corners.zip(walker.barycentric(&patch.mesh)).map(|(v, w)| w * patch.taxels.normals[v]);
-    let normal = normals.sum::<DVec3>().try_normalize()?;
-    Some((walker.point + height * normal, normal))
 }

@@ -32,8 +32,8 @@ const FIRST_NOISE_FRAMES: u32 = 50;
 /// Frames below zero after which a zero is taken again.
 const BELOW_FRAMES: u32 = 5;
 
-/// A module was replaced where this many connected untouched taxels jump by [`JUMP`] `sigma`, and this many to as far
-/// below their zero. Neighbours that move by [`SHIFT`] `sigma` belong to it.
+/// A module was replaced where this many untouched taxels, each at most two edges from another one, jump by [`JUMP`]
+/// `sigma`, and this many to as far below their zero. Neighbours that move by [`SHIFT`] `sigma` belong to it.
 const MODULE_TAXELS: usize = 6;
 const MODULE_BELOW: usize = 2;
 const JUMP: f64 = 8.0;
@@ -334,10 +334,17 @@ impl Track {
                 if !self.taxels[k].has_jumped {
                     continue;
                 }
-                for &other in &neighbours[k] {
-                    let other = other as usize;
-                    if self.taxels[other].has_shifted && !mem::replace(&mut is_seen[other], true) {
-                        group.push(other);
+                for &near in &neighbours[k] {
+                    let near = near as usize;
+                    if self.taxels[near].has_shifted && !mem::replace(&mut is_seen[near], true) {
+                        group.push(near);
+                    }
+                    // A taxel of the module that stays where it was does not part the others.
+                    for &far in &neighbours[near] {
+                        let far = far as usize;
+                        if self.taxels[far].has_jumped && !mem::replace(&mut is_seen[far], true) {
+                            group.push(far);
+                        }
                     }
                 }
             }

@@ -16,6 +16,7 @@ use dermatome::image::ImageError;
 use dermatome::io::{Feature, IoError, file_kind};
 use dermatome::map::MapError;
 use dermatome::plot::PlotError;
+use dermatome::response::ResponseError;
 use dermatome::signal::{OrderError, SignalError};
 use dermatome::skin::SkinError;
 use dermatome::touches::TouchesError;
@@ -229,6 +230,29 @@ fn option_help(error: &Error) -> &'static str {
             | OrderError::KnownTaxel { .. }
             | OrderError::Contradiction { .. } => "correct --known",
             OrderError::TooLarge { .. } => "find the order of one patch at a time",
+            _ => "correct the readings",
+        },
+        Error::Response(e) => match e {
+            ResponseError::TooFewPresses { .. } => "record more touches, and give all recordings",
+            ResponseError::Saturated { .. } | ResponseError::ForeignPower { .. } => {
+                "record lighter touches, or use steps of pressure with --pressure"
+            }
+            ResponseError::ForeignContacts { .. } => "use steps of pressure with --pressure",
+            ResponseError::NoSteps { .. }
+            | ResponseError::StepTime { .. }
+            | ResponseError::StepPressure { .. }
+            | ResponseError::StepsOutside { .. }
+            | ResponseError::StepsDoNotFit { .. } => {
+                "correct --pressure: a row where each step begins, in Pa, or as in pressure[kPa], on the clock of the recording"
+            }
+            ResponseError::ForceTime { .. }
+            | ResponseError::Force { .. }
+            | ResponseError::ForceUnit { .. }
+            | ResponseError::TooFewForces { .. }
+            | ResponseError::ForcesDoNotFit { .. } => {
+                "correct --force: forces in N, or as in force[mN], 0 where nothing touches, on the clock of the recording"
+            }
+            ResponseError::NotRelative => "give --response a file that touches alone made, or leave it out",
             _ => "correct the readings",
         },
         Error::Touches(e) => match e {
