@@ -122,7 +122,7 @@ const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 fn library_help(error: &Error) -> String {
     match error {
         Error::Io(e) => return io_help(e),
-        Error::Patch { source, .. } => return library_help(source),
+        Error::Patch { source, .. } | Error::Recording { source, .. } => return library_help(source),
         Error::Skin(SkinError::Several { errors, valid }) => return several_help(errors, *valid),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
