@@ -243,6 +243,10 @@ fn option_help(error: &Error) -> &'static str {
             TouchesError::UnknownTaxel { .. } => {
                 "give the drawing of this skin with --skin, or leave out --skin"
             }
+            TouchesError::SharedId { .. } => {
+                "add a column `link` to the log, or give the taxels of --skin ids that differ"
+            }
+            TouchesError::Columns { .. } => "give --skin the skin that was recorded",
             TouchesError::NoOutside { .. } => "give a drawing of the skin with --skin",
             TouchesError::NothingFelt { .. } => "check --skip and --threshold, and that the log has touches",
             TouchesError::BadOption { .. } | TouchesError::Calib(CalibError::BadOption { .. }) => {

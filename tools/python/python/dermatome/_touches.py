@@ -43,7 +43,8 @@ def touches(
     skin : Skin, Map, str or os.PathLike, optional
         A drawing of the skin, in the frame of the link: its taxels have their normals and neighbours from it.
     readings : Readings, str or os.PathLike, optional
-        Readings of the taxels, at the times of the log, if it has no column `taxels`.
+        Readings of the taxels, at the times of the log, if it has no column `taxels`; without ids those of all taxels of `skin`
+        in its order.
     threshold : float, optional
         A taxel is active above this, in the unit of the readings; by default five times the noise.
     pose : str or os.PathLike, optional
@@ -84,7 +85,7 @@ def touches(
     """
     arguments = {
         "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
-        "readings": None if readings is None else _readings(readings),
+        "readings": None if readings is None else _readings(readings, skin is not None),
         "threshold": threshold,
         "pose": pose,
         "joints": joints if joints is None or isinstance(joints, (str, os.PathLike)) else dict(joints),
@@ -105,15 +106,15 @@ def touches(
     return contacts_of_log({"text": table("log", log)}, arguments)
 
 
-def _readings(source: Readings | str | os.PathLike[str]) -> tuple[Any, Any, Any]:
-    """Times, ids and values."""
+def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any]:
+    """Times, ids or None, and values."""
     from dermatome._readings import Readings
 
     readings = Readings.read(source) if isinstance(source, (str, os.PathLike)) else source
-    if readings.ids is None or readings.values.shape[1] != 1:
-        channels = readings.values.shape[1]
-        found = "no ids of taxels" if readings.ids is None else f"{channels} channels"
-        raise DataError(f"readings: found {found}; needed: a recording with ids and one channel")
+    if readings.values.shape[1] != 1:
+        raise DataError(f"readings: found {readings.values.shape[1]} channels; needed: a recording with one")
+    if readings.ids is None and not has_skin:
+        raise DataError("readings: found no ids of taxels; needed: ids, or skin, whose taxels the columns are in its order")
     return readings.timestamps, readings.ids, readings.values[:, 0]
 
 
