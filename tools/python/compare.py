@@ -35,7 +35,6 @@ def calls(folder):
 
     import dermatome
 
-    made = {}
     sources = {path.stem: path for path in sorted(MESHES.glob("*.glb"))}
     places = sphere(642)
     ball = dermatome.Skin.from_arrays(places, normals=places / 0.05)
@@ -81,7 +80,7 @@ def calls_of_map(folder, name, source, is_whole):
     points = np.tile(base, (1000 // len(base) + 1, 1))[:1000] + rng.normal(0, 1e-3, (1000, 3))
     frames = rng.random((100, skin_map.n_taxels))
     patch = next(iter(skin_map.patches))
-    content, path = skin_map.to_bytes(), folder / "map.glb"
+    content, path = skin_map.to_bytes(), folder / f"{name}_map.glb"
     few, many = ({"patch": patch, "size": (side, side)} for side in (64, 256))
     small, large = skin_map.renderer(0, **few), skin_map.renderer(0, **many)
     core = {
@@ -109,8 +108,8 @@ def calls_of_map(folder, name, source, is_whole):
     directions, ones = points - points.mean(axis=0), np.ones(4)
     poses, uv = {skin_map.links[0]: np.eye(4)}, level.uv
     readings, _ = dermatome.touch(skin_map, presses=3, rate=50.0, noise=0.001, seed=1)
-    readings.write(folder / "readings.npz")
-    readings.write(folder / "readings.csv")
+    recording = folder / f"{name}.npz"
+    readings.write(recording)
     tracker = dermatome.ContactTracker(skin_map, threshold=0.5, unit="N")
     touched = readings.on(skin_map).values[:, 0]
     picture = skin_map.plot(frames[0], width=600)
@@ -163,10 +162,8 @@ def calls_of_map(folder, name, source, is_whole):
         "Picture.svg": lambda: picture.svg(),
         "Picture.png": lambda: picture.png(),
         "touch": lambda: dermatome.touch(skin_map, presses=1, rate=50.0, seed=1),
-        "Readings.read .npz": lambda: dermatome.Readings.read(folder / "readings.npz"),
-        "Readings.read .csv": lambda: dermatome.Readings.read(folder / "readings.csv"),
-        "Readings.write .npz": lambda: readings.write(folder / "out_readings.npz"),
-        "Readings.write .csv": lambda: readings.write(folder / "out_readings.csv"),
+        "Readings.read": lambda: dermatome.Readings.read(recording),
+        "Readings.write": lambda: readings.write(folder / "out_readings.npz"),
         "Readings.from_arrays": lambda: dermatome.Readings.from_arrays(frames),
         "Readings.on": lambda: readings.on(skin_map),
         "Readings.condition": lambda: readings.condition(skin_map, baseline=5),

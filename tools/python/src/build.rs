@@ -1,6 +1,6 @@
 //! `build`: from a skin to its maps.
 
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     Skin,
@@ -127,6 +127,10 @@ pub(crate) fn build(
         Err(_) if skin.hasattr("vertices")? => {
             let found = skin.get_type().name()?;
             return Err(bad("skin", found, "a Skin or a file: dermatome.trimesh.skin(mesh) is a Skin"));
+        }
+        Err(_) if skin.extract::<Vec<PathBuf>>().is_err() && skin.extract::<PathBuf>().is_err() => {
+            let found = skin.get_type().name()?;
+            return Err(bad("skin", found, "a Skin or a file: Skin.from_arrays makes a Skin of positions"));
         }
         Err(_) => {
             let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, Response, estimate_response, examine_taxels, order_columns
-from dermatome._errors import DataError
+from dermatome._errors import A_MAP, READINGS, DataError, check_kind
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,6 +104,7 @@ def examine(
     >>> [(finding["kind"], finding["taxels"]) for finding in findings]
     [('dead', [8])]
     """
+    check_kind("modules", {} if modules is None else modules, Mapping, "a mapping of the id of each taxel to its module")
     named = [] if modules is None else [(int(taxel), str(module)) for taxel, module in modules.items()]
     return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
 
@@ -156,6 +157,8 @@ def order(
     >>> bool((ids == touched.ids[wires]).mean() > 0.8)
     True
     """
+    check_kind("map", map, Map, A_MAP)
+    check_kind("known", {} if known is None else known, Mapping, "a mapping of columns to the ids of their taxels")
     arrays = [_of_one(each) for _, each in _every(readings)]
     pairs = [] if known is None else [(int(column), int(taxel)) for column, taxel in known.items()]
     return order_columns(map, arrays, known=pairs, threshold=threshold, zero=zero)
@@ -177,12 +180,11 @@ def _every(readings: Readings | Sequence[Readings]) -> list[tuple[str, Readings]
 
     if isinstance(readings, Readings):
         return [("readings", readings)]
-    if isinstance(readings, (str, os.PathLike)):
-        raise DataError(f"readings: found {str(readings)!r}; needed: Readings, as Readings.read(path) reads them")
+    if isinstance(readings, (str, os.PathLike)) or not isinstance(readings, Iterable):
+        raise DataError(f"readings: found {type(readings).__name__}; needed: {READINGS}")
     every = [(f"readings[{number}]", each) for number, each in enumerate(readings)]
     for name, each in every:
-        if not isinstance(each, Readings):
-            raise DataError(f"{name}: found {type(each).__name__}; needed: Readings, as Readings.read(path) reads them")
+        check_kind(name, each, Readings, READINGS)
     return every
 
 
