@@ -51,6 +51,9 @@ pub enum Error {
     /// Any of these errors, in one patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<Error> },
+    /// Any of these errors, in one of the recordings.
+    #[error("{recording}: {source}")]
+    Recording { recording: String, source: Box<Error> },
     /// Errors of several patches of a skin, in the order of the patches.
     #[error("{} patches cannot be mapped: {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Several(Vec<Error>),
@@ -63,7 +66,7 @@ macro_rules! kinds {
             ///
             /// It is the name of the variant of the module's error: [`FlattenError::NotADisk`] is
             /// `not_a_disk`. Messages may change from version to version, kinds do not. An error in a patch has
-            /// the kind of its source; of several errors, that of the first.
+            /// the kind of its source, and so has one in a recording; of several errors, that of the first.
             ///
             /// [`FlattenError::NotADisk`]: crate::flatten::FlattenError::NotADisk
             pub fn kind(&self) -> &'static str {
@@ -71,7 +74,7 @@ macro_rules! kinds {
                     $($(#[$gate])? Self::$variant(error) => error.kind(),)*
                     Self::Cancelled(_) => "cancelled",
                     Self::Unfold(_) => "unfold",
-                    Self::Patch { source, .. } => source.kind(),
+                    Self::Patch { source, .. } | Self::Recording { source, .. } => source.kind(),
                     Self::Several(errors) => errors.first().map_or("several", Self::kind),
                 }
             }
@@ -79,6 +82,14 @@ macro_rules! kinds {
             /// The error with the name of its patch.
             pub(crate) fn in_patch(self, patch: &str) -> Self {
                 Self::Patch { patch: patch.to_owned(), source: Box::new(self) }
+            }
+
+            /// The error with the number of its recording, counted from 0, if there are several.
+            pub(crate) fn in_recording(self, number: usize, recordings: usize) -> Self {
+                if recordings < 2 {
+                    return self;
+                }
+                Self::Recording { recording: format!("recording {}", number + 1), source: Box::new(self) }
             }
         }
 

@@ -59,9 +59,15 @@ fn untested_taxels_are_counted_and_foreign_recordings_refused() {
     let text = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
     assert!(text.contains("0 taxels tested, 64 untested"), "{text}");
     fs::write(folder.path().join("other.csv"), "time,900,901\n0,1,2\n0.1,1,3\n").unwrap();
+    let row = |of: &dyn Fn(u32) -> String| (1..=64).map(of).collect::<Vec<_>>().join(",");
+    let (names, values) = (row(&|id| format!("{id}.temperature[K]")), row(&|id| id.to_string()));
+    fs::write(folder.path().join("warm.csv"), format!("time,{names}\n0,{values}\n0.1,{values}\n")).unwrap();
     fs::write(folder.path().join("modules.csv"), "taxel_id,module\n900,a\n").unwrap();
     for (words, said) in [
-        ("--recording other.csv", "none of the 2 taxel ids"),
+        ("--recording other.csv", "other.csv: none of the 2 taxel ids"),
+        ("--recording touched.csv other.csv", "other.csv: none of the 2 taxel ids"),
+        ("--recording touched.csv warm.csv", "recording 2: no channel of the readings"),
+        ("--recording touched.csv warm.csv --order", "recording 2: no channel of the readings"),
         ("--recording -", "read three times"),
         ("--recording touched.csv --modules modules.csv", "a taxel of the skin"),
         ("--recording touched.csv -o states.json", ".csv"),

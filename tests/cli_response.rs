@@ -108,8 +108,9 @@ fn recordings_that_tell_nothing_are_refused() {
     refuses(folder, "response skin.glb none.csv -o no.csv", &["0 touches", "20 presses"]);
     refuses(folder, "response skin.glb none.csv -o no.csv --response x.csv", &["--force"]);
     fs::write(folder.join("foreign.csv"), "time,900,901\n0,1,2\n0.1,1,3\n").unwrap();
-    refuses(folder, "response skin.glb foreign.csv -o no.csv", &["none of the 2 taxel ids"]);
-    refuses(folder, "response skin.glb none.csv foreign.csv -o no.csv", &["none of the 2 taxel ids"]);
+    let foreign = ["foreign.csv: none of the 2 taxel ids", "the map of the skin"];
+    refuses(folder, "response skin.glb foreign.csv -o no.csv", &foreign);
+    refuses(folder, "response skin.glb none.csv foreign.csv -o no.csv", &foreign);
     fs::write(folder.join("counts.csv"), "time,1.pressure[count]\n0,1\n0.1,2\n").unwrap();
     let mixed = "response skin.glb none.csv counts.csv -o no.csv";
     refuses(folder, mixed, &["recording 2", "\"count\"", "\"N\"", "one sensor"]);

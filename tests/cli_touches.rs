@@ -10,8 +10,8 @@ use std::path::Path;
 use common::{dermatome, json, notes, refuses};
 use dermatome::io::{read_truth, write_skin};
 use dermatome::mesh::{TriMesh, shapes};
-use dermatome::skin::{Skin, TaxelId};
-use glam::DVec3;
+use dermatome::skin::{Link, LinkId, Skin, TaxelId};
+use glam::{DAffine3, DVec3};
 
 /// The cells of a table by the names of its columns.
 fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
@@ -120,6 +120,50 @@ fn poses_and_readings_may_be_files_of_their_own() {
     fs::write(folder.join("late.csv"), late).unwrap();
     let words = "touches late.csv -o c.csv --readings readings.csv --pose poses.csv";
     refuses(folder, words, &["line 2", "9000", "the readings are from 0 to", "one clock"]);
+}
+
+/// Links may share ids: readings without ids are those of all taxels in the order of the drawing, and the link of the log
+/// says which of them count. A log without a link is refused, as is a drawing with other taxels.
+#[test]
+fn links_may_share_ids() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let sphere = |_: &BTreeMap<String, String>, p: DVec3| format!("{},{},{},0,0,0,0,0,0,1", p.x, p.y, p.z);
+    log_of(folder, "px,py,pz,x,y,z,qx,qy,qz,qw", sphere);
+    let of_one = "touches log.csv -o one.csv --readings readings.csv --skin sheet.glb";
+    dermatome(folder, of_one).assert().success();
+
+    // A hand of the same taxels, which come first and are not touched.
+    let mut skin = Skin::from_mesh("palm", shapes::lattice(8, 8, 0.006));
+    let (mut sheet, hand) = (skin.patches.iter().next().unwrap().clone(), LinkId::new(0));
+    skin.links[hand].name = "hand".into();
+    let arm = Link { name: "arm".into(), parent: None, pose: DAffine3::from_translation(DVec3::X) };
+    (sheet.name, sheet.link) = ("sheet".into(), skin.links.push(arm));
+    skin.patches.push(sheet);
+    write_skin(&folder.join("two.glb"), &skin).unwrap();
+    let text = fs::read_to_string(folder.join("readings.csv")).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let first = header.split(',').take_while(|name| ["time", "frame"].contains(name)).count();
+    let mut wide =
+        header.split(',').take(first).collect::<Vec<_>>().join(",") + &",.force[N]".repeat(128) + "\n";
+    for row in rows.lines() {
+        let cells: Vec<&str> = row.split(',').collect();
+        let (times, values) = cells.split_at(first);
+        writeln!(wide, "{}{},{}", times.join(","), ",0".repeat(64), values.join(",")).unwrap();
+    }
+    fs::write(folder.join("wide.csv"), wide).unwrap();
+    let words = "touches log.csv -o two.csv --readings wide.csv --skin two.glb";
+    dermatome(folder, words).assert().success();
+    assert_eq!(fs::read(folder.join("one.csv")).unwrap(), fs::read(folder.join("two.csv")).unwrap());
+
+    let log = fs::read_to_string(folder.join("log.csv")).unwrap().replace(",arm,", ",leg,");
+    fs::write(folder.join("leg.csv"), log).unwrap();
+    let words = "touches leg.csv -o no.csv --readings wide.csv --skin two.glb";
+    refuses(folder, words, &["taxel 1 ", "\"palm\"", "\"sheet\"", "column `link`"]);
+    let words = "touches log.csv -o no.csv --readings wide.csv --skin sheet.glb";
+    refuses(folder, words, &["wide.csv", "128 columns", "64 taxels"]);
+    refuses(folder, "touches log.csv -o no.csv --readings wide.csv", &["no ids", "--skin"]);
 }
 
 /// The trial of a cover, small: a sphere of 15 mm presses a curved skin at random places, readings are noisy, and only the

@@ -56,8 +56,9 @@ pub fn examine<E: From<Error> + From<SignalError>>(
             let zero = health.as_ref().map_or(Zero::Taken, Health::zero);
             let mut recording = open(number, zero)?;
             let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
-            let channel = channel.ok_or_else(|| SignalError::NoTouch {
-                known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
+            let channel = channel.ok_or_else(|| {
+                let known = recording.channels().iter().map(|channel| channel.name.clone()).collect();
+                Error::from(SignalError::NoTouch { known }).in_recording(number, recordings)
             })?;
             let health = match &mut health {
                 Some(health) => health,

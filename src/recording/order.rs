@@ -50,7 +50,10 @@ pub fn find_order<E: From<Error>>(
             let zero = if pass == 0 { Zero::Taken } else { options.condition.zero };
             let condition = ConditionOptions { zero, ..options.condition.clone() };
             let options = RecordingOptions { condition, ..options.clone() };
-            see(order, Recording::open(columns, reader, &options).map_err(Error::from)?)?;
+            let recording = Recording::open(columns, reader, &options).map_err(Error::from);
+            recording
+                .and_then(|recording| see(order, recording))
+                .map_err(|e| e.in_recording(number, recordings))?;
         }
         found.iter_mut().for_each(|(order, ..)| order.end_pass());
     }
@@ -77,7 +80,7 @@ pub fn map_signals<E: From<Error>>(
     for pass in 0..ColumnOrder::PASSES {
         for number in 0..recordings {
             let recording = open(number, if pass == 0 { Zero::Taken } else { zero })?;
-            see(&mut order, recording)?;
+            see(&mut order, recording).map_err(|e| e.in_recording(number, recordings))?;
         }
         order.end_pass();
     }

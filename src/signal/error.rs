@@ -11,7 +11,7 @@ use crate::skin::{SkinError, TaxelId};
 pub enum SignalError {
     #[error(
         "columns {} and {} of the readings both have the taxel id {taxel}; each column needs \
-         another id, or choose the first",
+         another id (the first line of a table names them), or choose the first",
         columns[0], columns[1]
     )]
     DuplicateId { taxel: TaxelId, columns: [usize; 2] },

@@ -61,6 +61,16 @@ pub enum TouchesError {
     PartlyRead { row: usize, id: TaxelId },
     #[error("line {row}: taxels are in the log and in a recording; needed: one of them")]
     TwoReadings { row: usize },
+    #[error(
+        "taxel {id} of the drawing is in the patch {:?} and in {:?}; needed: ids that differ on a link, and where links share \
+         them a column `link` of the log with the one that is touched", .patches[0], .patches[1]
+    )]
+    SharedId { id: TaxelId, patches: [String; 2] },
+    #[error(
+        "the readings have {found} columns without ids, and the drawing of the skin has {needed} taxels; needed: a column for \
+         each taxel in the order of the drawing, or ids"
+    )]
+    Columns { found: usize, needed: usize },
     #[error("line {row}: no taxels; needed: a column `taxels`, or a recording of the readings")]
     NoReadings { row: usize },
 }

@@ -33,6 +33,7 @@
 mod arm;
 mod bundle;
 mod contacts;
+mod drawing;
 mod error;
 mod estimate;
 mod fit;
@@ -46,9 +47,10 @@ mod surface;
 
 pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
 pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
+pub use drawing::Drawing;
 pub use error::TouchesError;
 pub use log::{TouchBody, TouchFrame, TouchLog};
-pub use options::{Drawing, TouchesOptions};
+pub use options::TouchesOptions;
 pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
 
 use crate::run::Run;

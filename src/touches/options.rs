@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::DVec3;
 
 use crate::id::VertexId;
-use crate::skin::{Skin, TaxelId};
+use crate::skin::TaxelId;
 use crate::touches::TouchesError;
+use crate::touches::drawing::Drawing;
 use crate::touches::estimate::Known;
 use crate::touches::gather::Samples;
 use crate::touches::log::{TouchFrame, TouchLog};
@@ -28,48 +29,11 @@ pub struct TouchesOptions {
     pub left_out: BTreeSet<TaxelId>,
 }
 
-/// A drawing of a skin.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Drawing {
-    /// Positions of the taxels, in m. Only their distances move contacts.
-    pub positions: BTreeMap<TaxelId, DVec3>,
-    /// Normals of the taxels, which point outwards; of all taxels that it has.
-    pub normals: BTreeMap<TaxelId, DVec3>,
-    /// Pairs of neighbours.
-    pub neighbours: BTreeSet<[TaxelId; 2]>,
-}
-
 /// The radius of the disc on which a taxel feels, unless another is given, in m.
 pub(super) const TAXEL_RADIUS: f64 = 2e-3;
 
 /// The noise of the arm where it is neither given nor can be estimated, in m.
 pub(super) const ARM_NOISE: f64 = 1e-3;
-
-impl Drawing {
-    /// The normals and neighbours of a skin, in the frame of its links. An id that several taxels have as a placeholder is of
-    /// none of them.
-    pub fn of_skin(skin: &Skin) -> Self {
-        let count = |id: TaxelId| {
-            skin.patches.iter().flat_map(|patch| &patch.taxels.ids).filter(|own| **own == id).count()
-        };
-        let nobody: Vec<TaxelId> = TaxelId::PLACEHOLDERS.into_iter().filter(|&id| count(id) > 1).collect();
-        let mut drawing = Self::default();
-        for patch in &skin.patches {
-            let ids = &patch.taxels.ids;
-            for (v, &id) in ids.enumerate().filter(|(_, id)| !nobody.contains(id)) {
-                drawing.positions.insert(id, patch.mesh.positions[v]);
-                drawing.normals.insert(id, patch.taxels.normals[v]);
-            }
-            for corners in &patch.mesh.triangles {
-                for k in 0..3 {
-                    let pair = [ids[corners[k]], ids[corners[(k + 1) % 3]]];
-                    drawing.neighbours.insert([pair[0].min(pair[1]), pair[0].max(pair[1])]);
-                }
-            }
-        }
-        drawing
-    }
-}
 
 impl TouchesOptions {
     pub(super) fn validate(&self, log: &TouchLog) -> Result<(), TouchesError> {

@@ -213,7 +213,8 @@ impl ReadingsArgs {
         let options = self.recording_options(common)?;
         let condition = ConditionOptions { response, ..options.condition };
         let options = RecordingOptions { condition, frames, ..options };
-        Ok(Recording::open(map, readings, &options).map_err(Error::from)?)
+        let in_recording = |e| Error::Recording { recording: shown(path), source: Box::new(Error::from(e)) };
+        Ok(Recording::open(map, readings, &options).map_err(in_recording)?)
     }
 
     /// Opens readings without a map: those of a file, or of standard input.
@@ -309,8 +310,13 @@ impl ReadingsArgs {
     }
 }
 
+/// A recording as messages name it.
+fn shown(path: &Path) -> String {
+    if is_stream(path) { "standard input".into() } else { path.display().to_string() }
+}
+
 /// Notes about columns of `path` and taxels that do not fit each other.
 pub(crate) fn remark_join(recording: &Recording, path: &Path, common: &Common) {
-    let path = if is_stream(path) { "standard input".into() } else { path.display().to_string() };
+    let path = shown(path);
     recording.report().join.remarks().iter().for_each(|remark| note!(common, "{path}: {remark}"));
 }

@@ -12,7 +12,7 @@ use dermatome::io::{
     write_touch_contacts,
 };
 use dermatome::signal::TaxelState;
-use dermatome::skin::{Link, LinkId, Motion, TaxelId};
+use dermatome::skin::{Link, LinkId, Motion, Skin, TaxelId};
 use dermatome::touches::{
     Drawing, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesOptions, contacts_of_touches,
     log_of_rows, pose_in_motion,
@@ -46,7 +46,8 @@ pub(crate) struct Args {
     /// A drawing of the skin, in the frame of the link: its taxels have their normals and neighbours from it
     #[arg(long, value_name = "SKIN")]
     skin: Option<InPath>,
-    /// Readings of the taxels, at the times of the log, if it has no column `taxels`
+    /// Readings of the taxels, at the times of the log, if it has no column `taxels`; without ids those of all taxels of
+    /// --skin in its order
     #[arg(long, value_name = "R")]
     readings: Option<InPath>,
     /// A taxel is active above this, in the unit of the readings [default: five times the noise]
@@ -112,12 +113,16 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check_table(&args.output)?;
     let (rows, unused) = read_touches(&args.log).map_err(Error::from)?;
     note_columns(&args.log, &unused, common);
-    let made = args.log(&rows, common)?;
+    let skin = args.skin.as_ref().map(|path| args.drawing(path, common)).transpose()?;
+    // The link that the log has, or the one of several that is chosen.
+    let link = args.link.as_deref().or_else(|| rows.first().map(|row| &*row.link)).unwrap_or_default();
+    let made = args.log(&rows, skin.as_ref(), link, common)?;
+    let of_link = |skin| Drawing::of_link(skin, link).map_err(Error::from).with_context(|| args.about());
     let options = TouchesOptions {
         taxel_radius: Some(args.taxel),
         gain: args.stiffness_kpa.map(|kpa| kpa * 1e6 * std::f64::consts::PI * args.taxel * args.taxel),
         arm_noise: args.arm_noise,
-        drawing: args.skin.as_ref().map(|path| args.drawing(path, common)).transpose()?,
+        drawing: skin.as_ref().map(of_link).transpose()?,
         left_out: args.left_out(common)?,
     };
     let found =
@@ -157,17 +162,24 @@ impl Args {
     }
 
     /// The log, with poses and readings of other files.
-    fn log(&self, rows: &[TouchRow], common: &Common) -> anyhow::Result<LogOfRows> {
+    fn log(
+        &self,
+        rows: &[TouchRow],
+        skin: Option<&Skin>,
+        link: &str,
+        common: &Common,
+    ) -> anyhow::Result<LogOfRows> {
         let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
         let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
         // A table may have poses of the whole robot.
         if let Some(path) = self.pose.as_deref().filter(|path| !RobotArgs::describes(path)) {
             names.append(&mut read_link_names(path).map_err(Error::from)?);
         }
-        let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
-        let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
+        let still = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
+        let links: IdVec<LinkId, Link> = names.into_iter().map(still).collect();
         let motion = self.pose.as_ref().map(|path| self.motion(path, &links, common)).transpose()?;
-        let readings = self.readings.as_ref().map(|path| self.recording(path, common)).transpose()?;
+        let recording = |path: &InPath| self.recording(path, skin, link, common);
+        let readings = self.readings.as_ref().map(recording).transpose()?;
         let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
         let span = motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last);
         let sources = RowSources {
@@ -198,33 +210,52 @@ impl Args {
     }
 
     /// The readings of a recording, and above which a taxel is active.
-    fn recording(&self, path: &Path, common: &Common) -> anyhow::Result<TouchReadings> {
+    fn recording(
+        &self,
+        path: &Path,
+        skin: Option<&Skin>,
+        link: &str,
+        common: &Common,
+    ) -> anyhow::Result<TouchReadings> {
         let mut reader = ReadingsReader::open(path, ReadingsLayout::default()).map_err(Error::from)?;
-        let Some(ids) = reader.ids.clone().filter(|_| reader.has_times && reader.channels.len() == 1) else {
-            let what = format!("{} has no times, no ids of taxels, or several channels", path.display());
-            return Err(advise(what, "give a recording with times, ids and one channel"));
-        };
-        let mut readings = TouchReadings { ids, ..TouchReadings::default() };
+        if !reader.has_times || reader.channels.len() != 1 {
+            let what = format!("{} has no times, or several channels", path.display());
+            return Err(advise(what, "give a recording with times and one channel"));
+        }
+        if reader.ids.is_none() && skin.is_none() {
+            let what = format!("{} has no ids of taxels", path.display());
+            return Err(advise(
+                what,
+                "give the skin with --skin, whose taxels the columns are in its order, or a recording with ids",
+            ));
+        }
+        let mut readings =
+            TouchReadings { ids: reader.ids.clone().unwrap_or_default(), ..TouchReadings::default() };
         let (mut values, mut time) = (Vec::new(), 0.0);
         while reader.read(&mut values, &mut time).map_err(Error::from)? {
             readings.times.push(time);
             readings.values.extend_from_slice(&values);
+        }
+        if let Some(skin) = skin {
+            readings.assign(skin, link).map_err(|source| Error::Recording {
+                recording: path.display().to_string(),
+                source: Box::new(source.into()),
+            })?;
         }
         readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
         Ok(readings)
     }
 
-    /// Normals and neighbours of a drawing.
-    fn drawing(&self, path: &InPath, common: &Common) -> anyhow::Result<Drawing> {
-        let skin = match read_map_if_any(path)? {
+    /// The drawing of the skin.
+    fn drawing(&self, path: &InPath, common: &Common) -> anyhow::Result<Skin> {
+        Ok(match read_map_if_any(path)? {
             Some(map) => map.skin(),
             None => {
                 let options = self.read.options(&[path]);
                 read_skin(path, &self.read, &PatchArgs::default(), &options, common)?
             }
-        };
-        Ok(Drawing::of_skin(&skin))
+        })
     }
 
     /// The taxels of --skip.

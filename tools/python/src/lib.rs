@@ -1,31 +1,38 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
-//! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `map`, `matrix`,
-//! `index`, `robot`, `bare_mesh`, `layout`, `recording_file`, `response`, `signal`, `events`, `observations`, `calib`, `bodies`,
-//! `touches`, `follow`, `plot`. Doc comments of what Python sees are its documentation, in the form that numpy uses.
+//! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `build`, `map`, `level`,
+//! `pool`, `matrix`, `index`, `hits`, `robot`, `bare_mesh`, `layout`, `recording_file`, `readings`, `renderer`, `tracker`, `response`,
+//! `events`, `observations`, `calib`, `bodies`, `touches`, `follow`, `plot`. Doc comments of what Python sees are its
+//! documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 mod arrays;
 mod bodies;
+mod build;
 mod calib;
 mod errors;
 mod events;
 mod follow;
+mod hits;
 mod index;
 mod jobs;
 mod layout;
+mod level;
 mod map;
 mod matrix;
 mod observations;
 mod bare_mesh;
 mod options;
 mod plot;
+mod pool;
+mod readings;
 mod recording_file;
+mod renderer;
 mod response;
 mod robot;
-mod signal;
 mod skin;
 mod touches;
+mod tracker;
 
 use std::{ffi::OsString, process::ExitCode};
 
@@ -56,25 +63,30 @@ mod _dermatome {
     use super::{
         bare_mesh::{PyFlattening, PyMeshLevel, coarsen, flatten},
         bodies::{fit_bodies, write_taxels_of_bodies},
+        build::build,
         calib::{PyCalibration, calibrate_taxels, simulate},
         events::{PyEventDetector, diff},
         follow::{PyTouchFollower, PyTouchLines},
-        index::{PyFields, PyHits, PyIndex},
+        hits::{PyFields, PyHits},
+        index::PyIndex,
         layout::{PyDecoder, PyLayout},
-        map::{PyLevel, PyMap, PyPatch, build},
+        level::{PyLevel, PyPatch},
+        map::PyMap,
         matrix::PyMatrix,
         observations::PyObservations,
         plot::{PyPicture, colours},
+        readings::{
+            as_floats, as_numbers, condition_readings, is_extensive, join_readings, read_readings,
+            simulate_touch, summarise_readings,
+        },
         recording_file::PyRecordingFile,
+        renderer::PyRenderer,
         response::{PyResponse, estimate_response, examine_taxels, order_columns},
         robot::PyRobot,
         run_command,
-        signal::{
-            PyContactTracker, PyRenderer, as_floats, as_numbers, condition_readings, is_extensive,
-            join_readings, read_readings, simulate_touch, summarise_readings,
-        },
         skin::{PySkin, check},
         touches::contacts_of_log,
+        tracker::PyContactTracker,
     };
 
     #[pymodule_export]

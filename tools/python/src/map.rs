@@ -1,7 +1,7 @@
-//! `build`, `Map`, `Patch` and `Level`: the maps of a skin as arrays.
+//! `Map`: the maps of a skin as arrays.
 
 use std::{
-    collections::{BTreeSet, HashMap, hash_map::DefaultHasher},
+    collections::{HashMap, hash_map::DefaultHasher},
     fs,
     hash::{Hash, Hasher},
     io::Write,
@@ -17,34 +17,30 @@ use dermatome::{
         ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, read_regions,
         replace_file,
     },
-    map::{FieldRegions, MapLevel, PatchMap},
-    pipeline::{BuildOptions, MagnifyOver, build_with},
-    pyramid::{CoarsenOptions, Level, LevelId},
+    map::{FieldRegions, PatchMap},
+    pyramid::LevelId,
     report::measure,
-    run::{Progress, Stage},
-    signal::{Contrast, Duplicates, Frame, GroupPool, Join, Quantity, Restrictor},
-    skin::{PatchId, Presence, Skin},
+    signal::GroupPool,
+    skin::{PatchId, Presence},
 };
 use glam::DVec3;
-use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::{
     prelude::*,
     types::{PyBytes, PyDict, PyMapping, PyTuple},
 };
-use rayon::prelude::*;
 
 use crate::{
-    arrays::{Reduced, bad_shape, bytes_of, floats, made_by, matrix, one_each, places, vector, zeros},
+    arrays::{bad_shape, bytes_of, matrix, one_each, places, vector},
     errors::{bad, error},
     index::PyIndex,
-    jobs::{Stop, run, run_here},
-    matrix::{PyMatrix, Rows},
-    options::{
-        Extensive, FlattenArgs, PackArg, acuities, channels, count, cut, direction, level, positive, word,
-    },
+    jobs::run,
+    level::PyPatch,
+    matrix::PyMatrix,
+    options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
-    signal::{PyRenderer, RenderArgs},
-    skin::PySkin,
+    pool::{FieldArrays, Pooling, fields_of, pool_groups, pooling_of, starts},
+    renderer::{PyRenderer, RenderArgs},
 };
 
 /// The maps of a skin, as `map.glb` holds them: every patch on every level, its map, and the receptive fields.
@@ -70,32 +66,13 @@ pub(crate) struct PyMap {
     regions: OnceLock<FieldRegions>,
 }
 
-/// Patch, level and index of each field.
-type FieldArrays<'py> = (Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i64>>);
-
-/// The number of vertices of a level of a patch, or of its coarsest.
-fn size_of(patch: &PatchMap, level: LevelId) -> usize {
-    patch.levels[patch.nearest_level(level)].level.mesh.positions.len()
-}
-
-/// Where the vertices of each patch begin among those of a level of the whole map, and the end of the last.
-pub(crate) fn starts(map: &SkinMap, level: LevelId) -> Vec<usize> {
-    let mut starts = vec![0];
-    let mut end = 0;
-    for patch in &map.patches {
-        end += size_of(patch, level);
-        starts.push(end);
-    }
-    starts
-}
-
 impl PyMap {
     fn new(map: SkinMap, file: Vec<u8>) -> Self {
         Self { map: Arc::new(map), file: file.into(), back: OnceLock::new(), regions: OnceLock::new() }
     }
 
     /// The map of a file.
-    fn of_file(file: Vec<u8>) -> Result<Self, IoError> {
+    pub(crate) fn of_file(file: Vec<u8>) -> Result<Self, IoError> {
         Ok(Self::new(map_from_bytes(file.clone())?, file))
     }
 
@@ -396,7 +373,7 @@ impl PyMap {
         values: &Bound<'py, PyAny>,
         extensive: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        self.pool_groups(py, values, &GroupPool::of_regions(&self.map), extensive)
+        pool_groups(py, &self.map, values, &GroupPool::of_regions(&self.map), extensive)
     }
 
     /// As `pool_regions`, for groups of taxels with numbers below `count`, -1 for none.
@@ -414,7 +391,7 @@ impl PyMap {
             return Err(bad_shape("groups", &[groups.len()], format!("shape ({needed},)")));
         }
         let groups = groups.into_iter().map(|group| usize::try_from(group).ok());
-        self.pool_groups(py, values, &GroupPool::new(&self.map, groups, count), extensive)
+        pool_groups(py, &self.map, values, &GroupPool::new(&self.map, groups, count), extensive)
     }
 
     /// list of dict: The measures of every patch and level, as `report.json` has them.
@@ -466,16 +443,7 @@ impl PyMap {
     /// True
     fn fields<'py>(&self, py: Python<'py>, level: i64) -> PyResult<FieldArrays<'py>> {
         let level = self::level("level", level, self.levels())?;
-        let of_patch = |(id, patch): (PatchId, &PatchMap)| {
-            let on = patch.nearest_level(level).raw();
-            (0..size_of(patch, level)).map(move |index| (id.raw(), on, index))
-        };
-        let all: Vec<(u32, u32, usize)> = self.map.patches.enumerate().flat_map(of_patch).collect();
-        Ok((
-            vector(py, all.iter().map(|field| field.0 as i32)),
-            vector(py, all.iter().map(|field| field.1 as i32)),
-            vector(py, all.iter().map(|field| field.2 as i64)),
-        ))
+        Ok(fields_of(py, &self.map, level))
     }
 
     /// How the taxels depend on the receptive fields of a level: the law of fields.
@@ -500,18 +468,7 @@ impl PyMap {
     fn pooling(&self, py: Python<'_>, level: i64, patch: Option<&str>) -> PyResult<PyMatrix> {
         let level = self::level("level", level, self.levels())?;
         let only = patch.map(|name| self.patch_named(name)).transpose()?;
-        let (mut rows, mut first) = (Rows::new(), 0);
-        for (_, patch) in self.map.patches.enumerate().filter(|(id, _)| only.is_none_or(|only| only == *id)) {
-            let direct = &patch.levels[patch.nearest_level(level)].level.to_finest;
-            for taxel in patch.taxels.ids.ids() {
-                match direct {
-                    Some(direct) => rows.push(direct.row(taxel).map(|(field, w)| (first + field.index(), w))),
-                    None => rows.push([(first + taxel.index(), 1.0)]),
-                }
-            }
-            first += size_of(patch, level);
-        }
-        Ok(rows.into_matrix(py, first))
+        Ok(pooling_of(py, &self.map, level, only))
     }
 
     /// Carry readings of the taxels to the receptive fields of a level.
@@ -553,18 +510,9 @@ impl PyMap {
         threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let level = self::level("level", level, self.levels())?;
-        let values = floats("values", values)?;
-        let needed = self.n_taxels();
-        let Some((_, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
-            return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
-        };
-        let fields = starts(&self.map, level).last().copied().unwrap_or(0);
-        let shape: Vec<usize> = frames.iter().copied().chain([fields]).collect();
-        let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
-        let mut writer = pooled.readwrite();
-        let (out, pooling) = (writer.as_slice_mut()?, Pooling { map: &self.map, level, extensive, contrast });
-        run_here(py, count("threads", threads)?, |stop| pooling.pool(values, out, stop))?.map_err(error)?;
-        Ok(pooled)
+        let (threads, pooling) =
+            (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });
+        pooling.pool(py, values, threads)
     }
 
     /// Make the map ready to be asked what is near a point.
@@ -761,492 +709,8 @@ impl PyMap {
     }
 }
 
-impl PyMap {
-    fn pool_groups<'py>(
-        &self,
-        py: Python<'py>,
-        values: &Bound<'py, PyAny>,
-        groups: &GroupPool,
-        extensive: bool,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        let values = floats("values", values)?;
-        let needed = self.n_taxels();
-        let Some((_, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
-            return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
-        };
-        let shape: Vec<usize> = frames.iter().copied().chain([groups.count()]).collect();
-        let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
-        let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
-        let mut writer = pooled.readwrite();
-        let frames =
-            writer.as_slice_mut()?.chunks_mut(groups.count().max(1)).zip(values.chunks(needed.max(1)));
-        for (out, values) in frames {
-            out.iter_mut().zip(groups.pool(values, quantity)).for_each(|(out, value)| *out = narrow(value));
-        }
-        Ok(pooled)
-    }
-}
-
-/// A skin with other acuities.
-fn with_acuity(skin: &Skin, acuity: &Bound<'_, PyAny>) -> PyResult<Skin> {
-    let mut skin = skin.clone();
-    let count = skin.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-    let mut acuities = acuities(acuity, count)?.into_iter();
-    for patch in skin.patches.iter_mut() {
-        patch.taxels.acuities = Some(acuities.by_ref().take(patch.taxels.ids.len()).collect());
-    }
-    Ok(skin)
-}
-
-/// How frames are carried to the fields of a level.
-struct Pooling<'a> {
-    map: &'a SkinMap,
-    level: LevelId,
-    extensive: bool,
-    contrast: bool,
-}
-
-impl Pooling<'_> {
-    /// Carries frames of readings one after the other.
-    fn pool(&self, values: &[f64], pooled: &mut [f32], stop: &Stop) -> Result<(), dermatome::Error> {
-        let Self { map, level, extensive, contrast } = *self;
-        let fields = starts(map, level).last().copied().unwrap_or(0);
-        let width: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-        if pooled.is_empty() {
-            return Ok(());
-        }
-        let join = Join::new(map, None, width, Duplicates::Refuse)?;
-        let channels = channels([extensive]);
-        let (restrictor, contrast) = if contrast {
-            (Restrictor::new(map, &channels), Some(Contrast::new(map, &channels)))
-        } else {
-            (Restrictor::to_level(map, &channels, level), None)
-        };
-        let share = (pooled.len() / fields).div_ceil(4 * rayon::current_num_threads());
-        let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
-        shares.for_each_init(
-            || (restrictor.clone(), contrast.clone(), Frame::new(map, 1)),
-            |(restrictor, contrast, frame), (out, values)| {
-                for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
-                    stop.check();
-                    join.fill(values, frame);
-                    mask_too_large(frame);
-                    let mut on_levels = restrictor.restrict(frame);
-                    if let Some(contrast) = contrast {
-                        on_levels = contrast.of(on_levels);
-                    }
-                    let patches = on_levels.values.iter().zip(&map.patches);
-                    let of_patches =
-                        patches.map(|(channels, patch)| &channels[0][patch.nearest_level(level)]);
-                    for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
-                        *out = narrow(value);
-                    }
-                }
-            },
-        );
-        Ok(())
-    }
-}
-
-/// Masks readings beyond the range of 32-bit numbers, as `Readings.condition` does.
-pub(crate) fn mask_too_large(frame: &mut Frame) {
-    for x in frame.values.iter_mut().flatten().flat_map(|values| values.iter_mut()) {
-        if x.abs() > f64::from(f32::MAX) {
-            *x = f64::NAN;
-        }
-    }
-}
-
-/// A number of a result, in 32 bits; NaN beyond their range.
-#[expect(clippy::cast_possible_truncation, reason = "readings are given in fewer digits")]
-fn narrow(value: f64) -> f32 {
-    let value = value as f32;
-    if value.is_finite() { value } else { f32::NAN }
-}
-
 /// A value as the objects of Python that its JSON stands for.
 pub(crate) fn json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(value).map_err(|e| bad("report", e, "numbers"))?;
     py.import("json")?.call_method1("loads", (text,))
-}
-
-/// One patch of a map.
-#[pyclass(frozen, module = "dermatome", name = "Patch")]
-#[derive(Debug)]
-pub(crate) struct PyPatch {
-    map: Py<PyMap>,
-    id: PatchId,
-    /// int: The number of its first taxel among those of the map.
-    #[pyo3(get)]
-    start: usize,
-}
-
-impl PyPatch {
-    fn map(&self) -> &SkinMap {
-        &self.map.get().map
-    }
-
-    fn patch(&self) -> &PatchMap {
-        &self.map().patches[self.id]
-    }
-}
-
-#[pymethods]
-impl PyPatch {
-    /// str: Its name.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.patch().name
-    }
-
-    /// str: The link it is fixed to.
-    #[getter]
-    fn link(&self) -> &str {
-        &self.map().links[self.patch().link].name
-    }
-
-    /// int: Number of its taxels.
-    #[getter]
-    fn n_taxels(&self) -> usize {
-        self.patch().taxels.ids.len()
-    }
-
-    /// (n,) uint32 array: Ids of its taxels.
-    #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        vector(py, self.patch().taxels.ids.iter().map(|id| id.0))
-    }
-
-    /// tuple of Level: Its levels; 0 is the skin itself.
-    #[getter]
-    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let level = |level: LevelId| PyLevel { map: self.map.clone_ref(py), patch: self.id, id: level };
-        PyTuple::new(
-            py,
-            self.patch()
-                .levels
-                .ids()
-                .map(level)
-                .map(|level| Py::new(py, level))
-                .collect::<PyResult<Vec<_>>>()?,
-        )
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        made_by(py, "patch", (self.map.clone_ref(py), self.name()))
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "<dermatome.Patch {:?}: {} taxels, {} levels>",
-            self.name(),
-            self.n_taxels(),
-            self.patch().levels.len()
-        )
-    }
-}
-
-/// One level of a patch: a mesh whose vertices are the centres of receptive fields, and its map.
-///
-/// `n` is the number of vertices, `m` of faces. Where the map is cut, a vertex of the seam has several places on
-/// it; `p` is the number of places, elsewhere equal to `n`.
-#[pyclass(frozen, module = "dermatome", name = "Level")]
-#[derive(Debug)]
-pub(crate) struct PyLevel {
-    map: Py<PyMap>,
-    patch: PatchId,
-    id: LevelId,
-}
-
-impl PyLevel {
-    fn patch(&self) -> &PatchMap {
-        &self.map.get().map.patches[self.patch]
-    }
-
-    fn of_map(&self) -> &MapLevel {
-        &self.patch().levels[self.id]
-    }
-
-    fn mesh(&self) -> &Level {
-        &self.of_map().level
-    }
-
-    fn vectors<'py>(
-        &self,
-        py: Python<'py>,
-        of: impl Fn(VertexId) -> DVec3,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.mesh().origins.iter().map(|&taxel| of(taxel).to_array()))
-    }
-}
-
-#[pymethods]
-impl PyLevel {
-    /// int: Its number; 0 is the skin itself.
-    #[getter]
-    fn number(&self) -> usize {
-        self.id.index()
-    }
-
-    /// (n, 3) float64 array: Positions in the frame of the link, in m.
-    #[getter]
-    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.mesh().mesh.positions.iter().map(DVec3::to_array))
-    }
-
-    /// (n, 3) float64 array: Outward unit normals of the taxels at the centres.
-    #[getter]
-    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let taxels = &self.patch().taxels;
-        self.vectors(py, |taxel| taxels.normals[taxel])
-    }
-
-    /// (n, 3) float64 array or None: Unit tangents of the taxels at the centres, the x axes of their frames.
-    #[getter]
-    fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let tangents = self.patch().taxels.tangents.as_ref();
-        tangents.map(|tangents| self.vectors(py, |taxel| tangents[taxel])).transpose()
-    }
-
-    /// (m, 3) uint32 array: Triangles, counter-clockwise from outside.
-    #[getter]
-    fn faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        matrix(py, self.mesh().mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)))
-    }
-
-    /// (e, 2) uint32 array: Pairs of vertices that a side of a face joins, each once, the smaller one first; sorted.
-    #[getter]
-    fn edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let corners = self.mesh().mesh.triangles.iter().map(|corners| corners.map(VertexId::raw));
-        let sides = corners.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
-        let edges: BTreeSet<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
-        matrix(py, edges)
-    }
-
-    /// (n,) float64 array: Receptive areas, in m^2.
-    #[getter]
-    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.mesh().areas.iter().copied())
-    }
-
-    /// (n,) uint32 array: The vertex of level 0 that each vertex is.
-    #[getter]
-    fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        vector(py, self.mesh().origins.iter().map(|taxel| taxel.raw()))
-    }
-
-    /// (n,) uint32 array: Ids of the taxels at the centres.
-    #[getter]
-    fn taxel_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let ids = &self.patch().taxels.ids;
-        vector(py, self.mesh().origins.iter().map(|&taxel| ids[taxel].0))
-    }
-
-    /// (p, 2) float64 array: Places on the map, in m.
-    #[getter]
-    fn uv<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.of_map().uv.iter().map(|at| at.to_array()))
-    }
-
-    /// (m, 3) uint32 array: The triangles as the map has them: their corners are places.
-    #[getter]
-    fn uv_faces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let map = self.of_map();
-        matrix(py, self.mesh().mesh.triangles.ids().map(|face| map.places(face).map(|place| place.raw())))
-    }
-
-    /// (p,) uint32 array: The vertex that each place is.
-    #[getter]
-    fn vertex_of_place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let map = self.of_map();
-        vector(py, map.uv.ids().map(|place| map.vertex_of(place).raw()))
-    }
-
-    /// tuple of float: Lower left corner of the image on the map, in m.
-    #[getter]
-    fn origin(&self) -> (f64, f64) {
-        self.of_map().frame.origin.into()
-    }
-
-    /// tuple of float: Height and width of the image, in m.
-    #[getter]
-    fn size(&self) -> (f64, f64) {
-        let size = self.of_map().frame.size;
-        (size.y, size.x)
-    }
-
-    /// tuple of int: Height and width of the image, in pixels.
-    #[getter]
-    fn pixels(&self) -> (u32, u32) {
-        let [width, height] = self.of_map().frame.size_px;
-        (height, width)
-    }
-
-    /// dict: How faithful the map is.
-    #[getter]
-    fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json(py, &self.of_map().distortion)
-    }
-
-    /// How the vertices depend on those of the next coarser level: (n, vertices of that level), or None on the
-    /// coarsest.
-    fn up(&self, py: Python<'_>) -> Option<PyMatrix> {
-        let up = self.mesh().from_coarser.as_ref()?;
-        let mut rows = Rows::new();
-        up.indices.ids().for_each(|row| rows.push(up.row(row).map(|(v, w)| (v.index(), w))));
-        Some(rows.into_matrix(py, up.coarse_len))
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        made_by(py, "level", (self.map.clone_ref(py), &self.patch().name, self.number()))
-    }
-
-    fn __repr__(&self) -> String {
-        let Level { mesh, .. } = self.mesh();
-        let name = &self.patch().name;
-        format!(
-            "<dermatome.Level {} of {name:?}: {} vertices, {} faces>",
-            self.id,
-            mesh.positions.len(),
-            mesh.triangles.len()
-        )
-    }
-}
-
-/// Build the maps of a skin: coarsen every patch into levels of receptive fields and map each level to the plane.
-///
-/// Parameters
-/// ----------
-/// skin : Skin, str or os.PathLike
-///     The skin, or a file that `Skin.read` reads.
-/// ratio : float, optional
-///     Number of vertices of a level over that of the next coarser one; by default about 4.
-/// levels : int, optional
-///     At most this many levels above level 0.
-/// coarsest : int
-///     Stop at about this many vertices per patch.
-/// method : {"intrinsic", "conformal", "linear"}
-///     How maps are computed.
-/// energy : {"sum", "symmetric-dirichlet"}
-///     What the intrinsic method minimises.
-/// angle, area, perimeter : float
-///     Weights of the terms of the sum.
-/// magnify : float
-///     0 true to the area, 1 equal map area per taxel.
-/// magnify_over : {"skin", "patch"}
-///     Over what densities are compared.
-/// overlap : {"prevent", "allow"}
-///     What happens where the map of least distortion overlaps itself.
-/// boundary : str
-///     "free", "circle", "rectangle" or "rectangle:WIDTH:HEIGHT".
-/// cut : {"auto", "none", "all"} or (k, 2) array_like of int
-///     Where to cut first; pairs are ids of taxels that an edge joins.
-/// max_area_ratio : float, optional
-///     Cut until no triangle of the map is larger or smaller than on the skin by more than this factor.
-/// seam_side : (3,) array_like, optional
-///     The way that skin faces where seams are preferred, as the inside of limbs.
-/// pixel : float, optional
-///     Side of a pixel of the images, in m.
-/// keep_going : bool
-///     Leave out patches that cannot be mapped.
-/// acuity : (N,) array_like, optional
-///     How many times finer the fields are at each taxel of the skin, and lengths on the map longer, than elsewhere, as at
-///     fingertips; 0.01 to 100.
-/// threads : int
-///     0 for one per processor. The result does not depend on it.
-/// progress : callable, optional
-///     Called with the stage ("coarsen" or "flatten"), the number of patches that are done and that of all. What it raises
-///     ends the build.
-///
-/// Returns
-/// -------
-/// Map
-///
-/// Examples
-/// --------
-/// >>> import dermatome
-/// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(12)]
-/// >>> skin_map = dermatome.build(dermatome.Skin.from_arrays(grid), coarsest=10)
-/// >>> [level.positions.shape for level in skin_map.patches["skin"].levels][0]
-/// (144, 3)
-#[pyfunction]
-#[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
-    area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
-    max_area_ratio=None, seam_side=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
-#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
-pub(crate) fn build(
-    py: Python<'_>,
-    skin: &Bound<'_, PyAny>,
-    ratio: Option<f64>,
-    levels: Option<i64>,
-    coarsest: i64,
-    method: &str,
-    energy: &str,
-    angle: f64,
-    area: f64,
-    perimeter: f64,
-    magnify: f64,
-    magnify_over: &str,
-    overlap: &str,
-    boundary: &str,
-    cut: Option<&Bound<'_, PyAny>>,
-    max_area_ratio: Option<f64>,
-    seam_side: Option<&Bound<'_, PyAny>>,
-    pixel: Option<f64>,
-    keep_going: bool,
-    acuity: Option<&Bound<'_, PyAny>>,
-    threads: i64,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<PyMap> {
-    let flatten = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };
-    let options = BuildOptions {
-        cut: self::cut(cut, max_area_ratio)?,
-        seam_side: seam_side.map(|side| direction("seam_side", side)).transpose()?,
-        coarsen: CoarsenOptions {
-            ratio,
-            levels: levels.map(|levels| count("levels", levels)).transpose()?,
-            coarsest: count("coarsest", coarsest)?,
-        },
-        flatten: flatten.options()?,
-        pixel: pixel.map(|side| positive("pixel", side)).transpose()?,
-        magnify_over: word(
-            "magnify_over",
-            magnify_over,
-            &[("skin", MagnifyOver::Skin), ("patch", MagnifyOver::Patch)],
-        )?,
-        keep_going,
-    };
-    let skin = match skin.cast::<PySkin>() {
-        Ok(skin) => Arc::clone(&skin.get().skin),
-        Err(_) if skin.hasattr("vertices")? => {
-            let found = skin.get_type().name()?;
-            return Err(bad("skin", found, "a Skin or a file: dermatome.trimesh.skin(mesh) is a Skin"));
-        }
-        Err(_) => {
-            let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;
-            Arc::clone(&read.cast::<PySkin>()?.get().skin)
-        }
-    };
-    let skin = match acuity {
-        Some(acuity) => Arc::new(with_acuity(&skin, acuity)?),
-        None => skin,
-    };
-    if let Some(progress) = progress.as_ref().map(|progress| progress.bind(py)).filter(|f| !f.is_callable()) {
-        return Err(bad("progress", progress.get_type().name()?, "a function"));
-    }
-    let tell = move |told: Progress, stop: &Stop| {
-        let Some(progress) = progress.as_ref().filter(|_| !stop.run().is_cancelled()) else { return };
-        let stage = match told.stage {
-            Stage::Coarsen => "coarsen",
-            Stage::Flatten => "flatten",
-        };
-        let raised = Python::attach(|py| progress.call1(py, (stage, told.done, told.total)).err());
-        raised.into_iter().for_each(|exception| stop.raise(exception));
-    };
-    let map = run(py, count("threads", threads)?, move |stop| -> Result<PyMap, dermatome::Error> {
-        let built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
-        // What a file holds, so that a map is the same whether it was built, read or unpickled.
-        Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
-    })?;
-    map.map_err(error)
 }

@@ -20,7 +20,7 @@ use crate::{
     errors::{bad, error},
     jobs::run,
     map::PyMap,
-    signal::{RecordingArrays, readings_of},
+    readings::{RecordingArrays, readings_of},
 };
 
 /// How the readings of taxels become pressures, and which taxels can be trusted: what `dermatome response` writes.

@@ -60,8 +60,8 @@ pub(crate) enum JointsArg {
 #[pyo3(from_item_all)]
 pub(crate) struct TouchesArgs<'py> {
     skin: Option<Bound<'py, PyAny>>,
-    /// Times, ids and values.
-    readings: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    /// Times, ids and values; without ids of all taxels of `skin`.
+    readings: Option<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>)>,
     threshold: Option<f64>,
     pose: Option<PathBuf>,
     joints: Option<JointsArg>,
@@ -106,10 +106,9 @@ impl TouchesArgs<'_> {
         if times.iter().any(|time| !time.is_finite()) || !times.is_sorted() {
             return Err(bad("readings", "times that are unknown or do not ascend", "times that ascend"));
         }
-        let ids = one_number_each("ids", ids, width)?.into_iter().map(TaxelId).collect();
-        let mut readings = TouchReadings { times, ids, values: values.as_slice()?.to_vec(), threshold: 0.0 };
-        readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
-        Ok(Some(readings))
+        let ids = ids.as_ref().map(|ids| one_number_each("ids", ids, width)).transpose()?;
+        let ids = ids.unwrap_or_default().into_iter().map(TaxelId).collect();
+        Ok(Some(TouchReadings { times, ids, values: values.as_slice()?.to_vec(), threshold: 0.0 }))
     }
 }
 
@@ -187,12 +186,8 @@ pub(crate) fn contacts_of_log<'py>(
     let skin = arguments.skin()?;
     let readings = arguments.readings()?;
     let mut remarks = Vec::new();
-    if let Some(readings) = &readings {
-        let threshold = readings.threshold;
-        remarks.push(format!("taxels are active above {threshold:.3e}, in the unit of the readings"));
-    }
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
-    let TouchesArgs { pose, joints, link, arm_noise, skip, threads, .. } = arguments;
+    let TouchesArgs { threshold, pose, joints, link, arm_noise, skip, threads, .. } = arguments;
     let of_robot = pose.clone().filter(|path| is_robot(path));
     let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
     match (&robot, &joints) {
@@ -208,18 +203,26 @@ pub(crate) fn contacts_of_log<'py>(
         }
         _ => {}
     }
-    let sources = Sources { readings, pose, robot, joints, link, radius };
+    let mut sources = Sources { readings, pose, robot, joints, link, radius };
     let work = move |stop: &Stop| {
         let rows = match log {
             LogArg::Table(LogText { text }) => touches_from_bytes("log".as_ref(), text.into_bytes())?,
             LogArg::File(path) => read_touches(&path)?,
         };
+        let link =
+            sources.link.clone().or_else(|| rows.0.first().map(|row| row.link.clone())).unwrap_or_default();
+        if let Some(readings) = &mut sources.readings {
+            skin.as_deref().map_or(Ok(()), |skin| readings.assign(skin, &link))?;
+            readings.threshold = threshold.unwrap_or_else(|| readings.above_noise());
+            let threshold = readings.threshold;
+            remarks.push(format!("taxels are active above {threshold:.3e}, in the unit of the readings"));
+        }
         let made = sources.log(&rows, &mut remarks)?;
         let options = TouchesOptions {
             taxel_radius: Some(taxel),
             gain: stiffness.map(|stiffness| stiffness * std::f64::consts::PI * taxel * taxel),
             arm_noise,
-            drawing: skin.as_deref().map(Drawing::of_skin),
+            drawing: skin.as_deref().map(|skin| Drawing::of_link(skin, &link)).transpose()?,
             left_out: skip.into_iter().map(TaxelId).collect(),
         };
         let found = contacts_of_touches_with(&made.log, &options, stop.run())?;

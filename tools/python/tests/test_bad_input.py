@@ -283,3 +283,30 @@ def test_messages_say_what_to_do(dome_map, monkeypatch):
     ):
         with pytest.raises((dermatome.DataError, ImportError), match=match):
             call()
+
+
+def test_arguments_of_another_type_say_what_makes_the_right_one(tmp_path):
+    skin_map = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    readings = dermatome.Readings.from_arrays(np.zeros((5, 81)))
+    log = {name: [0.0, 0.0] for name in ("px", "py", "pz")}
+    for call, said in (
+        (lambda: dermatome.build(skin_map), "skin: found Map; needed: a Skin or a file"),
+        (lambda: dermatome.build(np.zeros((9, 3))), "Skin.from_arrays"),
+        (lambda: dermatome.build(None), "skin: found NoneType"),
+        (lambda: dermatome.calibrate(np.zeros((9, 3))), "observations: found ndarray; needed: Observations"),
+        (lambda: dermatome.calibrate({"i": [1]}), "Observations.from_columns"),
+        (lambda: dermatome.touches(log, readings=[1]), "readings: found list; needed: Readings"),
+        (lambda: dermatome.touches(log, joints=[1]), "joints: found list; needed: a value for each joint"),
+        (lambda: readings.condition("map.glb"), "map: found str; needed: a Map"),
+        (lambda: readings.on(None), "map: found NoneType; needed: a Map"),
+        (lambda: dermatome.response("map.glb", readings), "map: found str; needed: a Map"),
+        (lambda: dermatome.order("map.glb", readings), "map: found str; needed: a Map"),
+        (lambda: dermatome.order(skin_map, readings, known=[1]), "known: found list; needed: a mapping"),
+        (lambda: dermatome.examine(skin_map, readings, modules=["a"]), "modules: found list; needed: a mapping"),
+        (lambda: dermatome.examine(skin_map, 3), "readings: found int; needed: Readings"),
+    ):
+        with pytest.raises(dermatome.DataError) as error:
+            call()
+        assert said in str(error.value), error.value
+    np.save(tmp_path / "frames.npy", np.zeros((5, 81)))
+    assert dermatome.Recording(tmp_path / "frames.npy").read(skin_map).values.shape == (5, 1, 81)

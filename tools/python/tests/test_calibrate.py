@@ -227,7 +227,13 @@ def test_readings_poses_and_drawings_may_be_apart(arm):
     assert np.array_equal(dermatome.calibrate(apart).positions, dermatome.calibrate(whole).positions)
     assert summary["taxels"] == len(ids) and apart.remarks[0].startswith("taxels are active above 1.000e-12")
     found = dermatome.calibrate(whole)
-    drawn, _ = dermatome.touches(columns, skin=dermatome.Skin.from_arrays(found.positions, ids=found.ids, outside=(0, 0, -1)), skip=[names[0]])
+    skin = dermatome.Skin.from_arrays(found.positions, ids=found.ids, outside=(0, 0, -1))
+    drawn, _ = dermatome.touches(columns, skin=skin, skip=[names[0]])
+    unnamed = dermatome.Readings.from_arrays(np.array(values)[:, [names.index(i) for i in skin.ids]], timestamps=times)
+    of_order, _ = dermatome.touches(log, skin=skin, readings=unnamed, threshold=1e-12, skip=[names[0]])
+    assert np.array_equal(dermatome.calibrate(of_order).positions, dermatome.calibrate(drawn).positions)
+    with pytest.raises(dermatome.DataError, match="no ids of taxels; needed: ids, or skin"):
+        dermatome.touches(log, readings=unnamed)
     assert drawn.n_taxels == 59
     for options, said in (
         ({"joints": {"elbow": 1.0}}, "joints: found no robot as pose"),

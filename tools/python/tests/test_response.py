@@ -74,6 +74,8 @@ def test_faulty_taxels_are_found_and_masked(sheet, touched):
 def test_what_determines_nothing_is_refused(sheet, touched):
     readings = touched[0]
     still = dermatome.Readings.from_arrays(np.zeros((50, 81)))
+    foreign = dermatome.Readings.from_arrays(np.zeros((50, 2)), ids=[900, 901])
+    warm = dermatome.Readings.from_arrays(np.zeros((50, 81)), channels=["temperature"], units="K")
     for call, text in [
         (lambda: dermatome.response(sheet, still), "0 touches"),
         (lambda: dermatome.response(sheet, []), "0 touches"),
@@ -83,6 +85,11 @@ def test_what_determines_nothing_is_refused(sheet, touched):
         (lambda: dermatome.response(sheet, readings, force=[[0, np.nan]]), "NaN N"),
         (lambda: dermatome.response(sheet, readings, force=[0, 1]), "force: found shape (2,)"),
         (lambda: readings.condition(sheet, zero="stored"), "without a response"),
+        (lambda: dermatome.response(sheet, foreign), "readings: none of the 2 taxel ids"),
+        (lambda: dermatome.response(sheet, [still, foreign]), "readings[1]: none of the 2 taxel ids"),
+        (lambda: dermatome.response(sheet, [still, "a.csv"]), "readings[1]: found str; needed: Readings"),
+        (lambda: dermatome.response(sheet, "a.csv"), "Readings.read(path)"),
+        (lambda: dermatome.examine(sheet, [still, warm]), "recording 2: no channel of the readings"),
         (lambda: dermatome.examine(sheet, []), "frame"),
         (lambda: dermatome.examine(sheet, still, threshold=0), "threshold"),
         (lambda: dermatome.examine(sheet, still, modules={9999: "a"}), "modules"),

@@ -123,7 +123,7 @@ const BUILD_AGAIN: &str = "make the map again with `dermatome build`";
 fn library_help(error: &Error) -> String {
     match error {
         Error::Io(e) => return io_help(e),
-        Error::Patch { source, .. } => return library_help(source),
+        Error::Patch { source, .. } | Error::Recording { source, .. } => return library_help(source),
         Error::Skin(SkinError::Several { errors, valid }) => return several_help(errors, *valid),
         Error::Several(errors) => {
             let first = errors.first().map(library_help).unwrap_or_default();
@@ -267,6 +267,10 @@ fn option_help(error: &Error) -> &'static str {
             TouchesError::UnknownTaxel { .. } => {
                 "give the drawing of this skin with --skin, or leave out --skin"
             }
+            TouchesError::SharedId { .. } => {
+                "add a column `link` to the log, or give the taxels of --skin ids that differ"
+            }
+            TouchesError::Columns { .. } => "give --skin the skin that was recorded",
             TouchesError::NoOutside { .. } => "give a drawing of the skin with --skin",
             TouchesError::NothingFelt { .. } => "check --skip and --threshold, and that the log has touches",
             TouchesError::BadOption { .. } | TouchesError::Calib(CalibError::BadOption { .. }) => {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._dermatome import Calibration, Map, Observations, Skin, calibrate_taxels, fit_bodies
-from dermatome._errors import DataError
+from dermatome._errors import DataError, check_kind
 
 if TYPE_CHECKING:
     _Path = str | os.PathLike[str]
@@ -154,6 +154,8 @@ def calibrate(
     """
     taxels, bodies = options_of(locals())
     check_options(cad, taxels, bodies)
+    needed = "Observations, or the path of a table; Observations.from_columns makes them of arrays"
+    check_kind("observations", observations, (Observations, str, os.PathLike), needed)
     observed = observations if isinstance(observations, Observations) else Observations.read(observations)
     if cad is None:
         return calibrate_taxels(observed, taxels, threads)

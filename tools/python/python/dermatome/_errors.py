@@ -35,5 +35,16 @@ class MissingFileError(FileError, FileNotFoundError):
     """A file that does not exist."""
 
 
+def check_kind(argument: str, value: object, kind: type | tuple[type, ...], needed: str) -> None:
+    """Refuses an argument of another type."""
+    if not isinstance(value, kind):
+        raise DataError(f"{argument}: found {type(value).__name__}; needed: {needed}")
+
+
+#: What takes the place of another type, in messages.
+A_MAP = "a Map, as dermatome.build or Map.read makes it"
+READINGS = "Readings, as Readings.read(path) reads them"
+
+
 for _class in (Error, DataError, FileError, MissingFileError):
     _class.__module__ = "dermatome"

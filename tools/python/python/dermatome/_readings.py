@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
-from dermatome._errors import DataError, FileError
+from dermatome._errors import A_MAP, DataError, FileError, check_kind
 
 if TYPE_CHECKING:
     import os
@@ -199,6 +199,7 @@ class Readings:
 
         Columns of no taxel are left out, and `remarks` says so.
         """
+        check_kind("map", map, Map, A_MAP)
         if self.ids is None:
             if self.values.shape[2] != map.n_taxels:
                 raise DataError(f"map: found {map.n_taxels} taxels; needed: {self.values.shape[2]}, or readings with ids")

@@ -54,7 +54,7 @@ class Recording:
         The episode that is read; None: one after the other, never joined in a chunk.
     """
 
-    def __init__(self, path: str | os.PathLike[str], stream: str | None, layout: Any, episode: int | None) -> None:
+    def __init__(self, path: str | os.PathLike[str], stream: str | None = None, layout: Any = None, episode: int | None = None) -> None:
         self.path = os.fspath(path)
         if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
             raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")

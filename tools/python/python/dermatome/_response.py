@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, Response, estimate_response, examine_taxels, order_columns
+from dermatome._errors import A_MAP, READINGS, DataError, check_kind
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
     from dermatome._readings import Readings
+
+    _Arrays = tuple[Any, Any, list[str], list[str]]
 
 
 def response(
@@ -53,8 +57,6 @@ def response(
     >>> dermatome.response(palm, readings).scale
     'relative'
     """
-    from dermatome._errors import DataError
-
     if pressure is not None and (force is not None or relative is not None):
         raise DataError("pressure: found force or relative, too; needed: one of the two")
     if relative is not None and force is None:
@@ -102,6 +104,7 @@ def examine(
     >>> [(finding["kind"], finding["taxels"]) for finding in findings]
     [('dead', [8])]
     """
+    check_kind("modules", {} if modules is None else modules, Mapping, "a mapping of the id of each taxel to its module")
     named = [] if modules is None else [(int(taxel), str(module)) for taxel, module in modules.items()]
     return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
 
@@ -154,17 +157,36 @@ def order(
     >>> bool((ids == touched.ids[wires]).mean() > 0.8)
     True
     """
-    from dermatome._readings import Readings
-
-    every = [readings] if isinstance(readings, Readings) else list(readings)
-    arrays = [(each.values, each.timestamps, list(each.channels), list(each.units)) for each in every]
+    check_kind("map", map, Map, A_MAP)
+    check_kind("known", {} if known is None else known, Mapping, "a mapping of columns to the ids of their taxels")
+    arrays = [_of_one(each) for _, each in _every(readings)]
     pairs = [] if known is None else [(int(column), int(taxel)) for column, taxel in known.items()]
     return order_columns(map, arrays, known=pairs, threshold=threshold, zero=zero)
 
 
-def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[tuple[Any, Any, list[str], list[str]]]:
+def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[_Arrays]:
+    arrays = []
+    for name, each in _every(readings):
+        try:
+            arrays.append(_of_one(each.on(map)))
+        except DataError as error:
+            raise DataError(f"{name}: {error}", error.kind) from None
+    return arrays
+
+
+def _every(readings: Readings | Sequence[Readings]) -> list[tuple[str, Readings]]:
+    """Recordings with their names in messages."""
     from dermatome._readings import Readings
 
-    every = [readings] if isinstance(readings, Readings) else list(readings)
-    joined = [each.on(map) for each in every]
-    return [(each.values, each.timestamps, list(each.channels), list(each.units)) for each in joined]
+    if isinstance(readings, Readings):
+        return [("readings", readings)]
+    if isinstance(readings, (str, os.PathLike)) or not isinstance(readings, Iterable):
+        raise DataError(f"readings: found {type(readings).__name__}; needed: {READINGS}")
+    every = [(f"readings[{number}]", each) for number, each in enumerate(readings)]
+    for name, each in every:
+        check_kind(name, each, Readings, READINGS)
+    return every
+
+
+def _of_one(readings: Readings) -> _Arrays:
+    return readings.values, readings.timestamps, list(readings.channels), list(readings.units)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, Observations, Skin, contacts_of_log
-from dermatome._errors import DataError
+from dermatome._errors import READINGS, DataError, check_kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -43,7 +44,8 @@ def touches(
     skin : Skin, Map, str or os.PathLike, optional
         A drawing of the skin, in the frame of the link: its taxels have their normals and neighbours from it.
     readings : Readings, str or os.PathLike, optional
-        Readings of the taxels, at the times of the log, if it has no column `taxels`.
+        Readings of the taxels, at the times of the log, if it has no column `taxels`; without ids those of all taxels of `skin`
+        in its order.
     threshold : float, optional
         A taxel is active above this, in the unit of the readings; by default five times the noise.
     pose : str or os.PathLike, optional
@@ -82,12 +84,15 @@ def touches(
     >>> contacts, summary["touches"]
     (<dermatome.Observations: 3 taxels, 0 displacements, 4 contacts>, 2)
     """
+    is_path = isinstance(joints, (str, os.PathLike))
+    if joints is not None and not is_path:
+        check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
     arguments = {
         "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
-        "readings": None if readings is None else _readings(readings),
+        "readings": None if readings is None else _readings(readings, skin is not None),
         "threshold": threshold,
         "pose": pose,
-        "joints": joints if joints is None or isinstance(joints, (str, os.PathLike)) else dict(joints),
+        "joints": joints if joints is None or is_path else dict(joints),
         "link": link,
         "radius": radius,
         "taxel_radius": taxel_radius,
@@ -105,15 +110,16 @@ def touches(
     return contacts_of_log({"text": table("log", log)}, arguments)
 
 
-def _readings(source: Readings | str | os.PathLike[str]) -> tuple[Any, Any, Any]:
-    """Times, ids and values."""
+def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any]:
+    """Times, ids or None, and values."""
     from dermatome._readings import Readings
 
     readings = Readings.read(source) if isinstance(source, (str, os.PathLike)) else source
-    if readings.ids is None or readings.values.shape[1] != 1:
-        channels = readings.values.shape[1]
-        found = "no ids of taxels" if readings.ids is None else f"{channels} channels"
-        raise DataError(f"readings: found {found}; needed: a recording with ids and one channel")
+    check_kind("readings", readings, Readings, f"{READINGS}, or their path")
+    if readings.values.shape[1] != 1:
+        raise DataError(f"readings: found {readings.values.shape[1]} channels; needed: a recording with one")
+    if readings.ids is None and not has_skin:
+        raise DataError("readings: found no ids of taxels; needed: ids, or skin, whose taxels the columns are in its order")
     return readings.timestamps, readings.ids, readings.values[:, 0]
 
 

@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map, Skin
-from dermatome._errors import DataError
+from dermatome._errors import A_MAP, DataError, check_kind
 
 # Fewer vertices make no mesh of MuJoCo.
 LEAST_VERTICES = 4
@@ -52,6 +52,8 @@ def attach(
         The name of the sensor.
     """
     mujoco, np = need("mujoco", "mujoco"), need("numpy", "mujoco")
+    check_kind("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, as MjSpec.from_file reads it: sensors are added before it is compiled")
+    check_kind("map", map, Map, A_MAP)
     if patch is None and len(map.patches) > 1:
         raise DataError(f"patch: found None of {len(map.patches)}; needed: one of {list(map.patches)[:10]}, or attach_all")
     of, whole = level_of(map, patch, level), patch_of(map, patch)

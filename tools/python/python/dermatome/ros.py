@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map
-from dermatome._errors import DataError, FileError, MissingFileError
+from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
 from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
 
@@ -214,6 +214,8 @@ def write(
     np = need("numpy", "ros")
     rosbag2, typesys = need("rosbags.rosbag2", "ros"), need("rosbags.typesys", "ros")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    check_kind("map", map, Map, A_MAP)
+    check_kind("readings", readings, Readings, READINGS)
     readings = readings.on(map)
     if not -len(readings.channels) <= channel < len(readings.channels):
         raise DataError(f"channel: found {channel}; needed: one of {len(readings.channels)}")

@@ -1,0 +1,187 @@
+//! The fields of a level of a whole map, and readings carried to them and to regions.
+
+use dermatome::{
+    SkinMap,
+    map::PatchMap,
+    pyramid::LevelId,
+    signal::{Contrast, Duplicates, Frame, GroupPool, Join, Quantity, Restrictor},
+    skin::PatchId,
+};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::{
+    arrays::{bad_shape, floats, vector, zeros},
+    errors::error,
+    jobs::{Stop, run_here},
+    matrix::{PyMatrix, Rows},
+    options::channels,
+};
+
+/// Patch, level and index of each field.
+pub(crate) type FieldArrays<'py> =
+    (Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i32>>, Bound<'py, PyArray1<i64>>);
+
+/// The number of vertices of a level of a patch, or of its coarsest.
+fn size_of(patch: &PatchMap, level: LevelId) -> usize {
+    patch.levels[patch.nearest_level(level)].level.mesh.positions.len()
+}
+
+/// Where the vertices of each patch begin among those of a level of the whole map, and the end of the last.
+pub(crate) fn starts(map: &SkinMap, level: LevelId) -> Vec<usize> {
+    let mut starts = vec![0];
+    let mut end = 0;
+    for patch in &map.patches {
+        end += size_of(patch, level);
+        starts.push(end);
+    }
+    starts
+}
+
+/// The fields of a level of the whole map: the patch, the level and the vertex of each.
+pub(crate) fn fields_of<'py>(py: Python<'py>, map: &SkinMap, level: LevelId) -> FieldArrays<'py> {
+    let of_patch = |(id, patch): (PatchId, &PatchMap)| {
+        let on = patch.nearest_level(level).raw();
+        (0..size_of(patch, level)).map(move |index| (id.raw(), on, index))
+    };
+    let all: Vec<(u32, u32, usize)> = map.patches.enumerate().flat_map(of_patch).collect();
+    (
+        vector(py, all.iter().map(|field| field.0 as i32)),
+        vector(py, all.iter().map(|field| field.1 as i32)),
+        vector(py, all.iter().map(|field| field.2 as i64)),
+    )
+}
+
+/// How the taxels of the whole map, or of one patch, depend on the fields of a level.
+pub(crate) fn pooling_of(py: Python<'_>, map: &SkinMap, level: LevelId, only: Option<PatchId>) -> PyMatrix {
+    let (mut rows, mut first) = (Rows::new(), 0);
+    for (_, patch) in map.patches.enumerate().filter(|(id, _)| only.is_none_or(|only| only == *id)) {
+        let direct = &patch.levels[patch.nearest_level(level)].level.to_finest;
+        for taxel in patch.taxels.ids.ids() {
+            match direct {
+                Some(direct) => rows.push(direct.row(taxel).map(|(field, w)| (first + field.index(), w))),
+                None => rows.push([(first + taxel.index(), 1.0)]),
+            }
+        }
+        first += size_of(patch, level);
+    }
+    rows.into_matrix(py, first)
+}
+
+/// Readings of the taxels of a map, and the shape of an array with `count` numbers for each of their frames.
+fn frames_of<'py>(
+    map: &SkinMap,
+    values: &Bound<'py, PyAny>,
+    count: usize,
+) -> PyResult<(PyReadonlyArrayDyn<'py, f64>, Vec<usize>)> {
+    let values = floats("values", values)?;
+    let needed: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let Some((_, frames)) = values.shape().split_last().filter(|(last, _)| **last == needed) else {
+        return Err(bad_shape("values", values.shape(), format!("shape (..., {needed})")));
+    };
+    let shape = frames.iter().copied().chain([count]).collect();
+    Ok((values, shape))
+}
+
+/// Carries readings of the taxels of a map to groups of them.
+pub(crate) fn pool_groups<'py>(
+    py: Python<'py>,
+    map: &SkinMap,
+    values: &Bound<'py, PyAny>,
+    groups: &GroupPool,
+    extensive: bool,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let (values, shape) = frames_of(map, values, groups.count())?;
+    let taxels = values.shape().last().copied().unwrap_or(0);
+    let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
+    let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
+    let mut writer = pooled.readwrite();
+    let frames = writer.as_slice_mut()?.chunks_mut(groups.count().max(1)).zip(values.chunks(taxels.max(1)));
+    for (out, values) in frames {
+        out.iter_mut().zip(groups.pool(values, quantity)).for_each(|(out, value)| *out = narrow(value));
+    }
+    Ok(pooled)
+}
+
+/// How frames are carried to the fields of a level.
+pub(crate) struct Pooling<'a> {
+    pub(crate) map: &'a SkinMap,
+    pub(crate) level: LevelId,
+    pub(crate) extensive: bool,
+    pub(crate) contrast: bool,
+}
+
+impl Pooling<'_> {
+    /// Carries readings of the taxels to the fields; with 0 threads one per processor.
+    pub(crate) fn pool<'py>(
+        &self,
+        py: Python<'py>,
+        values: &Bound<'py, PyAny>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let fields = starts(self.map, self.level).last().copied().unwrap_or(0);
+        let (values, shape) = frames_of(self.map, values, fields)?;
+        let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
+        let mut writer = pooled.readwrite();
+        let out = writer.as_slice_mut()?;
+        run_here(py, threads, |stop| self.pool_frames(values, out, stop))?.map_err(error)?;
+        Ok(pooled)
+    }
+
+    /// Carries frames of readings one after the other.
+    fn pool_frames(&self, values: &[f64], pooled: &mut [f32], stop: &Stop) -> Result<(), dermatome::Error> {
+        let Self { map, level, extensive, contrast } = *self;
+        let fields = starts(map, level).last().copied().unwrap_or(0);
+        let width: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        if pooled.is_empty() {
+            return Ok(());
+        }
+        let join = Join::new(map, None, width, Duplicates::Refuse)?;
+        let channels = channels([extensive]);
+        let (restrictor, contrast) = if contrast {
+            (Restrictor::new(map, &channels), Some(Contrast::new(map, &channels)))
+        } else {
+            (Restrictor::to_level(map, &channels, level), None)
+        };
+        let share = (pooled.len() / fields).div_ceil(4 * rayon::current_num_threads());
+        let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
+        shares.for_each_init(
+            || (restrictor.clone(), contrast.clone(), Frame::new(map, 1)),
+            |(restrictor, contrast, frame), (out, values)| {
+                for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
+                    stop.check();
+                    join.fill(values, frame);
+                    mask_too_large(frame);
+                    let mut on_levels = restrictor.restrict(frame);
+                    if let Some(contrast) = contrast {
+                        on_levels = contrast.of(on_levels);
+                    }
+                    let patches = on_levels.values.iter().zip(&map.patches);
+                    let of_patches =
+                        patches.map(|(channels, patch)| &channels[0][patch.nearest_level(level)]);
+                    for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
+                        *out = narrow(value);
+                    }
+                }
+            },
+        );
+        Ok(())
+    }
+}
+
+/// Masks readings beyond the range of 32-bit numbers, as `Readings.condition` does.
+pub(crate) fn mask_too_large(frame: &mut Frame) {
+    for x in frame.values.iter_mut().flatten().flat_map(|values| values.iter_mut()) {
+        if x.abs() > f64::from(f32::MAX) {
+            *x = f64::NAN;
+        }
+    }
+}
+
+/// A number of a result, in 32 bits; NaN beyond their range.
+#[expect(clippy::cast_possible_truncation, reason = "readings are given in fewer digits")]
+fn narrow(value: f64) -> f32 {
+    let value = value as f32;
+    if value.is_finite() { value } else { f32::NAN }
+}

@@ -1,0 +1,340 @@
+//! Readings: read, joined to a map, conditioned and summed, and those of simulated touches.
+
+use std::{collections::HashSet, path::PathBuf, sync::Arc};
+
+use dermatome::{
+    io::{Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
+    recording::{Fill, Recording, RecordingOptions},
+    signal::{
+        Channel, ConditionOptions, Duplicates, Frame, Join, Quantity, Response, Summary, Touch, TouchOptions,
+        TouchSimulation, TrackerOptions, Zero,
+    },
+    skin::{Presence, TaxelId},
+};
+use numpy::{IntoPyArray, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::{
+    prelude::*,
+    types::{PyDict, PyList},
+};
+
+use crate::{
+    arrays::{bad_shape, floats, matrix, one_each, one_number_each, shaped, vector},
+    errors::{bad, error},
+    jobs::{Stop, run},
+    map::PyMap,
+    options::{count, word},
+    response::PyResponse,
+    skin::PySkin,
+};
+
+/// Readings as arrays: values (T, C, N), ids, times, names and units of the channels.
+fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
+    let Readings { ids, channels, width, times, values } = readings;
+    let arrays = PyDict::new(py);
+    arrays.set_item("values", shaped(py, [times.len(), channels.len(), width], values)?)?;
+    arrays.set_item("ids", ids.map(|ids| vector(py, ids.into_iter().map(|id| id.0))))?;
+    arrays.set_item("timestamps", vector(py, times))?;
+    for (key, of) in [("channels", (|c| &c.name) as fn(&Channel) -> &String), ("units", |c| &c.unit)] {
+        arrays.set_item(key, channels.iter().map(of).collect::<Vec<_>>())?;
+    }
+    Ok(arrays)
+}
+
+/// The arrays of a recording: `values` (T, C, n), `ids` (n,) or None, `timestamps` (T,) in s, `channels`, `units`.
+#[pyfunction]
+#[pyo3(signature = (path, layout="tnc"))]
+pub(crate) fn read_readings<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    layout: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let known = [("tnc", ReadingsLayout::TaxelsFirst), ("tcn", ReadingsLayout::ChannelsFirst)];
+    let layout = word("layout", layout, &known)?;
+    let read = move |stop: &Stop| Readings::collect(ReadingsReader::open(&path, layout)?, || stop.check());
+    arrays(py, run(py, 0, read)?.map_err(error)?)
+}
+
+/// Readings of columns with these ids as readings of the taxels of a map, (T, C, n) to (T, C, N), and how they fit.
+#[pyfunction]
+pub(crate) fn join_readings<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    values: &Bound<'py, PyAny>,
+    ids: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
+    let values = floats("values", values)?;
+    let &[frames, channels, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
+    };
+    let ids: Vec<TaxelId> = one_number_each("ids", ids, width)?.into_iter().map(TaxelId).collect();
+    let map = Arc::clone(&map.get().map);
+    let join = Join::new(&map, Some(&ids), width, Duplicates::Refuse).map_err(error)?;
+    let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut joined: Vec<f64> = Vec::with_capacity(frames * channels * taxels);
+    let mut frame = Frame::new(&map, 1);
+    for row in values.as_slice()?.chunks_exact(width) {
+        join.fill(row, &mut frame);
+        joined.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
+    }
+    Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), join.report().remarks()))
+}
+
+/// The arrays of a recording on the taxels of a map: values (T, C, N), timestamps, names of channels, units.
+pub(crate) type RecordingArrays<'a, 'py> =
+    (&'a Bound<'py, PyAny>, &'a Bound<'py, PyAny>, Vec<String>, Vec<String>);
+
+pub(crate) fn readings_of(
+    (values, timestamps, channels, units): RecordingArrays<'_, '_>,
+) -> PyResult<Readings> {
+    let values = floats("values", values)?;
+    let needed = [timestamps.len()?, channels.len(), units.len()];
+    let &[frames, of_channels, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, C, N)"));
+    };
+    if [frames, of_channels, of_channels] != needed {
+        let [frames, channels, _] = needed;
+        return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
+    }
+    let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
+    Ok(Readings {
+        ids: None,
+        channels: channels.into_iter().zip(units).map(channel).collect(),
+        width,
+        times: one_each("timestamps", timestamps, frames)?,
+        values: values.as_slice()?.to_vec(),
+    })
+}
+
+/// Readings (T, C, N) of the taxels of a map, made comparable: the arrays of a recording with values (T, C, N);
+/// `measured`, which of these are readings and not filled; and `remarks`. `ids` are those of the columns that the readings
+/// had before they were joined to the map: other taxels have none, which is no remark.
+#[pyfunction]
+#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, zero=None, gains=Vec::new(),
+    response=None, clip=None, split_hz=None, fill="none"))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn condition_readings<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    values: &Bound<'py, PyAny>,
+    ids: Option<&Bound<'py, PyAny>>,
+    timestamps: &Bound<'py, PyAny>,
+    channels: Vec<String>,
+    units: Vec<String>,
+    baseline: i64,
+    zero: Option<&str>,
+    gains: Vec<(u32, f64)>,
+    response: Option<&Bound<'py, PyResponse>>,
+    clip: Option<[f64; 2]>,
+    split_hz: Option<f64>,
+    fill: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
+    let readings = readings_of((values, timestamps, channels, units))?;
+    let ids = ids.map(|ids| one_number_each("ids", ids, ids.len()?)).transpose()?;
+    let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
+    let zero = match zero {
+        None => Zero::First(count("baseline", baseline)?),
+        Some(zero) => word("zero", zero, &[("follow", Zero::Follow), ("stored", Zero::Stored)])?,
+    };
+    if zero == Zero::Stored && response.is_none() {
+        return Err(bad("zero", "\"stored\" without a response", "response, which has the zeros"));
+    }
+    let response = response.map(|response| Response::clone(&response.get().response));
+    let condition = ConditionOptions { zero, gains, response, clip, split_hz };
+    let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
+    let map = Arc::clone(&map.get().map);
+    let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
+        let mut recording = Recording::open(&map, ReadingsReader::memory(readings)?, &options)?;
+        let width = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        let mut out = Readings { channels: recording.channels().to_vec(), width, ..Readings::default() };
+        let mut measured: Vec<bool> = Vec::new();
+        while let Some(step) = recording.next_step()? {
+            stop.check();
+            out.times.push(step.frame.time);
+            for channel in 0..out.channels.len() {
+                for (values, filled) in step.frame.values.iter().zip(&step.frame.filled) {
+                    let first = measured.len();
+                    out.values.extend_from_slice(values[channel].as_slice());
+                    measured.extend(values[channel].iter().map(|x| x.is_finite()));
+                    filled[channel].iter().for_each(|taxel| measured[first + taxel.index()] = false);
+                }
+            }
+        }
+        let mut report = recording.report();
+        if let Some(ids) = ids {
+            let ids: HashSet<u32> = ids.into_iter().collect();
+            let has_none = |(id, presence): &(&TaxelId, &Presence)| {
+                **presence == Presence::Present && !ids.contains(&id.0)
+            };
+            let taxels = map.patches.iter().flat_map(|p| p.taxels.ids.iter().zip(&p.taxels.presence));
+            let without_column = taxels.filter(has_none).count();
+            report.join.masked += without_column;
+            report.missing = report.missing.saturating_sub(without_column * report.channels * report.read);
+        }
+        Ok((out, measured, report.remarks(zero)))
+    })?;
+    let (readings, measured, remarks) = made.map_err(error)?;
+    let measured = shaped(py, [readings.times.len(), readings.channels.len(), readings.width], measured)?;
+    let conditioned = arrays(py, readings)?;
+    conditioned.set_item("measured", measured)?;
+    conditioned.set_item("remarks", remarks)?;
+    Ok(conditioned)
+}
+
+/// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, the threshold, and the number of
+/// gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
+#[pyfunction]
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None))]
+pub(crate) fn summarise_readings<'py>(
+    py: Python<'py>,
+    map: &Bound<'py, PyMap>,
+    values: &Bound<'py, PyAny>,
+    timestamps: &Bound<'py, PyAny>,
+    channel: &str,
+    unit: &str,
+    threshold: Option<f64>,
+) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
+    let values = floats("values", values)?;
+    let &[frames, width] = values.shape() else {
+        return Err(bad_shape("values", values.shape(), "shape (T, N)"));
+    };
+    let readings = Readings {
+        ids: None,
+        channels: vec![Channel::new(channel, unit).map_err(error)?],
+        width,
+        times: one_each("timestamps", timestamps, frames)?,
+        values: values.as_slice()?.to_vec(),
+    };
+    // Contacts need a threshold above 0.
+    let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
+    let map = Arc::clone(&map.get().map);
+    let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
+        let mut recording =
+            Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
+        recording.summarise(&TrackerOptions { threshold, ..recording.tracker_options(0) })?;
+        while recording.next_step()?.is_some() {
+            stop.check();
+        }
+        let summary = recording.summary();
+        let rows = summary.map_or_else(Vec::new, |summary| summary_rows(&map, summary));
+        Ok((rows, recording.threshold(), summary.map_or(0, Summary::gaps)))
+    })?;
+    let (rows, threshold, gaps) = made.map_err(error)?;
+    let list = PyList::empty(py);
+    for row in rows {
+        let dict = PyDict::new(py);
+        for (name, cell) in row {
+            match cell {
+                SummaryCell::Text(text) => dict.set_item(name, text)?,
+                SummaryCell::Number(number) => dict.set_item(name, number)?,
+                SummaryCell::Count(count) => dict.set_item(name, count)?,
+            }
+        }
+        list.append(dict)?;
+    }
+    Ok((list, threshold, gaps))
+}
+
+/// Whether a channel of this name and unit is an amount, as a force, and not an average.
+#[pyfunction]
+pub(crate) fn is_extensive(name: &str, unit: &str) -> PyResult<bool> {
+    Ok(Channel::new(name, unit).map_err(error)?.quantity == Quantity::Extensive)
+}
+
+/// An argument as an array of real numbers, or an error that names it.
+#[pyfunction]
+pub(crate) fn as_floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    Ok(floats(name, value)?.as_array().to_owned().into_pyarray(value.py()))
+}
+
+/// An argument as an array of `count` whole numbers from 0 on, or an error that names it.
+#[pyfunction]
+pub(crate) fn as_numbers<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    count: usize,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    Ok(vector(value.py(), one_number_each(name, value, count)?))
+}
+
+/// The arrays of a simulated recording: as `read_readings`, and `truth`.
+#[pyfunction]
+#[pyo3(signature = (skin, *, presses=5, touches=1, radius=0.015, depth=0.002, stiffness=2e7, roll=0.02, duration=1.0,
+    pause=0.25, rate=100.0, taxel_radius=0.002, extensive=true, noise=0.0, drift=0.0, dead=0.0, seed=0))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn simulate_touch<'py>(
+    py: Python<'py>,
+    skin: &Bound<'py, PyAny>,
+    presses: i64,
+    touches: i64,
+    radius: f64,
+    depth: f64,
+    stiffness: f64,
+    roll: f64,
+    duration: f64,
+    pause: f64,
+    rate: f64,
+    taxel_radius: f64,
+    extensive: bool,
+    noise: f64,
+    drift: f64,
+    dead: f64,
+    seed: u64,
+) -> PyResult<Bound<'py, PyDict>> {
+    let skin = match (skin.cast::<PySkin>(), skin.cast::<PyMap>()) {
+        (Ok(skin), _) => Arc::clone(&skin.get().skin),
+        (_, Ok(map)) => Arc::new(map.get().map.skin()),
+        _ => return Err(bad("skin", skin.get_type().name()?, "a Skin or a Map")),
+    };
+    let options = TouchOptions {
+        radii: vec![radius],
+        depths: [depth; 2],
+        stiffness,
+        presses: count("presses", presses)?,
+        touches: count("touches", touches)?,
+        roll,
+        duration,
+        pause,
+        rate,
+        taxel_radius,
+        quantity: if extensive { Quantity::Extensive } else { Quantity::Intensive },
+        noise,
+        drift,
+        dead,
+        seed,
+        ..TouchOptions::default()
+    };
+    let names: Vec<String> = skin.patches.iter().map(|patch| patch.name.clone()).collect();
+    let made = run(py, 0, move |stop| -> Result<(Readings, Vec<Touch>), dermatome::Error> {
+        let mut simulation = TouchSimulation::new(&skin, &options)?;
+        let taxels = skin.patches.iter().map(|patch| &patch.taxels.ids);
+        let ids: Vec<TaxelId> = taxels.flat_map(|ids| ids.iter().copied()).collect();
+        let channels = vec![simulation.channel().clone()];
+        let mut recording = Readings { width: ids.len(), channels, ids: Some(ids), ..Readings::default() };
+        let mut truth = Vec::new();
+        while let Some((frame, touches)) = simulation.next_frame() {
+            stop.check();
+            recording.values.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
+            recording.times.push(frame.time);
+            truth.extend_from_slice(touches);
+        }
+        Ok((recording, truth))
+    })?;
+    let (recording, truth) = made.map_err(error)?;
+    let arrays = arrays(py, recording)?;
+    let columns = PyDict::new(py);
+    let whole = |of: fn(&Touch) -> usize| vector(py, truth.iter().map(move |touch| of(touch) as i64));
+    columns.set_item("frame", whole(|touch| touch.frame))?;
+    columns.set_item("press", whole(|touch| touch.press))?;
+    columns.set_item("taxels", whole(|touch| touch.taxels))?;
+    columns.set_item("time", vector(py, truth.iter().map(|touch| touch.time)))?;
+    columns.set_item("force", vector(py, truth.iter().map(|touch| touch.force)))?;
+    columns.set_item(
+        "patch",
+        truth.iter().map(|touch| names[touch.patch.index()].as_str()).collect::<Vec<_>>(),
+    )?;
+    columns.set_item("sphere", matrix(py, truth.iter().map(|touch| touch.sphere.to_array()))?)?;
+    columns.set_item("centre", matrix(py, truth.iter().map(|touch| touch.centre.to_array()))?)?;
+    arrays.set_item("truth", columns)?;
+    Ok(arrays)
+}
