@@ -55,13 +55,15 @@ pub(crate) enum JointsArg {
     Table(PathBuf),
 }
 
+/// Times, ids and values; without ids of all taxels of the skin.
+type ReadingsArg<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>);
+
 /// What a log needs besides itself, as a dict has it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct TouchesArgs<'py> {
     skin: Option<Bound<'py, PyAny>>,
-    /// Times, ids and values; without ids of all taxels of `skin`.
-    readings: Option<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>)>,
+    readings: Option<ReadingsArg<'py>>,
     threshold: Option<f64>,
     pose: Option<PathBuf>,
     joints: Option<JointsArg>,
