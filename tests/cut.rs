@@ -195,7 +195,7 @@ fn rough_frame(windows: u32, seed: u64) -> TriMesh {
     }
     let mut next = random(0x9e37_79b9 * seed + 12345);
     let mut is_free = vec![true; mesh.positions.len()];
-    let share = [0.05, 0.1, 0.2][seed as usize % 3];
+    let share = [0.05, 0.1, 0.2][usize::try_from(seed % 3).unwrap()];
     let is_hole: IdVec<FaceId, bool> = mesh.triangles.map(|corners| {
         let is_hole = next() < share && corners.iter().all(|v| is_free[v.index()]);
         if is_hole {
