@@ -1,4 +1,4 @@
-//! The events of a recording, as a page marks them on its time line.
+//! The events of a recording, as a page marks them on its time line; of a live page as they end.
 
 use serde::Serialize;
 
@@ -16,17 +16,23 @@ pub(super) struct EventRecorder {
 
 /// An event that has ended, in m, s and N.
 #[derive(Debug, Serialize)]
-pub(super) struct EventRow {
+pub(super) struct EndedEvent {
     word: &'static str,
     /// Numbers of its contacts.
     contacts: Vec<u64>,
     begin: f64,
     duration: f64,
-    /// The frames at its begin and end.
-    first: usize,
-    last: usize,
     /// `None` of a gap.
     contact: Option<ContactRow>,
+}
+
+/// The same, with the frames at its begin and end.
+#[derive(Debug, Serialize)]
+pub(super) struct EventRow {
+    #[serde(flatten)]
+    event: EndedEvent,
+    first: usize,
+    last: usize,
 }
 
 #[derive(Debug, Serialize)]
@@ -51,29 +57,59 @@ impl EventRecorder {
     /// Takes the frame whose time is the last of `times`.
     pub(super) fn record(&mut self, step: &Step<'_>, times: &[f64]) -> Result<(), SignalError> {
         if !step.frame.time.is_finite() {
-            self.detector = None;
             self.rows.clear();
         }
-        if let (Some(detector), Some(tracker)) = (&mut self.detector, step.tracker) {
-            let ended = detector.see(step.frame.time, tracker)?.iter().filter(|e| e.phase == Phase::End);
-            self.rows.extend(ended.map(|event| row(event, times)));
-        }
+        let known = self.see(step)?.iter();
+        let rows: Vec<_> = known.filter(is_ended).map(|event| row(event, times)).collect();
+        self.rows.extend(rows);
         Ok(())
+    }
+
+    /// Takes a frame; the events that have ended by then, as JSON.
+    pub(super) fn ended(&mut self, step: &Step<'_>) -> Result<Vec<String>, SignalError> {
+        Ok(as_json(self.see(step)?))
+    }
+
+    /// Those that end with the last frame, as JSON.
+    pub(super) fn last(&mut self) -> Vec<String> {
+        as_json(self.detector.as_mut().map_or(&[], EventDetector::finish))
+    }
+
+    fn see(&mut self, step: &Step<'_>) -> Result<&[Event], SignalError> {
+        if !step.frame.time.is_finite() {
+            self.detector = None;
+        }
+        match (&mut self.detector, step.tracker) {
+            (Some(detector), Some(tracker)) => detector.see(step.frame.time, tracker),
+            _ => Ok(&[]),
+        }
     }
 
     /// The events in the order of their begins.
     pub(super) fn finish(mut self, times: &[f64]) -> Vec<EventRow> {
         if let Some(detector) = &mut self.detector {
-            let ended = detector.finish().iter().filter(|e| e.phase == Phase::End);
-            self.rows.extend(ended.map(|event| row(event, times)));
+            self.rows.extend(detector.finish().iter().filter(is_ended).map(|event| row(event, times)));
         }
-        self.rows.sort_by(|a, b| a.first.cmp(&b.first).then(a.begin.total_cmp(&b.begin)));
+        self.rows.sort_by(|a, b| a.first.cmp(&b.first).then(a.event.begin.total_cmp(&b.event.begin)));
         self.rows
     }
 }
 
+fn is_ended(event: &&Event) -> bool {
+    event.phase == Phase::End
+}
+
+fn as_json(events: &[Event]) -> Vec<String> {
+    let text = |event: &Event| serde_json::to_string(&ended(event)).expect("numbers and texts are JSON");
+    events.iter().filter(is_ended).map(text).collect()
+}
+
 fn row(event: &Event, times: &[f64]) -> EventRow {
     let [first, last] = frames(event, times);
+    EventRow { event: ended(event), first, last }
+}
+
+fn ended(event: &Event) -> EndedEvent {
     let at = |place: EventPlace| place.map.to_array();
     let contact = event.contact.as_ref().map(|contact| ContactRow {
         patch: contact.patch.index(),
@@ -91,7 +127,7 @@ fn row(event: &Event, times: &[f64]) -> EventRow {
         peak: contact.peak_taxel.raw(),
     });
     let (begin, duration, contacts) = (event.begin, event.duration, event.contacts.clone());
-    EventRow { word: event.word.into(), contacts, begin, duration, first, last, contact }
+    EndedEvent { word: event.word.into(), contacts, begin, duration, contact }
 }
 
 /// The frames at the begin and the end of an event: those before it was known, back to where times jump.

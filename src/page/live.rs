@@ -2,8 +2,10 @@
 //!
 //! It listens on the loopback address, and answers requests that contain its token, name it as their host and
 //! come from no other origin; so another site that is open in the browser can neither read the skin nor guess
-//! its address. A browser gets the newest frame at most 60 times a second; frames that it misses are counted.
+//! its address. A browser gets the newest frame at most 60 times a second; frames that it misses are counted. It gets
+//! every event that ends while it is connected.
 
+use std::collections::VecDeque;
 use std::collections::hash_map::RandomState;
 use std::fmt::Write as _;
 use std::hash::{BuildHasher, Hasher};
@@ -13,6 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use crate::page::LiveUpdate;
 
 /// Shortest time between two frames that a browser gets.
 const FRAME: Duration = Duration::from_micros(16_667);
@@ -26,6 +30,9 @@ const MAX_CONNECTIONS: usize = 16;
 
 /// How long the last frame can be fetched after the input has ended.
 const LINGER: Duration = Duration::from_millis(500);
+
+/// Events that are kept for browsers that are slow.
+const MAX_EVENTS: usize = 1000;
 
 /// Serves a page and the frames that it shows.
 #[derive(Debug)]
@@ -49,7 +56,24 @@ struct Latest {
     count: u64,
     /// As JSON, without the braces.
     frame: Arc<str>,
+    /// The latest events, each with the number of the frame with which it was known; that after the last frame for those
+    /// that end with the input.
+    events: VecDeque<(u64, String)>,
     has_ended: bool,
+}
+
+impl Latest {
+    fn keep(&mut self, frame: u64, events: Vec<String>) {
+        self.events.extend(events.into_iter().map(|event| (frame, event)));
+        self.events.drain(..self.events.len().saturating_sub(MAX_EVENTS));
+    }
+
+    /// The events since a frame, as a list in JSON.
+    fn events_since(&self, seen: u64) -> String {
+        let since = self.events.iter().skip_while(|(frame, _)| *frame <= seen);
+        let events: Vec<&str> = since.map(|(_, event)| event.as_str()).collect();
+        format!("[{}]", events.join(","))
+    }
 }
 
 impl LiveServer {
@@ -86,16 +110,23 @@ impl LiveServer {
     }
 
     /// Shows a frame, as [`LiveFrames::next`](super::LiveFrames::next) gives it.
-    pub fn show(&self, frame: String) {
+    pub fn show(&self, update: LiveUpdate) {
         let mut latest = self.shared.latest();
         latest.count += 1;
-        latest.frame = frame.into();
+        latest.frame = update.frame.into();
+        let count = latest.count;
+        latest.keep(count, update.events);
         self.shared.changed.notify_all();
     }
 
-    /// Notifies the browsers that no frame follows.
-    pub fn end(self) {
-        self.shared.latest().has_ended = true;
+    /// Notifies the browsers that no frame follows, and of the events that have ended with the last one, as
+    /// [`LiveFrames::finish`](super::LiveFrames::finish) gives them.
+    pub fn end(self, events: Vec<String>) {
+        let mut latest = self.shared.latest();
+        let after = latest.count + 1;
+        latest.keep(after, events);
+        latest.has_ended = true;
+        drop(latest);
         self.shared.changed.notify_all();
         thread::sleep(LINGER);
     }
@@ -149,15 +180,15 @@ impl Shared {
             let latest = self.latest();
             let wait = |latest: &mut Latest| latest.count <= seen && !latest.has_ended;
             let latest = self.changed.wait_while(latest, wait).unwrap_or_else(PoisonError::into_inner);
-            let (count, frame) = (latest.count, Arc::clone(&latest.frame));
+            let (count, frame, events) = (latest.count, Arc::clone(&latest.frame), latest.events_since(seen));
             drop(latest);
             if count <= seen {
-                return write!(connection, "event: end\ndata: {{}}\n\n");
+                return write!(connection, "event: end\ndata: {{\"events\":{events}}}\n\n");
             }
             dropped += count - seen - 1;
             seen = count;
             let sent = Instant::now();
-            write!(connection, "data: {{\"dropped\":{dropped},{frame}}}\n\n")?;
+            write!(connection, "data: {{\"dropped\":{dropped},\"events\":{events},{frame}}}\n\n")?;
             connection.flush()?;
             thread::sleep(FRAME.saturating_sub(sent.elapsed()));
         }
@@ -237,12 +268,15 @@ mod tests {
         assert!(ask(&server, &path, &[]).starts_with("HTTP/1.1 403"));
     }
 
+    /// A frame `{"k":K}`, and its number as an event.
+    fn update(k: u64) -> LiveUpdate {
+        LiveUpdate { frame: format!("\"k\":{k}"), events: vec![k.to_string()] }
+    }
+
     #[test]
-    fn a_browser_gets_the_newest_frame_and_the_number_of_missed_ones() {
+    fn a_browser_gets_the_newest_frame_the_number_of_missed_ones_and_all_events() {
         let server = LiveServer::start(String::new()).unwrap();
-        for k in 0..3 {
-            server.show(format!("\"k\":{k}"));
-        }
+        (0..3).for_each(|k| server.show(update(k)));
         let mut connection = TcpStream::connect(server.shared.address).unwrap();
         write!(
             connection,
@@ -251,20 +285,25 @@ mod tests {
         )
         .unwrap();
         let mut lines = BufReader::new(connection).lines().map(Result::unwrap);
-        let mut next = || lines.find(|line| line.starts_with("data:")).unwrap();
-        assert_eq!(next(), "data: {\"dropped\":0,\"k\":2}");
-        // Several more frames arrive before the browser reads again.
-        for k in 3..7 {
-            server.show(format!("\"k\":{k}"));
-        }
-        let last = loop {
-            let line = next();
-            if line.contains("\"k\":6") {
-                break line;
-            }
+        let mut next = || -> serde_json::Value {
+            let line = lines.find(|line| line.starts_with("data:")).unwrap();
+            serde_json::from_str(line.strip_prefix("data:").unwrap()).unwrap()
         };
-        assert!(last.contains("\"dropped\":"), "{last}");
-        server.end();
-        assert_eq!(next(), "data: {}");
+        assert_eq!(next(), serde_json::json!({"dropped": 0, "events": [2], "k": 2}));
+        // Several more frames arrive before the browser reads again.
+        (3..7).for_each(|k| server.show(update(k)));
+        let mut events = Vec::new();
+        loop {
+            let data = next();
+            events.extend(data["events"].as_array().unwrap().clone());
+            if data["k"] == 6 {
+                break;
+            }
+        }
+        assert_eq!(events, [3, 4, 5, 6], "each once");
+        // More events than are kept leave the latest.
+        server.end((0..2 * MAX_EVENTS).map(|k| k.to_string()).collect());
+        let last = next()["events"].as_array().unwrap().clone();
+        assert_eq!((last.len(), last[0].as_u64()), (MAX_EVENTS, Some(MAX_EVENTS as u64)));
     }
 }

@@ -19,7 +19,7 @@ mod recording;
 mod skin;
 
 pub use live::LiveServer;
-pub use recording::LiveFrames;
+pub use recording::{LiveFrames, LiveUpdate};
 
 use std::io::Read;
 
@@ -133,7 +133,7 @@ impl<'m> Page<'m> {
     }
 
     /// The page for a [`LiveServer`], and the converter of the frames of a recording for it: channel number
-    /// `shown` and the contact regions.
+    /// `shown`, the contact regions and the events that end.
     ///
     /// # Errors
     /// As [`Self::to_html`], and if there is no such channel.
@@ -143,7 +143,7 @@ impl<'m> Page<'m> {
         shown: usize,
     ) -> Result<(String, LiveFrames), Error> {
         recording.follow_contacts(&recording.tracker_options(shown))?;
-        let (frames, header) = LiveFrames::new(&recording.channels()[shown], shown);
+        let (frames, header) = LiveFrames::new(self.map, &recording.channels()[shown], shown)?;
         // The page may fetch frames from its own server.
         let template =
             template().replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1);

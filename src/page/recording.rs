@@ -45,7 +45,7 @@ pub(super) struct RecordingHeader {
     /// Array of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
     values: Vec<usize>,
     contacts: Vec<ContactRow>,
-    /// None of a live page, and where frames have no times.
+    /// None of a live page, which gets them as they end, and where frames have no times.
     events: Vec<EventRow>,
     threshold: Option<f64>,
     /// Whether frames arrive while the page is open.
@@ -152,6 +152,16 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
 pub struct LiveFrames {
     shown: usize,
     count: usize,
+    events: EventRecorder,
+}
+
+/// What a [`LiveServer`](super::LiveServer) shows next: a frame and the events that have ended by then.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LiveUpdate {
+    /// As JSON, without the braces.
+    pub(super) frame: String,
+    /// Each as JSON.
+    pub(super) events: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -164,7 +174,11 @@ struct LiveFrame {
 
 impl LiveFrames {
     /// A converter of frames of which one channel is shown, and the header that the page needs before the first.
-    pub(super) fn new(channel: &Channel, shown: usize) -> (Self, RecordingHeader) {
+    pub(super) fn new(
+        map: &SkinMap,
+        channel: &Channel,
+        shown: usize,
+    ) -> Result<(Self, RecordingHeader), SignalError> {
         let header = RecordingHeader {
             channel: channel.name.clone(),
             unit: channel.unit.clone(),
@@ -180,15 +194,19 @@ impl LiveFrames {
             threshold: None,
             is_live: true,
         };
-        (Self { shown, count: 0 }, header)
+        Ok((Self { shown, count: 0, events: EventRecorder::new(map)? }, header))
     }
 
-    /// The next frame, for [`LiveServer::show`](super::LiveServer::show).
+    /// The next frame, for [`LiveServer::show`](super::LiveServer::show), with the events that have ended, whose limits
+    /// are those of [`EventOptions::default`](crate::signal::EventOptions). From the first frame without a time on there
+    /// are none.
+    ///
+    /// # Errors
+    /// As [`EventDetector::see`](crate::signal::EventDetector::see).
     ///
     /// # Panics
     /// If the frame lacks the channel.
-    #[must_use]
-    pub fn next(&mut self, step: &Step<'_>) -> String {
+    pub fn next(&mut self, step: &Step<'_>) -> Result<LiveUpdate, SignalError> {
         let frame = step.frame;
         let readings = frame.values.iter().flat_map(|of| of[self.shown].iter());
         let bytes: Vec<u8> = readings.flat_map(|&x| narrow(x).to_le_bytes()).collect();
@@ -197,6 +215,12 @@ impl LiveFrames {
         self.count += 1;
         let json = serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts });
         let json = json.expect("numbers and texts are JSON");
-        json[1..json.len() - 1].to_owned()
+        Ok(LiveUpdate { frame: json[1..json.len() - 1].to_owned(), events: self.events.ended(step)? })
+    }
+
+    /// The events that end with the last frame, for [`LiveServer::end`](super::LiveServer::end).
+    #[must_use]
+    pub fn finish(mut self) -> Vec<String> {
+        self.events.last()
     }
 }

@@ -409,8 +409,8 @@ await test('readings are shown while they come, and to nobody else', async () =>
   const ids = Array.from({ length: 1000 }, (_, k) => k + 1);
   live.stdin.write(`time,${ids.join()}\n`);
   let frame = 0;
-  const row = () => `${(frame++ / 50).toFixed(2)},${ids.map((id) => (Math.abs(id - 400 - frame) < 4 ? 5 : 0)).join()}\n`;
-  const timer = setInterval(() => live.stdin.write(row()), 20);
+  const row = (touched) => `${(frame++ / 50).toFixed(2)},${ids.map((id) => (Math.abs(id - touched) < 4 ? 5 : 0)).join()}\n`;
+  const timer = setInterval(() => live.stdin.write(row(-9)), 20);
   const address = await new Promise((done) => { let said = ''; live.stdout.on('data', (d) => { said += d; if (said.includes('\n')) done(said.trim()); }); });
   assert.match(address, /^http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/$/);
   const wrong = address.replace(/[0-9a-f]{32}/, '0'.repeat(32));
@@ -424,8 +424,19 @@ await test('readings are shown while they come, and to nobody else', async () =>
   await page.waitForFunction(() => +document.documentElement.dataset.frames > 5, null, { timeout: 30000 });
   assert.match(await page.textContent('#frame-text'), / s/);
   clearInterval(timer);
+  const write = (count, touched) => { for (let k = 0; k < count; k++) live.stdin.write(row(touched)); };
+  write(25, 500);
+  write(75, -9);
+  await page.waitForFunction(() => document.querySelectorAll('#events button').length > 0, null, { timeout: 10000 });
+  const said = await page.$$eval('#events button', (marks) => marks.map((mark) => [mark.textContent, mark.getAttribute('aria-label'), mark.offsetLeft]));
+  const press = said.find(([word]) => word === 'press');
+  assert.ok(press, JSON.stringify(said));
+  assert.match(press[1], /0\.\d+ s long/);
+  // What goes on ends with the input.
+  write(25, 700);
   live.stdin.end();
   await page.waitForSelector('html[data-live=ended]', { timeout: 10000 });
+  assert.ok((await page.$$('#events button')).length > said.length, 'the last event');
   assert.equal(await new Promise((done) => live.on('exit', done)), 0);
   assert.deepEqual(complaints, []);
   await page.close();

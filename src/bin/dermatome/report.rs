@@ -97,11 +97,11 @@ fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> an
     remark_join(&recording, path, common);
     let ended = loop {
         match recording.next_step() {
-            Ok(Some(step)) => server.show(frames.next(&step)),
+            Ok(Some(step)) => server.show(frames.next(&step).map_err(Error::from)?),
             ended => break ended.map(|_| ()),
         }
     };
-    server.end();
+    server.end(frames.finish());
     ended?;
     args.readings_args.remark(&recording, common);
     Ok(ExitCode::SUCCESS)

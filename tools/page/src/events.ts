@@ -7,35 +7,52 @@ const WORDS = ['tap', 'press', 'hold', 'stroke', 'rub', 'hit', 'pat', 'grasp'];
 const [ROWS, HIGH, LEAST_WIDTH] = [3, 15, 4];
 
 export class EventStrip {
-  private readonly marks: HTMLElement[];
+  private marks = new Map<EventRow, HTMLElement>();
   private readonly context = document.createElement('canvas').getContext('2d')!;
-  private now = new Set<number>();
+  private now = new Set<EventRow>();
   /** The event under the pointer. */
   hovered: EventRow | null = null;
 
-  constructor(private readonly header: Header, private readonly box: HTMLElement, private readonly tip: HTMLElement, onPick: (event: EventRow) => void, onHover: () => void) {
-    const hover = (event: EventRow | null, mark?: HTMLElement): void => {
-      this.hovered = event;
-      tip.hidden = !event;
-      if (event) this.describe(event, mark!);
-      onHover();
-    };
-    this.marks = this.events.map((event) => {
-      const mark = document.createElement('button');
-      mark.type = 'button';
-      // The keys e and E walk through them: the way to the next control passes no mark.
-      mark.tabIndex = -1;
-      mark.textContent = event.word;
-      mark.setAttribute('aria-label', this.numbers(event).map((row) => row.join(' ')).join(', '));
-      const kind = WORDS.indexOf(event.word);
-      if (kind >= 0) mark.style.background = `rgb(${CATEGORIES[kind].join()})`;
-      mark.addEventListener('pointerenter', () => hover(event, mark));
-      mark.addEventListener('pointerleave', () => hover(null));
-      mark.addEventListener('click', () => onPick(event));
-      return mark;
-    });
-    box.replaceChildren(...this.marks);
-    box.hidden = this.events.length === 0;
+  constructor(private readonly header: Header, private readonly box: HTMLElement, private readonly tip: HTMLElement, private readonly onPick: (event: EventRow) => void, private readonly onHover: () => void) {
+    this.makeMarks();
+  }
+
+  /** Marks the events that there are now, where they are now. */
+  update(): void {
+    if (this.events.length === 0 && this.marks.size === 0) return;
+    this.makeMarks();
+    this.layout();
+  }
+
+  private makeMarks(): void {
+    const old = this.marks;
+    if (this.events.length === old.size && this.events.every((event) => old.has(event))) return;
+    this.marks = new Map(this.events.map((event) => [event, old.get(event) ?? this.mark(event)]));
+    if (this.hovered && !this.marks.has(this.hovered)) this.hover(null);
+    this.box.replaceChildren(...this.marks.values());
+    this.box.hidden = this.marks.size === 0;
+  }
+
+  private mark(event: EventRow): HTMLElement {
+    const mark = document.createElement('button');
+    mark.type = 'button';
+    // The keys e and E walk through them: the way to the next control passes no mark.
+    mark.tabIndex = -1;
+    mark.textContent = event.word;
+    mark.setAttribute('aria-label', this.numbers(event).map((row) => row.join(' ')).join(', '));
+    const kind = WORDS.indexOf(event.word);
+    if (kind >= 0) mark.style.background = `rgb(${CATEGORIES[kind].join()})`;
+    mark.addEventListener('pointerenter', () => this.hover(event));
+    mark.addEventListener('pointerleave', () => this.hover(null));
+    mark.addEventListener('click', () => this.onPick(event));
+    return mark;
+  }
+
+  private hover(event: EventRow | null): void {
+    this.hovered = event;
+    this.tip.hidden = !event;
+    if (event) this.describe(event, this.marks.get(event)!);
+    this.onHover();
   }
 
   private get events(): EventRow[] { return this.header.recording!.events; }
@@ -45,7 +62,7 @@ export class EventStrip {
     const width = this.box.clientWidth, frames = Math.max(1, this.header.recording!.times.length - 1);
     const ends: number[] = [];
     this.context.font = '11px system-ui, "DejaVu Sans", sans-serif';
-    this.events.forEach((event, k) => {
+    this.events.forEach((event) => {
       const left = Math.min((event.first / frames) * width, width - LEAST_WIDTH), long = Math.max(LEAST_WIDTH, ((event.last - event.first) / frames) * width);
       const said = Math.max(long, this.context.measureText(event.word).width + 8), room = Math.min(said, width - left);
       const free = (needs: number): number => {
@@ -56,7 +73,7 @@ export class EventStrip {
       if (row < 0) { row = free(long); isSaid = row >= 0 && long >= said; }
       if (row < 0) row = ends.indexOf(Math.min(...ends));
       ends[row] = Math.max(ends[row] ?? 0, left + (isSaid ? room : long) + 1);
-      const { style, classList } = this.marks[k];
+      const { style, classList } = this.marks.get(event)!;
       style.left = `${left}px`;
       style.width = `${long}px`;
       style.top = `${row * HIGH}px`;
@@ -70,12 +87,11 @@ export class EventStrip {
 
   /** The events at a frame, which their marks show. */
   at(frame: number): EventRow[] {
-    const here = new Set<number>();
-    this.events.forEach(({ first, last }, k) => { if (first <= frame && frame <= last) here.add(k); });
-    for (const k of this.now) if (!here.has(k)) this.marks[k].classList.remove('now');
-    for (const k of here) this.marks[k].classList.add('now');
-    this.now = here;
-    return [...here].map((k) => this.events[k]);
+    const here = this.events.filter(({ first, last }) => first <= frame && frame <= last);
+    for (const event of this.now) this.marks.get(event)?.classList.remove('now');
+    for (const event of here) this.marks.get(event)!.classList.add('now');
+    this.now = new Set(here);
+    return here;
   }
 
   /** The frame where the next event begins, or the one before. */

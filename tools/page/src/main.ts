@@ -4,6 +4,7 @@ import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recording
 import { load, type Contact, type Data, type EventRow, type RecordingHeader } from './data';
 import { EventStrip } from './events';
 import { Grid, nearest } from './grid';
+import { addEvents, append, listen, type LiveFrame } from './live';
 import { Patch } from './patch';
 import { crossesItself, patchNear, taxelsIn, toJson, type Region } from './regions';
 import { View } from './view';
@@ -19,7 +20,6 @@ const text = (tag: string, content: string, className = ''): HTMLElement => {
 interface Taxel { patch: number; taxel: number }
 /** A box in the frame of a link, by its lower and its upper corner, in m. */
 interface Box { link: number; low: number[]; high: number[] }
-interface LiveFrame { time: number; values: string; contacts: Contact[]; dropped: number }
 /** Frame of contacts by number: `[frame, track, event, patch, taxels, area, force, u, v, peak]`. */
 const [TRACK, EVENT, PATCH, TAXELS, AREA, FORCE, U, V, PEAK] = [1, 2, 3, 4, 5, 6, 7, 8, 9];
 const RELEASE = 2;
@@ -538,26 +538,15 @@ class Page {
     this.events = new EventStrip(this.data.header, byId('events'), byId('event-text'), pick, () => this.invalidate());
   }
 
-  /** Shows frames that the server sends, the newest at each picture. */
+  /** Shows frames that the server sends. */
   private listen(recording: RecordingHeader): void {
-    const source = new EventSource('frames');
-    let newest: LiveFrame | null = null;
-    const show = (): void => {
-      if (newest) this.showLive(recording, newest);
-      newest = null;
-    };
-    source.addEventListener('message', (e) => {
-      const isWaiting = newest !== null;
-      newest = JSON.parse(e.data as string) as LiveFrame;
-      if (!isWaiting) requestAnimationFrame(show);
-    });
-    const ended = (): void => {
-      source.close();
+    this.events = new EventStrip(this.data.header, byId('events'), byId('event-text'), () => {}, () => this.invalidate());
+    listen((frame) => this.showLive(recording, frame), (events) => {
+      addEvents(recording, events);
+      this.events!.update();
       document.documentElement.dataset.live = 'ended';
       byId('frame-text').textContent += ', ended';
-    };
-    source.addEventListener('end', ended);
-    source.addEventListener('error', ended);
+    });
     byId('play').hidden = true;
     byId('frame').hidden = true;
   }
@@ -565,17 +554,10 @@ class Page {
   private live: Float32Array | null = null;
 
   private showLive(recording: RecordingHeader, frame: LiveFrame): void {
-    this.live = new Float32Array(Uint8Array.from(atob(frame.values), (c) => c.charCodeAt(0)).buffer);
-    let total = 0, hi = recording.hi, lo = recording.totals.length ? recording.lo : Infinity;
-    for (const x of this.live) if (x === x) { total += x; hi = Math.max(hi, x); lo = Math.min(lo, x); }
-    recording.lo = lo;
-    // The scale grows in steps, so that colours keep their meaning for a while.
-    if (hi > recording.hi) recording.hi = hi * 1.2;
-    recording.times.push(frame.time);
-    recording.totals.push(total);
-    if (recording.times.length > 600) { recording.times.shift(); recording.totals.shift(); }
+    this.live = append(recording, frame);
     this.contacts = recording.times.map(() => []);
     this.contacts[recording.times.length - 1] = frame.contacts;
+    this.events!.update();
     this.paints.lo = this.paints.name === 'recording' ? untouched(recording) : this.paints.lo;
     if (this.paints.name === 'recording' && this.paints.hi !== recording.hi) { this.paints.hi = recording.hi; this.legend(); }
     this.setFrame(recording.times.length - 1);
@@ -766,7 +748,7 @@ class Page {
     else if (e.key === '+' || e.key === '=') this.setLevel(this.level - 1);
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
-    else if (e.key === 'e' || e.key === 'E') { const frame = this.events?.next(this.frame, e.key === 'E'); if (frame != null) { this.play(false); this.setFrame(frame); this.keep(); } }
+    else if (!this.live && (e.key === 'e' || e.key === 'E')) { const frame = this.events?.next(this.frame, e.key === 'E'); if (frame != null) { this.play(false); this.setFrame(frame); this.keep(); } }
     else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
     else if (e.key === 'Enter' && this.drawing && !isField) this.closeRegion();
     else if (e.key === 'Backspace' && this.drawing && !isField) { this.drawing.corners.pop(); this.sayRegions(''); }
