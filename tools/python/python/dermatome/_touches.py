@@ -84,15 +84,14 @@ def touches(
     >>> contacts, summary["touches"]
     (<dermatome.Observations: 3 taxels, 0 displacements, 4 contacts>, 2)
     """
-    is_path = isinstance(joints, (str, os.PathLike))
-    if joints is not None and not is_path:
+    if joints is not None and not isinstance(joints, (str, os.PathLike)):
         check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
     arguments = {
         "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
         "readings": None if readings is None else _readings(readings, skin is not None),
         "threshold": threshold,
         "pose": pose,
-        "joints": joints if joints is None or is_path else dict(joints),
+        "joints": dict(joints) if isinstance(joints, Mapping) else joints,
         "link": link,
         "radius": radius,
         "taxel_radius": taxel_radius,
