@@ -4,8 +4,9 @@ use glam::DVec3;
 
 use crate::cut::CutError;
 use crate::id::{FaceId, IdVec, VertexId, define_id};
-use crate::mesh::{Adjacency, AlongCurve, Halfedge, Topology, TriMesh, boundary_edges, loops_of};
-use crate::numeric::DisjointSets;
+use crate::mesh::{
+    Adjacency, AlongCurve, Halfedge, Topology, TriMesh, boundary_edges, joined_corners, loops_of,
+};
 
 define_id!(
     /// A place of a map: a vertex of the mesh as it lies on the map, perhaps cut open. A vertex of the seam has
@@ -53,21 +54,12 @@ impl CutMesh {
         vertices: usize,
         across: impl Fn(Halfedge) -> Option<Halfedge>,
     ) -> Self {
-        // Corners are one vertex across edges that are not cut. Halfedges stand for the corners that they
-        // leave.
-        let mut corners = DisjointSets::<Halfedge>::new(4 * triangles.len());
-        let sides = || triangles.ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side)));
-        for h in sides() {
-            if let Some(twin) = across(h) {
-                corners.join(h, twin.next());
-                corners.join(h.next(), twin);
-            }
-        }
+        let mut corners = joined_corners(triangles.len(), across);
         let mut unsplit: IdVec<PlaceId, VertexId> = (0..vertices).map(VertexId::new).collect();
         let mut is_taken = IdVec::<VertexId, bool>::filled(false, vertices);
         let mut names = IdVec::<FaceId, [PlaceId; 3]>::filled([PlaceId::default(); 3], triangles.len());
         // A set is named by its first corner, which comes first here too.
-        for h in sides() {
+        for h in triangles.ids().flat_map(Halfedge::of_face) {
             let root = corners.root(h);
             let v = triangles[h.face()][h.side()];
             names[h.face()][h.side()] = if root != h {
@@ -135,7 +127,7 @@ impl CutMesh {
     pub(crate) fn seam_edges(&self, uncut: &TriMesh, adjacency: &Adjacency) -> Vec<[VertexId; 2]> {
         let mut seam = Vec::new();
         for face in uncut.triangles.ids() {
-            for h in [0, 1, 2].map(|side| Halfedge::new(face, side)) {
+            for h in Halfedge::of_face(face) {
                 let Some(twin) = adjacency.twin(h).filter(|twin| *twin > h) else { continue };
                 if !self.is_whole(h, twin) {
                     let [a, b] = [h.start(uncut), h.end(uncut)];

@@ -191,7 +191,7 @@ impl<'m> SeamGraph<'m> {
         }
         seam.retain(|&edge| !self.is_free(edge));
         let (mut pieces, mut cut) = (DisjointSets::<FaceId>::new(self.mesh.triangles.len()), Vec::new());
-        for h in self.mesh.triangles.ids().flat_map(|face| [0, 1, 2].map(|side| Halfedge::new(face, side))) {
+        for h in self.mesh.triangles.ids().flat_map(Halfedge::of_face) {
             let is_own = |twin: &Halfedge| *twin > h && twin.face().index() < self.mesh.triangles.len();
             let Some(twin) = self.adjacency.twin(h).filter(is_own) else { continue };
             let edge = self.edge_of[h.face()][h.side()];

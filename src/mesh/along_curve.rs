@@ -28,7 +28,7 @@ impl AlongCurve {
         let mut numbers = vertices.clone();
         vertices.enumerate().for_each(|(number, &v)| numbers[v] = number);
         let first = |face| {
-            let corners = [0, 1, 2].map(|side| Halfedge::new(face, side));
+            let corners = Halfedge::of_face(face);
             let keys = corners.map(|h| (numbers[h.start(mesh)], numbers[h.end(mesh)], h));
             keys[0].min(keys[1]).min(keys[2])
         };

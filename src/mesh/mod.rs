@@ -22,7 +22,7 @@ pub(crate) use connectivity::edges::{
 };
 pub(crate) use connectivity::halfedge::Halfedge;
 pub(crate) use connectivity::halfedge_mesh::{HalfedgeMesh, MAX_RING, diagonals};
-pub(crate) use connectivity::topology::{Part, Topology, face_components, separate};
+pub(crate) use connectivity::topology::{Part, Topology, face_components, joined_corners, separate};
 pub use error::MeshError;
 pub(crate) use error::{FARTHEST, is_within_reach, too_many};
 pub use fill_holes::FillHoles;

@@ -10,7 +10,7 @@
 //! A strip that alone connects two parts stays, since a patch must be one piece.
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh};
+use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, joined_corners};
 use crate::numeric::DisjointSets;
 use crate::remesh::faces::height;
 
@@ -33,10 +33,10 @@ pub(super) fn open_necks(mesh: &mut TriMesh, width: f64, least: f64) -> Result<(
     };
     let is_low =
         |face: FaceId| height(mesh.corners(face)) < width && mesh.triangles[face].iter().all(is_near);
-    // A neck may hang together with needles across the sheet, but they do not rise little above a rim.
+    // Needles across the sheet may share edges with a neck. They are high above each rim, so they are not part of it.
     let is_above_rim = |face: FaceId| {
         mesh.triangles[face].iter().all(|&v| adjacency.is_boundary(v))
-            && sides(face).into_iter().any(rises_little)
+            && Halfedge::of_face(face).into_iter().any(rises_little)
     };
     let (low, above_rims) = (mesh.triangles.ids().map(is_low), mesh.triangles.ids().map(is_above_rim));
     let [mut is_removed, others] =
@@ -56,12 +56,12 @@ fn strips(
     faces: &IdVec<FaceId, bool>,
     width: f64,
 ) -> IdVec<FaceId, bool> {
-    let mut sets = connected(faces, adjacency, |taken| taken);
+    let mut sets = connected(faces, adjacency, true);
     let [mut areas, mut rims, mut borders] = [(); 3].map(|()| faces.map(|_| 0.0));
     for face in faces.ids().filter(|&face| faces[face]) {
         let strip = sets.root(face);
         areas[strip] += mesh.face_area(face);
-        for h in sides(face) {
+        for h in Halfedge::of_face(face) {
             match adjacency.twin(h) {
                 None => rims[strip] += length(mesh, h),
                 Some(twin) if !faces[twin.face()] => borders[strip] += length(mesh, h),
@@ -80,20 +80,12 @@ fn length(mesh: &TriMesh, h: Halfedge) -> f64 {
     mesh.positions[h.start(mesh)].distance(mesh.positions[h.end(mesh)])
 }
 
-fn sides(face: FaceId) -> [Halfedge; 3] {
-    [0, 1, 2].map(|side| Halfedge::new(face, side))
-}
-
-/// The faces that `takes` accepts, joined across their edges.
-fn connected(
-    faces: &IdVec<FaceId, bool>,
-    adjacency: &Adjacency,
-    takes: impl Fn(bool) -> bool,
-) -> DisjointSets<FaceId> {
+/// The faces that are of a kind, joined across their edges.
+fn connected(faces: &IdVec<FaceId, bool>, adjacency: &Adjacency, kind: bool) -> DisjointSets<FaceId> {
     let mut sets = DisjointSets::<FaceId>::new(faces.len());
-    for face in faces.ids().filter(|&face| takes(faces[face])) {
+    for face in faces.ids().filter(|&face| faces[face] == kind) {
         let neighbours = adjacency.neighbours(face).into_iter().flatten();
-        neighbours.filter(|&other| takes(faces[other])).for_each(|other| sets.join(face, other));
+        neighbours.filter(|&other| faces[other] == kind).for_each(|other| sets.join(face, other));
     }
     sets
 }
@@ -101,8 +93,8 @@ fn connected(
 /// Puts back the strips that alone connect two parts of at least the area `least`, and removes the smaller parts that
 /// only strips connect. Removes nothing if all parts are smaller.
 fn keep_connected(mesh: &TriMesh, adjacency: &Adjacency, is_removed: &mut IdVec<FaceId, bool>, least: f64) {
-    let mut strips = connected(is_removed, adjacency, |removed| removed);
-    let mut parts = connected(is_removed, adjacency, |removed| !removed);
+    let mut strips = connected(is_removed, adjacency, true);
+    let mut parts = connected(is_removed, adjacency, false);
     let mut areas = is_removed.map(|_| 0.0);
     for face in mesh.triangles.ids() {
         areas[parts.root(face)] += mesh.face_area(face);
@@ -143,17 +135,13 @@ fn keep_connected(mesh: &TriMesh, adjacency: &Adjacency, is_removed: &mut IdVec<
 
 /// The mesh without some faces; where those left around a vertex are no longer one fan, each fan has its own.
 fn without(mesh: &TriMesh, adjacency: &Adjacency, is_removed: &IdVec<FaceId, bool>) -> TriMesh {
-    let mut corners = DisjointSets::<Halfedge>::new(4 * mesh.triangles.len());
-    for h in mesh.triangles.ids().filter(|&face| !is_removed[face]).flat_map(sides) {
-        if let Some(twin) = adjacency.twin(h).filter(|twin| !is_removed[twin.face()]) {
-            corners.join(h, twin.next());
-            corners.join(h.next(), twin);
-        }
-    }
+    let is_kept = |h: &Halfedge| !is_removed[h.face()];
+    let across = |h| adjacency.twin(h).filter(|twin| is_kept(&h) && is_kept(twin));
+    let mut corners = joined_corners(mesh.triangles.len(), across);
     let mut rest = TriMesh::default();
     let mut vertices = IdVec::<Halfedge, VertexId>::filled(VertexId::default(), 4 * mesh.triangles.len());
     for face in mesh.triangles.ids().filter(|&face| !is_removed[face]) {
-        let triangle = sides(face).map(|corner| {
+        let triangle = Halfedge::of_face(face).map(|corner| {
             let fan = corners.root(corner);
             if fan == corner {
                 vertices[fan] = rest.positions.push(mesh.positions[corner.start(mesh)]);

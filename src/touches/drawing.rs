@@ -26,18 +26,16 @@ impl Drawing {
     /// # Errors
     /// [`TouchesError::SharedId`] if working taxels share another id.
     pub fn of_link(skin: &Skin, link: &str) -> Result<Self, TouchesError> {
-        let taxels = taxels_of(skin, link)?;
-        let (mut drawing, mut patches) = (Self::default(), BTreeSet::new());
-        for &(_, patch, v) in &taxels {
+        let mut drawing = Self::default();
+        for (_, patch, v) in taxels_of(skin, link)? {
             let id = patch.taxels.ids[v];
             let is_working = patch.taxels.presence[v] == Presence::Present;
             if is_working || !drawing.normals.contains_key(&id) {
                 drawing.positions.insert(id, patch.mesh.positions[v]);
                 drawing.normals.insert(id, patch.taxels.normals[v]);
             }
-            patches.insert(&*patch.name);
         }
-        for patch in skin.patches.iter().filter(|patch| patches.contains(&*patch.name)) {
+        for patch in skin.patches.iter().filter(on_link(skin, link)) {
             let ids = &patch.taxels.ids;
             for corners in &patch.mesh.triangles {
                 for k in 0..3 {
@@ -74,14 +72,20 @@ impl TouchReadings {
     }
 }
 
+/// Whether a patch is on the link of a name; each is if the skin has no link of that name.
+fn on_link<'a>(skin: &Skin, link: &str) -> impl Fn(&&'a Patch) -> bool + use<'a> {
+    let known = skin.links.enumerate().find(|(_, known)| known.name == link).map(|(id, _)| id);
+    move |patch| known.is_none_or(|link| patch.link == link)
+}
+
 /// The taxels of a skin that a log of this link may name, with their numbers in the skin.
 fn taxels_of<'a>(skin: &'a Skin, link: &str) -> Result<Vec<(usize, &'a Patch, VertexId)>, TouchesError> {
-    let known = skin.links.enumerate().find(|(_, known)| known.name == link).map(|(id, _)| id);
+    let on_link = on_link(skin, link);
     let all = || skin.patches.iter().flat_map(|patch| patch.taxels.ids.ids().map(move |v| (patch, v)));
     let mut seen: BTreeMap<TaxelId, Vec<(&Patch, VertexId)>> = BTreeMap::new();
     let mut taxels = Vec::new();
     for (number, (patch, v)) in all().enumerate() {
-        if known.is_none_or(|link| patch.link == link) {
+        if on_link(&patch) {
             taxels.push((number, patch, v));
             seen.entry(patch.taxels.ids[v]).or_default().push((patch, v));
         }

@@ -219,7 +219,7 @@ impl Adjacency {
     /// The face across each side, from corner `k` to the next; `None` on the boundary.
     #[inline]
     pub fn neighbours(&self, face: FaceId) -> [Option<FaceId>; 3] {
-        [0, 1, 2].map(|side| self.twin(Halfedge::new(face, side)).map(Halfedge::face))
+        Halfedge::of_face(face).map(|h| self.twin(h).map(Halfedge::face))
     }
 
     /// The halfedge on the other side, or `None` on the boundary.

@@ -25,6 +25,12 @@ impl Halfedge {
         Self(face.raw() << 2 | [0, 1, 2][side])
     }
 
+    /// The sides of a face.
+    #[inline]
+    pub(crate) fn of_face(face: FaceId) -> [Self; 3] {
+        [0, 1, 2].map(|side| Self::new(face, side))
+    }
+
     #[inline]
     pub(crate) fn face(self) -> FaceId {
         FaceId::from(self.0 >> 2)

@@ -10,6 +10,7 @@
 //! | any | its components, by faces; each of them as a mesh | `face_components`; `separate` |
 //! | manifold, any winding | Euler characteristic and loops of each component | `Topology::of_components` |
 //! | oriented manifold | faces across sides, one-rings, topology | [`Adjacency`](crate::mesh::Adjacency) |
+//! | oriented manifold | the corners that are one vertex, where some edges are cut | `joined_corners` |
 //! | oriented manifold | one-rings alone, in sweeps | `Rings` |
 //! | oriented manifold that changes | the same, while vertices are removed | `HalfedgeMesh` |
 

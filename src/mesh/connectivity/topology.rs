@@ -24,6 +24,22 @@ pub(crate) fn face_components(triangles: &IdVec<FaceId, [VertexId; 3]>, vertices
     Labels { of: triangles.map(|t| number[sets.root(t[0])]), count }
 }
 
+/// The corners of faces, by the halfedges that leave them, in sets that are one vertex. `across` leads from a halfedge to
+/// its twin, or nowhere where the surface ends.
+pub(crate) fn joined_corners(
+    faces: usize,
+    across: impl Fn(Halfedge) -> Option<Halfedge>,
+) -> DisjointSets<Halfedge> {
+    let mut corners = DisjointSets::<Halfedge>::new(4 * faces);
+    for h in (0..faces).flat_map(|face| Halfedge::of_face(FaceId::new(face))) {
+        if let Some(twin) = across(h) {
+            corners.join(h, twin.next());
+            corners.join(h.next(), twin);
+        }
+    }
+    corners
+}
+
 /// Some faces of a mesh as a mesh of their own.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Part {

@@ -43,9 +43,8 @@ pub(in crate::skin) fn split_fans(
     in_file: impl Fn(Halfedge) -> VertexId,
 ) -> Split {
     let mut fans_of_vertex = IdVec::<VertexId, u32>::filled(0, mesh.positions.len());
-    let corners_of = |face| [0, 1, 2].map(|side| Halfedge::new(face, side));
     for (face, t) in mesh.triangles.enumerate() {
-        for (corner, &v) in corners_of(face).into_iter().zip(t) {
+        for (corner, &v) in Halfedge::of_face(face).into_iter().zip(t) {
             fans_of_vertex[v] += u32::from(fans.root(corner) == corner);
         }
     }
@@ -56,7 +55,7 @@ pub(in crate::skin) fn split_fans(
     // The welded vertex, the vertex of the file, the fan, each corner of it.
     let mut corners: Vec<(VertexId, VertexId, Halfedge, Halfedge)> = Vec::new();
     for (face, t) in mesh.triangles.enumerate() {
-        for (corner, &v) in corners_of(face).into_iter().zip(t) {
+        for (corner, &v) in Halfedge::of_face(face).into_iter().zip(t) {
             if fans_of_vertex[v] > 1 {
                 corners.push((v, in_file(corner), fans.root(corner), corner));
             }
