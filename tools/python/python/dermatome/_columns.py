@@ -35,7 +35,7 @@ def _cells(argument: str, name: str, values: Any) -> list[str]:
 
     if isinstance(values, str):
         return [values]
-    if np.ma.is_masked(values):
+    if isinstance(values, np.ma.MaskedArray) and np.any(values.mask):
         raise DataError(f"{argument}: found masked numbers; needed: .filled(numpy.nan)")
     # Of the taxels of a frame there may be one, or as many as frames.
     array = np.empty(0, object) if name == "taxels" else np.atleast_1d(np.asarray(values))

@@ -199,7 +199,8 @@ class Recording:
         import numpy as np
 
         known = self.episodes if self.episode is None else self.episodes[self.episode : self.episode + 1]
-        total, made, at = (sum(known) if known else None), None, 0
+        total, at = (sum(known) if known else None), 0
+        made: tuple[Readings, Any, Any] | None = None
         kept: list[Readings] = []
         size = 0
         for part in self.chunks(map):

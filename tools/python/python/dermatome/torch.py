@@ -109,10 +109,10 @@ def marks(renderer: Renderer) -> tuple[Any, Any, Any, tuple[int, int]]:
 def _probed(renderer: Renderer, pixel: Any, value: Any, weight: Any, shape: tuple[int, int]) -> tuple[Any, Any]:
     """The values that have a part in what is drawn, and their weights: those of taxels that are not present are 0."""
     np = need("numpy", "torch")
-    frames = np.random.default_rng(0).random((3, shape[1])).astype(np.float32)
+    frames: Any = np.random.default_rng(0).random((3, shape[1])).astype(np.float32)
     frames = np.concatenate([frames, np.arange(shape[1], dtype=np.float32)[None]])
     try:
-        drawn = renderer(frames)[:, 0].reshape(len(frames), -1)
+        drawn: Any = renderer(frames)[:, 0].reshape(len(frames), -1)
     except DataError:
         return value, weight  # A coarser level, or several channels.
     if len(np.unique(pixel)) == len(pixel) and shape[1] <= 1 << 24:  # Each pixel shows the nearest value that is there.
