@@ -11,7 +11,7 @@ use places::{Positions, Row, Rows};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{MapError, MapLevel, PatchMap, PixelGrid, carried_places};
-use crate::mesh::{SurfacePoint, TriMesh, closest_point};
+use crate::mesh::{Halfedge, SurfacePoint, TriMesh, closest_point};
 use crate::pyramid::LevelId;
 use crate::skin::TaxelId;
 
@@ -206,15 +206,17 @@ fn first_faces(mesh: &TriMesh) -> IdVec<VertexId, FaceId> {
 /// The faces across the sides of each face, opposite to its corners; itself where there is none or several.
 fn across(corners: &IdVec<FaceId, [PlaceId; 3]>) -> IdVec<FaceId, [FaceId; 3]> {
     let mut across = IdVec::from(corners.ids().map(|face| [face; 3]).collect::<Vec<_>>());
-    let mut sides: Vec<_> = corners
-        .enumerate()
-        .flat_map(|(face, of)| (0..3).map(move |k| (of[(k + 1) % 3], of[(k + 2) % 3], face, k)))
-        .map(|(a, b, face, k)| (a.min(b), a.max(b), face, k))
-        .collect();
+    let ends = |[a, b]: [PlaceId; 2]| u64::from(a.min(b).raw()) << 32 | u64::from(a.max(b).raw());
+    let of_face = |(face, of): (FaceId, &[PlaceId; 3])| {
+        let of = *of;
+        Halfedge::of_face(face).map(|h| (ends([of[h.side()], of[h.next().side()]]), h))
+    };
+    let mut sides: Vec<_> = corners.enumerate().flat_map(of_face).collect();
     sides.sort_unstable();
-    for pair in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        if let &[(.., face, k), (.., other, l)] = pair {
-            (across[face][k], across[other][l]) = (other, face);
+    for pair in sides.chunk_by(|a, b| a.0 == b.0) {
+        if let &[(_, h), (_, other)] = pair {
+            across[h.face()][h.previous().side()] = other.face();
+            across[other.face()][other.previous().side()] = h.face();
         }
     }
     across
