@@ -11,7 +11,6 @@ use std::f64::consts::TAU;
 
 use crate::id::IdVec;
 use crate::map::SkinMap;
-use crate::numeric::storable;
 use crate::signal::zero::{ZeroReport, ZeroTracker};
 use crate::signal::{
     Channel, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, unit_ratio,
@@ -321,11 +320,7 @@ impl Stage for Conditioner {
                     let taxels = out[0].iter_mut().zip(&curves.taxels[PatchId::new(patch)]);
                     taxels.for_each(|(x, curve)| *x = curve.pressure(*x));
                 }
-                let mut mask = |x: &mut f64| {
-                    self.report.too_large += u64::from(!x.is_nan() && storable(*x).is_nan());
-                    *x = storable(*x);
-                };
-                out[0].iter_mut().zip(read).filter(|(_, read)| read.is_finite()).for_each(|(x, _)| mask(x));
+                self.report.too_large += mask_too_large(out[0].as_mut_slice(), read.as_slice());
                 if let Some([low, high]) = self.clip {
                     for x in out[0].iter_mut().filter(|x| **x < low || **x > high) {
                         *x = x.clamp(low, high);
@@ -334,12 +329,23 @@ impl Stage for Conditioner {
                 }
                 if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
                     filter.split(range, frame.time, slow.as_mut_slice(), fast.as_mut_slice());
-                    fast.iter_mut().for_each(mask);
+                    self.report.too_large += mask_too_large(fast.as_mut_slice(), read.as_slice());
                 }
             }
         }
         &self.out
     }
+}
+
+/// Masks values that are too large for 32-bit floats although their reading was finite, and returns how many.
+fn mask_too_large(values: &mut [f64], read: &[f64]) -> u64 {
+    let is_too_large = |x: f64| x.abs() > f64::from(f32::MAX);
+    // Without a branch, as there is nearly never one.
+    if !values.iter().fold(false, |any, &x| any | is_too_large(x)) {
+        return 0;
+    }
+    let too_large = values.iter_mut().zip(read).filter(|(x, read)| is_too_large(**x) && read.is_finite());
+    too_large.map(|(x, _)| *x = f64::NAN).count() as u64
 }
 
 impl Curves {

@@ -1,6 +1,7 @@
 //! Values of groups of taxels: the law of receptive fields, with whole taxels.
 
 use crate::map::SkinMap;
+use crate::numeric::storable;
 use crate::signal::Quantity;
 
 /// Pools readings over groups of taxels, such as named regions.
@@ -42,7 +43,7 @@ impl GroupPool {
     }
 
     /// The value of each group: the sum of amounts, the mean of averages weighted by the areas of taxels; NaN where no
-    /// taxel has a reading.
+    /// taxel has a reading, or where it is beyond the range of 32-bit floats.
     ///
     /// # Panics
     /// If there is not one value for each taxel, in the order of the map.
@@ -58,8 +59,8 @@ impl GroupPool {
         }
         let value = |(sum, total): (f64, f64)| match quantity {
             _ if total == 0.0 => f64::NAN,
-            Quantity::Extensive => sum,
-            Quantity::Intensive => sum / total,
+            Quantity::Extensive => storable(sum),
+            Quantity::Intensive => storable(sum / total),
         };
         sums.into_iter().map(value).collect()
     }

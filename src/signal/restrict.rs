@@ -257,7 +257,7 @@ impl ChannelOut<'_> {
         let mut masks_changed = false;
         let taken = values.iter_mut().zip(served).zip(self.amounts.iter_mut()).zip(areas);
         for (&x, (((value, served), amount), &area)) in read.iter().zip(taken) {
-            let is_live = storable(x).is_finite();
+            let is_live = x.abs() <= f64::from(f32::MAX);
             masks_changed |= is_live != (*served > 0.0);
             (*value, *served) = if is_live { (x, area) } else { (f64::NAN, 0.0) };
             *amount = match self.quantity {

@@ -152,7 +152,6 @@ impl Pooling<'_> {
                 for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
                     stop.check();
                     join.fill(values, frame);
-                    mask_too_large(frame);
                     let mut on_levels = restrictor.restrict(frame);
                     if let Some(contrast) = contrast {
                         on_levels = contrast.of(on_levels);
@@ -170,18 +169,8 @@ impl Pooling<'_> {
     }
 }
 
-/// Masks readings beyond the range of 32-bit numbers, as `Readings.condition` does.
-pub(crate) fn mask_too_large(frame: &mut Frame) {
-    for x in frame.values.iter_mut().flatten().flat_map(|values| values.iter_mut()) {
-        if x.abs() > f64::from(f32::MAX) {
-            *x = f64::NAN;
-        }
-    }
-}
-
-/// A number of a result, in 32 bits; NaN beyond their range.
+/// A number of a result, in 32 bits.
 #[expect(clippy::cast_possible_truncation, reason = "readings are given in fewer digits")]
 fn narrow(value: f64) -> f32 {
-    let value = value as f32;
-    if value.is_finite() { value } else { f32::NAN }
+    value as f32
 }

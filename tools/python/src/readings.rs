@@ -144,10 +144,13 @@ pub(crate) fn condition_readings<'py>(
     let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
+        let frames = readings.times.len();
         let mut recording = Recording::open(&map, ReadingsReader::memory(readings)?, &options)?;
         let width = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let mut out = Readings { channels: recording.channels().to_vec(), width, ..Readings::default() };
-        let mut measured: Vec<bool> = Vec::new();
+        let numbers = frames * out.channels.len() * width;
+        out.values.reserve(numbers);
+        let mut measured: Vec<bool> = Vec::with_capacity(numbers);
         while let Some(step) = recording.next_step()? {
             stop.check();
             out.times.push(step.frame.time);

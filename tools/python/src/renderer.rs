@@ -1,10 +1,13 @@
 //! `Renderer`: readings as tactile images of a level.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
 
 use dermatome::{
     SkinMap,
-    atlas::{Atlas, AtlasOptions, Chart, Pack, Resolution},
+    atlas::{Atlas, AtlasOptions, AtlasPart, Chart, Pack, Resolution},
     contact::{ContactError, MapPlace},
     id::VertexId,
     image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
@@ -28,7 +31,7 @@ use crate::{
     map::PyMap,
     matrix::{PyMatrix, Rows},
     options::{Extensive, channels, count, level, positive, word},
-    pool::{mask_too_large, starts},
+    pool::starts,
 };
 
 /// Draws frames of readings as tactile images of one level: `renderer(values, threads=0)`.
@@ -76,15 +79,24 @@ struct Plan {
     level: LevelId,
     /// Where the values of each patch begin among those of the level.
     starts: Vec<usize>,
-    charts: Vec<Chart>,
-    /// What each pixel shows: a patch, and the nearest vertex of its level.
-    shown: Vec<Option<(PatchId, VertexId)>>,
+    part: AtlasPart,
+    shown: OnceLock<Shown>,
+    taxel_ids: OnceLock<Vec<u32>>,
 }
 
+/// What each pixel shows: a patch, and the nearest vertex of its level.
+type Shown = Vec<Option<(PatchId, VertexId)>>;
+
 impl Plan {
+    /// What each pixel shows; found when it is first asked for.
+    fn shown(&self, map: &SkinMap) -> &Shown {
+        self.shown.get_or_init(|| self.part.vertices(map))
+    }
+
     /// Draws readings, `parts` frames of them for each image.
     fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], parts: usize, stop: &Stop) {
-        let (pixels, width) = (self.shown.len(), self.channels * self.taxels);
+        let [width, height] = self.part.frame.size_px.map(|n| n as usize);
+        let (pixels, width) = (width * height, self.channels * self.taxels);
         let drawn = parts * self.channels * pixels;
         let size = drawn + if self.has_mask { pixels } else { 0 };
         if images.is_empty() || parts == 0 {
@@ -100,13 +112,13 @@ impl Plan {
                 let fill = |k: usize, frame: &mut Frame| {
                     stop.check();
                     self.join.fill(&values[k * width..(k + 1) * width], frame);
-                    mask_too_large(frame);
                 };
-                // Infinite is what overflows.
-                let known = |x: f32| if x.is_finite() { x } else { self.fill };
+                let known = |x: f32| if x.is_nan() { self.fill } else { x };
                 if !self.has_mask {
                     batch.render(fill, images);
-                    images.iter_mut().for_each(|x| *x = known(*x));
+                    if !self.fill.is_nan() {
+                        images.iter_mut().for_each(|x| *x = known(*x));
+                    }
                     return;
                 }
                 bare.resize(images.len() / size * drawn, 0.0);
@@ -115,7 +127,7 @@ impl Plan {
                     let (image, mask) = image.split_at_mut(drawn);
                     image.iter_mut().zip(bare).for_each(|(x, &bare)| *x = known(bare));
                     for (pixel, is_known) in mask.iter_mut().enumerate() {
-                        let all = bare.iter().skip(pixel).step_by(pixels).all(|x| x.is_finite());
+                        let all = bare.iter().skip(pixel).step_by(pixels).all(|x| !x.is_nan());
                         *is_known = f32::from(u8::from(all));
                     }
                 }
@@ -209,8 +221,9 @@ impl PyRenderer {
                 has_mask,
                 level,
                 starts: starts(&map, level),
-                shown: atlas.parts[0].vertices(&map),
-                charts: std::mem::take(&mut atlas.parts[0].charts),
+                part: atlas.parts.swap_remove(0),
+                shown: OnceLock::new(),
+                taxel_ids: OnceLock::new(),
             }))
         })?;
         let needed = "a level that the patch has, and images of less than 2^28 numbers";
@@ -234,7 +247,7 @@ impl PyRenderer {
         none: T,
         of: impl Fn(PatchId, VertexId) -> T,
     ) -> PyResult<Bound<'py, PyArray2<T>>> {
-        let all = self.plan.shown.iter();
+        let all = self.plan.shown(self.map()).iter();
         let of = |shown: &Option<(PatchId, VertexId)>| shown.map_or_else(|| none.clone(), |(p, v)| of(p, v));
         shaped(py, [self.shape.0, self.shape.1], all.map(of).collect())
     }
@@ -304,11 +317,15 @@ impl PyRenderer {
     /// 4294967295 where there is none.
     #[getter]
     fn taxel_id<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        self.pixels(py, u32::MAX, |patch, vertex| {
+        let id = |(patch, vertex): (PatchId, VertexId)| {
             let patch = &self.map().patches[patch];
             let is_taxel = patch.nearest_level(self.plan.level) == LevelId::default();
             if is_taxel { patch.taxels.ids[vertex].0 } else { vertex.raw() }
-        })
+        };
+        let ids = self.plan.taxel_ids.get_or_init(|| {
+            self.plan.shown(self.map()).iter().map(|shown| shown.map_or(u32::MAX, id)).collect()
+        });
+        shaped(py, [self.shape.0, self.shape.1], ids.clone())
     }
 
     /// (H, W) int32 array: Number of the named region in `Map.regions` of the field nearest to each pixel, -1 for none.
@@ -327,7 +344,7 @@ impl PyRenderer {
     #[getter]
     fn charts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let charts = PyList::empty(py);
-        for chart in &self.plan.charts {
+        for chart in &self.plan.part.charts {
             let about = PyDict::new(py);
             about.set_item("patch", &self.map().patches[chart.patch].name)?;
             about.set_item("level", chart.level.index())?;
@@ -382,7 +399,7 @@ impl PyRenderer {
         let places = patches.as_slice()?.iter().zip(levels.as_slice()?).zip(uv.as_slice()?.as_chunks().0);
         let mut found = Vec::with_capacity(patches.len());
         for (k, ((&patch, &level), &at)) in places.enumerate() {
-            let charts = self.plan.charts.iter();
+            let charts = self.plan.part.charts.iter();
             let chart = usize::try_from(patch)
                 .ok()
                 .and_then(|patch| charts.clone().find(|c| c.patch.index() == patch));
@@ -432,7 +449,9 @@ impl PyRenderer {
             }
         }
         let (plan, back, width) = (Arc::clone(&self.plan), self.map.get().back(py)?, self.shape.1);
+        let map = Arc::clone(&self.map.get().map);
         let found = run(py, 0, move |stop| -> Result<Vec<MapPlace>, ContactError> {
+            let all_shown = plan.shown(&map);
             let mut places = Vec::new();
             let mut nearest = |(&row, &column): (&f64, &f64)| {
                 stop.check();
@@ -445,9 +464,10 @@ impl PyRenderer {
                     clippy::cast_sign_loss,
                     reason = "whole, 0 or more"
                 )]
-                let shown = is_inside.then(|| plan.shown.get(pixel.0 as usize * width + pixel.1 as usize));
+                let shown = is_inside.then(|| all_shown.get(pixel.0 as usize * width + pixel.1 as usize));
                 let shown = shown.flatten().copied().flatten().map(|(patch, _)| patch);
-                for chart in plan.charts.iter().filter(|chart| shown.is_none_or(|shown| shown == chart.patch))
+                for chart in
+                    plan.part.charts.iter().filter(|chart| shown.is_none_or(|shown| shown == chart.patch))
                 {
                     back.places(
                         chart.patch,
