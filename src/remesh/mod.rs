@@ -8,8 +8,9 @@
 //!
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
-//! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles stay, however small they are.
-//! Strips between two rims that are narrower than a tenth of the spacing are removed.
+//! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles as thin may be cut.
+//! Strips between two rims that are narrower than a tenth of the spacing are removed, and cut where taxels on both
+//! sides would be nearer to each other than a third of it.
 //!
 //! Where vertices would slide off a thin wall or a rod, some are fixed, so that details alone are lost.
 //!
@@ -17,7 +18,7 @@
 //! walls keep their thickness where a surface bends too much for the spacing.
 //!
 //! In reading order: `surface` (the nearest point), `necks` (strips between rims), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
-//! `thin` (faces without height, see `faces`), `lost` (what the rounds do not cover); `outer` finds the faces of a link that can be touched,
+//! `thin` (faces without height, see `faces`), `tunnels` (tubes and bridges thinner than taxels), `lost` (what the rounds do not cover); `outer` finds the faces of a link that can be touched,
 //! `crumbs` its small pieces.
 
 mod clip;
@@ -30,6 +31,7 @@ mod outer;
 mod rounds;
 mod surface;
 mod thin;
+mod tunnels;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -9,6 +9,8 @@
 //!
 //! A strip that alone connects two parts stays, since a patch must be one piece.
 
+use glam::DVec3;
+
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Adjacency, Halfedge, MeshError, TriMesh, joined_corners};
 use crate::numeric::DisjointSets;
@@ -44,7 +46,9 @@ pub(super) fn open_necks(mesh: &mut TriMesh, width: f64, least: f64) -> Result<(
     is_removed.iter_mut().zip(others).for_each(|(removed, other)| *removed |= other);
     if is_removed.iter().any(|&removed| removed) {
         keep_connected(mesh, &adjacency, &mut is_removed, least);
-        *mesh = without(mesh, &adjacency, &is_removed);
+        let is_kept = is_removed.map(|removed| !removed);
+        let across = |h: Halfedge| adjacency.twin(h).filter(|twin| is_kept[h.face()] && is_kept[twin.face()]);
+        *mesh = with_own_vertices(&mesh.positions, &mesh.triangles, &is_kept, across).0;
     }
     Ok(())
 }
@@ -133,30 +137,32 @@ fn keep_connected(mesh: &TriMesh, adjacency: &Adjacency, is_removed: &mut IdVec<
     }
 }
 
-/// The mesh without some faces; where those left around a vertex are no longer one fan, each fan has its own.
-fn without(mesh: &TriMesh, adjacency: &Adjacency, is_removed: &IdVec<FaceId, bool>) -> TriMesh {
-    let is_kept = |h: &Halfedge| !is_removed[h.face()];
-    let across = |h| adjacency.twin(h).filter(|twin| is_kept(&h) && is_kept(twin));
-    let mut corners = joined_corners(mesh.triangles.len(), across);
-    let mut rest = TriMesh::default();
-    let mut vertices = IdVec::<Halfedge, VertexId>::filled(VertexId::default(), 4 * mesh.triangles.len());
-    for face in mesh.triangles.ids().filter(|&face| !is_removed[face]) {
+/// The faces that are kept; where those around a vertex are not one fan, each fan has its own vertex. `across` leads
+/// from a halfedge to its twin, or nowhere where the surface ends. Returns the old vertex of each new one too.
+pub(super) fn with_own_vertices(
+    positions: &IdVec<VertexId, DVec3>,
+    triangles: &IdVec<FaceId, [VertexId; 3]>,
+    is_kept: &IdVec<FaceId, bool>,
+    across: impl Fn(Halfedge) -> Option<Halfedge>,
+) -> (TriMesh, IdVec<VertexId, VertexId>) {
+    let mut corners = joined_corners(triangles.len(), across);
+    let (mut rest, mut old) = (TriMesh::default(), IdVec::default());
+    let mut new = IdVec::<Halfedge, Option<VertexId>>::filled(None, 4 * triangles.len());
+    for face in triangles.ids().filter(|&face| is_kept[face]) {
         let triangle = Halfedge::of_face(face).map(|corner| {
-            let fan = corners.root(corner);
-            if fan == corner {
-                vertices[fan] = rest.positions.push(mesh.positions[corner.start(mesh)]);
-            }
-            vertices[fan]
+            let v = triangles[face][corner.side()];
+            *new[corners.root(corner)].get_or_insert_with(|| {
+                old.push(v);
+                rest.positions.push(positions[v])
+            })
         });
         rest.triangles.push(triangle);
     }
-    rest
+    (rest, old)
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::mesh::{separate, shapes};
     use crate::remesh::remesh;
@@ -192,8 +198,11 @@ mod tests {
         let (low, euler, components, area) = faults(&plate(1e-4), 0.01);
         assert_eq!((low, euler, components), (0, 0, 1), "one hole");
         assert!((area / (0.1401 * 0.1 - 0.0801 * 0.04) - 1.0).abs() < 0.01);
-        let (low, euler, components, _) = faults(&plate(2e-3), 0.01);
+        let (low, euler, components, _) = faults(&plate(5e-3), 0.01);
         assert_eq!((low, euler, components), (0, -1, 1), "a wide neck stays");
+        // Taxels on its two sides would be nearer to each other than a third of the spacing.
+        let (low, euler, components, _) = faults(&plate(2e-3), 0.01);
+        assert_eq!((low, euler, components), (0, 0, 1), "a bridge is cut");
     }
 
     #[test]

@@ -100,6 +100,19 @@ impl Rounds<'_> {
             self.smooth();
         }
         self.flip_edges(Self::opens_angles);
+        self.remove_last_thin();
+        self.cut_tunnels();
+        self.raise_thin(LOW * self.target);
+        self.compact();
+        for _ in 0..MAX_PASSES {
+            if !self.split_second_edges() {
+                break;
+            }
+        }
+    }
+
+    /// Removes the thin faces and the short edges of the mesh that the rounds have made.
+    pub(super) fn remove_last_thin(&mut self) {
         let [height, short, longest] = [THIN, DETAIL, 2.0].map(|part| part * self.target);
         self.remove_thin(Thin { height, short, longest, is_last: true });
         // The remaining thin faces may change the shape more.
@@ -109,13 +122,6 @@ impl Rounds<'_> {
             longest: 1.5 * longest,
             is_last: true,
         });
-        self.raise_thin(LOW * self.target);
-        self.compact();
-        for _ in 0..MAX_PASSES {
-            if !self.split_second_edges() {
-                break;
-            }
-        }
     }
 
     /// Splits second edges between the same two vertices, as the sides of a flat body of two faces have when both are

@@ -11,7 +11,7 @@ use crate::remesh::faces::{FLAT, THIN, Thin, height, keeps_side, keeps_side_arou
 use crate::remesh::rounds::Rounds;
 
 /// At the end, edges shorter than this fraction of the target are collapsed where possible.
-const SHORTEST_EDGE: f64 = 1.0 / 3.0;
+pub(super) const SHORTEST_EDGE: f64 = 1.0 / 3.0;
 
 /// Most passes over all faces.
 const MAX_PASSES: usize = 16;
@@ -307,7 +307,10 @@ mod tests {
                     let [thin, off, close] = faults(&mesh, &made, spacing);
                     assert_eq!(off, 0, "shape {k} of seed {seed} at {spacing} m");
                     let euler = |mesh| Adjacency::new(mesh).unwrap().euler_characteristic();
-                    assert_eq!(euler(&made), euler(&mesh), "shape {k} of seed {seed} at {spacing} m");
+                    // A tube that is less than two spacings around may be cut.
+                    let may_be_cut = k == 3 && TAU * (0.2 * a + 0.005) < 2.0 * spacing;
+                    let is_cut = euler(&made) != euler(&mesh);
+                    assert!(!is_cut || may_be_cut, "shape {k} of seed {seed} at {spacing} m");
                     (all, low, short) = (all + made.triangles.len(), low + thin, short + close);
                 }
             }
