@@ -181,9 +181,7 @@ fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
         let mut rounds = start.clone();
         pins.iter().for_each(|&pin| rounds.freedom[pin] = Freedom::Fixed);
         rounds.run();
-        let mut mesh = TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions };
-        // As of a mesh that is read from a file.
-        fill_holes(&mut mesh, FillHoles::PinHoles)?;
+        let mesh = without_pin_holes(rounds)?;
         let lost = lost(points, &mesh, start.spacing)?;
         let places = pin(&mut pins, &lost, points, start.spacing);
         Ok(Covered { mesh, lost: (places, lost.first().map_or(0.0, |&(_, distance)| distance)) })
@@ -202,6 +200,20 @@ fn run_rounds(start: &Rounds<'_>) -> Result<Covered, RemeshError> {
         }
     }
     Ok(best)
+}
+
+/// The mesh of the rounds, its pin-holes filled as of a mesh that is read from a file. A face that fills a corner between
+/// three vertices in line has no height, and a map may give it any area at almost no energy.
+fn without_pin_holes(mut rounds: Rounds<'_>) -> Result<TriMesh, RemeshError> {
+    let mut mesh = TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions.clone() };
+    if fill_holes(&mut mesh, FillHoles::PinHoles)? == 0 {
+        return Ok(mesh);
+    }
+    (rounds.mesh, _) = HalfedgeMesh::new(&mesh)?;
+    rounds.sharp = sharp_edges(&rounds.mesh, &rounds.positions, rounds.spacing);
+    rounds.remove_last_thin();
+    rounds.compact();
+    Ok(TriMesh { triangles: rounds.mesh.triangles(), positions: rounds.positions })
 }
 
 /// Refuses a spacing that would make too many vertices, on the surface or along its edges: all longer ones are split
@@ -321,4 +333,42 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
         patches.push(patch);
     }
     Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out, shrunk })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Adjacency, shapes};
+
+    /// A lattice without one face, with a vertex in the middle of a side of the hole.
+    #[test]
+    fn a_hole_with_three_vertices_in_line_is_closed_without_a_flat_face() {
+        let spacing = 0.01;
+        let mut mesh = shapes::lattice(6, 6, spacing);
+        let adjacency = Adjacency::new(&mesh).unwrap();
+        let is_inner = |&face: &FaceId| mesh.triangles[face].iter().all(|&v| !adjacency.is_boundary(v));
+        let face = mesh.triangles.ids().find(is_inner).unwrap();
+        let across = adjacency.twin(Halfedge::new(face, 0)).unwrap();
+        let [a, b, c] = [across, across.next(), across.previous()].map(|h| h.start(&mesh));
+        let middle = mesh.positions.push(mesh.positions[a].midpoint(mesh.positions[b]));
+        mesh.triangles[across.face()] = [a, middle, c];
+        mesh.triangles[face] = [middle, b, c];
+        let surface = Surface::new(mesh.clone()).unwrap();
+        let (halfedges, _) = HalfedgeMesh::new(&mesh).unwrap();
+        let rounds = Rounds {
+            sharp: sharp_edges(&halfedges, &mesh.positions, spacing),
+            freedom: mesh.positions.map(|_| Freedom::Surface),
+            near: mesh.positions.map(|_| None),
+            positions: mesh.positions.clone(),
+            mesh: halfedges,
+            surface: &surface,
+            lines: None,
+            spacing,
+            target: spacing,
+        };
+        let closed = without_pin_holes(rounds).unwrap();
+        assert_eq!(Adjacency::new(&closed).unwrap().boundary_loops().len(), 1);
+        let lowest = closed.triangles.ids().map(|face| height(closed.corners(face))).fold(1.0, f64::min);
+        assert!(lowest > 0.1 * spacing, "a face is {lowest} m high");
+    }
 }
