@@ -7,11 +7,12 @@ use std::{hint::black_box, sync::Arc, time::Duration};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    atlas::{Atlas, AtlasOptions, skin_images},
+    atlas::{Atlas, AtlasOptions, Pack, skin_images},
     io::write_images,
     mesh::shapes,
 };
 use exr::prelude::WritableImage;
+use glam::DVec3;
 use maps::flat_patch;
 
 fn atlas(c: &mut Criterion) {
@@ -50,6 +51,31 @@ fn cover(c: &mut Criterion) {
     });
 }
 
+/// A robot of 100 charts of many sizes, round and long, packed into one image: about as many taxels as a robot has at
+/// 8 mm, one pixel for each 2.5 mm.
+fn packed(c: &mut Criterion) {
+    let patch = |k: u32| {
+        let (name, wide) = (format!("chart {k}"), 5 + k * 7 % 23);
+        let at = |i: u32, j: u32| {
+            let (x, y) = (0.008 * f64::from(i), 0.008 * f64::from(j));
+            DVec3::new(x, y + 0.03 * (20.0 * x).sin(), 0.0)
+        };
+        let mesh = match k % 3 {
+            0 => shapes::sheet(wide, 4 + k * 5 % 17, at),
+            _ => shapes::cap(100 + 41 * wide as usize, 0.01 * f64::from(wide).sqrt(), 1.0),
+        };
+        flat_patch(&name, mesh, 0.0025)
+    };
+    let map = Arc::new(maps::skin((0..100).map(patch).collect::<Vec<_>>().into()));
+    let mut group = c.benchmark_group("atlas_100_charts");
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    for (name, pack) in [("tight", Pack::Tight), ("body", Pack::Body)] {
+        let options = AtlasOptions { pack: Some(pack), ..AtlasOptions::default() };
+        group.bench_function(name, |b| b.iter(|| black_box(Atlas::new(&map, &options).unwrap())));
+    }
+    group.finish();
+}
+
 /// All channels of a million triangles in 2048 x 2048 pixels as EXR: what is written of the map, and the
 /// same pixels as the exr crate writes them by itself. Both on all threads.
 fn floor(c: &mut Criterion) {
@@ -76,5 +102,5 @@ fn floor(c: &mut Criterion) {
     );
 }
 
-criterion_group!(benches, atlas, cover, floor);
+criterion_group!(benches, atlas, cover, packed, floor);
 criterion_main!(benches);

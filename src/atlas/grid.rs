@@ -55,9 +55,9 @@ impl Bits {
     fn add(&mut self, corners: &[DVec2; 3], cell: usize, [margin, gap]: [usize; 2]) -> bool {
         let (side, gap) = (cell as f64, ROUNDING + gap as f64);
         let range = |[low, high]: [f64; 2], count: usize| {
-            let first = ((low - gap + 0.5) / side - 1.0).ceil() + margin as f64;
-            let last = ((high + gap - 0.5) / side).floor() + margin as f64;
-            to_index(first).min(count)..to_index(last + 1.0).min(count)
+            let first = (low - gap + 0.5) / side - 1.0 + margin as f64;
+            let last = (high + gap - 0.5) / side + margin as f64;
+            ceil_to_index(first).min(count)..to_index(last + 1.0).min(count)
         };
         let mut shows = false;
         for row in range(span(&corners.map(|p| p.y)), self.size[1]) {
@@ -143,6 +143,12 @@ fn to_index(x: f64) -> usize {
     x as usize
 }
 
+/// The least index that is not below a number.
+fn ceil_to_index(x: f64) -> usize {
+    let index = to_index(x);
+    if index as f64 >= x { index } else { index.saturating_add(1) }
+}
+
 /// The smallest and the largest value.
 fn span(values: &[f64]) -> [f64; 2] {
     values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
@@ -150,6 +156,9 @@ fn span(values: &[f64]) -> [f64; 2] {
 
 /// The range of x of a triangle between two values of y; empty (from infinity to minus infinity) if there is none.
 fn within(corners: &[DVec2; 3], band: [f64; 2]) -> [f64; 2] {
+    if corners.iter().all(|p| (band[0]..=band[1]).contains(&p.y)) {
+        return span(&corners.map(|p| p.x));
+    }
     let mut found = [f64::INFINITY, f64::NEG_INFINITY];
     let mut add = |x: f64| found = [found[0].min(x), found[1].max(x)];
     for (p, q) in [(corners[0], corners[1]), (corners[1], corners[2]), (corners[2], corners[0])] {
@@ -213,7 +222,7 @@ impl Grid {
             if least(y) >= to_beat {
                 break;
             }
-            self.block(mask, y);
+            self.block(mask, y, columns);
             let free = (0..columns).filter(|x| self.blocked[x / 64] >> (x % 64) & 1 == 0);
             let found = free.map(|x| (cost(x, y), [x, y])).min_by(|a, b| a.0.total_cmp(&b.0));
             best = found.filter(|found| found.0 < to_beat).or(best);
@@ -221,11 +230,20 @@ impl Grid {
         best
     }
 
-    /// Marks the columns in which a mask would cover taken cells if its lowest row were `y`.
-    fn block(&mut self, mask: &Mask, y: usize) {
+    /// Marks the columns, of the first ones, in which a mask would cover taken cells if its lowest row were `y`.
+    fn block(&mut self, mask: &Mask, y: usize, columns: usize) {
         let Self { words, rows, blocked, .. } = self;
         blocked.fill(0);
+        let (full, rest) = (columns / 64, columns % 64);
+        let all_blocked = |blocked: &[u64]| {
+            blocked[..full].iter().all(|&bits| bits == u64::MAX)
+                && (rest == 0 || blocked[full].trailing_ones() as usize >= rest)
+        };
         for (row, runs) in rows[y.min(rows.len())..].iter().zip(&mask.rows) {
+            // In the lower rows few charts find a place.
+            if all_blocked(blocked) {
+                return;
+            }
             for &[start, end] in runs {
                 let power = (end - start).ilog2() as usize;
                 let any = &row[power * *words..][..*words];

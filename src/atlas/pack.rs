@@ -6,6 +6,8 @@
 //! possible. [`Pack::Body`] places proximal links first, turns the distal end of each link up, and chooses a
 //! low position near the neighbouring chart on the body, above the centre of the charts of the parent link.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -63,6 +65,26 @@ const WIDTHS: [f64; 6] = [1.0, 1.1, 1.2, 1.3, 1.4, 1.6];
 /// Factor between tried scales, and how often the last step is halved: to 0.4 %.
 const STEP: f64 = 1.12;
 const HALVINGS: usize = 5;
+
+/// An image that charts are packed into.
+#[derive(Clone, Copy)]
+struct Space {
+    /// Width and height in pixels; the height `usize::MAX` is free.
+    size: [usize; 2],
+    /// The side of a cell in pixels, and how many cells there are along each side.
+    cell: usize,
+    cells: [usize; 2],
+}
+
+impl Space {
+    fn new(size: [usize; 2]) -> Self {
+        let [width, height] = size;
+        let longer = if height == usize::MAX { width } else { width.max(height) };
+        let cell = longer.div_ceil(CELLS).max(1);
+        let cells = [width / cell, if height == usize::MAX { height } else { height / cell }];
+        Self { size, cell, cells }
+    }
+}
 
 /// A chart to be packed.
 struct Item<'a> {
@@ -128,12 +150,19 @@ impl<'a> Items<'a> {
     /// Packs the charts into the smallest of some nearly square images; a pixel has the side `pixel`, in m.
     pub(super) fn smallest(&self, pixel: f64) -> Packing {
         let widest = to_count(self.largest_side() / pixel) + 2;
+        let widths = WIDTHS.map(|times| widest.max(to_count(times * self.area.sqrt() / pixel)));
+        // Most widths have cells of the same size, and masks take more time than their positions.
+        let mut masks: BTreeMap<usize, Vec<Vec<Mask>>> = BTreeMap::new();
+        for width in widths.into_iter().rev() {
+            let space = Space::new([width, usize::MAX]);
+            masks.entry(space.cell).or_insert_with(|| self.masks(pixel, &space));
+        }
         let packings = self.first_that_fills(|floor| {
-            let of_width = |times: f64| {
-                let width = widest.max(to_count(times * self.area.sqrt() / pixel));
-                self.packing(pixel, [width, usize::MAX], floor)
+            let of_width = |width: usize| {
+                let space = Space::new([width, usize::MAX]);
+                self.packing(pixel, &space, masks.get(&space.cell)?, floor)
             };
-            let all: Vec<Packing> = WIDTHS.into_par_iter().filter_map(of_width).collect();
+            let all: Vec<Packing> = widths.into_par_iter().filter_map(of_width).collect();
             all.into_iter().min_by(|a, b| a.pixels().total_cmp(&b.pixels()))
         });
         packings.unwrap_or_default()
@@ -144,11 +173,13 @@ impl<'a> Items<'a> {
     /// even then.
     pub(super) fn largest_scale(&self, size: [usize; 2], coarse: f64) -> Option<Packing> {
         let full = (self.area / (size[0] as f64 * size[1] as f64)).sqrt();
+        let space = Space::new(size);
         self.first_that_fills(|floor| {
+            let packing = |pixel: f64| self.packing(pixel, &space, &self.masks(pixel, &space), floor);
             let mut fails = full.clamp(coarse * 1e-9, coarse);
             let mut fits = loop {
                 let pixel = (fails * STEP).min(coarse);
-                match self.packing(pixel, size, floor) {
+                match packing(pixel) {
                     Some(packing) => break packing,
                     None if pixel < coarse => fails = pixel,
                     None => return None,
@@ -156,7 +187,7 @@ impl<'a> Items<'a> {
             };
             for _ in 0..HALVINGS {
                 let pixel = (fits.pixel * fails).sqrt();
-                match self.packing(pixel, size, floor) {
+                match packing(pixel) {
                     Some(packing) => fits = packing,
                     None => fails = pixel,
                 }
@@ -181,21 +212,19 @@ impl<'a> Items<'a> {
         best
     }
 
-    /// Packs the charts into a width and a height in pixels, if they fit.
-    fn packing(&self, pixel: f64, [width, height]: [usize; 2], floor: f64) -> Option<Packing> {
-        let longer = if height == usize::MAX { width } else { width.max(height) };
-        let cell = longer.div_ceil(CELLS).max(1);
-        let cells = [width / cell, if height == usize::MAX { height } else { height / cell }];
-        let masks: Vec<Vec<Mask>> = self
-            .all
-            .par_iter()
-            .map(|item| {
-                item.turns
-                    .iter()
-                    .filter_map(|&turns| Mask::new(item.patch, turns, pixel, [cell, self.pack.gap()], cells))
-                    .collect()
-            })
-            .collect();
+    /// The masks of each chart for its turns, but for those that are too large.
+    fn masks(&self, pixel: f64, space: &Space) -> Vec<Vec<Mask>> {
+        let of_item = |item: &Item<'_>| {
+            let mask =
+                |&turns: &u8| Mask::new(item.patch, turns, pixel, [space.cell, self.pack.gap()], space.cells);
+            item.turns.iter().filter_map(mask).collect()
+        };
+        self.all.par_iter().map(of_item).collect()
+    }
+
+    /// Packs the charts, if they fit. `masks` are those of this space or of a wider one with cells of the same size.
+    fn packing(&self, pixel: f64, space: &Space, masks: &[Vec<Mask>], floor: f64) -> Option<Packing> {
+        let Space { size: [width, height], cell, cells } = *space;
         let mut grid = Grid::new(cells[0]);
         // In an image that grows upwards only the height counts.
         let column = if height == usize::MAX { 0.0 } else { COLUMN_COST * height as f64 / width as f64 };
@@ -204,12 +233,13 @@ impl<'a> Items<'a> {
         let mut middles: IdVec<LinkId, usize> = IdVec::default();
         let mut charts: Vec<PackedChart> = Vec::with_capacity(self.all.len());
         let mut size = [0, 0];
-        for (item, masks) in self.all.iter().zip(&masks) {
+        for (item, masks) in self.all.iter().zip(masks) {
             let lowest =
                 item.below.and_then(|link| middles.get(link)).map_or(0, |&row| to_count(floor * row as f64));
             let mut best: Option<(f64, [usize; 2], &Mask)> = None;
             // A chart as small as a pixel may cover no pixel centre in some turns; one that is too large covers some.
-            let any_shows = masks.len() < item.turns.len() || masks.iter().any(|mask| mask.shows);
+            let any_shows = masks.len() < item.turns.len()
+                || masks.iter().any(|mask| mask.shows || mask.size[0] > cells[0]);
             for mask in masks.iter().filter(|mask| mask.shows || !any_shows) {
                 let [w, h] = mask.size;
                 let below = best.as_ref().map_or(f64::INFINITY, |(cost, ..)| *cost);
