@@ -525,7 +525,7 @@ fn broken_elements_are_named() {
         ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\n".into(), "line 4"),
         ("obj", "v 0 0 0\nvn 0 0 1\nf 1//1 1//6148914691236517206 1//1\n".into(), "`vn` number"),
         ("obj", "v 0 0 0\nf 1 1 -9223372036854775808\n".into(), "line 2, corner"),
-        ("obj", "v 0 0 0\nf 1 1\n".into(), "2 corners"),
+        ("obj", "v 0 0 0\nf \n".into(), "no corners"),
         ("obj", "v 0 0 0 0.5\n".into(), "weight"),
         ("json", "{\"skin\": {\"taxels\": [], \"faces\": [[0, 1, 2]]}}".into(), "skin.faces[0]"),
         (
@@ -539,6 +539,32 @@ fn broken_elements_are_named() {
         let error = read_text(kind, text).expect_err(text).to_string();
         assert!(error.contains(place), "{kind}: {place:?} is named in {error:?}");
         assert!(error.contains(&format!("file.{kind}")), "{kind}: the file is named in {error:?}");
+    }
+}
+
+/// Some programs write points and lines as faces of one and two corners.
+#[test]
+fn points_and_lines_among_faces_are_left_out() {
+    let rows = "0 0 0\n1 0 0\n0 1 0\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 3\nproperty list uchar int vertex_indices\nend_header\n";
+    let dae = "<COLLADA><library_geometries><geometry id=\"g\"><mesh><source id=\"p\"><float_array id=\"a\" \
+               count=\"9\">0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source=\"#a\" count=\"3\" \
+               stride=\"3\"/></technique_common></source><vertices id=\"v\"><input semantic=\"POSITION\" \
+               source=\"#p\"/></vertices><polylist count=\"3\"><input semantic=\"VERTEX\" source=\"#v\" \
+               offset=\"0\"/><vcount>3 2 1</vcount><p>0 1 2 0 1 2</p></polylist></mesh></geometry>\
+               </library_geometries></COLLADA>";
+    let cases = [
+        ("obj", rows.lines().map(|row| format!("v {row}\n")).collect::<String>() + "f 1 2 3\nf 1 2\nf 3\n"),
+        ("off", format!("OFF\n3 3 0\n{rows}3 0 1 2\n2 0 1\n1 2\n")),
+        ("ply", format!("{header}{rows}3 0 1 2\n2 0 1\n1 2\n")),
+        ("dae", dae.into()),
+    ];
+    for (kind, text) in cases {
+        let read = assemble(&read_text(kind, &text).expect(kind), &AssembleOptions::default()).expect(kind);
+        assert_eq!(read.skin.patches[PatchId::new(0)].mesh.triangles.len(), 1, "{kind}");
+        let remarks: Vec<String> = read.remarks.iter().map(ToString::to_string).collect();
+        assert!(remarks.iter().any(|remark| remark.contains("2 faces were left out")), "{kind}: {remarks:?}");
     }
 }
 

@@ -332,6 +332,10 @@ fn robots_without_shapes_are_listed() {
     assert_eq!((info["links"].as_array().unwrap().len(), info["patches"].as_array().unwrap().len()), (2, 0));
     refuses(folder.path(), "build r.urdf -o out", &["<visual>, <collision> or <sensor>"]);
     refuses(folder.path(), "info r.urdf --joints to_b=1 --json", &["to_b", "floating"]);
+    // Bullet's name of a ball joint.
+    let folder = robot(&format!("<link name='a'/><link name='b'/>{}", joint("a", "b", "spherical", "")));
+    let run = notes(folder.path(), "info r.urdf", &["nothing to make a skin of"]);
+    assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("ball"));
 }
 
 /// What is wrong is named with its line.
@@ -360,7 +364,7 @@ fn bad_descriptions_are_refused_with_their_line() {
             &["line 6", "to_c"],
         ),
         (format!("{a}{}", joint("a", "x", "fixed", "")), &["line 3", "no <link> of that name"]),
-        (format!("{a}{b}{}", joint("a", "b", "ball", "")), &["line 4", "type=\"ball\"", "prismatic"]),
+        (format!("{a}{b}{}", joint("a", "b", "screw", "")), &["line 4", "type=\"screw\"", "prismatic"]),
         (format!("{a}{b}{}", joint("a", "b", "revolute", "<axis xyz='0 0 0'/>")), &["a direction"]),
         (format!("{a}{b}{}", joint("a", "b", "revolute", "<axis xyz='0 0'/>")), &["3 finite numbers"]),
         (format!("{a}{b}{}", joint("a", "b", "revolute", "<origin xyz='0 0 nan'/>")), &["3 finite numbers"]),

@@ -89,10 +89,14 @@ impl JointKind {
 
     /// The kind of a name.
     pub(crate) fn named(name: &str) -> Option<Self> {
-        use JointKind::{Continuous, Fixed, Floating, Planar, Prismatic, Revolute};
-        [Fixed, Revolute, Continuous, Prismatic, Floating, Planar]
-            .into_iter()
-            .find(|kind| kind.name() == name)
+        use JointKind::{Ball, Continuous, Fixed, Floating, Planar, Prismatic, Revolute};
+        match name {
+            // As Bullet calls it.
+            "spherical" => Some(Self::Ball),
+            _ => [Fixed, Revolute, Continuous, Prismatic, Floating, Ball, Planar]
+                .into_iter()
+                .find(|kind| kind.name() == name),
+        }
     }
 
     /// Whether its value is one number.

@@ -302,7 +302,7 @@ impl Primitive {
     /// `None` if a polygon crosses itself.
     fn add_triangles(self, chain: &Chain, positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) -> Option<()> {
         let Chain { corners, holes } = chain;
-        if matches!(self, Self::Polygon) && corners.len() >= 3 && corners.len() + holes.len() > 3 {
+        if matches!(self, Self::Polygon) && !corners.is_empty() && (corners.len() != 3 || !holes.is_empty()) {
             let ring = |ring: &Vec<u32>| ring.iter().map(|&v| positions[v as usize]).collect::<Vec<_>>();
             let cut = cut_polygon(&ring(corners), &holes.iter().map(ring).collect::<Vec<_>>())?;
             let all = [&corners[..], &holes.concat()].concat();

@@ -162,10 +162,12 @@ impl ObjReader {
     fn face(&mut self, at: LineLocation<'_>, rest: &str) -> Result<()> {
         let mut corners = rest.split_whitespace();
         let mut next = |reader: &mut Self| corners.next().map(|token| reader.corner(at, token)).transpose();
-        let (Some(first), Some(mut last), Some(mut corner)) = (next(self)?, next(self)?, next(self)?) else {
-            let found = format!("{} corners", rest.split_whitespace().count());
-            return Err(at.invalid_part("`f`", found, "at least 3 corners"));
+        let Some(first) = next(self)? else {
+            return Err(at.invalid_part("`f`", "no corners", "at least 3 corners"));
         };
+        // A point or a line is a triangle with a corner twice, which is left out later with a note.
+        let mut last = next(self)?.unwrap_or(first);
+        let mut corner = next(self)?.unwrap_or(last);
         let before = self.groups[self.group].triangles.len();
         loop {
             let group = &mut self.groups[self.group];

@@ -84,7 +84,7 @@ impl<'a, I: Iterator<Item = (LineLocation<'a>, &'a str)>> Words<'a, I> {
     fn add_face(&mut self, what: What<'_>, sheet: &mut Sheet) -> Result<(), IoError> {
         let vertices = sheet.positions.len();
         let word = self.next(what)?;
-        let corners = word.parse::<usize>().ok().filter(|&n| n >= 3);
+        let corners = word.parse::<usize>().ok().filter(|&n| n > 0);
         let needed = "a number of corners of at least 3";
         let corners = corners.ok_or_else(|| self.at.invalid(excerpt(word), needed))?;
         let mut corner = || {

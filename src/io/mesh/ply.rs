@@ -240,8 +240,8 @@ fn read_face(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Resu
         let needed = format!("one of {} vertices, counted from 0", sheet.positions.len());
         return Err(broken(format!("vertex {corner}"), &needed));
     }
-    if corners.len() < 3 {
-        return Err(broken(format!("{} corners", corners.len()), "at least 3"));
+    if corners.is_empty() {
+        return Err(broken("no corners".into(), "at least 3"));
     }
     let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
     let crossed = || broken(CROSSED.into(), POLYGON_NEEDED);

@@ -24,8 +24,13 @@ pub(super) const POLYGON_NEEDED: &str =
     "a polygon whose edges meet at its corners alone; other programs triangulate faces on export";
 
 /// The triangles of a polygon: numbers of corners, of the outline and then of each hole. A polygon without area
-/// becomes a fan. `None` if it crosses or touches itself.
+/// becomes a fan, and one of one or two corners, a point or a line in some files, a triangle with a corner twice, which
+/// is left out later with a note. `None` if it crosses or touches itself.
 pub(super) fn cut_polygon(outline: &[DVec3], holes: &[Vec<DVec3>]) -> Option<Vec<[usize; 3]>> {
+    if outline.len() < 3 {
+        let last = outline.len().checked_sub(1)?;
+        return Some(vec![[0, last, last]]);
+    }
     let fan = || (2..outline.len()).map(|k| [0, k - 1, k]);
     let start = outline[0];
     let cross = |[a, b, c]: [usize; 3]| (outline[b] - outline[a]).cross(outline[c] - outline[a]);

@@ -211,7 +211,7 @@ impl JointsArg {
                     let place = robot.joints.iter().position(|joint| joint.name == *name);
                     let place = place
                         .filter(|&k| robot.joints[k].kind.has_value() && robot.joints[k].mimic.is_none());
-                    let help = "`dermatome info` lists the joints; one that is fixed, floating or planar, or follows another, has no value";
+                    let help = "`dermatome info` lists the joints; one that is fixed, floating, planar or a ball, or follows another, has no value";
                     let what = || format!("the robot has no joint {name:?} with a value of its own");
                     place.map(|place| (place, *value)).ok_or_else(|| advise(what(), help))
                 };
