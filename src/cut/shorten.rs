@@ -7,8 +7,10 @@ use crate::id::VertexId;
 use crate::mesh::boundary_loops;
 use crate::numeric::{DisjointSets, order_by};
 
-/// A seam of more chains stays as it is: each takes a search of the surface, and a plate of 400 handles has
-/// 1200.
+/// A seam of more chains stays as it is: each takes a search of the surface. Without the limit the seam of a plate with 196
+/// holes through it (8370 taxels, about 1000 chains) gets 27 % shorter in 20 times the time of the whole build, and its map
+/// is no better (symmetric Dirichlet energy 4.50, with the limit 4.31); with 49 holes, 24 %, twice the time, and 4.37 instead
+/// of 4.23.
 const MOST_CHAINS: usize = 150;
 
 /// A path of a seam between two knots: vertices where it ends or branches.
