@@ -66,7 +66,7 @@ fn packed(c: &mut Criterion) {
         };
         flat_patch(&name, mesh, 0.0025)
     };
-    let map = Arc::new(maps::skin((0..100).map(patch).collect::<Vec<_>>().into()));
+    let map = Arc::new(maps::skin((0..100).map(patch).collect()));
     let mut group = c.benchmark_group("atlas_100_charts");
     group.sample_size(10).measurement_time(Duration::from_secs(5));
     for (name, pack) in [("tight", Pack::Tight), ("body", Pack::Body)] {
