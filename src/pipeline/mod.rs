@@ -38,14 +38,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::atlas::{fitting_pixel, pixels_of, skin_images};
+use crate::atlas::{check_pixel, fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{Boundary, POOR, flatten_pyramid_with, patch_scales};
+use crate::flatten::{ABSURD, Boundary, POOR, flatten_pyramid_with, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{MeshError, is_within_reach};
-use crate::pipeline::attempts::{SAME, energy, keep_held, other_attempts};
+use crate::pipeline::attempts::{SAME, by_symmetric_dirichlet, energy, keep_held, other_attempts};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
@@ -92,6 +92,8 @@ pub struct Built {
     /// numbers, or in the 32-bit ones of a file, as those of a long thin tube, or a symmetric Dirichlet energy above
     /// 15, which that of the finest level is not.
     pub left_out: IdVec<PatchId, usize>,
+    /// Which patches have a map of least symmetric Dirichlet energy, since that of the default energy was absurd.
+    pub of_other_energy: IdVec<PatchId, bool>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
     /// The pixels, if they had to be larger than 1 mm.
@@ -125,6 +127,9 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
             return Err(SkinError::Mesh { patch: patch.name.clone(), source }.into());
         }
     }
+    if let Some(side) = options.pixel {
+        check_pixel(side, skin.patches.iter().map(|patch| &patch.mesh))?;
+    }
     let seams = given_seams(skin, &options.cut)?;
     let jobs: Vec<_> = skin.patches.iter().zip(seams).collect();
     let side = |patch: &Patch| {
@@ -152,6 +157,10 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         let left_out = keep_held(&mut map, options, numbers)?;
         Ok((map, left_out))
     };
+    let map_again = |patch: &Patch, scale: f64, other: &BuildOptions| {
+        let pyramid = coarsen_patch(patch, &[], side(patch), other, run)?;
+        map_one(patch, pyramid, scale, other)
+    };
     let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
         let mut best = map_one(patch, pyramid, scale, options);
         for other in other_attempts(patch, options) {
@@ -159,8 +168,7 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
             if energy(&best, patch, options) <= POOR {
                 break;
             }
-            let pyramid = coarsen_patch(patch, &[], side(patch), &other, run);
-            let made = pyramid.and_then(|pyramid| map_one(patch, pyramid, scale, &other));
+            let made = map_again(patch, scale, &other);
             let [new, old] = [&made, &best].map(|made| energy(made, patch, options));
             if new < old {
                 best = made;
@@ -170,12 +178,24 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
                 break;
             }
         }
-        best.map_err(|e| e.in_patch(&patch.name))
+        let mut is_of_other_energy = false;
+        for other in by_symmetric_dirichlet(patch, options) {
+            run.check()?;
+            if energy(&best, patch, options) <= ABSURD {
+                break;
+            }
+            let made = map_again(patch, scale, &other);
+            if energy(&made, patch, options) < energy(&best, patch, options) {
+                (best, is_of_other_energy) = (made, true);
+            }
+        }
+        best.map(|(map, left_out)| (map, (left_out, is_of_other_energy))).map_err(|e| e.in_patch(&patch.name))
     });
     run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
-    let (patches, mut left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let (patches, made): (Vec<_>, Vec<(usize, bool)>) = maps.into_iter().unzip();
+    let (mut left_out, of_other_energy): (Vec<_>, Vec<_>) = made.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
     let enlarged = match (options.pixel, numbers) {
@@ -183,7 +203,8 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         _ => None,
     };
     let map = Arc::new(map);
-    Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), failed, enlarged })
+    let (left_out, of_other_energy) = (left_out.into(), of_other_energy.into());
+    Ok(Built { map, coarsened_in, flattened_in, left_out, of_other_energy, failed, enlarged })
 }
 
 /// Gives a map larger pixels where its images would have too many.
