@@ -49,6 +49,8 @@ pub enum AtlasError {
     },
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
     PixelSize { found: f64 },
+    #[error("a pixel of {found} m is larger than the skin, {size:.3} m across; its side in metres is needed")]
+    PixelBeyondSkin { found: f64, size: f64 },
     #[error(
         "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \
          are needed, and at most {max_side} a side are drawn",

@@ -3,13 +3,14 @@
 //!
 //! `pack` computes the positions of charts in one image, `turn` their rotations.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::atlas::AtlasError;
 use crate::atlas::pack::{Items, Pack, PackedChart, Packing};
 use crate::atlas::rasterize::MAX_SIDE;
 use crate::atlas::turn::Extent;
 use crate::map::{ImageFrame, PatchMap, SkinMap};
+use crate::mesh::TriMesh;
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
 
@@ -39,15 +40,31 @@ pub(super) fn image_name(patch: &PatchMap, level: LevelId) -> String {
 /// The images of a map that is known to be valid.
 /// Fails if the options are invalid or the charts do not fit into the canvas.
 pub(super) fn layout(map: &SkinMap, options: &AtlasOptions) -> Result<Vec<PartLayout>, AtlasError> {
-    if let Resolution::Pixel(found) = options.resolution
-        && !(found.is_finite() && found > 0.0)
-    {
-        return Err(AtlasError::PixelSize { found });
+    if let Resolution::Pixel(side) = options.resolution {
+        let finest = map.patches.iter().filter_map(|patch| patch.levels.get(LevelId::default()));
+        check_pixel(side, finest.map(|finest| &finest.level.mesh))?;
     }
     match options.pack {
         Some(pack) => packed(map, pack, options.resolution),
         None => one_per_patch(map, options),
     }
+}
+
+/// Refuses the side of a pixel, in m, that is no length, or larger than every patch, as when it was given in mm.
+pub(crate) fn check_pixel<'m>(
+    found: f64,
+    patches: impl Iterator<Item = &'m TriMesh>,
+) -> Result<(), AtlasError> {
+    if !(found.is_finite() && found > 0.0) {
+        return Err(AtlasError::PixelSize { found });
+    }
+    let across = |mesh: &TriMesh| {
+        let corners = (DVec3::MAX, DVec3::MIN);
+        let (low, high) = mesh.positions.iter().fold(corners, |(low, high), &p| (low.min(p), high.max(p)));
+        (high - low).length()
+    };
+    let size = patches.map(across).fold(0.0, f64::max);
+    if found > size { Err(AtlasError::PixelBeyondSkin { found, size }) } else { Ok(()) }
 }
 
 /// One image per patch and level: patch by patch, finest level first.

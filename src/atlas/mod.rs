@@ -33,6 +33,7 @@ use crate::skin::PatchId;
 pub(crate) use bound::{fitting_pixel, pixels_of};
 pub use chart::Chart;
 pub use error::AtlasError;
+pub(crate) use layout::check_pixel;
 pub use layout::{AtlasOptions, Resolution};
 pub(crate) use level_image::{ImageRows, SampleType, Samples};
 pub use level_image::{LevelImage, skin_images};

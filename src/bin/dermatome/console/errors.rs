@@ -304,7 +304,9 @@ fn option_help(error: &Error) -> &'static str {
             "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
              link, or leave such patches out with `dermatome build --keep-going`"
         }
-        Error::Remesh(_) => "change --spacing, or take other patches with --patch or --links",
+        Error::Remesh(_) => {
+            "change --spacing, state the unit of the file (--unit), or take other patches with --patch or --links"
+        }
         Error::Mesh(_) | Error::Pyramid(_) => CORRECT,
         _ => BUILD_AGAIN,
     }
