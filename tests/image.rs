@@ -326,7 +326,7 @@ fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let mut point = shapes::triangle();
     point.positions.iter_mut().for_each(|p| *p *= 1e-9);
     let point = SkinMap::flat(point, 1.0);
-    let options = AtlasOptions { resolution: Resolution::Pixel(2e-9), ..AtlasOptions::default() };
+    let options = AtlasOptions { resolution: Resolution::Pixel(1.4e-9), ..AtlasOptions::default() };
     let atlas = Atlas::new(&point, &options).unwrap();
     let force = [channel(Quantity::Extensive)];
     assert_eq!(atlas.parts[0].charts[0].covered(), 1, "one pixel stands for it");
