@@ -551,8 +551,10 @@ fn invalid_pixels_and_canvases_are_refused() {
     for pixel in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(matches!(refused(Resolution::Pixel(pixel)).0, AtlasError::PixelSize { .. }));
     }
+    let none = AtlasOptions { resolution: Resolution::Pixel(1.0), pack: None };
+    assert_eq!(Atlas::new(&SkinMap::default(), &none).unwrap().parts, [], "no patch, no image");
     // Millimetres taken for metres.
-    assert!(matches!(refused(Resolution::Pixel(1.0)).0, AtlasError::PixelBeyondSkin { found: 1.0, .. }));
+    assert!(matches!(refused(Resolution::Pixel(1.0)).0, AtlasError::PixelBeyondPatches { found: 1.0, .. }));
     for canvas in [[0, 0], [2, 2], [100_000, 10], [u32::MAX; 2]] {
         let (packed, single) = refused(Resolution::Canvas(canvas));
         assert!(matches!(packed, AtlasError::Canvas { .. }), "{packed}");

@@ -542,6 +542,14 @@ fn broken_elements_are_named() {
     }
 }
 
+/// Lines have no normals; those of the faces stay.
+#[test]
+fn lines_among_faces_take_no_normals() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1 2\n";
+    let normals = read_text("obj", text).unwrap().sheets[0].normals.clone().unwrap();
+    assert!(normals.iter().all(|normal| *normal == DVec3::Z), "{normals:?}");
+}
+
 /// Some programs write points and lines as faces of one and two corners.
 #[test]
 fn points_and_lines_among_faces_are_left_out() {

@@ -49,8 +49,16 @@ pub enum AtlasError {
     },
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
     PixelSize { found: f64 },
-    #[error("a pixel of {found} m is larger than the skin, {size:.3} m across; its side in metres is needed")]
-    PixelBeyondSkin { found: f64, size: f64 },
+    #[error(
+        "pixels of {} mm are larger than the largest patch, which is {:.3} mm across; smaller ones are needed",
+        1e3 * found, 1e3 * largest
+    )]
+    PixelBeyondPatches {
+        /// Side of a pixel, in m.
+        found: f64,
+        /// Diagonal of the bounding box of the largest patch, in m.
+        largest: f64,
+    },
     #[error(
         "the charts with their margins do not fit into a canvas of {} x {} pixels (height x width); at least {} x {} \
          are needed, and at most {max_side} a side are drawn",

@@ -63,8 +63,10 @@ pub(crate) fn check_pixel<'m>(
         let (low, high) = mesh.positions.iter().fold(corners, |(low, high), &p| (low.min(p), high.max(p)));
         (high - low).length()
     };
-    let size = patches.map(across).fold(0.0, f64::max);
-    if found > size { Err(AtlasError::PixelBeyondSkin { found, size }) } else { Ok(()) }
+    match patches.map(across).reduce(f64::max) {
+        Some(largest) if found > largest => Err(AtlasError::PixelBeyondPatches { found, largest }),
+        _ => Ok(()),
+    }
 }
 
 /// One image per patch and level: patch by patch, finest level first.

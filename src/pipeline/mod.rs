@@ -92,8 +92,8 @@ pub struct Built {
     /// numbers, or in the 32-bit ones of a file, as those of a long thin tube, or a symmetric Dirichlet energy above
     /// 15, which that of the finest level is not.
     pub left_out: IdVec<PatchId, usize>,
-    /// Which patches have a map of least symmetric Dirichlet energy, since that of the default energy was absurd.
-    pub of_other_energy: IdVec<PatchId, bool>,
+    /// Which patches have a map by the symmetric Dirichlet energy, since the default energy gave none or an absurd one.
+    pub by_dirichlet: IdVec<PatchId, bool>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
     /// The pixels, if they had to be larger than 1 mm.
@@ -178,24 +178,26 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
                 break;
             }
         }
-        let mut is_of_other_energy = false;
-        for other in by_symmetric_dirichlet(patch, options) {
+        let mut is_by_dirichlet = false;
+        // [`build_finest`] returns no notes.
+        let is_noted = matches!(numbers, Numbers::F32);
+        for other in by_symmetric_dirichlet(patch, options).into_iter().filter(|_| is_noted) {
             run.check()?;
             if energy(&best, patch, options) <= ABSURD {
                 break;
             }
             let made = map_again(patch, scale, &other);
             if energy(&made, patch, options) < energy(&best, patch, options) {
-                (best, is_of_other_energy) = (made, true);
+                (best, is_by_dirichlet) = (made, true);
             }
         }
-        best.map(|(map, left_out)| (map, (left_out, is_of_other_energy))).map_err(|e| e.in_patch(&patch.name))
+        best.map(|(map, left_out)| (map, (left_out, is_by_dirichlet))).map_err(|e| e.in_patch(&patch.name))
     });
     run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
     let (patches, made): (Vec<_>, Vec<(usize, bool)>) = maps.into_iter().unzip();
-    let (mut left_out, of_other_energy): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    let (mut left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
     let enlarged = match (options.pixel, numbers) {
@@ -203,8 +205,8 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         _ => None,
     };
     let map = Arc::new(map);
-    let (left_out, of_other_energy) = (left_out.into(), of_other_energy.into());
-    Ok(Built { map, coarsened_in, flattened_in, left_out, of_other_energy, failed, enlarged })
+    let (left_out, by_dirichlet) = (left_out.into(), by_dirichlet.into());
+    Ok(Built { map, coarsened_in, flattened_in, left_out, by_dirichlet, failed, enlarged })
 }
 
 /// Gives a map larger pixels where its images would have too many.

@@ -8,7 +8,8 @@
 //!
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
-//! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles as thin may be cut.
+//! Holes too small to be surrounded by three taxels are closed, and pin-holes of the new mesh; handles that are less than
+//! three spacings around may be cut.
 //! Strips between two rims that are narrower than a tenth of the spacing are removed, and cut where taxels on both
 //! sides would be nearer to each other than a third of it.
 //!

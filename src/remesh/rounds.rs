@@ -101,9 +101,15 @@ impl Rounds<'_> {
         }
         self.flip_edges(Self::opens_angles);
         self.remove_last_thin();
+        // A loop of two edges is none to cut.
+        self.split_all_second_edges();
         self.cut_tunnels();
         self.raise_thin(LOW * self.target);
         self.compact();
+        self.split_all_second_edges();
+    }
+
+    fn split_all_second_edges(&mut self) {
         for _ in 0..MAX_PASSES {
             if !self.split_second_edges() {
                 break;

@@ -309,8 +309,8 @@ mod tests {
                     let euler = |mesh| Adjacency::new(mesh).unwrap().euler_characteristic();
                     // A tube that is less than two spacings around may be cut.
                     let may_be_cut = k == 3 && TAU * (0.2 * a + 0.005) < 2.0 * spacing;
-                    let is_cut = euler(&made) != euler(&mesh);
-                    assert!(!is_cut || may_be_cut, "shape {k} of seed {seed} at {spacing} m");
+                    let is_kept = euler(&made) == euler(&mesh) || may_be_cut && euler(&made) == 2;
+                    assert!(is_kept, "shape {k} of seed {seed} at {spacing} m");
                     (all, low, short) = (all + made.triangles.len(), low + thin, short + close);
                 }
             }

@@ -21,9 +21,10 @@ use crate::remesh::necks::with_own_vertices;
 use crate::remesh::rounds::Rounds;
 use crate::remesh::thin::SHORTEST_EDGE;
 
-/// Loops of three edges are cut if they are shorter than this multiple of the target, since longer ones need no short
-/// edge, or if one edge is shorter than this fraction, as of a hair between two walls.
+/// Loops of three edges are cut if they are shorter than this multiple of the target: longer ones need no short edge.
 const MAX_GIRTH: f64 = 3.0 * SHORTEST_EDGE;
+
+/// They are also cut if one edge is shorter than this fraction of the target, as of a hair between two walls.
 const NARROW: f64 = 0.1;
 
 /// Most times that loops are cut: those of one pass share no vertex.

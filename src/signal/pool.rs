@@ -51,7 +51,7 @@ impl GroupPool {
         assert_eq!(values.len(), self.groups.len(), "one reading for each taxel");
         let mut sums = vec![(0.0, 0.0); self.count];
         for ((group, area), value) in self.groups.iter().zip(&self.areas).zip(values) {
-            let Some(group) = group.filter(|_| value.is_finite()) else { continue };
+            let Some(group) = group.filter(|_| !storable(*value).is_nan()) else { continue };
             let weight = if quantity == Quantity::Extensive { 1.0 } else { *area };
             let (sum, total) = &mut sums[group];
             *sum += weight * value;

@@ -163,7 +163,7 @@ impl ObjReader {
         let mut corners = rest.split_whitespace();
         let mut next = |reader: &mut Self| corners.next().map(|token| reader.corner(at, token)).transpose();
         let Some(first) = next(self)? else {
-            return Err(at.invalid_part("`f`", "no corners", "at least 3 corners"));
+            return Err(at.invalid_part("`f`", "no corners", "corners"));
         };
         // A point or a line is a triangle with a corner twice, which is left out later with a note.
         let mut last = next(self)?.unwrap_or(first);
@@ -292,14 +292,17 @@ impl ObjReader {
     fn corner_texture(&self, group: &Group) -> Option<Vec<[DVec2; 3]>> {
         let texture = self.texture.as_ref()?;
         let of = |c: Corner| texture.get(c.texture as usize).copied();
-        group.triangles.iter().map(|&[a, b, c]| Some([of(a)?, of(b)?, of(c)?])).collect()
+        let of_face = |&[a, b, c]: &[Corner; 3]| {
+            if is_line([a, b, c]) { Some([DVec2::ZERO; 3]) } else { Some([of(a)?, of(b)?, of(c)?]) }
+        };
+        group.triangles.iter().map(of_face).collect()
     }
 
     fn vertex_normals(&self, group: &Group, places: &[u32], count: usize) -> Option<Vec<DVec3>> {
         let mut first: Vec<Option<DVec3>> = vec![None; count];
         let mut sums = vec![DVec3::ZERO; count];
         let mut differ = vec![false; count];
-        for corner in group.triangles.iter().flatten() {
+        for corner in group.triangles.iter().filter(|corners| !is_line(**corners)).flatten() {
             let place = places[corner.position as usize] as usize;
             let normal = *self.normals.get(corner.normal as usize)?;
             differ[place] |= *first[place].get_or_insert(normal) != normal;
@@ -313,6 +316,11 @@ impl ObjReader {
         });
         Some(mean.collect())
     }
+}
+
+/// Whether a triangle stands for a point or a line, which is left out later.
+fn is_line([_, b, c]: [Corner; 3]) -> bool {
+    b.position == c.position
 }
 
 /// Three coordinates. A position may be followed by a weight of 1, or by a colour of three or four numbers, with a

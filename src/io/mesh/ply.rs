@@ -241,7 +241,7 @@ fn read_face(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Resu
         return Err(broken(format!("vertex {corner}"), &needed));
     }
     if corners.is_empty() {
-        return Err(broken("no corners".into(), "at least 3"));
+        return Err(broken("no corners".into(), "corners"));
     }
     let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
     let crossed = || broken(CROSSED.into(), POLYGON_NEEDED);

@@ -35,7 +35,7 @@ pub(super) fn read_joint<'i>(
     };
     let kind = xml.need(node, "type")?;
     let kind = JointKind::named(kind).ok_or_else(|| {
-        let needed = "fixed, revolute, continuous, prismatic, floating, ball or planar";
+        let needed = "fixed, revolute, continuous, prismatic, floating, ball (or spherical) or planar";
         xml.invalid(node, format!("type={}", excerpt(kind)), needed)
     })?;
     let mimic = child(node, "mimic").map(|mimic| read_mimic(xml, mimic, joints)).transpose()?;

@@ -240,6 +240,15 @@ impl PyRenderer {
         &self.map.get().map
     }
 
+    /// What each pixel shows; while it is found, other threads of Python run.
+    fn shown(&self, py: Python<'_>) -> PyResult<&Shown> {
+        if self.plan.shown.get().is_none() {
+            let (plan, map) = (Arc::clone(&self.plan), Arc::clone(&self.map.get().map));
+            run(py, 1, move |_| _ = plan.shown(&map))?;
+        }
+        Ok(self.plan.shown(self.map()))
+    }
+
     /// An array (H, W) of what each pixel shows.
     fn pixels<'py, T: numpy::Element + Clone>(
         &self,
@@ -247,7 +256,7 @@ impl PyRenderer {
         none: T,
         of: impl Fn(PatchId, VertexId) -> T,
     ) -> PyResult<Bound<'py, PyArray2<T>>> {
-        let all = self.plan.shown(self.map()).iter();
+        let all = self.shown(py)?.iter();
         let of = |shown: &Option<(PatchId, VertexId)>| shown.map_or_else(|| none.clone(), |(p, v)| of(p, v));
         shaped(py, [self.shape.0, self.shape.1], all.map(of).collect())
     }
@@ -322,9 +331,11 @@ impl PyRenderer {
             let is_taxel = patch.nearest_level(self.plan.level) == LevelId::default();
             if is_taxel { patch.taxels.ids[vertex].0 } else { vertex.raw() }
         };
-        let ids = self.plan.taxel_ids.get_or_init(|| {
-            self.plan.shown(self.map()).iter().map(|shown| shown.map_or(u32::MAX, id)).collect()
-        });
+        let shown = self.shown(py)?;
+        let ids = self
+            .plan
+            .taxel_ids
+            .get_or_init(|| shown.iter().map(|shown| shown.map_or(u32::MAX, id)).collect());
         shaped(py, [self.shape.0, self.shape.1], ids.clone())
     }
 

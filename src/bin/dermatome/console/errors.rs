@@ -304,6 +304,7 @@ fn option_help(error: &Error) -> &'static str {
             "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
              link, or leave such patches out with `dermatome build --keep-going`"
         }
+        Error::Atlas(AtlasError::PixelBeyondPatches { .. }) => "give a smaller --pixel-mm: its unit is mm",
         Error::Remesh(_) => {
             "change --spacing, state the unit of the file (--unit), or take other patches with --patch or --links"
         }

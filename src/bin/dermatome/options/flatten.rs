@@ -24,7 +24,7 @@ pub(crate) struct FlattenArgs {
     /// Method that computes the map
     #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
     method: MethodArg,
-    /// What the intrinsic method minimises [default: sum]
+    /// What the intrinsic method minimises [default: sum, and symmetric-dirichlet for patches without a usable map]
     #[arg(long, value_enum)]
     energy: Option<EnergyArg>,
     /// Weight of the angle term [default: 1]
