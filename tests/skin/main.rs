@@ -820,7 +820,12 @@ proptest! {
         match assemble(&draft) {
             Ok(assembled) => {
                 prop_assert_eq!(assembled.skin.validate(), Ok(()));
-                prop_assert_eq!(findings.iter().find(is_error), None);
+                // A sheet may have errors where all of its faces are left out.
+                let is_kept = |finding: &&Finding| {
+                    let patches = assembled.skin.patches.iter();
+                    patches.clone().any(|patch| patch.name.starts_with(&finding.patch))
+                };
+                prop_assert_eq!(findings.iter().filter(is_kept).find(is_error), None);
             }
             Err(error) => prop_assert!(findings.iter().any(|found| is_error(&found)), "{} without an error", error),
         }
