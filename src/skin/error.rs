@@ -25,6 +25,8 @@ pub enum SkinError {
         ends(edges)[0], ends(edges)[1]
     )]
     NonManifoldEdges { patch: String, edges: Vec<[VertexId; 2]> },
+    #[error("patch {patch:?}: {} the same corners as an earlier face: {}", count(faces.len(), "face has", "faces have"), first_few(faces))]
+    DuplicateFaces { patch: String, faces: Vec<FaceId> },
     #[error(
         "patch {patch:?}: repair stopped after {rounds} rounds of dropping faces, and {} more than two faces still, \
          the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), ends(edges)[0], ends(edges)[1]

@@ -504,6 +504,21 @@ fn invalid_skins_are_not_built() {
     assert!(error.to_string().contains("0 edges"), "any public value has a sentence");
 }
 
+/// Two faces with the same corners and no other neighbours close each other: no edge has more than two faces.
+#[test]
+fn a_face_alone_with_its_duplicate_is_refused() {
+    for again in [[0, 1, 2], [2, 1, 0]] {
+        let mut sheet = sheet_of("s", &shapes::triangle());
+        sheet.triangles.push(again);
+        let draft = draft_of(sheet);
+        let error = assemble(&draft).unwrap_err();
+        assert_eq!(error, SkinError::DuplicateFaces { patch: "s".into(), faces: vec![FaceId::new(1)] });
+        assert_eq!(elements(&draft, "duplicate-face"), [1]);
+        let repaired = skin::assemble(&draft, &REPAIR).unwrap().skin;
+        assert_eq!(repaired.patches[PatchId::new(0)].mesh.triangles.len(), 1);
+    }
+}
+
 /// Two squares, in one sheet, of which the second is the vertices 4 to 7.
 fn two_squares() -> Sheet {
     let mut sheet = sheet_of("s", &shapes::square());
@@ -830,7 +845,7 @@ proptest! {
             Err(error) => prop_assert!(findings.iter().any(|found| is_error(&found)), "{} without an error", error),
         }
         let told: BTreeSet<_> = findings.iter().map(|f| (f.kind.to_string(), &f.patch)).collect();
-        prop_assert_eq!(told.len(), findings.len(), "one finding of each kind and sheet");
+        prop_assert_eq!(told.len(), findings.len(), "one finding of each kind and sheet: {:?}", findings);
     }
 
     /// What is assembled once is taken as it is the second time.

@@ -1,9 +1,11 @@
 //! One sheet, welded, consistently wound and without faces of zero area, split into its components.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Part, TriMesh, separate};
+use crate::mesh::{Halfedge, Part, TriMesh, separate};
 use crate::skin::assemble::zero_area::{Cleared, clear_zero_area};
 use crate::skin::normals::mean_directions;
 use crate::skin::remark::note;
@@ -62,6 +64,10 @@ impl<'a> Components<'a> {
             } else {
                 SkinError::NonManifoldEdges { patch, edges }
             });
+        }
+        let again = repeated_faces(&surface);
+        if !again.is_empty() {
+            return Err(SkinError::DuplicateFaces { patch: patch(), faces: again });
         }
         let winding = Winding::new(&surface.mesh, &surface.edges);
         if let Some(&edge) = winding.conflicting_edges.first() {
@@ -128,6 +134,17 @@ impl<'a> Components<'a> {
         let components = parts.map(|(Part { vertices, mesh }, turned)| Component { vertices, mesh, turned });
         components.filter(|component| !component.vertices.is_empty()).collect()
     }
+}
+
+/// The faces of the file with the same corners as an earlier one; no edge has more than two faces.
+fn repeated_faces(surface: &WeldedMesh) -> Vec<FaceId> {
+    let apex = |h: Halfedge| h.previous().start(&surface.mesh);
+    let again = surface.edges.iter().filter_map(|uses| match uses[..] {
+        [a, b] if apex(a) == apex(b) => Some(surface.file_faces[a.face().max(b.face())]),
+        _ => None,
+    });
+    let again: BTreeSet<FaceId> = again.collect();
+    again.into_iter().collect()
 }
 
 /// Reports what was cut, dropped or split to make a manifold.

@@ -146,6 +146,7 @@ fn option_help(error: &Error) -> &'static str {
             SkinError::NonManifoldEdges { .. } => {
                 "--repair splits such edges into sheets; `dermatome check` lists them"
             }
+            SkinError::DuplicateFaces { .. } => "--repair drops such faces; `dermatome check` lists them",
             SkinError::NotOrientable { .. } => {
                 "--repair cuts the surface open where its faces are wound differently; `dermatome check` lists such \
                  edges"
@@ -315,9 +316,15 @@ fn option_help(error: &Error) -> &'static str {
 
 /// What repairs several patches of a skin, of which `valid` others are good.
 fn several_help(errors: &[SkinError], valid: usize) -> String {
-    let is_repaired =
-        |e: &SkinError| matches!(e, SkinError::NonManifoldEdges { .. } | SkinError::NotOrientable { .. });
-    let repair = "--repair splits edges of more than two faces and surfaces with one side; ";
+    let is_repaired = |e: &SkinError| {
+        matches!(
+            e,
+            SkinError::NonManifoldEdges { .. }
+                | SkinError::DuplicateFaces { .. }
+                | SkinError::NotOrientable { .. }
+        )
+    };
+    let repair = "--repair drops duplicate faces, and splits edges of more than two faces and surfaces with one side; ";
     let repair = if errors.iter().any(is_repaired) { repair } else { "" };
     let rest = "`dermatome build --keep-going` maps the other patches; ";
     let rest = if valid > 0 { rest } else { "" };
