@@ -108,20 +108,28 @@ impl Recipe {
         let graph = SeamGraph::new(mesh, costs)?;
         let loops = self.loops.iter().filter_map(|&v| graph.apex_at(v));
         let ends: BTreeSet<VertexId> = self.cones.iter().copied().chain(loops).collect();
-        if let Some(cut) = self.along(&graph, &ends).and_then(|seam| graph.checked(&seam).ok()) {
+        if let Some(seam) = self.along(&graph, &ends)
+            && let Ok(cut) = graph.checked(&seam)
+            && graph.leaves_one_rim(&seam, &cut)
+        {
             return Ok(Some(cut));
         }
-        // Paths that meet twice open too much: the seam is found anew.
+        // Paths that meet twice open too much, or too little: the seam is found anew.
         let seam = must_cut(&graph).joined(&graph, ends.into_iter());
         graph.checked(&seam.edges).map(Some)
     }
 
-    /// The seam along shortest paths between the ends of its edges, shortened.
+    /// The seam along shortest paths between the ends of its edges, shortened. A path through a loop would replace an edge
+    /// between two of its vertices, and leave a handle closed.
     fn along(&self, graph: &SeamGraph<'_>, ends: &BTreeSet<VertexId>) -> Option<SeamEdges> {
         let spokes = self.spokes.iter().map(|&v| Some([v, graph.apex_at(v)?])).collect::<Option<Vec<_>>>()?;
         let mut seam = SeamEdges::new();
-        for &[a, b] in self.edges.iter().chain(&spokes) {
-            seam.extend(graph.path(&[a].into(), &[b].into())?);
+        let weights = graph.weights_without_loops();
+        for &[a, b] in &self.edges {
+            seam.extend(graph.paths.shortest(&weights, std::iter::once(a), |v| v == b)?);
+        }
+        for [v, apex] in spokes {
+            seam.extend(graph.path(&[v].into(), &[apex].into())?);
         }
         graph.prune(&mut seam, ends);
         Some(shorten(graph, seam, ends))
@@ -131,7 +139,8 @@ impl Recipe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::shapes;
+    use crate::cut::{Cut, decide};
+    use crate::mesh::{boundary_loops, shapes};
     use crate::numeric::Random;
 
     /// A block with windows, and holes at some of its faces.
@@ -163,6 +172,20 @@ mod tests {
                 if let Err(error) = graph.checked(&seam) {
                     panic!("{windows} windows of {fine} edges, holes {holes}: {error}");
                 }
+            }
+        }
+    }
+
+    /// An edge between two vertices of one loop opened no handle on the skin: the path through the loop was shorter.
+    #[test]
+    fn all_loops_joined_are_one() {
+        for windows in 1..4 {
+            for holes in 0..20 {
+                let mesh = holed_frame(windows, 1, holes);
+                let decided = decide(&mesh, None, &Cut::All, &|_, _| None, None).unwrap().pop().unwrap();
+                let cut = decided.recipe.cut(&mesh, None).unwrap().unwrap();
+                let loops = boundary_loops(&cut.mesh(&mesh.positions)).len();
+                assert_eq!(loops, 1, "{windows} windows, holes {holes}");
             }
         }
     }

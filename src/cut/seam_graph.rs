@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::cut::cut_mesh::check_disk;
 use crate::cut::{CutError, CutMesh};
 use crate::id::{FaceId, Id, IdVec, VertexId};
-use crate::mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh};
+use crate::mesh::{Adjacency, Edges, Halfedge, MeshError, TriMesh, boundary_loops};
 use crate::numeric::{Csr, DisjointSets};
 use crate::skin::Taxels;
 
@@ -37,6 +37,9 @@ pub(super) const RESOLUTION: f64 = 1e-8;
 
 /// Length of an edge of a loop or of a spoke to its apex: a loop counts as one point.
 const FREE: u64 = 1;
+
+/// The largest length of an edge: sums of as many as 32 bits count are below 64 bits.
+const LONGEST: u64 = u64::MAX >> 32;
 
 /// Taxels are dense, and seams avoid them, where their density is more than this many times the
 /// median one. *Heuristic*: triangulations of even taxels vary by less, and a seam through them
@@ -103,9 +106,7 @@ impl<'m> SeamGraph<'m> {
             let factor = if is_free { 1.0 } else { costs.map_or(1.0, |c| (c[a] * c[b]).sqrt()) };
             let factor = if !is_free && (needles[a] || needles[b]) { factor * NEEDLE } else { factor };
             lengths.push(length);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-            let weight = ((length * factor / RESOLUTION).round() as u64).clamp(FREE, u64::MAX >> 32);
-            weights.push(if is_free { FREE } else { weight });
+            weights.push(if is_free { FREE } else { whole(length * factor) });
         }
         let paths = Paths::new(closed.positions.len(), &closed.triangles, &edge_of);
         Ok(Self { mesh, loops, adjacency, edge_of, ends, weights, lengths, is_on_loop, paths, closed })
@@ -182,6 +183,24 @@ impl<'m> SeamGraph<'m> {
         Ok(cut)
     }
 
+    /// Whether a mesh that is cut along a seam has one loop, and those that the seam does not meet.
+    pub(super) fn leaves_one_rim(&self, seam: &SeamEdges, cut: &CutMesh) -> bool {
+        let met = self.vertices(seam);
+        let free = self.loops.iter().filter(|walk| !walk.iter().any(|v| met.contains(v))).count();
+        boundary_loops(&cut.mesh(&self.mesh.positions)).len() == free + 1
+    }
+
+    /// Lengths of edges for paths that pass through no loop: those of a rim have theirs, spokes are too long.
+    pub(super) fn weights_without_loops(&self) -> IdVec<EdgeId, u64> {
+        let unit = self.mesh.area().sqrt();
+        let weight = |(edge, &[a, b]): (EdgeId, &[VertexId; 2])| match self.is_free(edge) {
+            true if b.index() >= self.mesh.positions.len() => LONGEST,
+            true => whole(self.mesh.positions[a].distance(self.mesh.positions[b]) / unit),
+            false => self.weights[edge],
+        };
+        self.ends.enumerate().map(weight).collect()
+    }
+
     /// Removes edges of a seam until it leaves the mesh in one piece. A seam opens the closed surface to a disk, but where it
     /// passes through a vertex of a loop and meets the same loop elsewhere, the loop cuts off what lies between. The free
     /// edges of the result are the spokes of all vertices at which it meets a loop.
@@ -244,6 +263,12 @@ impl<'m> SeamGraph<'m> {
     pub(super) fn path(&self, from: &BTreeSet<VertexId>, to: &BTreeSet<VertexId>) -> Option<Vec<EdgeId>> {
         self.paths.shortest(&self.weights, from.iter().copied(), |v| to.contains(&v))
     }
+}
+
+/// A length over the square root of the area as a whole number; see [`RESOLUTION`].
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+fn whole(length: f64) -> u64 {
+    ((length / RESOLUTION).round() as u64).clamp(FREE, LONGEST)
 }
 
 /// Factors on the length of paths at each taxel: seams avoid taxels that are dense, whose weights are high or
