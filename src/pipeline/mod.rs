@@ -40,12 +40,12 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{check_pixel, fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{Boundary, POOR, flatten_pyramid_with, patch_scales};
+use crate::flatten::{ABSURD, Boundary, POOR, flatten_pyramid_with, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{MeshError, is_within_reach};
-use crate::pipeline::attempts::{SAME, energy, keep_held, other_attempts};
+use crate::pipeline::attempts::{SAME, by_symmetric_dirichlet, energy, keep_held, other_attempts};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
@@ -92,6 +92,8 @@ pub struct Built {
     /// numbers, or in the 32-bit ones of a file, as those of a long thin tube, or a symmetric Dirichlet energy above
     /// 15, which that of the finest level is not.
     pub left_out: IdVec<PatchId, usize>,
+    /// Which patches have a map by the symmetric Dirichlet energy, since the default energy gave none or an absurd one.
+    pub by_dirichlet: IdVec<PatchId, bool>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
     /// The pixels, if they had to be larger than 1 mm.
@@ -155,6 +157,10 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         let left_out = keep_held(&mut map, options, numbers)?;
         Ok((map, left_out))
     };
+    let map_again = |patch: &Patch, scale: f64, other: &BuildOptions| {
+        let pyramid = coarsen_patch(patch, &[], side(patch), other, run)?;
+        map_one(patch, pyramid, scale, other)
+    };
     let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
         let mut best = map_one(patch, pyramid, scale, options);
         for other in other_attempts(patch, options) {
@@ -162,8 +168,7 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
             if energy(&best, patch, options) <= POOR {
                 break;
             }
-            let pyramid = coarsen_patch(patch, &[], side(patch), &other, run);
-            let made = pyramid.and_then(|pyramid| map_one(patch, pyramid, scale, &other));
+            let made = map_again(patch, scale, &other);
             let [new, old] = [&made, &best].map(|made| energy(made, patch, options));
             if new < old {
                 best = made;
@@ -173,44 +178,60 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
                 break;
             }
         }
-        best.map_err(|e| e.in_patch(&patch.name))
+        let mut is_by_dirichlet = false;
+        // [`build_finest`] returns no notes.
+        let is_noted = matches!(numbers, Numbers::F32);
+        for other in by_symmetric_dirichlet(patch, options).into_iter().filter(|_| is_noted) {
+            run.check()?;
+            if energy(&best, patch, options) <= ABSURD {
+                break;
+            }
+            let made = map_again(patch, scale, &other);
+            if energy(&made, patch, options) < energy(&best, patch, options) {
+                (best, is_by_dirichlet) = (made, true);
+            }
+        }
+        best.map(|(map, left_out)| (map, (left_out, is_by_dirichlet))).map_err(|e| e.in_patch(&patch.name))
     });
     run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
-    let (patches, mut left_out): (Vec<_>, Vec<_>) = maps.into_iter().unzip();
+    let (patches, mut made): (Vec<_>, Vec<(usize, bool)>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations };
     let enlarged = match (options.pixel, numbers) {
-        (None, Numbers::F32) => enlarge_pixels(&mut map, &mut left_out, options, &mut failed)?,
+        (None, Numbers::F32) => enlarge_pixels(&mut map, &mut made, options, &mut failed)?,
         _ => None,
     };
     let map = Arc::new(map);
-    Ok(Built { map, coarsened_in, flattened_in, left_out: left_out.into(), failed, enlarged })
+    let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    let (left_out, by_dirichlet) = (left_out.into(), by_dirichlet.into());
+    Ok(Built { map, coarsened_in, flattened_in, left_out, by_dirichlet, failed, enlarged })
 }
 
-/// Gives a map larger pixels where its images would have too many. A patch whose map the 32-bit numbers of its file
+/// Gives a map larger pixels where its images would have too many. `made` is, for each patch, how many levels it was made
+/// without, and by which energy. A patch whose map the 32-bit numbers of its file
 /// cannot hold with these pixels fails as any other.
 fn enlarge_pixels(
     map: &mut SkinMap,
-    left_out: &mut Vec<usize>,
+    made: &mut Vec<(usize, bool)>,
     options: &BuildOptions,
     failed: &mut Vec<Error>,
 ) -> Result<Option<Enlarged>, Error> {
     let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
     let pixels = pixels_of(map);
-    let patches: Vec<(PatchMap, usize)> =
-        std::mem::take(&mut map.patches).into_iter().zip(std::mem::take(left_out)).collect();
+    let patches: Vec<(PatchMap, (usize, bool))> =
+        std::mem::take(&mut map.patches).into_iter().zip(std::mem::take(made)).collect();
     let enlarged: Vec<_> = patches
         .into_par_iter()
-        .map(|(mut patch, left_out)| {
+        .map(|(mut patch, (left_out, by_dirichlet))| {
             patch.levels.iter_mut().for_each(|level| level.set_pixel(1e-3 * pixel_mm));
             let more = keep_held(&mut patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
-            Ok((patch, left_out + more))
+            Ok((patch, (left_out + more, by_dirichlet)))
         })
         .collect();
-    let (patches, counts): (Vec<_>, Vec<_>) = good(enlarged, options, failed)?.into_iter().unzip();
-    (map.patches, *left_out) = (patches.into(), counts);
+    let (patches, kept): (Vec<_>, Vec<_>) = good(enlarged, options, failed)?.into_iter().unzip();
+    (map.patches, *made) = (patches.into(), kept);
     Ok(Some(Enlarged { pixel_mm, pixels }))
 }
 
@@ -388,14 +409,14 @@ mod tests {
         level.uv.iter_mut().for_each(|at| at.x = -at.x);
         let enlarge = |keep_going: bool| {
             let options = BuildOptions { keep_going, ..BuildOptions::default() };
-            let (mut map, mut left_out, mut failed) = (map.clone(), vec![0, 1], Vec::new());
-            let enlarged = enlarge_pixels(&mut map, &mut left_out, &options, &mut failed);
-            (enlarged, map, left_out, failed)
+            let (mut map, mut made, mut failed) = (map.clone(), vec![(0, false), (1, true)], Vec::new());
+            let enlarged = enlarge_pixels(&mut map, &mut made, &options, &mut failed);
+            (enlarged, map, made, failed)
         };
-        let (enlarged, map, left_out, failed) = enlarge(true);
+        let (enlarged, map, made, failed) = enlarge(true);
         assert!(enlarged.unwrap().is_some_and(|enlarged| enlarged.pixel_mm > 1.0));
         assert_eq!(map.patches.iter().map(|patch| &*patch.name).collect::<Vec<_>>(), ["b"]);
-        assert_eq!(left_out, [1]);
+        assert_eq!(made, [(1, true)]);
         assert!(failed.len() == 1 && failed[0].to_string().contains("\"a\""), "{failed:?}");
         let (enlarged, ..) = enlarge(false);
         assert!(enlarged.unwrap_err().to_string().contains("\"a\""));

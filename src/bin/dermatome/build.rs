@@ -209,13 +209,17 @@ fn title(skin: &[InPath], folder: &Path) -> String {
 
 /// Prints which patches and levels have no map, and which pixels were chosen.
 fn note_built(built: &Built, common: &Common) {
-    let Built { map, left_out, failed, enlarged, .. } = built;
+    let Built { map, left_out, by_dirichlet, failed, enlarged, .. } = built;
     for error in failed {
         note!(common, "{error}; left out");
     }
     for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
         let why = "much too distorted, or too long and thin for a map in 64-bit numbers or the 32-bit ones of its file";
         note!(common, "{}: left out the coarsest levels, {count} in number: {why}", plain(&patch.name));
+    }
+    for (patch, _) in map.patches.iter().zip(by_dirichlet).filter(|(_, by_dirichlet)| **by_dirichlet) {
+        let why = "no usable map by the default energy, so --energy symmetric-dirichlet was used";
+        note!(common, "{}: {why}", plain(&patch.name));
     }
     let count = taxels(map);
     if count > MOST_SHOWN {
