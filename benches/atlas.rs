@@ -1,6 +1,8 @@
 //! Charts, images and EXR files of caps: 500 to a million triangles at about two pixels an edge.
 
-#[path = "../tests/maps/mod.rs"]
+#[path = "../tests/library/altered.rs"]
+mod altered;
+#[path = "../tests/library/maps/mod.rs"]
 mod maps;
 
 use std::{hint::black_box, sync::Arc, time::Duration};

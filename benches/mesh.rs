@@ -1,6 +1,6 @@
 //! Who borders whom, for lattices of many sizes.
 
-#[path = "../tests/altered/mod.rs"]
+#[path = "../tests/library/altered.rs"]
 mod altered;
 
 use altered::renumbered;

@@ -1,26 +1,22 @@
-//! What many test programs share: the command, data from outside the repository, and small readers
+//! What both test programs share: the command, data from outside the repository, and small readers
 //! and writers of its files.
 #![allow(dead_code, reason = "each test program uses a part of it")]
 
-use std::path::{Path, PathBuf};
-use std::{env, fs};
-
-#[cfg(feature = "cli")]
 use assert_cmd::assert::Assert;
 use dermatome::id::VertexId;
 use dermatome::io::Readings;
 use dermatome::mesh::{TriMesh, shapes};
 use dermatome::signal::Channel;
 use dermatome::skin::{Skin, TaxelId};
+use std::path::{Path, PathBuf};
+use std::{env, fs};
 
 /// The command without arguments.
-#[cfg(feature = "cli")]
 pub(crate) fn command() -> assert_cmd::Command {
     assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
 }
 
 /// The command in a folder, with words that a user would type.
-#[cfg(feature = "cli")]
 pub(crate) fn dermatome(folder: impl AsRef<Path>, words: &str) -> assert_cmd::Command {
     let mut command = command();
     command.current_dir(folder).args(words.split_whitespace());
@@ -28,18 +24,14 @@ pub(crate) fn dermatome(folder: impl AsRef<Path>, words: &str) -> assert_cmd::Co
 }
 
 /// The command in a folder, which refuses with exit code 2 and says all of this.
-#[cfg(feature = "cli")]
 pub(crate) fn refuses(folder: impl AsRef<Path>, words: &str, said: &[&str]) -> Assert {
     says(dermatome(folder, words).assert().code(2), words, said)
 }
 
 /// The command in a folder, which succeeds and says all of this on standard error.
-#[cfg(feature = "cli")]
 pub(crate) fn notes(folder: impl AsRef<Path>, words: &str, said: &[&str]) -> Assert {
     says(dermatome(folder, words).assert().success(), words, said)
 }
-
-#[cfg(feature = "cli")]
 fn says(run: Assert, words: &str, said: &[&str]) -> Assert {
     let found = String::from_utf8_lossy(&run.get_output().stderr);
     for part in said {

@@ -9,7 +9,7 @@
 //! saddle than a region needs is a spike at the flank of the subregion, and is not separated.
 //!
 //! *Heuristic*: 0.4 of the height, and four taxels. Of simulated touches with gains that vary by 40 %, 5 % of the taxels
-//! dead and noise to 5 kPa (`tests/fingers.rs`), 95 % of laid fingers and all palms of 40 and 60 mm are one contact, 85 and
+//! dead and noise to 5 kPa (`tests/library/fingers.rs`), 95 % of laid fingers and all palms of 40 and 60 mm are one contact, 85 and
 //! 75 % without smoothing; at 0.5 the same, but fewer fingers on a real cover of 642 taxels 7 mm apart are separated, which
 //! [`Probe::Finger`](crate::signal::Probe::Finger) is for.
 

@@ -12,7 +12,7 @@
 //! 3. `leaks`: where nothing touches around a taxel, its readings are regressed on those of a taxel far away.
 //!
 //! A taxel that was not touched often enough is untested, which is a count and never a fault. *Heuristic*; measured on
-//! simulated recordings of 400 presses on a cover of 642 taxels (`tests/health`): at most one false finding in 20
+//! simulated recordings of 400 presses on a cover of 642 taxels (`tests/library/health`): at most one false finding in 20
 //! recordings without faults. Swaps and crosstalk within two edges of the mesh are not found.
 
 pub(in crate::signal) mod around;

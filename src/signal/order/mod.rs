@@ -14,7 +14,7 @@
 //! An order below [`LEAST_OBJECTIVE`] is refused. So is a skin that looks alike from two sides: two orders that differ
 //! explain the signals alike, and only known columns decide. Columns that nothing touched have no taxel.
 //!
-//! *Heuristic*; measured on simulated touches of a cover of 642 taxels, `tests/order.rs` and
+//! *Heuristic*; measured on simulated touches of a cover of 642 taxels, `tests/library/order.rs` and
 //! `docs/recordings.md`. What it does not guarantee: with few touches of small bodies the search may end at a poor order,
 //! which its objective shows.
 

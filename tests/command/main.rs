@@ -1,0 +1,31 @@
+//! The command as a user runs it: a module for each subcommand or promise, and the pages that show commands.
+
+#[path = "../library/altered.rs"]
+mod altered;
+mod bare;
+mod bodies;
+mod build;
+mod calibrate;
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+mod cuts;
+mod events;
+mod experiment;
+mod export;
+mod health;
+mod json;
+mod lookup;
+#[path = "../library/maps/mod.rs"]
+mod maps;
+mod order;
+mod outputs;
+mod reading;
+mod readme;
+mod regions;
+mod render;
+mod response;
+mod robot;
+mod touch;
+mod touches;
+mod zoo;

@@ -1,0 +1,217 @@
+//! Sums of a trial: what they are on a sheet whose loads are known, and on the samples of vendors.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use dermatome::id::VertexId;
+use dermatome::io::{
+    Layout, ReadOptions, Readings, ReadingsReader, read_draft, read_draft_of_stream, summary_rows,
+    write_summary,
+};
+use dermatome::map::SkinMap;
+use dermatome::mesh::shapes;
+use dermatome::recording::{Recording, RecordingOptions};
+use dermatome::signal::{Channel, Group, Totals, TrackerOptions};
+use dermatome::skin::{AssembleOptions, PatchId, assemble};
+
+use crate::common;
+
+const AREA: f64 = 0.004 * 0.004;
+
+/// A sheet of 9 x 7 taxels of one area; taxels 30 and up are the region `upper`.
+fn sheet() -> SkinMap {
+    let mut map = SkinMap::flat(shapes::lattice(9, 7, 0.004), 1e-3);
+    let id = PatchId::new(0);
+    let patch = &mut map.patches[id];
+    patch.taxels.areas.iter_mut().for_each(|area| *area = AREA);
+    for level in patch.levels.iter_mut() {
+        level.level.areas = patch.taxels.areas.clone();
+    }
+    let taxels: Vec<_> = patch.taxels.ids.ids().skip(30).map(|v| (id, v)).collect();
+    map.set_regions(taxels, "upper").unwrap();
+    map
+}
+
+/// A recording of frames in which some taxels have a pressure in Pa, all others 0.
+fn recording(map: &Arc<SkinMap>, frames: &[(f64, &[(usize, f64)])], threshold: f64) -> Recording {
+    let width = map.patches[PatchId::new(0)].taxels.ids.len();
+    let mut values = vec![0.0; width * frames.len()];
+    for (row, (_, pressed)) in values.chunks_mut(width).zip(frames) {
+        pressed.iter().for_each(|&(taxel, value)| row[taxel] = value);
+    }
+    let times = frames.iter().map(|frame| frame.0).collect();
+    let channels = vec![Channel::new("pressure", "Pa").unwrap()];
+    let readings = Readings { ids: None, channels, width, times, values };
+    let readings = ReadingsReader::memory(readings).unwrap();
+    let mut recording = Recording::open(map, readings, &RecordingOptions::default()).unwrap();
+    let options = TrackerOptions { threshold: Some(threshold), least: 1, ..TrackerOptions::default() };
+    recording.summarise(&options).unwrap();
+    while recording.next_step().unwrap().is_some() {}
+    recording
+}
+
+fn totals(recording: &Recording, wanted: Group) -> Totals {
+    let summary = recording.summary().unwrap();
+    summary.totals().find(|(group, _)| *group == wanted).unwrap().1.clone()
+}
+
+fn assert_near(found: Option<f64>, wanted: f64, what: &str) {
+    assert!(
+        found.is_some_and(|x| (x - wanted).abs() <= 1e-12 * wanted.abs().max(1e-9)),
+        "{what}: {found:?}, not {wanted}"
+    );
+}
+
+/// A press that grows, moves by a taxel and ends: every sum by hand.
+#[test]
+fn sums_of_a_press_are_those_by_hand() {
+    let map = Arc::new(sheet());
+    let frames: [(f64, &[(usize, f64)]); 5] = [
+        (0.0, &[]),
+        (0.1, &[(31, 1000.0)]),
+        (0.2, &[(31, 3000.0), (32, 1000.0)]),
+        (0.3, &[(32, 4000.0)]),
+        (0.4, &[]),
+    ];
+    let recording = recording(&map, &frames, 500.0);
+    for group in [
+        Group::Whole,
+        Group::Region(0.into()),
+        Group::Patch(PatchId::new(0)),
+        Group::Link(0.into()),
+        Group::Contact(0),
+    ] {
+        let is_contact = matches!(group, Group::Contact(_));
+        let found = totals(&recording, group);
+        assert_near(found.peak, 4000.0, "peak");
+        assert_near(found.peak_time, 0.3, "time of the peak");
+        assert_eq!(found.peak_taxel, Some((PatchId::new(0), VertexId::new(32))));
+        assert_near(found.force_peak, 4000.0 * AREA, "force");
+        assert_near(found.force_peak_time, 0.2, "the first of equal forces");
+        assert_near(found.force_mean(), 3000.0 * AREA, "mean force of three frames");
+        assert_near(found.mean(), (1000.0 + 2000.0 + 4000.0) / 3.0, "mean");
+        assert_near(Some(found.contact_area_peak), 2.0 * AREA, "area");
+        assert_near(found.contact_area_mean(), 4.0 / 3.0 * AREA, "mean area");
+        assert_near(found.first_contact, 0.1, "first contact");
+        assert_near(found.last_contact, 0.3, "last contact");
+        // The centre moves by a quarter of 4 mm, then by the rest.
+        assert_near(found.path, 0.004, "path");
+        assert_near(found.speed_mean(), 0.02, "speed");
+        assert_near(found.speed_peak, 0.03, "largest speed");
+        // A contact has no frames without a load before and after it.
+        let [impulse, integral, time] = if is_contact { [650.0, 550.0, 0.2] } else { [900.0, 800.0, 0.3] };
+        assert_near(found.impulse, impulse * AREA, "impulse");
+        assert_near(found.pressure_time_integral, integral, "pressure-time integral");
+        assert_near(found.contact_time, time, "contact time");
+    }
+    let of_region = totals(&recording, Group::Region(0.into()));
+    assert_eq!((of_region.taxels, of_region.frames, of_region.loaded_frames), (33, 5, 3));
+    assert_eq!(recording.summary().unwrap().gaps(), 0);
+}
+
+/// Nothing is added up over a gap, nor where the clock jumps back.
+#[test]
+fn gaps_and_clocks_that_jump_back_add_nothing() {
+    let map = Arc::new(sheet());
+    let press: &[(usize, f64)] = &[(31, 1000.0)];
+    let times = [0.0, 0.1, 0.2, 0.3, 9.0, 9.1, 5.0, 5.1];
+    let recording = recording(&map, &times.map(|time| (time, press)), 500.0);
+    let found = totals(&recording, Group::Whole);
+    assert_eq!(recording.summary().unwrap().gaps(), 2);
+    assert!((found.contact_time.unwrap() - 0.5).abs() < 1e-9, "{:?}", found.contact_time);
+    assert!((found.impulse.unwrap() - 0.5 * 1000.0 * AREA).abs() < 1e-12);
+}
+
+/// Without times, a unit or a reading there are no numbers that need them; a table has empty cells.
+#[test]
+fn what_is_not_known_is_empty() {
+    let map = Arc::new(sheet());
+    let width = 63;
+    let mut values = vec![f64::NAN; 2 * width];
+    values[10] = 5.0;
+    let readings =
+        Readings { ids: None, channels: vec![Channel::default()], width, times: vec![f64::NAN; 2], values };
+    let mut recording =
+        Recording::open(&map, ReadingsReader::memory(readings).unwrap(), &RecordingOptions::default())
+            .unwrap();
+    let options = TrackerOptions { threshold: Some(1.0), least: 1, ..TrackerOptions::default() };
+    recording.summarise(&options).unwrap();
+    while recording.next_step().unwrap().is_some() {}
+    let whole = totals(&recording, Group::Whole);
+    assert_eq!((whole.frames, whole.peak, whole.force_peak, whole.impulse), (1, Some(5.0), None, None));
+    assert_eq!((whole.contact_time, whole.first_contact, whole.path), (None, None, None));
+    assert_eq!(totals(&recording, Group::Region(0.into())).peak, None);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sums.csv");
+    write_summary(&path, &map, recording.summary().unwrap()).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 6, "names, whole, link, patch, region and contact");
+    let column = |name: &str| rows[0].iter().position(|found| *found == name).unwrap();
+    assert_eq!(rows[1][column("peak")], "5.0");
+    assert_eq!((rows[1][column("impulse")], rows[4][column("peak")]), ("", ""));
+    assert_eq!(rows[0].len(), summary_rows(&map, recording.summary().unwrap())[0].len());
+}
+
+/// The force of every frame of a vendor's file, summed on the map of its skin.
+fn forces(path: &Path, layout: Option<&str>, stream: Option<&str>) -> (Vec<f64>, Vec<f64>) {
+    let draft = stream.map_or_else(|| read_draft(path), |stream| read_draft_of_stream(path, stream)).unwrap();
+    let skin = assemble(&draft, &AssembleOptions::default()).unwrap().skin;
+    let map = Arc::new(dermatome::build(&skin, &dermatome::BuildOptions::default()).unwrap());
+    let layout = layout.map(|text| Layout::parse("layout.json".as_ref(), text).unwrap());
+    let read = ReadOptions { layout, stream: stream.map(str::to_owned), ..ReadOptions::default() };
+    let readings = ReadingsReader::open(path, read).unwrap();
+    let mut recording = Recording::open(&map, readings, &RecordingOptions::default()).unwrap();
+    let options = TrackerOptions { threshold: Some(f64::MIN_POSITIVE), ..TrackerOptions::default() };
+    recording.summarise(&options).unwrap();
+    let (mut forces, mut sums) = (Vec::new(), Vec::new());
+    while recording.next_step().unwrap().is_some() {
+        let (_, whole) = recording.summary().unwrap().loads()[0];
+        forces.push(whole.force);
+        sums.push(whole.sum);
+    }
+    (forces, sums)
+}
+
+/// Forces, loads and raw sums that the vendors' programs wrote are those of the summary.
+#[test]
+fn sums_are_those_of_the_vendors() {
+    let Some(data) = common::data("recordings") else { return };
+    let truth: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(data.join("truth.json")).unwrap()).unwrap();
+    for (file, key, error) in [
+        ("vendor/emed_test.lst", "force_N", 0.006),
+        ("vendor/fscan_testL.asf", "force_N", 0.06),
+        ("vendor/pliance_test.asc", "force_N", 0.01),
+    ] {
+        let (forces, _) = forces(&data.join(file), None, None);
+        let wanted = truth[file][key].as_array().unwrap();
+        for (frame, wanted) in wanted.iter().enumerate() {
+            let wanted = wanted.as_f64().unwrap();
+            assert!(
+                (forces[frame] - wanted).abs() <= error,
+                "{file}, frame {frame}: {} N, not {wanted}",
+                forces[frame]
+            );
+        }
+    }
+    let (_, sums) = forces(&data.join("vendor/iscan_test.csv"), None, None);
+    let wanted: Vec<f64> = truth["vendor/iscan_test.csv"]["raw_sum"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap())
+        .collect();
+    assert_eq!(sums[..wanted.len()], wanted);
+    for (sensor, loads) in truth["vendor/xsensor_data.csv"]["load_N"].as_object().unwrap() {
+        let (forces, _) = forces(&data.join("vendor/xsensor_data.csv"), None, Some(sensor));
+        for (frame, wanted) in loads.as_array().unwrap().iter().enumerate() {
+            let wanted = wanted.as_f64().unwrap();
+            assert!(
+                (forces[frame] / wanted - 1.0).abs() <= 0.004,
+                "{sensor}, frame {frame}: {}, not {wanted}",
+                forces[frame]
+            );
+        }
+    }
+}
