@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::cut::{Cut, is_plain_disk};
-use crate::flatten::{ABSURD, Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap};
+use crate::flatten::{ABSURD, Distortion, Energy, FlattenError, FlattenOptions, Method, Overlap, POOR};
 use crate::map::{MapError, MapLevel, PatchMap};
 use crate::mesh::FARTHEST;
 use crate::pipeline::options::{BuildOptions, Numbers};
@@ -27,38 +27,46 @@ const GENTLE: f64 = 2.0;
 /// Energies that differ by a smaller share are the same.
 pub(super) const SAME: f64 = 0.01;
 
-/// Other attempts at a map, each as long as the first. *Heuristic*: loops that are joined leave fewer holes to keep,
-/// and from a level of half the vertices, needles of CAD fold less (a foot of an iCub: energy 59,876 with the default
-/// pyramid, 7.7 so).
-pub(super) fn other_attempts(patch: &Patch, options: &BuildOptions) -> Vec<BuildOptions> {
+/// Another way to a map.
+pub(super) struct Attempt {
+    pub(super) options: BuildOptions,
+    /// It is made where the best map so far has more energy than this.
+    pub(super) good: f64,
+    /// Whether it minimises the symmetric Dirichlet energy in place of the default one.
+    pub(super) is_by_dirichlet: bool,
+}
+
+/// The attempts at a map after the first, in order, each as long as that one. *Heuristic*: loops that are joined leave
+/// fewer holes to keep, and from a level of half the vertices, needles of CAD fold less (a foot of an iCub: energy
+/// 59,876 with the default pyramid, 7.7 so). What is absurd, or fails, by the default energy is tried by the symmetric
+/// Dirichlet energy, which keeps low faces from opening (needles of an iCub's chest, `icub_chest.dae` of icub-models:
+/// 60.8 by the default energy, 4.2 by this one).
+pub(super) fn attempts(patch: &Patch, options: &BuildOptions) -> Vec<Attempt> {
     if options.cut != Cut::Auto {
         return Vec::new();
     }
     let may_join = !is_plain_disk(&patch.mesh);
     let may_be_gentle = options.coarsen.ratio.is_none() && options.flatten.starts_coarse();
-    [(Cut::All, false), (Cut::All, true), (Cut::Auto, true)]
+    let others = [(Cut::All, false), (Cut::All, true), (Cut::Auto, true)]
         .into_iter()
-        .filter(|(cut, is_gentle)| (may_join || *cut == Cut::Auto) && (may_be_gentle || !is_gentle))
-        .map(|(cut, is_gentle)| {
-            let ratio = if is_gentle { Some(GENTLE) } else { options.coarsen.ratio };
-            let coarsen = CoarsenOptions { ratio, ..options.coarsen.clone() };
-            BuildOptions { cut, coarsen, ..options.clone() }
-        })
-        .collect()
-}
-
-/// The last attempts at a map that is absurd, or fails, by the default energy: by the symmetric Dirichlet energy, which
-/// keeps low faces from opening (needles of an iCub's chest, `icub_chest.dae` of icub-models: 60.8 by the default energy, 4.2 by this one).
-pub(super) fn by_symmetric_dirichlet(patch: &Patch, options: &BuildOptions) -> Vec<BuildOptions> {
-    let Method::Intrinsic { energy, magnify } = options.flatten.method else { return Vec::new() };
-    if energy != Energy::default() || options.cut != Cut::Auto {
-        return Vec::new();
+        .filter(|(cut, is_gentle)| (may_join || *cut == Cut::Auto) && (may_be_gentle || !is_gentle));
+    let with = |(cut, is_gentle), method, is_by_dirichlet: bool| {
+        let ratio = if is_gentle { Some(GENTLE) } else { options.coarsen.ratio };
+        let coarsen = CoarsenOptions { ratio, ..options.coarsen.clone() };
+        let flatten = FlattenOptions { method, ..options.flatten.clone() };
+        let good = if is_by_dirichlet { ABSURD } else { POOR };
+        Attempt { options: BuildOptions { cut, coarsen, flatten, ..options.clone() }, good, is_by_dirichlet }
+    };
+    let method = options.flatten.method;
+    let mut attempts: Vec<_> = others.clone().map(|other| with(other, method, false)).collect();
+    if let Method::Intrinsic { energy, magnify } = method
+        && energy == Energy::default()
+    {
+        let method = Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify };
+        let first = std::iter::once((Cut::Auto, false));
+        attempts.extend(first.chain(others).map(|other| with(other, method, true)));
     }
-    let method = Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify };
-    let flatten = FlattenOptions { method, ..options.flatten.clone() };
-    let first = BuildOptions { flatten, ..options.clone() };
-    let others = other_attempts(patch, &first);
-    std::iter::once(first).chain(others).collect()
+    attempts
 }
 
 /// Whether areas change on purpose, so that its energy does not judge a map.
@@ -74,6 +82,27 @@ pub(super) fn energy(made: &Result<(PatchMap, usize), Error>, patch: &Patch, opt
         Ok(_) => 0.0,
         Err(_) => f64::INFINITY,
     }
+}
+
+/// The one judge of two maps of a patch: less energy on the finest level; where that is the same, fewer coarse levels that
+/// are left out, then less energy on the worst of them.
+pub(super) fn is_better(
+    made: &Result<(PatchMap, usize), Error>,
+    best: &Result<(PatchMap, usize), Error>,
+    patch: &Patch,
+    options: &BuildOptions,
+) -> bool {
+    let [new, old] = [made, best].map(|made| energy(made, patch, options));
+    if (new / old - 1.0).abs() >= SAME || !old.is_finite() {
+        return new < old;
+    }
+    let coarse = |made: &Result<(PatchMap, usize), Error>| {
+        let (map, left_out) = made.as_ref().ok()?;
+        let energies = map.levels.iter().map(|level| level.distortion.symmetric_dirichlet);
+        Some((*left_out, energies.fold(0.0, f64::max)))
+    };
+    let (Some(new), Some(old)) = (coarse(made), coarse(best)) else { return new < old };
+    new.0 < old.0 || (new.0 == old.0 && new.1 < old.1)
 }
 
 /// Levels with a larger symmetric Dirichlet energy are left out where a finer one has less, also where all are absurd.
@@ -147,17 +176,46 @@ mod tests {
         let skin = Skin::from_mesh("tube", shapes::tube(12, 6, 0.02, 0.05));
         let patch = &skin.patches[PatchId::new(0)];
         let options = BuildOptions::default();
-        let last = by_symmetric_dirichlet(patch, &options);
+        let by_dirichlet = |options: &BuildOptions| -> Vec<bool> {
+            attempts(patch, options).iter().map(|attempt| attempt.is_by_dirichlet).collect()
+        };
+        assert_eq!(by_dirichlet(&options), [false, false, false, true, true, true, true]);
         let is_so = |o: &BuildOptions| {
             o.flatten.method == Method::Intrinsic { energy: Energy::SymmetricDirichlet, magnify: 0.0 }
         };
-        assert!(last.len() == 1 + other_attempts(patch, &options).len() && last.iter().all(is_so));
+        assert!(
+            attempts(patch, &options)
+                .iter()
+                .all(|attempt| is_so(&attempt.options) == attempt.is_by_dirichlet)
+        );
         let energy = Energy::Sum { angle: 1.0, area: 0.1, perimeter: 0.0 };
         let chosen = Method::Intrinsic { energy, magnify: 0.0 };
         for flatten in [chosen.into(), Method::Conformal.into()] {
-            assert!(by_symmetric_dirichlet(patch, &BuildOptions { flatten, ..options.clone() }).is_empty());
+            assert!(!by_dirichlet(&BuildOptions { flatten, ..options.clone() }).contains(&true));
         }
-        assert!(by_symmetric_dirichlet(patch, &BuildOptions { cut: Cut::None, ..options }).is_empty());
+        assert!(attempts(patch, &BuildOptions { cut: Cut::None, ..options }).is_empty());
+    }
+
+    /// Of two maps that are equally good on the finest level, the one with better coarse levels is taken.
+    #[test]
+    fn coarse_levels_decide_between_equal_maps() {
+        let skin = Skin::from_mesh("cap", shapes::cap(1000, 0.05, 1.0));
+        let patch = &skin.patches[PatchId::new(0)];
+        let options = BuildOptions::default();
+        let map = build(&skin, &options).unwrap().patches[PatchId::new(0)].clone();
+        let with = |level: u32, energy: f64, left_out: usize| {
+            let mut map = map.clone();
+            map.levels[LevelId::new(level as usize)].distortion.symmetric_dirichlet = energy;
+            Ok((map, left_out))
+        };
+        let better = |new, old| is_better(&new, &old, patch, &options);
+        assert!(better(with(0, 5.0, 2), with(0, 6.0, 0)), "the finest level decides");
+        assert!(better(with(1, 9.0, 0), with(1, 5.0, 1)), "then what is left out");
+        assert!(better(with(1, 5.0, 1), with(1, 9.0, 1)), "then the worst level");
+        assert!(!better(with(1, 9.0, 1), with(1, 9.0, 1)));
+        let failed = || Err(FlattenError::NotInjective { flips: 1, overlaps: 0 }.into());
+        assert!(better(with(0, 500.0, 0), failed()) && !better(failed(), with(0, 500.0, 0)));
+        assert!(!better(failed(), failed()));
     }
 
     /// A coarse level of CAD with many loops came out at an energy of 384, where level 0 had 4.6.

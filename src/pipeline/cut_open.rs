@@ -1,18 +1,23 @@
 //! Decides where to cut a patch, by trial maps of a level of a few thousand vertices.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, Recipe, decide, may_be_poor, seam_costs};
 use crate::flatten::{FlattenOptions, Method, distortion, flatten_roughly, flatten_with};
 use crate::mesh::TriMesh;
-use crate::pyramid::{CoarsenOptions, Level, Pyramid, coarsen_with};
+use crate::pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen_with};
 use crate::run::Run;
 use crate::skin::Taxels;
 
 /// Seams are decided on a level of about this many vertices: a trial map of it takes a tenth of a
 /// second, and its seam differs little from that of the skin.
 const DECISION_VERTICES: usize = 2000;
+
+/// Vertices of a level over those of the next, about: a level within this factor of [`DECISION_VERTICES`] is of that size.
+const USUAL_FACTOR: f64 = 4.0;
 
 /// Most maps of the skin whose area ratio is measured: the first one shows how much higher it is than on the
 /// level.
@@ -25,21 +30,33 @@ const MAX_EASED: f64 = 10.0;
 /// slightly larger ratio than one made without.
 const AIM_EXPONENT: f64 = 0.995;
 
-/// The level of a mesh on which seams are decided; `None` where that is the mesh itself.
-fn decided_level(mesh: &TriMesh, taxels: &Taxels, run: Run<'_>) -> Result<Option<Level>, Error> {
+/// The level of a mesh on which seams are decided; `None` where that is the mesh itself. It is taken from the pyramid of
+/// the uncut mesh where there is one with a level of that size.
+fn decided_level<'a>(
+    mesh: &TriMesh,
+    taxels: &Taxels,
+    whole: Option<&'a Pyramid>,
+    run: Run<'_>,
+) -> Result<Option<Cow<'a, Level>>, Error> {
+    let factor = |level: &Level| (level.mesh.positions.len() as f64 / DECISION_VERTICES as f64).ln().abs();
+    let nearest =
+        whole.and_then(|whole| whole.levels.enumerate().min_by(|a, b| factor(a.1).total_cmp(&factor(b.1))));
+    if let Some((id, level)) = nearest.filter(|(_, level)| factor(level) <= USUAL_FACTOR.ln()) {
+        return Ok((id != LevelId::new(0)).then_some(Cow::Borrowed(level)));
+    }
     // In steps of a factor of about four.
     let factor = mesh.positions.len() as f64 / DECISION_VERTICES as f64;
     if factor < 1.6 {
         return Ok(None);
     }
-    let steps = factor.log(4.0).ceil().max(1.0);
+    let steps = factor.log(USUAL_FACTOR).ceil().max(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
     let options = CoarsenOptions {
         ratio: Some(factor.powf(steps.recip()).max(1.5)),
         levels: Some(steps as usize),
         coarsest: 1,
     };
-    Ok(coarsen_with(mesh, taxels, &options, run)?.levels.into_iter().last())
+    Ok(coarsen_with(mesh, taxels, &options, run)?.levels.into_iter().last().map(Cow::Owned))
 }
 
 /// Whether a mesh is a plain disk that stays uncut, judged by its pyramid; most do, and need no trial map.
@@ -49,21 +66,18 @@ pub(super) fn stays_whole(
     whole: &Pyramid,
     run: Run<'_>,
 ) -> Result<bool, Error> {
-    let is_small = |level: &&Level| level.mesh.positions.len() <= 4 * DECISION_VERTICES;
-    let of_size = whole.levels.iter().rev().find(|level| level.mesh.positions.len() >= DECISION_VERTICES / 4);
-    let level = match of_size.or(whole.levels.first()).filter(is_small) {
-        Some(level) => return Ok(!may_be_poor(&level.mesh)),
-        None => decided_level(mesh, taxels, run)?,
-    };
+    let level = decided_level(mesh, taxels, Some(whole), run)?;
     Ok(!may_be_poor(level.as_ref().map_or(mesh, |level| &level.mesh)))
 }
 
 /// Cuts a mesh open where trial maps show that this is needed or pays; `None` if it is mapped uncut.
-/// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map.
+/// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map; `whole` is the pyramid of the
+/// uncut mesh, if it is made already.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
     mesh: &TriMesh,
     taxels: &Taxels,
+    whole: Option<&Pyramid>,
     cut: &Cut,
     side: Option<DVec3>,
     options: &FlattenOptions,
@@ -74,7 +88,7 @@ pub(super) fn cut_open(
         return Ok(None);
     }
     let costs = seam_costs(taxels, side);
-    let level = decided_level(mesh, taxels, run)?;
+    let level = decided_level(mesh, taxels, whole, run)?;
     let of_level = level.as_ref().zip(costs.as_ref());
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
     // A seam is as good as the best map after it, which may overlap itself.
@@ -166,6 +180,7 @@ mod tests {
         let cut = cut_open(
             &mesh,
             &Taxels::from(&mesh),
+            None,
             &Cut::Auto,
             None,
             &FlattenOptions::default(),

@@ -40,12 +40,12 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{check_pixel, fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{ABSURD, Boundary, POOR, flatten_pyramid_with, patch_scales};
+use crate::flatten::{Boundary, flatten_pyramid_with, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{MeshError, is_within_reach};
-use crate::pipeline::attempts::{SAME, by_symmetric_dirichlet, energy, keep_held, other_attempts};
+use crate::pipeline::attempts::{SAME, attempts, energy, is_better, keep_held};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
@@ -66,17 +66,19 @@ pub fn build(skin: &Skin, options: &BuildOptions) -> Result<SkinMap, Error> {
 }
 
 /// As [`build`], with level 0 of each patch alone, measured and kept one to one in 64-bit numbers. Coarser
-/// levels are made only where the map of level 0 starts from theirs.
+/// levels are made only where the map of level 0 starts from theirs, and none is counted as left out.
 ///
 /// # Errors
 /// As [`build`].
-pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<SkinMap, Error> {
+pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<Built, Error> {
     let levels = if options.flatten.starts_coarse() { options.coarsen.levels } else { Some(0) };
     let coarsen = CoarsenOptions { levels, ..options.coarsen.clone() };
     let options = BuildOptions { coarsen, ..options.clone() };
-    let mut map = Arc::unwrap_or_clone(build_for(skin, &options, Numbers::F64, run)?.map);
+    let built = build_for(skin, &options, Numbers::F64, run)?;
+    let mut map = Arc::unwrap_or_clone(built.map);
     map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
-    Ok(map)
+    let left_out = built.left_out.map(|_| 0);
+    Ok(Built { map: Arc::new(map), left_out, ..built })
 }
 
 /// A map, with the times and the failures of its build.
@@ -157,38 +159,23 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         let left_out = keep_held(&mut map, options, numbers)?;
         Ok((map, left_out))
     };
-    let map_again = |patch: &Patch, scale: f64, other: &BuildOptions| {
-        let pyramid = coarsen_patch(patch, &[], side(patch), other, run)?;
-        map_one(patch, pyramid, scale, other)
-    };
     let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
         let mut best = map_one(patch, pyramid, scale, options);
-        for other in other_attempts(patch, options) {
+        let (mut is_by_dirichlet, mut settled) = (false, None);
+        for attempt in attempts(patch, options) {
             run.check()?;
-            if energy(&best, patch, options) <= POOR {
-                break;
+            if settled == Some(attempt.is_by_dirichlet) || energy(&best, patch, options) <= attempt.good {
+                continue;
             }
-            let made = map_again(patch, scale, &other);
-            let [new, old] = [&made, &best].map(|made| energy(made, patch, options));
-            if new < old {
-                best = made;
-            }
+            let pyramid = coarsen_patch(patch, &[], side(patch), &attempt.options, run);
+            let made = pyramid.and_then(|pyramid| map_one(patch, pyramid, scale, &attempt.options));
             // Where another seam ends at the same energy, another pyramid does so too.
-            if (new / old - 1.0).abs() < SAME {
-                break;
+            let ratio = energy(&made, patch, options) / energy(&best, patch, options);
+            if (ratio - 1.0).abs() < SAME {
+                settled = Some(attempt.is_by_dirichlet);
             }
-        }
-        let mut is_by_dirichlet = false;
-        // [`build_finest`] returns no notes.
-        let is_noted = matches!(numbers, Numbers::F32);
-        for other in by_symmetric_dirichlet(patch, options).into_iter().filter(|_| is_noted) {
-            run.check()?;
-            if energy(&best, patch, options) <= ABSURD {
-                break;
-            }
-            let made = map_again(patch, scale, &other);
-            if energy(&made, patch, options) < energy(&best, patch, options) {
-                (best, is_by_dirichlet) = (made, true);
+            if is_better(&made, &best, patch, options) {
+                (best, is_by_dirichlet) = (made, attempt.is_by_dirichlet);
             }
         }
         best.map(|(map, left_out)| (map, (left_out, is_by_dirichlet))).map_err(|e| e.in_patch(&patch.name))
@@ -258,22 +245,21 @@ fn coarsen_patch(
     let Patch { mesh, taxels, .. } = patch;
     let BuildOptions { cut, flatten, .. } = options;
     let may_stay = !matches!(cut, Cut::AreaRatio(_)) && is_plain_disk(mesh);
-    let cut = match seam {
-        [] if may_stay => {
-            let whole = coarsen_with(mesh, taxels, &options.coarsen, run)?;
-            // A prescribed boundary is that of the uncut disk.
-            let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
-            if is_uncut || stays_whole(mesh, taxels, &whole, run)? {
-                return Ok(Coarsened::Whole(whole));
-            }
-            cut_open(mesh, taxels, cut, side, flatten, run)?
-        }
-        [] => cut_open(mesh, taxels, cut, side, flatten, run)?,
-        edges => Some(cut_along(mesh, edges, &taxels.ids)?),
+    // A prescribed boundary is that of the uncut disk.
+    let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
+    let whole = match seam {
+        [] if may_stay => Some(coarsen_with(mesh, taxels, &options.coarsen, run)?),
+        _ => None,
     };
-    Ok(match cut {
-        None => Coarsened::Whole(coarsen_with(mesh, taxels, &options.coarsen, run)?),
-        Some(cut) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen, run)?)),
+    let cut = match (&whole, seam) {
+        (Some(whole), _) if is_uncut || stays_whole(mesh, taxels, whole, run)? => None,
+        (whole, []) => cut_open(mesh, taxels, whole.as_ref(), cut, side, flatten, run)?,
+        (_, edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
+    };
+    Ok(match (cut, whole) {
+        (Some(cut), _) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen, run)?)),
+        (None, Some(whole)) => Coarsened::Whole(whole),
+        (None, None) => Coarsened::Whole(coarsen_with(mesh, taxels, &options.coarsen, run)?),
     })
 }
 
@@ -433,7 +419,7 @@ mod tests {
         ] {
             let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
             let options = BuildOptions::default().flatten;
-            let cut = cut_open(&patch.mesh, &patch.taxels, &Cut::Auto, None, &options, Run::default())
+            let cut = cut_open(&patch.mesh, &patch.taxels, None, &Cut::Auto, None, &options, Run::default())
                 .unwrap()
                 .unwrap();
             let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };

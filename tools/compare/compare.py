@@ -5,12 +5,14 @@
     python3 -m venv .checks/peers
     .checks/peers/bin/pip install numpy scipy libigl fast-simplification gtsam OpenEXR fcpw
     .checks/peers/bin/python tools/compare/compare.py [flatten] [coarsen] [nearest] [coarse] [graphs] [skins] [build] [images] [frames]
+    .checks/peers/bin/python tools/compare/compare.py versions=OLD_BINARY [1000 100000]
 
 Without words it measures everything. dermatome is timed as a whole process that reads and writes files; peers are timed
 without file access. `nearest` needs Debian's libembree-dev and g++, and reads one cover of DERMATOME_DATA/cyskin; sizes
 after it (`nearest 20000 100000`) leave out the others, and `rounds=9` takes medians of nine rounds instead of three, which a
 busy machine needs. `coarse` runs the bench `coarse_to_fine` and the same peers on its contacts. `graphs` reads the pose graphs
-sphere2500.g2o, parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it.
+sphere2500.g2o, parking-garage.g2o and smallGrid3D.g2o from the folder DERMATOME_DATA/g2o, and is skipped without it. `versions` times `build` by another binary of
+dermatome and by this one, in turn, on open and closed surfaces; it needs numpy and scipy alone.
 """
 import json, os, re, statistics, subprocess, sys, tempfile, time
 from pathlib import Path
@@ -40,9 +42,9 @@ sys.exit(os.waitstatus_to_exitcode(status))
 """
 
 
-def ours(*args):
+def ours(*args, binary=DERMATOME):
     """One run of the command: (wall seconds, processor seconds, peak memory in MB, what it printed as JSON)."""
-    command = [sys.executable, "-S", "-c", LAUNCHER, DERMATOME, *map(str, args)]
+    command = [sys.executable, "-S", "-c", LAUNCHER, binary, *map(str, args)]
     out = subprocess.PIPE if "--json" in args else subprocess.DEVNULL
     done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True)
     if done.returncode:
@@ -107,7 +109,7 @@ def flatten():
           " libigl SLIM with 20 iterations and LSCM, solve alone\n")
     row("shape, triangles", "method", "dermatome s", "memory MB", "symmetric Dirichlet", "peer s", "its energy (flips)")
     row(*["---"] * 7)
-    for name, size in [(name, 10_000) for name in SHAPES] + [("cap", 100_000)]:
+    for name, size in [(name, 10_000) for name in ["cap", "forearm", "saddle", "dense"]] + [("cap", 100_000)]:
         vertices, faces = SHAPES[name](size)
         file = FOLDER / f"{name}{size}.obj"
         write_obj(file, vertices, faces)
@@ -332,6 +334,26 @@ def build():
         row(str(len(vertices)), f"{wall:.2f}", f"{memory:.0f}")
 
 
+def versions(old):
+    print(f"\n`dermatome build SKIN -o OUT`, processor seconds of {old} and of this version, in turn; coarsening in wall seconds\n")
+    row("skin", "old s", "new s", "new/old", "old coarsen s", "new coarsen s", "old MB", "new MB", "same map")
+    row(*["---"] * 9)
+    for size in sizes_asked() or [1000, 10_000, 100_000, 1_000_000]:
+        for name in ["cap", "forearm", "ball"]:
+            write_obj(FOLDER / "skin.obj", *SHAPES[name](size))
+            measured, maps, folder = {old: [], DERMATOME: []}, {}, FOLDER / "out"
+            for _ in range(3 if size > 500_000 else 7):
+                for binary, runs in measured.items():
+                    _, processor, memory, _ = ours("build", FOLDER / "skin.obj", "-o", folder, binary=binary)
+                    coarsening = json.loads((folder / "timings.json").read_text())["seconds"]["coarsen"]
+                    runs.append((processor, coarsening, memory))
+                    maps[binary] = (folder / "map.glb").read_bytes()
+            (before, coarse_before, memory_before), (after, coarse_after, memory_after) = [
+                [median(column) for column in zip(*runs)] for runs in measured.values()]
+            row(f"{name} {size}", f"{before:.2f}", f"{after:.2f}", f"{after / before:.2f}", f"{coarse_before:.3f}",
+                f"{coarse_after:.3f}", f"{memory_before:.0f}", f"{memory_after:.0f}", "yes" if len(set(maps.values())) == 1 else "no")
+
+
 def pixel_matrices(path):
     """(D, R, L0) of a map: pixels of all levels from fields, fields of all levels from taxels, pixels of level 0 alone."""
     from scipy import sparse
@@ -482,4 +504,5 @@ if __name__ == "__main__":
     processor = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "unknown")
     print(f"{processor}, {os.cpu_count()} threads")
     for part in [word for word in sys.argv[1:] if not word.isdigit() and not word.startswith("rounds=")] or ["flatten", "coarsen", "nearest", "coarse", "graphs", "skins", "build", "images", "frames"]:
-        globals()[part]()
+        part, *values = part.split("=")
+        globals()[part](*values)

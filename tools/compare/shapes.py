@@ -1,10 +1,11 @@
-"""The four shapes of BENCHMARKS.md as (V, F): vertices in metres and triangles, at any number of triangles.
+"""The shapes of BENCHMARKS.md as (V, F): vertices in metres and triangles, at any number of triangles.
 
 cap: a spherical cap of 110 degrees. dense: the same with a spacing that varies about 80-fold.
 forearm: 300 degrees of a tapered, bumpy tube with three holes. saddle: strongly curved both ways.
+ball: a closed, bumpy sphere.
 """
 import numpy as np
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay
 
 
 def lattice(width, height, step, rng):
@@ -108,7 +109,21 @@ def saddle(triangles):
     return compact(0.1 * np.column_stack([x, y, z]), faces)
 
 
-SHAPES = {"cap": cap, "forearm": forearm, "saddle": saddle, "dense": dense}
+def ball(triangles):
+    """Points of a Fibonacci spiral, and their convex hull before the bumps."""
+    count = triangles // 2 + 2
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (1 + np.sqrt(5)) * np.arange(count)
+    points = np.column_stack([np.sqrt(1 - z * z)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]), z])
+    faces = ConvexHull(points).simplices
+    a, b, c = points[faces].transpose(1, 0, 2)
+    inward = (np.cross(b - a, c - a) * a).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    bumps = 1 + 0.1 * np.sin(5 * points[:, 0]) * np.cos(4 * points[:, 1])
+    return 0.1 * points * bumps[:, None], faces
+
+
+SHAPES = {"cap": cap, "forearm": forearm, "saddle": saddle, "dense": dense, "ball": ball}
 
 
 def write_obj(path, vertices, faces):

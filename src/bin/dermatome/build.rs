@@ -21,7 +21,8 @@ use serde::Serialize;
 
 use crate::console::errors::{INCOMPLETE, advise};
 use crate::console::notes::{
-    note, note_area_ratio, note_distortion, note_overlaps, note_placeholders, note_rounding, note_seams,
+    note, note_area_ratio, note_distortion, note_other_energy, note_overlaps, note_placeholders,
+    note_rounding, note_seams,
 };
 use crate::console::print::{json, plain, print_json, print_levels};
 use crate::console::progress;
@@ -209,7 +210,7 @@ fn title(skin: &[InPath], folder: &Path) -> String {
 
 /// Prints which patches and levels have no map, and which pixels were chosen.
 fn note_built(built: &Built, common: &Common) {
-    let Built { map, left_out, by_dirichlet, failed, enlarged, .. } = built;
+    let Built { map, left_out, failed, enlarged, .. } = built;
     for error in failed {
         note!(common, "{error}; left out");
     }
@@ -217,10 +218,7 @@ fn note_built(built: &Built, common: &Common) {
         let why = "much too distorted, or too long and thin for a map in 64-bit numbers or the 32-bit ones of its file";
         note!(common, "{}: left out the coarsest levels, {count} in number: {why}", plain(&patch.name));
     }
-    for (patch, _) in map.patches.iter().zip(by_dirichlet).filter(|(_, by_dirichlet)| **by_dirichlet) {
-        let why = "no usable map by the default energy, so --energy symmetric-dirichlet was used";
-        note!(common, "{}: {why}", plain(&patch.name));
-    }
+    note_other_energy(built, common);
     let count = taxels(map);
     if count > MOST_SHOWN {
         note!(

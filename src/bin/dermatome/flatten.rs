@@ -13,7 +13,7 @@ use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, PatchId};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note_area_ratio, note_distortion, note_overlaps, note_seams};
+use crate::console::notes::{note_area_ratio, note_distortion, note_other_energy, note_overlaps, note_seams};
 use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::read_skin;
@@ -68,9 +68,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let bar = progress::bar(common);
     bar.set_message("flattening");
-    let map = build_finest(&skin, &options, Run::default().counting(&common.steps))
+    let built = build_finest(&skin, &options, Run::default().counting(&common.steps))
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
+    note_other_energy(&built, common);
+    let map = &built.map;
     let patch = &map.patches[PatchId::new(0)];
     let finest = &patch.levels[LevelId::new(0)];
     let mut mesh = finest.opened().into_owned();
@@ -81,7 +83,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         write_flat(common.outputs.file(path), &mesh, &finest.opened_uv()).map_err(Error::from)?;
     }
     outputs::publish(common)?;
-    let report = measure(&map);
+    let report = measure(map);
     note_seams(&report, common);
     note_overlaps(&report, &options.flatten, common);
     note_distortion(&report, &options.flatten, &options.cut, common);

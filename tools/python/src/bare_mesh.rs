@@ -153,12 +153,12 @@ pub(crate) fn flatten(
         let mut skin = Skin::from_mesh("mesh", mesh);
         skin.patches[PatchId::new(0)].taxels.acuities = acuity.map(Into::into);
         skin.validate()?;
-        let map = build_finest(
+        let built = build_finest(
             &skin,
             &BuildOptions { cut, flatten: options, ..BuildOptions::default() },
             stop.run(),
         )?;
-        let level = &map.patches[PatchId::new(0)].levels[LevelId::new(0)];
+        let level = &built.map.patches[PatchId::new(0)].levels[LevelId::new(0)];
         Ok(Flat {
             distortion: level.distortion,
             convergence: level.convergence,

@@ -5,6 +5,7 @@ use std::{collections::HashMap, fmt, mem, path::Path};
 use dermatome::cut::Cut;
 use dermatome::flatten::{FlattenOptions, Method, Overlap};
 use dermatome::io::rounding_in_gltf;
+use dermatome::pipeline::Built;
 use dermatome::report::PatchReport;
 use dermatome::skin::{Remark, Skin, TaxelId, Taxels};
 
@@ -46,6 +47,15 @@ pub(crate) fn first_names(names: &[String]) -> String {
     let others = names.len().saturating_sub(NAMED);
     let more = if others > 0 { format!(" and {others} more") } else { String::new() };
     named.join(", ") + &more
+}
+
+/// Says which patches have a map by another energy than the one asked for.
+pub(crate) fn note_other_energy(built: &Built, common: &Common) {
+    let patches = built.map.patches.iter().zip(&built.by_dirichlet);
+    for (patch, _) in patches.filter(|(_, by_dirichlet)| **by_dirichlet) {
+        let why = "no usable map by the default energy, so --energy symmetric-dirichlet was used";
+        note!(common, "{}: {why}", plain(&patch.name));
+    }
 }
 
 /// Says which columns of a table change nothing.
