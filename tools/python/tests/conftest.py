@@ -57,3 +57,29 @@ def uneven_map():
     made = dermatome.build(dermatome.Skin.from_arrays(positions, present=present, outside=(0, 0, 1)))
     assert [len(patch.levels) for patch in made.patches.values()] == [1, made.n_levels] and made.n_levels > 1
     return made
+
+
+@pytest.fixture(scope="session")
+def rough_map():
+    """Two links and patches with spaces in their names that share ids, 41 x 9 and 5 x 24 taxels; one is not present, and
+    fields are finer on the first patch."""
+    present = np.ones(369, dtype=np.uint8)
+    present[50] = 0
+    arm = dermatome.Skin.from_arrays(*lattice(41, 9), patch="upper arm", link="left arm", present=present)
+    tip = dermatome.Skin.from_arrays(*lattice(5, 24), patch="tip of it", link="left hand")
+    pose = np.eye(4)
+    pose[:3, 3] = 0.0, 0.5, 0.1
+    skin = dermatome.Skin.join([arm, tip], poses={"left hand": pose})
+    made = dermatome.build(skin, acuity=np.repeat([2.0, 1.0], [369, 120]))
+    assert [len(patch.ids) for patch in made.patches.values()] == [369, 120] and made.n_levels > 1
+    return made
+
+
+@pytest.fixture(scope="session")
+def rough_readings(rough_map):
+    """Three channels on it: a force, a pressure and a temperature, with a missing reading, and times from 3 s on with a
+    pause."""
+    values = np.random.default_rng(8).random((6, 3, 489)) + [[[0.5]], [[100.0]], [[30.0]]][0]
+    values[2, 0, 7] = np.nan
+    times = 3 + np.array([0, 0.01, 0.02, 0.03, 5.0, 5.01])
+    return dermatome.Readings.from_arrays(values, timestamps=times, channels=["force", "pressure", "heat"], units=["N", "kPa", "degC"])

@@ -37,8 +37,9 @@ def probes(
         points, outward, radii = of.positions, of.normals, np.full(len(of.positions), size)
     else:
         rows, columns = grid
-        u = of.origin[0] + (np.arange(columns) + 0.5) / columns * of.size[0]
-        v = of.origin[1] + (1 - (np.arange(rows) + 0.5) / rows) * of.size[1]
+        (left, low), (height, width) = of.origin, of.size
+        u = left + (np.arange(columns) + 0.5) / columns * width
+        v = low + (1 - (np.arange(rows) + 0.5) / rows) * height
         places = np.stack(np.meshgrid(u, v), axis=-1)
         points, outward, off = map.to_skin(whole.name, places.reshape(-1, 2), level=level)
         points, outward = points.reshape(rows, columns, 3), outward.reshape(rows, columns, 3)

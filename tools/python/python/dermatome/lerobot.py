@@ -67,7 +67,8 @@ def frame(
     extensive : bool
         Whether readings are amounts, as forces: their total is the same on every level.
     limit : float
-        The reading that is white in the pictures.
+        The value that is white in the pictures, in the unit in which the renderers draw: that of the readings, and for
+        renderers of amounts that per m^2 of the map.
     """
     np = need("numpy", "lerobot")
     values = as_floats("values", values)

@@ -71,7 +71,8 @@ def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = Fal
         process=False,
         metadata={"vertex": vertex, "taxel_id": of.taxel_ids[vertex]},
     )
+    height, width = of.size
     made.visual = trimesh.visual.TextureVisuals(
-        uv=(of.uv - of.origin) / of.size, material=trimesh.visual.material.PBRMaterial(metallicFactor=0.0)
+        uv=(of.uv - of.origin) / (width, height), material=trimesh.visual.material.PBRMaterial(metallicFactor=0.0)
     )
     return made
