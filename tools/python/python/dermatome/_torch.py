@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,11 @@ import torch  # type: ignore[import-not-found, unused-ignore]
 from dermatome._dermatome import ContactTracker, Map, Renderer
 from dermatome._errors import DataError
 from dermatome._readings import Readings
-from dermatome.torch import marks, shares
+from dermatome._weights import marks, shares
+
+
+# Times of a truth are those of its frames to this, in s.
+SAME_TIME = 1e-6
 
 
 class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
@@ -24,14 +29,19 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
     def __init__(self, rows: Any, columns: Any, weights: Any, shape: tuple[int, int]) -> None:
         super().__init__()
         self.shape = (int(shape[0]), int(shape[1]))
-        self.register_buffer("rows", torch.from_numpy(np.asarray(rows, dtype=np.int64)))
-        self.register_buffer("columns", torch.from_numpy(np.asarray(columns, dtype=np.int64)))
-        self.register_buffer("weights", torch.from_numpy(np.asarray(weights, dtype=np.float32)))
+        self.keep("rows", rows, np.int64)
+        self.keep("columns", columns, np.int64)
+        self.keep("weights", weights, np.float32)
+
+    def keep(self, name: str, numbers: Any, dtype: Any) -> None:
+        """A buffer that no checkpoint has: it follows from the map of this module, also where a checkpoint is of another."""
+        self.register_buffer(name, torch.from_numpy(np.array(numbers, dtype=dtype)), persistent=False)
 
     def gather(self, values: Any) -> tuple[Any, Any]:
         """The sums (rows, ...) and the weights that they have, of values (..., columns)."""
         if values.shape[-1] != self.shape[1]:
             raise DataError(f"values: found shape {tuple(values.shape)}; needed: shape (..., {self.shape[1]})")
+        values = values if values.is_floating_point() else values.to(torch.get_default_dtype())
         flat = values.reshape(-1, self.shape[1]).T
         known = torch.isfinite(flat)
         weights = self.weights.to(values.dtype)[:, None]
@@ -44,7 +54,8 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
 class Pool(_Gather):
     """Pools readings (..., N) to the fields of a level (..., fields), as `Map.pool`: NaN where no taxel has a reading.
 
-    It has no parameters; its buffers move to a device and are copied with the module, and gradients flow through it.
+    It has no parameters; its buffers move to a device and are copied with the module, and gradients flow through it. They
+    are not in a `state_dict`: a checkpoint goes to the same policy on another skin.
 
     Parameters
     ----------
@@ -87,7 +98,7 @@ class Draw(_Gather):
 
     Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. With
     `interpolate="nearest"` it is missing if its value is. Fields are those of the whole map, as `Pool` without a patch and
-    `Map.pool` give them, also where the renderer draws one patch.
+    `Map.pool` give them, also where the renderer draws one patch. As with `Pool`, no buffer is in a `state_dict`.
 
     Parameters
     ----------
@@ -139,7 +150,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     readings : Readings
         The recording, in the order of the map or with ids.
     truth : dict, optional
-        The contacts of these frames, as `touch` returns them; by default a `ContactTracker` finds them in channel 0.
+        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in channel 0.
     level : int
         The level of the fields.
     size : sequence of int
@@ -179,7 +190,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         self.size = (int(height), int(width))
         self._renderer: Renderer | None = None
         self._made()  # What cannot be drawn is refused here, not in a worker.
-        self.contacts = _truth(map, len(readings), truth) if truth is not None else _tracked(map, self.readings, threshold)
+        self.contacts = _truth(map, readings, truth) if truth is not None else _tracked(map, self.readings, threshold)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_renderer": None}
@@ -239,13 +250,16 @@ def _put(contacts: dict[str, Any], frame: int, force: float, centre: Any, patch:
             contacts[name][frame] = value
 
 
-def _truth(map: Map, frames: int, truth: dict[str, Any]) -> dict[str, Any]:
+def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any]:
+    frames, times = len(readings), readings.timestamps
     contacts, numbers = _blank(frames), {name: number for number, name in enumerate(map.patches)}
-    rows = zip(truth["frame"], truth["force"], truth["centre"], truth["patch"])
-    for frame, force, centre, patch in rows:
+    rows = zip(truth["frame"], truth.get("time", itertools.repeat(np.nan)), truth["force"], truth["centre"], truth["patch"])
+    for row, (frame, time, force, centre, patch) in enumerate(rows):
         if not 0 <= frame < frames or patch not in numbers:
             needed = f"frames of {frames} and patches of the map"
             raise DataError(f"truth: found frame {frame}, patch {patch!r}; needed: {needed}")
+        if abs(time - times[frame]) > SAME_TIME:
+            raise DataError(f"truth: found time[{row}] = {time} s of frame {frame}; needed: {times[frame]} s, as the readings have it")
         _put(contacts, int(frame), float(force), centre, numbers[patch])
     return contacts
 

@@ -1,0 +1,41 @@
+"""The weights of pools and images, for `dermatome.torch`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dermatome._adapter import checked, need
+from dermatome._dermatome import Map, Renderer
+from dermatome._errors import DataError
+
+# Weights that are rounded away in 32 bits.
+LEAST = 1e-18
+
+
+def shares(map: Map, level: int, patch: str | None, extensive: bool) -> tuple[Any, Any, Any, tuple[int, int]]:
+    """Taxel, field and weight of every share that a taxel that is present has in a field, and the numbers of both.
+
+    Averages are weighted by areas (m^2).
+    """
+    np = need("numpy", "torch")
+    if patch is not None and patch not in map.patches:
+        raise DataError(f"patch: found {patch!r}; needed: one of {list(map.patches)[:10]}")
+    of = list(map.patches.values()) if patch is None else [map.patches[patch]]
+    direct = map.pooling(checked(map, level), patch=patch)
+    taxels, fields = direct.shape
+    present = map.present[of[0].start : of[0].start + taxels] == 1
+    taxel = np.repeat(np.arange(taxels), np.diff(direct.indptr))
+    kept = present[taxel] & (direct.data != 0)
+    taxel, weight = taxel[kept], direct.data[kept]
+    if not extensive:
+        weight = weight * np.concatenate([each.levels[0].areas for each in of])[taxel]
+    return taxel, direct.indices[kept], weight, (fields, taxels)
+
+
+def marks(renderer: Renderer) -> tuple[Any, Any, Any, tuple[int, int]]:
+    """Pixel, value and weight of every value that a pixel shows, and the numbers of both."""
+    np = need("numpy", "torch")
+    matrix = renderer.matrix()
+    pixel = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    # A pixel on a corner without a value shows the mean of the other two, which have no weight there.
+    return pixel, matrix.indices, np.maximum(matrix.data, LEAST), matrix.shape
