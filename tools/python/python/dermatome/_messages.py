@@ -11,6 +11,12 @@ from dermatome._adapter import need
 from dermatome._dermatome import Map, as_floats
 from dermatome._errors import DataError
 
+# Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
+DEFINITIONS = {
+    "tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors",
+    "tuw_airskin_msgs/msg/AirskinPressures": "std_msgs/Header header\nuint8[] ids\nstring[] frame_ids\nuint32[] pressures",
+}
+
 # What a message of `ros.read(values=)` is turned to numbers by.
 Wanted = str | Sequence[str] | Callable[[Any], Any] | None
 # Labels of the axis of a MultiArray that is not of taxels.

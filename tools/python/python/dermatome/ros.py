@@ -14,14 +14,8 @@ from typing import Any, Literal
 from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map
 from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
-from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
+from dermatome._messages import DEFINITIONS, Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
-
-# Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
-DEFINITIONS = {
-    "tactile_msgs/msg/TactileState": "std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors",
-    "tuw_airskin_msgs/msg/AirskinPressures": "std_msgs/Header header\nuint8[] ids\nstring[] frame_ids\nuint32[] pressures",
-}
 
 
 def read(
@@ -92,7 +86,7 @@ def read(
         frames.append(replace(made, ids=own))
         head = getattr(getattr(message, "header", None), "stamp", None)
         at.append(np.nan if head is None else head.sec + 1e-9 * head.nanosec)
-        recorded.append(time * 1e-9)
+        recorded.append(time)
     times, remarks = _times(np.array(at), np.array(recorded), stamp, kind_of(message))
     array, columns = _joined(frames)
     names = frames[0].names if channels is None else channels
@@ -148,15 +142,17 @@ def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> A
 
 
 def _times(header: Any, recorded: Any, stamp: str | None, kind: str) -> tuple[Any, tuple[str, ...]]:
-    """The time of each frame, and what is to be said about it."""
+    """The time of each frame, and what is to be said about it; `recorded` is in ns."""
     np = need("numpy", "ros")
     has_header = bool(np.isfinite(header).all())
     if stamp == "header" and not has_header:
         raise DataError(f"stamp: found 'header'; needed: 'bag', as {kind} has no header")
     if stamp == "bag" or not has_header:
-        return recorded, ()
+        return recorded * 1e-9, ()
     if stamp is None and not header.any():
-        return recorded, ("the stamps of all messages are 0; times are those of the recording",)
+        if np.array_equal(recorded, 1 + np.arange(len(recorded))):
+            return np.full(len(recorded), np.nan), ("the messages have numbers, as `write` gives frames without times",)
+        return recorded * 1e-9, ("the stamps of all messages are 0; times are those of the recording",)
     return header, ()
 
 
@@ -197,7 +193,8 @@ def write(
 ) -> None:
     """Write images (`TOPIC/image`, 32FC1) and points with values (`TOPIC/points`) of a recording to a bag of ROS 2.
 
-    Points have the values of `Map.pool`: of a channel that is an amount, as a force in N, they have the same total on
+    Frames without times get the stamp 0 and their number as time, and `read` gives them no times again. Points have the values of
+    `Map.pool`: of a channel that is an amount, as a force in N, they have the same total on
     every level. Images are those of `Map.renderer`: of such a channel they are per m^2 of the map.
 
     Parameters
@@ -253,16 +250,16 @@ def _prefixes(topic: str, names: list[str]) -> list[str]:
     return made
 
 
-def _stamps(times: Any) -> list[int]:
-    """The time of each frame in ns, or its number where no frame has one."""
+def _stamps(times: Any) -> list[tuple[int, int]]:
+    """The stamp and the time of the message of each frame in ns; without times 0 and its number from 1 on."""
     np = need("numpy", "ros")
     if not np.isfinite(times).any():
-        return list(range(len(times)))
+        return [(0, 1 + frame) for frame in range(len(times))]
     wrong = ~((times >= 0) & (times < 2**31))
     if wrong.any():
         frame = int(np.argmax(wrong))
         raise DataError(f"timestamps: found {times[frame]} for frame {frame}; needed: s from 0 to 2^31")
-    return [round(time * 1e9) for time in times]
+    return [(round(time * 1e9),) * 2 for time in times]
 
 
 def _header(store: Any, stamp: int, frame: str) -> Any:
@@ -270,10 +267,10 @@ def _header(store: Any, stamp: int, frame: str) -> Any:
     return header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id=frame)
 
 
-def _write_images(writer: Any, store: Any, topic: str, frame: str, stamps: list[int], images: Any) -> None:
+def _write_images(writer: Any, store: Any, topic: str, frame: str, stamps: list[tuple[int, int]], images: Any) -> None:
     np, image = need("numpy", "ros"), store.types["sensor_msgs/msg/Image"]
     to, (_, height, width) = writer.add_connection(topic, image.__msgtype__, typestore=store), images.shape
-    for stamp, drawn in zip(stamps, images):
+    for (stamp, time), drawn in zip(stamps, images):
         pixels = np.frombuffer(drawn.astype("<f4").tobytes(), np.uint8)
         message = image(
             header=_header(store, stamp, frame),
@@ -284,17 +281,17 @@ def _write_images(writer: Any, store: Any, topic: str, frame: str, stamps: list[
             step=4 * width,
             data=pixels,
         )
-        writer.write(to, stamp, store.serialize_cdr(message, image.__msgtype__))
+        writer.write(to, time, store.serialize_cdr(message, image.__msgtype__))
 
 
-def _write_points(writer: Any, store: Any, topic: str, frame: str, stamps: list[int], of: Any, values: Any) -> None:
+def _write_points(writer: Any, store: Any, topic: str, frame: str, stamps: list[tuple[int, int]], of: Any, values: Any) -> None:
     np, (cloud, field) = need("numpy", "ros"), (store.types[f"sensor_msgs/msg/{name}"] for name in ("PointCloud2", "PointField"))
     fields = [field(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(["x", "y", "z", "nx", "ny", "nz", "value"])]
     fields.append(field(name="id", offset=28, datatype=6, count=1))
     points = np.zeros(len(of.areas), dtype=[("xyz", "<f4", 3), ("n", "<f4", 3), ("value", "<f4"), ("id", "<u4")])
     points["xyz"], points["n"], points["id"] = of.positions, of.normals, of.taxel_ids
     to = writer.add_connection(topic, cloud.__msgtype__, typestore=store)
-    for stamp, row in zip(stamps, values):
+    for (stamp, time), row in zip(stamps, values):
         points["value"] = row
         message = cloud(
             header=_header(store, stamp, frame),
@@ -307,4 +304,4 @@ def _write_points(writer: Any, store: Any, topic: str, frame: str, stamps: list[
             data=np.frombuffer(points.tobytes(), np.uint8),
             is_dense=bool(np.isfinite(row).all()),
         )
-        writer.write(to, stamp, store.serialize_cdr(message, cloud.__msgtype__))
+        writer.write(to, time, store.serialize_cdr(message, cloud.__msgtype__))

@@ -16,9 +16,9 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
+from dermatome._messages import DEFINITIONS
 from dermatome.recordings._message import Frame, frame_of, fields_of_message
 from dermatome.recordings._track import MOST_BYTES, MOST_JSON, Block, Container, Track, small_enough
-from dermatome.ros import DEFINITIONS
 
 HEADER, LOG = ("header", "stamp", "header.stamp"), ("log", "bag", "recording")
 # What an MCAP record of a chunk begins with: opcode, length; then times, size, checksum, and the length of a name.
