@@ -60,6 +60,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     gains: list[tuple[Any, Any]] = []
     if isinstance(options.gain, Mapping):
         gains = list(options.gain.items())
+    elif options.gain is not None and follows:
+        gains = _by_id(map, per_taxel("gain", options.gain, shape))
     elif options.gain is not None:
         # Before the mean of frames is subtracted: the result is the same.
         values = values * per_taxel("gain", options.gain, shape)
@@ -95,6 +97,15 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         measured=measured,
         remarks=tuple(dict.fromkeys((*of_map.remarks, *arrays["remarks"]))),
     )
+
+
+def _by_id(map: Map, gains: Any) -> list[tuple[Any, Any]]:
+    """Gains (C, N) by the ids of their taxels: they multiply what is above a zero that the library knows."""
+    made: dict[Any, Any] = {}
+    for column, taxel in zip(gains.T.tolist(), map.ids.tolist()):
+        if any(gain != made.setdefault(taxel, column[0]) for gain in column):
+            raise DataError(f"gain: found several for taxel {taxel}; needed: one for each id where zero is followed or stored")
+    return list(made.items())
 
 
 def is_number(given: Any) -> bool:
