@@ -309,4 +309,4 @@ def test_arguments_of_another_type_say_what_makes_the_right_one(tmp_path):
             call()
         assert said in str(error.value), error.value
     np.save(tmp_path / "frames.npy", np.zeros((5, 81)))
-    assert dermatome.Recording(tmp_path / "frames.npy").read(skin_map).values.shape == (5, 1, 81)
+    assert dermatome.Readings.open(tmp_path / "frames.npy").read(skin_map).values.shape == (5, 1, 81)

@@ -1,5 +1,6 @@
 """The package: its command, its types, its documentation."""
 
+import ast
 import doctest
 import importlib
 import inspect
@@ -105,3 +106,29 @@ def test_types_are_final_and_frozen():
     for name in ("Skin", "Robot", "Map", "Patch", "Level", "Index"):
         thing = getattr(_dermatome, name)
         assert thing.__module__ == "dermatome"
+
+
+def imported(file, known):
+    """The modules of the package that a file imports when it runs, in its functions too."""
+    tree = ast.parse(file.read_text())
+    typing = {id(each) for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" for each in ast.walk(node)}
+    for node in ast.walk(tree):
+        if id(node) in typing:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{name.name}" if f"{node.module}.{name.name}" in known else node.module for name in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+
+
+def test_no_files_import_each_other_in_a_circle():
+    root = Path(dermatome.__file__).parent
+    known = {".".join(("dermatome", *file.relative_to(root).with_suffix("").parts)).removesuffix(".__init__"): file for file in root.rglob("*.py")}
+    # A file may say what the package is called.
+    del known["dermatome"]
+    below = {name: {each for each in imported(file, known) if each in known and each != name} for name, file in known.items()}
+    while below:
+        lowest = [name for name, needed in below.items() if not needed & below.keys()]
+        assert lowest, f"circles among {sorted(below)}"
+        for name in lowest:
+            del below[name]

@@ -133,7 +133,7 @@ class Readings:
         """
         from dermatome._recording import Recording
 
-        return Recording(path, stream, layout, episode)
+        return Recording(Readings, path, stream, layout, episode)
 
     @staticmethod
     def from_arrays(

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Layout, Map, Skin
 from dermatome._errors import DataError, FileError
-from dermatome._readings import Readings
 from dermatome.recordings import Container, Track, open_container
 from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
 from dermatome.recordings.core import Arrays, Text, draft_of_array
 
 if TYPE_CHECKING:
     from types import TracebackType
+
+    from dermatome._readings import Readings
 
 # `Recording.read` refuses more: 1 GB.
 MOST_BYTES = 10**9
@@ -54,8 +55,10 @@ class Recording:
         The episode that is read; None: one after the other, never joined in a chunk.
     """
 
-    def __init__(self, path: str | os.PathLike[str], stream: str | None = None, layout: Any = None, episode: int | None = None) -> None:
-        self.path = os.fspath(path)
+    def __init__(
+        self, made: type[Readings], path: str | os.PathLike[str], stream: str | None = None, layout: Any = None, episode: int | None = None
+    ) -> None:
+        self._made, self.path = made, os.fspath(path)
         if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
             raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")
         # The order of three axes of an array, as a word.
@@ -151,7 +154,7 @@ class Recording:
                 channels, units = tuple(source.channels), tuple(source.units)
             for start in range(0, len(values), frames):
                 part = slice(start, start + frames)
-                yield Readings(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+                yield self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
 
     def _decoded(self, frames: int) -> Iterator[tuple[int, Any, Any, Any]]:
         """The number of an episode, values (T, C, N) and times of some of its frames, and who decoded them."""
@@ -225,7 +228,7 @@ class Recording:
         said = [f"{what}: {value}" for what, value, source in self.statements if source == "checked" or what == "episodes"]
         episode = first.episode if len(known) <= 1 else None
         remarks = (*first.remarks, *said)
-        return Readings(values[:at], first.ids, times[:at], first.channels, first.units, remarks=remarks, episode=episode)
+        return self._made(values[:at], first.ids, times[:at], first.channels, first.units, remarks=remarks, episode=episode)
 
     def skin(self) -> Skin:
         """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""
@@ -289,7 +292,7 @@ class Recording:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Recording, (self.path, self._given, self._axes or self.layout, self.episode)
+        return Recording, (self._made, self.path, self._given, self._axes or self.layout, self.episode)
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name} {shape}" for name, shape in list(self.streams.items())[:3])
@@ -319,7 +322,7 @@ class Recording:
     def _core(self) -> Text:
         """A new reader of a file that the library reads itself."""
         if self._axes:
-            return Arrays(self.path, self._axes)
+            return Arrays(self.path, self._made.read(self.path, layout=self._axes))
         return Text(self.path, self._given, self.layout)
 
     def _needed(self) -> Any:

@@ -8,11 +8,14 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from dermatome._errors import Error
-from dermatome._recording import Recording
+from dermatome._readings import Readings
 from dermatome.recordings import is_container
+
+if TYPE_CHECKING:
+    from dermatome._recording import Recording
 
 # Arguments that are of this module, with their values.
 OWN = ("--layout", "--stream", "--episode")
@@ -35,7 +38,7 @@ def run(args: Sequence[str]) -> int | None:
     except ValueError:
         return _refused(f"--episode: found {given['--episode']!r}; needed: a whole number from 0")
     try:
-        with Recording(path, given["--stream"], given["--layout"], episode) as recording:
+        with Readings.open(path, stream=given["--stream"], layout=given["--layout"], episode=episode) as recording:
             if command == "layout":
                 return _draft(recording, rest)
             return _render(recording, at, rest)

@@ -46,11 +46,8 @@ class Text:
 class Arrays(Text):
     """An array of three axes whose order is given by a word, "tnc" or "tcn"."""
 
-    def __init__(self, path: str, axes: str) -> None:
-        from dermatome._readings import Readings
-
-        self.path, self.at = path, 0
-        self.read: Any = Readings.read(path, layout=axes)  # type: ignore[arg-type]
+    def __init__(self, path: str, read: Any) -> None:
+        self.path, self.at, self.read = path, 0, read
         self.ids, self.channels, self.units, self.frames = self.read.ids, self.read.channels, self.read.units, len(self.read)
         self.streams = {"values": self.read.values.shape}
 
