@@ -305,7 +305,8 @@ def test_the_command_draws_a_container(tmp_path):
     assert np.allclose(drawn, read.values, atol=1e-6) and made["units"].tolist() == ["count"]
     assert command("render", "map.glb", path, *given, "-o", "p.npz", "--episode", 1, "--zero", "first=2").returncode == 0
     assert np.load(tmp_path / "p.npz")["timestamps"].shape == (28,)
-    for wrong, match in ((["--zero", "first=2"], "--episode"), (["--episode", 7], "0 to 1"), (["--episode", "x"], "whole number")):
+    assert command("--color", "never", "--quiet", "render", "map.glb", path, *given, "-o", "r.npz").stderr == "" and (tmp_path / "r.npz").exists()
+    for wrong, match in ((["--zero", "first=2"], "--episode"), (["--events", "e.jsonl"], "--episode"), (["--episode", 7], "0 to 1"), (["--episode", "x"], "whole number")):
         said = command("render", "map.glb", path, *given, "-o", "q.npz", *wrong)
         assert said.returncode == 2 and match in said.stderr and not (tmp_path / "q.npz").exists()
     said = command("render", "map.glb", path, "-o", "q.npz")

@@ -11,7 +11,7 @@ def main() -> int:
     `render` and `layout` of Zarr, LeRobot, HDF5 and bags are done here: the command reads what this gives it.
     """
     args = sys.argv[1:]
-    if args[:1] in (["render"], ["layout"]):
+    if "render" in args or "layout" in args:
         from dermatome.recordings.command import run
 
         code = run(args)

@@ -20,14 +20,22 @@ if TYPE_CHECKING:
 # Arguments that are of this module, with their values.
 OWN = ("--layout", "--stream", "--episode")
 # What follows a frame from the one before it, and would join episodes.
-ONE_EPISODE = ("--split", "--contacts", "--zero")
+ONE_EPISODE = ("--split", "--contacts", "--events", "--zero")
+# Options with a value that may stand before the subcommand.
+VALUED = ("--threads", "--color")
 OUTPUTS = ("-o", "--output")
 COMMAND = "import sys; from dermatome._dermatome import run_command; sys.exit(run_command(sys.argv[1:]))"
 
 
 def run(args: Sequence[str]) -> int | None:
-    """The exit code; None if no argument is a recording that is read here."""
-    command, rest = args[0], list(args[1:])
+    """The exit code of these arguments; None if they are no command that is here, or name no recording that is read here."""
+    first = (k for k, each in enumerate(args) if not each.startswith("-") and (k == 0 or args[k - 1] not in VALUED))
+    begin = next(first, len(args))
+    command, rest = next(iter(args[begin:]), ""), list(args[begin + 1 :])
+    if command == "render":
+        rest += args[:begin]
+    elif command != "layout":
+        return None
     at = next((k for k, each in enumerate(rest) if (k == 0 or rest[k - 1] not in (*OWN, *OUTPUTS)) and is_container(each)), None)
     if at is None:
         return None
@@ -83,7 +91,8 @@ def _render(recording: Recording, at: int, rest: list[str]) -> int:
         lengths = f"{len(recording.episodes)} episodes"
         if joining:
             return _refused(f"{recording.path}: found {lengths} with {joining[0]}; needed: --episode, the number of one")
-        print(f"note: {recording.path}: {lengths}, drawn one after the other; --episode draws one", file=sys.stderr)
+        if not {"--quiet", "-q"} & set(rest):
+            print(f"note: {recording.path}: {lengths}, drawn one after the other; --episode draws one", file=sys.stderr)
     wants_json = "--json" in rest
     parts = recording.chunks()
     first = next(parts)
