@@ -70,8 +70,8 @@ impl ContactIndex {
         })
     }
 
-    /// Memory of the octrees, in bytes.
-    pub(super) fn reactive_bytes(&self) -> usize {
+    /// Memory of the octrees of [reactive answers](ContactIndex::reactive), in bytes.
+    pub fn reactive_bytes(&self) -> usize {
         let skins = self.reactive.iter().flat_map(|reactive| reactive.skins.iter());
         skins.filter_map(|skin| skin.octree.as_ref()).map(Octree::bytes).sum()
     }

@@ -441,8 +441,7 @@ fn a_table_prescribes_the_boundary() {
     refuses(folder, &flatten("oval"), &["needed: free, circle, rectangle"]);
 }
 
-/// In every band, on both sides of the skin, intervals hold the exact distance and are narrow; every level has a row, that of
-/// level 0 with the exact search.
+/// In every band, on both sides of the skin, intervals hold the exact distance and are narrow. Every level has a row.
 #[test]
 fn bench_measures_every_level() {
     let folder = folder_with_a_cap();
@@ -462,9 +461,6 @@ fn bench_measures_every_level() {
         let faces = |levels: &[Value]| levels.iter().map(|level| level["faces"].clone()).collect::<Vec<_>>();
         let levels = band["levels"].as_array().unwrap();
         assert_eq!(faces(levels), faces(built));
-        let errors: Vec<f64> =
-            levels.iter().map(|level| level["search_error_mm"][0].as_f64().unwrap()).collect();
-        assert!(errors[0] < 1e-9 && errors.is_sorted(), "{errors:?}");
         assert!(levels.iter().all(|level| level["same_field"][1].as_f64().unwrap() > 0.5), "{band}");
     }
     notes(&folder, "build cap.glb -o single --levels 0", &[]);

@@ -647,17 +647,6 @@ impl PyMap {
         Ok(picture)
     }
 
-    /// Measure lookups on this map and this machine, as `dermatome bench`: times, error bounds and true errors of each
-    /// level.
-    ///
-    /// Returns
-    /// -------
-    /// dict
-    fn bench<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let map = Arc::clone(&self.map);
-        json(py, &run(py, 0, move |_| dermatome::contact::measure(&map))?.map_err(error)?)
-    }
-
     /// Find the points of the skin at places on the map of a patch.
     ///
     /// Parameters
