@@ -432,13 +432,12 @@ fn a_table_prescribes_the_boundary() {
     let flat = fs::read_to_string(folder.join("flat.obj")).unwrap();
     let corners: Vec<&str> = flat.lines().filter(|line| line.starts_with("vt ")).take(4).collect();
     assert_eq!(corners, ["vt 0.0 0.0", "vt 2.0 0.0", "vt 2.0 1.0", "vt 0.0 1.0"]);
-    notes(folder, &flatten("rectangle:2:1"), &[]);
     fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "9,0,1\n")).unwrap();
     let said = ["0 taxels have the id 9", "help: correct --boundary"];
     refuses(folder, &flatten("canvas.csv"), &said);
     fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "4,0,x\n")).unwrap();
     refuses(folder, &flatten("canvas.csv"), &["canvas.csv", "line 5"]);
-    refuses(folder, &flatten("oval"), &["needed: free, circle, rectangle"]);
+    refuses(folder, &flatten("oval"), &["needed: free, circle or a table"]);
 }
 
 /// In every band, on both sides of the skin, intervals hold the exact distance and are narrow. Every level has a row.
