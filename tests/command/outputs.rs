@@ -189,9 +189,7 @@ fn no_command_replaces_what_it_reads() {
         "convert t.csv t.CSV",
         "build cap.obj -o M --cut M/map.glb",
         "coarsen cap.obj -o table.glb --acuity table.glb",
-        "flatten cap.obj -o f.npz --faces f.npz",
         "flatten cap.obj -o f.obj --cut f.obj",
-        "convert cap.obj a.ply --faces a.ply",
         "render map.glb c.csv -o o.npz --contacts gain.csv --gain gain.csv",
     ] {
         let name = folder.path().file_name().unwrap().to_str().unwrap();

@@ -276,7 +276,6 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
         "gains" => io::read_gains(file).is_ok(),
         "boundary" => io::read_boundary(file).is_ok(),
         "seams" => io::read_seams(file).is_ok(),
-        "faces" => io::read_faces(file).is_ok(),
         "truth" => io::read_truth(file).is_ok(),
         "motion" => {
             let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };

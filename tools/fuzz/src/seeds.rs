@@ -16,7 +16,6 @@ const TEXTS: [(&str, &str); 38] = [
     ("boundary.csv", "id,x,y\n1,0,0\n2,1,0\n3,0,1\n"),
     ("contacts.csv", "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n"),
     ("contacts.link.csv", "link,x,y,z,radius\nbase,0,0,0.01,0.002\n,0.02,0,0,0\n"),
-    ("faces.txt", "0\n3\n7-9\n"),
     ("gains.csv", "id,gain\n1,2.5\n2,0.5\n"),
     ("joints.csv", "time[ms],shoulder,elbow\n0,0.1,0.2\n10,0.2,-0.3\n"),
     ("motion.csv", "link,time,x,y,z,qx,qy,qz,qw\nbase,0,0,0,0,0,0,0,1\nbase,1,0.1,0,0,0,0,0.6,0.8\n"),
