@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::atlas::Atlas;
-use crate::image::{Interpolation, RenderOptions, Renderer, TactileImage};
+use crate::image::{Renderer, TactileImage};
 use crate::io::{ReadingsReader, Statement};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
@@ -180,13 +180,12 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn draw(&mut self, atlas: &Atlas, interpolation: Interpolation) -> Result<(), Error> {
+    pub fn draw(&mut self, atlas: &Atlas) -> Result<(), Error> {
         if self.levels.is_none() {
             self.carry(Carried::Values, None);
         }
         let level = self.levels.as_ref().and_then(|levels| levels.level);
-        let options = RenderOptions { interpolation, level };
-        self.renderer = Some(Renderer::new(&self.map, atlas, self.level_channels(), &options)?);
+        self.renderer = Some(Renderer::new(&self.map, atlas, self.level_channels(), level)?);
         Ok(())
     }
 

@@ -9,7 +9,6 @@ use std::{process::ExitCode, sync::Arc};
 
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
-use dermatome::image::Interpolation;
 use dermatome::io::Statement;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
@@ -127,7 +126,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if !images.values_only {
         check_memory(&atlas, channels.len(), level, images.max_memory)?;
-        recording.draw(&atlas, args.pixels.interpolate)?;
+        recording.draw(&atlas)?;
     }
     remark_join(&recording, &args.readings, common);
     let content = Content {
@@ -232,7 +231,7 @@ fn range_of_images(
     let common = Common { quiet: true, ..common.clone() };
     let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, map, &common)?;
     recording.carry(args.images.carried(), level);
-    recording.draw(atlas, args.pixels.interpolate)?;
+    recording.draw(atlas)?;
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     while let Some(step) = recording.next_step()? {
         for value in step.images.iter().flat_map(|image| &image.values).filter(|value| value.is_finite()) {
@@ -388,9 +387,6 @@ fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: 
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Images")]
 pub(crate) struct PixelArgs {
-    /// How a pixel follows from the taxels around it
-    #[arg(long, value_parser = one_of(&INTERPOLATIONS), default_value = "linear")]
-    pub(super) interpolate: Interpolation,
     /// Side of a pixel [default: that of the map]
     #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
     pixel: Option<f64>,
@@ -409,11 +405,6 @@ const PACKINGS: [Choice<Pack>; 2] = [
         Pack::Body,
         "Distal ends up, distal links above proximal ones, neighbours near each other: for people",
     ),
-];
-
-const INTERPOLATIONS: [Choice<Interpolation>; 2] = [
-    ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
-    ("nearest", Interpolation::Nearest, "The nearest taxel"),
 ];
 
 impl PixelArgs {

@@ -10,7 +10,6 @@ use dermatome::calib::{
     Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention, TaxelVariable,
 };
 use dermatome::id::VertexId;
-use dermatome::image::Interpolation;
 use dermatome::io::{Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -77,8 +76,7 @@ pub(crate) fn check_signals(_: &str, bytes: &[u8], _: &mut Random, counts: &mut 
     let reader = ReadingsReader::memory(readings).map_err(text)?;
     let Ok(mut recording) = Recording::open(map, reader, &options) else { return Ok(()) };
     recording.carry(*random.pick(&[Carried::Values, Carried::Contrast, Carried::Edges]), None);
-    let interpolation = *random.pick(&[Interpolation::Linear, Interpolation::Nearest]);
-    recording.draw(atlas, interpolation).map_err(text)?;
+    recording.draw(atlas).map_err(text)?;
     let tracked = TrackerOptions {
         channel: random.below(recording.channels().len()),
         threshold: random.chance(0.6).then(|| value(random, 0.1)),

@@ -546,8 +546,6 @@ impl PyMap {
     ///     Number of channels of the readings, C; by default as many as `extensive` has, or any.
     /// extensive : bool, or a sequence of one for each channel
     ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
-    /// interpolate : {"linear", "nearest"}
-    ///     How values are drawn between the taxels.
     /// size : (2,) sequence of int, optional
     ///     Height and width of the images, in pixels.
     /// pixel : float, optional
@@ -563,7 +561,7 @@ impl PyMap {
     /// Returns
     /// -------
     /// Renderer
-    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, interpolate="linear", size=None,
+    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, size=None,
         pixel=None, pack=None, fill=None, mask=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
@@ -572,7 +570,6 @@ impl PyMap {
         patch: Option<String>,
         channels: Option<i64>,
         extensive: Option<&Bound<'_, PyAny>>,
-        interpolate: &str,
         size: Option<[u32; 2]>,
         pixel: Option<f64>,
         pack: Option<PackArg>,
@@ -580,9 +577,7 @@ impl PyMap {
         mask: bool,
     ) -> PyResult<PyRenderer> {
         let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
-        let interpolate = interpolate.to_owned();
-        let args =
-            RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill, mask };
+        let args = RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask };
         PyRenderer::new(slf, args)
     }
 

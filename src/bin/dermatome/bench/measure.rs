@@ -190,7 +190,8 @@ fn measure_back(
     let pixels = map.patches.enumerate().flat_map(|(id, patch)| {
         let frame = patch.levels[finest].frame;
         let [columns, rows] = frame.size_px;
-        (rows / 4..rows).flat_map(move |row| (0..columns).map(move |column| (id, frame.centre([column, row]))))
+        (rows / 4..rows)
+            .flat_map(move |row| (0..columns).map(move |column| (id, frame.centre([column, row]))))
     });
     let pixels: Vec<(PatchId, DVec2)> = pixels.filter(&mut answer).take(CONTACTS).collect();
     Ok([on_map, pixels].map(|places| {
@@ -280,12 +281,7 @@ fn measure_band(
     }))
 }
 
-fn measure_level(
-    map: &SkinMap,
-    index: &ContactIndex,
-    level: usize,
-    contacts: &[(Query, Hit)],
-) -> LevelCosts {
+fn measure_level(map: &SkinMap, index: &ContactIndex, level: usize, contacts: &[(Query, Hit)]) -> LevelCosts {
     let id = LevelId::new(level);
     let cell = |query: &Query, refine: Refine| {
         let answer = index.reactive(*query).ok()?;
@@ -293,10 +289,9 @@ fn measure_level(
     };
     let with_cell_ns = time_in_turn(
         contacts,
-        [
-            &mut |(q, _)| _ = black_box(cell(q, Refine::Face)),
-            &mut |(q, _)| _ = black_box(cell(q, Refine::Walk)),
-        ],
+        [&mut |(q, _)| _ = black_box(cell(q, Refine::Face)), &mut |(q, _)| {
+            _ = black_box(cell(q, Refine::Walk))
+        }],
     );
     let same = |refine: Refine| {
         let is_same = |(q, hit): &&(Query, Hit)| {
@@ -375,7 +370,8 @@ impl AnswerCosts {
             let [from, to] = band.off_mm;
             for LevelCosts { level, faces, with_cell_ns: [face, walk], same_field } in &band.levels {
                 let same = percents(same_field);
-                text += &format!("| {from} to {to} | {level} | {faces} | {face:.0}, {walk:.0} | {same} % |\n");
+                text +=
+                    &format!("| {from} to {to} | {level} | {faces} | {face:.0}, {walk:.0} | {same} % |\n");
             }
         }
         text

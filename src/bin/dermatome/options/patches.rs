@@ -137,10 +137,7 @@ impl PatchArgs {
         draft.sheets.retain(|sheet| !sheet.positions.is_empty());
         let is_chosen = self.wants_materials() || self.bounds.is_some() || self.facing.is_some();
         if draft.sheets.is_empty() && is_chosen {
-            return refuse(
-                "no face is left".into(),
-                "choose more with --material, --box or --facing",
-            );
+            return refuse("no face is left".into(), "choose more with --material, --box or --facing");
         }
         Ok(())
     }

@@ -229,7 +229,6 @@ class Map(_Made):
         patch: str | None = None,
         channels: int | None = None,
         extensive: bool | Sequence[bool] | None = None,
-        interpolate: Literal["linear", "nearest"] = "linear",
         size: Sequence[int] | None = None,
         pixel: float | None = None,
         pack: bool | Literal["tight", "body"] | None = None,
