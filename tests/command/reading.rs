@@ -116,6 +116,7 @@ fn other_formats_are_named_with_what_converts_them() {
         ("a.step", "FreeCAD"),
         ("a.fbx", "Blender"),
         ("a.usd", "glTF"),
+        ("a.msh", "Gmsh with `meshio convert`"),
         ("a.xacro", "`xacro"),
         ("a.sdf", "a .urdf"),
     ] {

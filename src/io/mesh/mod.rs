@@ -4,8 +4,6 @@
 #[cfg(feature = "robots")]
 mod dae;
 mod icub;
-#[cfg(feature = "robots")]
-mod msh;
 mod npz;
 mod obj;
 mod off;
@@ -45,12 +43,10 @@ pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
         #[cfg(feature = "robots")]
         "ply" => |source, _| ply::read(&source),
         "stl" => |source, _| stl::read(&source),
-        #[cfg(feature = "robots")]
-        "msh" => |source, _| msh::read(&source),
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let robots = "glb, gltf, json, obj, off, ply, stl, dae, msh, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
             let known = if cfg!(feature = "robots") {
                 robots
             } else {

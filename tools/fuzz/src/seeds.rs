@@ -105,10 +105,6 @@ pub(crate) fn make(folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     let mut all: Vec<_> =
         TEXTS.iter().map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec())).collect();
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../meshes");
-    let (counts, corners) = ([4_u32, 1, 0, 2], [0_u32, 1, 2, 0, 2, 3]);
-    let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.2, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let words = counts.into_iter().chain(numbers.map(f32::to_bits)).chain(corners);
-    all.push(("part.msh".into(), words.flat_map(u32::to_le_bytes).collect()));
     all.push(("arm.urdf".into(), fs::read(meshes.join("arm.urdf"))?));
     all.push(("robot.xml".into(), fs::read(meshes.join("../tools/checks/robot.xml"))?));
     let skin = Skin::from_mesh("cap", shapes::cap(24, 0.02, 1.0));
