@@ -28,16 +28,6 @@ pub(super) struct ContactsArgs {
     /// from the first frames, during which the skin must be untouched]
     #[arg(long, value_name = "X", value_parser = positive)]
     threshold: Option<f64>,
-    /// The other taxels of a region are above this share of the threshold [default: 0.5, of fingers 0.625]
-    #[arg(long, value_name = "F")]
-    low: Option<f64>,
-    /// Least number of taxels of a region
-    #[arg(long, value_name = "N", default_value_t = TrackerOptions::default().least)]
-    least: usize,
-    /// Split a region with several peaks: a part is a contact of its own if its peak, with more than
-    /// three taxels, rises above the saddle to the next by this share of its height; 1: never
-    #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().prominence)]
-    prominence: f64,
     /// Channel whose regions are found [default: the first]
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
@@ -63,9 +53,7 @@ impl ContactsArgs {
         recording.follow_contacts(&TrackerOptions {
             probe: self.probe,
             threshold: self.threshold,
-            low: self.low.unwrap_or(self.probe.low()),
-            least: self.least,
-            prominence: self.prominence,
+            low: self.probe.low(),
             ..recording.tracker_options(channel)
         })?;
         let create = |path: &OutFile| RegionWriter::create(common.outputs.file(path), map);
