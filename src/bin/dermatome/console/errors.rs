@@ -391,7 +391,9 @@ fn converter(path: &Path) -> Option<&'static str> {
         "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
         "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
         "3mf" | "vtk" | "vtu" => "convert it with `meshio convert`",
-        "msh" => "convert it, a mesh of Gmsh with `meshio convert` or an old one of MuJoCo with its msh2obj.py,",
+        "msh" => {
+            "convert it, a mesh of Gmsh with `meshio convert` or an old one of MuJoCo with its msh2obj.py,"
+        }
         "bag" | "mcap" | "db3" => return Some(BAGS),
         "h5" | "hdf5" | "mat" | "parquet" | "xlsx" | "zarr" => return Some(ARRAYS),
         _ => return None,
