@@ -61,7 +61,7 @@
 //!
 //! ```
 //! use dermatome::contact::{ContactIndex, Query};
-//! use dermatome::{mesh::shapes, pipeline, pyramid::LevelId, skin::{LinkId, Skin}};
+//! use dermatome::{mesh::shapes, pipeline, pyramid::LevelId, run::Run, skin::{LinkId, Skin}};
 //! use glam::DVec3;
 //!
 //! // A cap of a sphere around the origin, open at the top.
@@ -77,7 +77,7 @@
 //!
 //! // In the frame of a link, where a sensor is mounted; and many at once.
 //! let query = Query::in_link(LinkId::new(0), below);
-//! assert_eq!(index.locate_all(&[query])?.get(0), Some(index.locate(query)?));
+//! assert_eq!(index.locate_all(&[query], Run::default())?.get(0), Some(index.locate(query)?));
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 

@@ -15,6 +15,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::{CoarsenOptions, coarsen};
+use dermatome::run::Run;
 use dermatome::skin::{
     AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin, TaxelId,
     Taxels, assemble,
@@ -119,7 +120,8 @@ fn what_is_written_is_read_by_the_gltf_crate() {
     write_skin(&at("skin.gltf"), &robot()).unwrap();
     write_map(&at("map.glb"), &map()).unwrap();
     let skin = robot();
-    let pyramid = |p: &Patch| coarsen(&p.mesh, &p.taxels, &CoarsenOptions::default()).unwrap();
+    let pyramid =
+        |p: &Patch| coarsen(&p.mesh, &p.taxels, &CoarsenOptions::default(), Run::default()).unwrap();
     let pyramids: Vec<_> = skin.patches.iter().map(pyramid).collect();
     write_pyramids(&at("levels.glb"), &skin, &pyramids).unwrap();
     for name in ["skin.glb", "skin.gltf", "map.glb", "levels.glb"] {

@@ -279,10 +279,13 @@ mod tests {
                 let name = argument.get_value_names().map_or("", |names| names[0].as_str());
                 let words = argument.get_possible_values();
                 let word = words.first().map(|word| word.get_name().to_owned());
-                let given = argument.get_default_values().first().map(|word| word.to_string_lossy().into_owned());
-                let listed = SOUND.iter().find(|(other, _)| *other == name).map(|(_, value)| (*value).to_owned());
+                let given =
+                    argument.get_default_values().first().map(|word| word.to_string_lossy().into_owned());
+                let listed =
+                    SOUND.iter().find(|(other, _)| *other == name).map(|(_, value)| (*value).to_owned());
                 let sound = word.or(given).or(listed);
-                let sound = sound.unwrap_or_else(|| panic!("{} {argument}: give a value", command.get_name()));
+                let sound =
+                    sound.unwrap_or_else(|| panic!("{} {argument}: give a value", command.get_name()));
                 let count = argument.get_num_args().map_or(1, |range| range.min_values().max(1));
                 let is_refused = |value: &str| {
                     let mut line = vec!["dermatome".to_owned(), command.get_name().to_owned()];

@@ -12,13 +12,14 @@ use dermatome::{
     io::read_draft,
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
+    run::Run,
     skin::{AssembleOptions, PatchId, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
 fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    dermatome::flatten::flatten(mesh, None, options).map(|map| map.uv)
+    dermatome::flatten::flatten(mesh, None, options, Run::default()).map(|map| map.uv)
 }
 
 fn flatten_pyramid(
@@ -26,7 +27,7 @@ fn flatten_pyramid(
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, IdVec<VertexId, DVec2>>, FlattenError> {
-    let maps = dermatome::flatten::flatten_pyramid(pyramid, taxels, options)?;
+    let maps = dermatome::flatten::flatten_pyramid(pyramid, taxels, options, Run::default())?;
     Ok(maps.map(|map| map.uv.clone()))
 }
 
@@ -84,7 +85,7 @@ fn measure(mesh: &TriMesh, options: &FlattenOptions) -> Distortion {
 }
 
 fn pyramid_of(mesh: &TriMesh) -> Pyramid {
-    coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default()).unwrap()
+    coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), Run::default()).unwrap()
 }
 
 /// A sheet with a bump and a dent, of heights `a` and `b`.
@@ -356,7 +357,7 @@ fn magnification_does_not_depend_on_the_levels_above() {
         let options = magnified(energy, 1.0);
         let level_0 = |levels: Option<usize>| {
             let levels = CoarsenOptions { levels, ..CoarsenOptions::default() };
-            let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &levels).unwrap();
+            let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &levels, Run::default()).unwrap();
             let maps = flatten_pyramid(&pyramid, Some(&dense(&mesh, densities.clone())), &options).unwrap();
             (pyramid.levels.len(), maps[LevelId::new(0)].clone())
         };

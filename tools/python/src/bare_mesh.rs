@@ -5,11 +5,11 @@ use std::sync::Arc;
 use dermatome::{
     Skin,
     cut::Cut,
-    flatten::{Convergence, Distortion, distortion, flatten_with},
+    flatten::{Convergence, Distortion, distortion},
     id::VertexId,
     mesh::TriMesh,
     pipeline::{BuildOptions, build_finest},
-    pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid, coarsen_with},
+    pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid},
     skin::{PatchId, TaxelId, Taxels},
 };
 use glam::DVec3;
@@ -141,7 +141,7 @@ pub(crate) fn flatten(
         mesh.validate()?;
         if cut == Cut::None {
             let taxels = acuity.map(|acuity| Taxels { acuities: Some(acuity.into()), ..Taxels::from(&mesh) });
-            let map = flatten_with(&mesh, taxels.as_ref(), &options, stop.run())?;
+            let map = dermatome::flatten::flatten(&mesh, taxels.as_ref(), &options, stop.run())?;
             return Ok(Flat {
                 distortion: distortion(&mesh, &map.uv),
                 convergence: Some(map.convergence),
@@ -339,7 +339,7 @@ pub(crate) fn coarsen<'py>(
     let pyramid = run(py, count("threads", threads)?, move |stop| -> Result<Pyramid, dermatome::Error> {
         mesh.validate()?;
         let taxels = Taxels { acuities: acuity.map(Into::into), ..Taxels::from(&mesh) };
-        Ok(coarsen_with(&mesh, &taxels, &options, stop.run())?)
+        Ok(dermatome::pyramid::coarsen(&mesh, &taxels, &options, stop.run())?)
     })?;
     let levels = pyramid.map_err(error)?.levels.into_iter().enumerate();
     let levels = levels.map(|(number, level)| Py::new(py, PyMeshLevel { level: Arc::new(level), number }));

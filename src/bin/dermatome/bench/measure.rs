@@ -12,6 +12,7 @@ use dermatome::{
     contact::{ContactError, ContactIndex, Hit, IndexOptions, MapIndex, Query, Reactive, Refine},
     map::SkinMap,
     pyramid::LevelId,
+    run::Run,
     skin::PatchId,
 };
 use glam::{DVec2, DVec3};
@@ -109,7 +110,7 @@ pub(crate) fn measure(map: &SkinMap) -> Result<AnswerCosts, ContactError> {
     let reactive = IndexOptions { reactive: true, ..IndexOptions::default() };
     let (index, index_with_reactive_seconds) = timed(|| ContactIndex::with_options(map, &reactive))?;
     let SampleContacts { scattered, path } = SampleContacts::new(map, &plain)?;
-    let exact: Vec<Hit> = plain.locate_all(&scattered)?.iter().collect();
+    let exact: Vec<Hit> = plain.locate_all(&scattered, Run::default())?.iter().collect();
     let finest = LevelId::new(0);
     let [single_ns, with_cell_ns, with_all_ns] = time_in_turn(
         &scattered,
@@ -123,7 +124,8 @@ pub(crate) fn measure(map: &SkinMap) -> Result<AnswerCosts, ContactError> {
         ],
     );
     let [path_ns] = time_in_turn(&path, [&mut |&q| _ = black_box(plain.locate(q))]);
-    let [batch_ns] = time_in_turn(&[()], [&mut |()| _ = black_box(plain.locate_all(&scattered))]);
+    let [batch_ns] =
+        time_in_turn(&[()], [&mut |()| _ = black_box(plain.locate_all(&scattered, Run::default()))]);
     let [back_ns, back_by_pixels_ns] = measure_back(map, &plain, &exact)?;
     let bands = BANDS_MM.map(|off_mm| measure_band(map, &index, off_mm)).into_iter();
     Ok(AnswerCosts {
