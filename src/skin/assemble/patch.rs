@@ -169,13 +169,6 @@ fn choose_normals(
 /// Volume inside a closed component, in m^3, negative if it is inside out; `None` for one with a
 /// boundary.
 fn enclosed_volume(mesh: &TriMesh) -> Option<f64> {
-    if Edges::new(&mesh.triangles, mesh.positions.len()).iter().any(|uses| uses.len() == 1) {
-        return None;
-    }
-    let origin = mesh.positions.iter().next().copied()?;
-    let volume = |face| {
-        let [a, b, c] = mesh.corners(face).map(|p| p - origin);
-        a.dot(b.cross(c)) / 6.0
-    };
-    Some(mesh.triangles.ids().map(volume).sum())
+    let is_closed = Edges::new(&mesh.triangles, mesh.positions.len()).iter().all(|uses| uses.len() > 1);
+    is_closed.then(|| mesh.enclosed_volume())
 }
