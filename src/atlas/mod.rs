@@ -4,8 +4,6 @@
 //! the charts of all levels and patches, one image each or packed into one image per level; [`crate::image`]
 //! draws values through it. [`LevelImage`] fills the channels of `map.exr`, a band of rows at a time, so that
 //! an image of a whole skin is never in memory at once.
-//!
-//! In reading order: `rasterize`, `turn`, `grid`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
 mod bound;
 mod chart;

@@ -10,10 +10,6 @@
 //! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
-//!
-//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to
-//! [`Health`](crate::signal::Health), `respond` to the estimators of a response, `order` to
-//! [`ColumnOrder`](crate::signal::ColumnOrder).
 
 mod examine;
 mod intake;

@@ -10,9 +10,6 @@
 //! **From steps of pressure** ([`StepEstimator`]): gain and exponent of each taxel, in pascals.
 //!
 //! **From touches of known force** ([`ScaleEstimator`]): the scale of relative gains.
-//!
-//! In reading order: `contact` (the depth that a taxel senses below a body), `press` (presses as that model sees
-//! them), `collect` (from frames to presses), `elimination` (one press in the normal equations), `bundle` (all of them); `steps`; `scale`.
 
 mod bundle;
 mod collect;

@@ -1,15 +1,6 @@
 //! Values on taxels and receptive fields: frames of readings, and quantities derived from them on every
 //! level, without pixels or files.
 //!
-//! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
-//! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
-//! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
-//! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
-//! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
-//! finds contact regions ([`ContactTracker`]), `events` has words for what they do ([`EventDetector`]). `response` is what is known about the channels of taxels ([`Response`]),
-//! `health` finds faulty taxels ([`Health`]), `order` finds which column is of which taxel ([`ColumnOrder`]), `summary` adds up a recording ([`Summary`]), `pool` carries readings to named
-//! regions ([`GroupPool`]).
-//!
 //! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
 //! a receptive field whose taxels all are. Zero is a reading.
 

@@ -4,10 +4,6 @@
 //! lowers the number, the zero, and which cell is which taxel. [`Layout::draft`] makes one of what a file states
 //! ([`StreamFacts`]), with null where a value is unknown. A [`Decoder`] turns the numbers of one stream into readings. Every
 //! [`Statement`] about them has a source; what a file and a layout state differently is refused, not converted.
-//!
-//! In reading order: `facts` is what is known and by whom, `rules` are the values of the keys, `keys` reads a layout,
-//! `draft` writes one, `cells` joins cells to taxels, `clock` makes seconds of times, `checks` compares the first frames
-//! with what the layout states.
 
 mod cells;
 mod checks;

@@ -1,10 +1,5 @@
 //! Recordings and live streams of readings, frame by frame, in memory that does not depend on their
 //! length.
-//!
-//! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
-//! `header` finds what their columns are; `arrays` reads recordings of numpy's arrays, `laid` those of any kind through a
-//! [`Layout`]; [`ReadingsReader`] is
-//! the one type for all of them, and for those in memory ([`Readings`]). `writer` writes recordings that it reads.
 
 pub(super) mod arrays;
 mod header;

@@ -2,8 +2,7 @@
 //! states itself makes readings of them.
 //!
 //! The kind of a file follows from its first bytes ([`KINDS`], the one list). Where a file has sums of its own (force, raw
-//! sum, load), they prove unit and parsing: a mismatch is an error with both numbers. In reading order: `lines` reads text,
-//! then one reader a file.
+//! sum, load), they prove unit and parsing: a mismatch is an error with both numbers.
 //!
 //! [`Layout`]: crate::io::layout::Layout
 

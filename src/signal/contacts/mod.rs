@@ -5,12 +5,6 @@
 //! makes it flicker. Two taxels next to the same taxel without a reading are also connected, so that a dead
 //! taxel does not split a contact.
 //!
-//! In reading order: [`TrackerOptions`] has the thresholds, `noise` estimates them where none are given;
-//! `find` finds the taxels of the regions of a frame ([`ContactRegion`]), `split` splits regions with several
-//! peaks, `place` measures force, position and shape, `tracks` matches them with those of the last frame,
-//! `tracker` combines all steps ([`ContactTracker`]), and `at_once` counts the contacts of a touch. With
-//! [`Probe::Finger`], `fingers` prepares the readings and splits regions instead of `split`.
-//!
 //! Where the threshold is estimated, the noise is known: connected taxels above the lower threshold are a region too if
 //! their sum is above the upper one times the root of their number, as unlikely as one taxel above it; and a contact goes
 //! on while it is above the lower threshold.

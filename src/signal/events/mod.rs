@@ -22,9 +22,6 @@
 //! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the 95 % quantile of the
 //! distances from the median centre. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
-//!
-//! In reading order: `history` keeps the latest readings, `path` the centres of one contact, `contact` follows it
-//! ([`Followed`](contact::Followed)), `groups` finds pats and grasps, `detector` combines them ([`EventDetector`]).
 
 mod contact;
 mod detector;
