@@ -55,7 +55,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Measure lookups on a map: time, error bound and true error on each level.
+    /// Measure lookups on a map: time, interval and true error, by distance and level.
     Bench(bench::Args),
     /// Build the maps of a skin: writes map.glb, map.exr and reports as JSON and HTML.
     Build(build::Args),
