@@ -371,7 +371,7 @@ fn extensions_and_options_out_of_range_are_refused() {
     let folder = folder_with_a_cap();
     refuses(&folder, "coarsen cap.glb -o levels.obj", &["glb"]);
     refuses(&folder, "info cap.glb --threads 100000", &["512"]);
-    refuses(&folder, "coarsen cap.glb -o x.glb --ratio 1.5", &[]);
+    refuses(&folder, "coarsen cap.glb -o x.glb --coarsest 2.5", &[]);
 }
 
 #[test]
