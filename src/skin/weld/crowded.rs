@@ -4,7 +4,6 @@
 
 use glam::DVec3;
 
-use crate::id::VertexId;
 use crate::mesh::{Edges, Halfedge, TriMesh};
 use crate::numeric::{argsort, order_by};
 
