@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 /// Files as they are. The beginning of a name says what reads it.
 #[rustfmt::skip]
-const TEXTS: [(&str, &str); 38] = [
+const TEXTS: [(&str, &str); 37] = [
     ("acuities.csv", "id,acuity\n1,2\n2,0.5\n"),
     ("boundary.csv", "id,x,y\n1,0,0\n2,1,0\n3,0,1\n"),
     ("contacts.csv", "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n"),

@@ -30,7 +30,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::PyMap,
     matrix::{PyMatrix, Rows},
-    options::{Extensive, channels, count, level, positive, word},
+    options::{Extensive, channels, count, level, positive},
     pool::starts,
 };
 
