@@ -22,14 +22,14 @@ fn tube() -> Skin {
 fn every_job_that_is_cancelled_ends_with_that_error() {
     let (skin, cap, flag) = (tube(), shapes::cap(800, 0.1, 1.9), AtomicBool::new(true));
     let run = Run::default().cancelled_by(&flag);
-    let (taxels, flatten) = (Taxels::from(&cap), FlattenOptions::default());
+    let (taxels, options) = (Taxels::from(&cap), FlattenOptions::default());
     let pyramid = coarsen(&cap, &taxels, &CoarsenOptions::default(), Run::default()).unwrap();
     let observed =
         simulate(&SimulateOptions { taxels: 20, ..SimulateOptions::default() }).unwrap().observations;
     let keep_going = BuildOptions { keep_going: true, ..BuildOptions::default() };
     let jobs: [(&str, Result<(), Error>); 7] = [
-        ("flatten", flatten(&cap, None, &flatten, run).map(drop).map_err(Into::into)),
-        ("pyramid", flatten_pyramid(&pyramid, None, &flatten, run).map(drop).map_err(Into::into)),
+        ("flatten", flatten(&cap, None, &options, run).map(drop).map_err(Into::into)),
+        ("pyramid", flatten_pyramid(&pyramid, None, &options, run).map(drop).map_err(Into::into)),
         ("coarsen", coarsen(&cap, &taxels, &CoarsenOptions::default(), run).map(drop).map_err(Into::into)),
         ("build", build_with(&skin, &keep_going, run).map(drop)),
         ("finest", build_finest(&skin, &keep_going, run).map(drop)),
