@@ -73,7 +73,7 @@ pub use observations::{
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub use pose::Pose;
-pub(crate) use pose::{FARTHEST, exp, is_within_reach, outer};
+pub(crate) use pose::{exp, outer};
 pub(crate) use sensor_layout::SensorLayout;
 pub use simulate::{SimulateOptions, Simulation, simulate, simulate_with};
 pub use skin::{CalibratedSkin, calibrated_skin};

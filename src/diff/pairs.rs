@@ -130,7 +130,7 @@ fn places(draft: &Draft, modules: &HashMap<TaxelId, &str>) -> Vec<Place> {
             }
             let id = sheet.ids.as_ref().and_then(|all| all.get(row)).copied().unwrap_or_default();
             let own = || Some(sheet.modules.as_ref()?.get(row)?.to_string());
-            let covariance = sheet.covariances.as_ref().and_then(|all| all.get(row));
+            let covariance = sheet.covariances.as_ref().and_then(|all| *all.get(row)?);
             let variance = covariance.map(|c| c.sigma().powi(2) / 3.0).filter(|v| v.is_finite());
             Some(Place {
                 id,

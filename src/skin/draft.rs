@@ -77,8 +77,8 @@ columns! {
     presence: Option<Vec<Presence>>,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
     modules: Option<Vec<u32>>,
-    /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
-    covariances: Option<Vec<Covariance>>,
+    /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2; `None` where unknown.
+    covariances: Option<Vec<Option<Covariance>>>,
     /// The links that each taxel follows; `None`: the sheet's.
     joints: Option<Vec<Joints>>,
     /// The named region that each taxel is in, if it is in one.
@@ -101,6 +101,7 @@ impl Draft {
             sheet
                 .covariances
                 .iter_mut()
+                .flatten()
                 .flatten()
                 .for_each(|c| *c = <[f64; 6]>::from(*c).map(|x| x * square).into());
         }

@@ -116,8 +116,8 @@ columns! {
     acuities: Option<IdVec<VertexId, f64>>,
     /// The content of each slot.
     presence: IdVec<VertexId, Presence>,
-    /// Covariances of the positions, in the link's frame; `None`: unknown.
-    covariances: Option<IdVec<VertexId, Covariance>>,
+    /// Covariances of the positions, in the link's frame; `None`: unknown, of one taxel or of all. 0 is exact.
+    covariances: Option<IdVec<VertexId, Option<Covariance>>>,
     /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
     joints: Option<IdVec<VertexId, Joints>>,
     /// The named region that each taxel is in, if it is in one; `None`: none is.
@@ -259,7 +259,8 @@ impl Taxels {
         if let Some((vertex, found)) = named.into_iter().find(|(_, name)| !is_region_name(name)) {
             return Err(TaxelError::Region { vertex, found: found.to_string() });
         }
-        match first(covariances.iter().flat_map(IdVec::enumerate), is_covariance) {
+        let known = covariances.iter().flat_map(IdVec::enumerate).filter_map(|(v, c)| Some((v, c.as_ref()?)));
+        match first(known, is_covariance) {
             Some((vertex, found)) => Err(TaxelError::Covariance { vertex, found }),
             None => Ok(()),
         }
@@ -318,7 +319,7 @@ impl Taxels {
         Self {
             normals: self.normals.map(|&n| turn * n),
             tangents: self.tangents.as_ref().map(|all| all.map(|&t| turn * t)),
-            covariances: self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&turn))),
+            covariances: self.covariances.as_ref().map(|all| all.map(|c| c.map(|c| c.conjugate(&turn)))),
             binds: self.binds.iter().map(|&(link, bind)| (link, *pose * bind * pose.inverse())).collect(),
             ..self.clone()
         }

@@ -48,7 +48,7 @@ impl Taxels {
             ids: Some((1..=500).map(TaxelId).collect()),
             modules: Some(simulation.truth.iter().map(|pose| number(pose.position)).collect()),
             positions: found.poses.iter().map(|pose| pose.position).collect(),
-            covariances: found.marginals.map(|all| all.positions.iter().copied().collect()),
+            covariances: found.marginals.map(|all| all.positions.iter().copied().map(Some).collect()),
             ..Sheet::default()
         })
     }

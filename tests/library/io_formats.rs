@@ -174,14 +174,19 @@ fn tables_keep_covariances_in_the_world() {
     let mut skin = robot();
     let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
     for patch in skin.patches.iter_mut() {
-        patch.taxels.covariances =
-            Some(patch.taxels.ids.map(|_| Covariance::from([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
+        let mut covariances =
+            patch.taxels.ids.map(|_| Some(Covariance::from([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
+        // One that is exact and one that is not known.
+        (covariances[VertexId::new(1)], covariances[VertexId::new(2)]) = (Some(Covariance::default()), None);
+        patch.taxels.covariances = Some(covariances);
     }
     let draft = write_and_read(&folder, "csv", &skin);
     for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
         let matrix = world_pose(&skin.links, patch.link).matrix3;
         let expected = matrix * told * matrix.transpose();
-        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0].into();
+        let covariances = sheet.covariances.as_ref().unwrap();
+        assert_eq!(covariances[1..3], [Some(Covariance::default()), None], "{}", patch.name);
+        let [xx, xy, xz, yy, yz, zz] = covariances[0].unwrap().into();
         let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
     }

@@ -42,7 +42,10 @@ fn robot() -> Skin {
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     // Exact in `f32`.
     let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
-    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| Covariance::from(covariance)));
+    let mut covariances = palm.taxels.areas.map(|_| Some(Covariance::from(covariance)));
+    // One that is exact and one that is not known.
+    (covariances[VertexId::new(5)], covariances[VertexId::new(6)]) = (Some(Covariance::default()), None);
+    palm.taxels.covariances = Some(covariances);
     skin.patches.push(palm);
     skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
     skin

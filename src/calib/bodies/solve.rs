@@ -13,7 +13,7 @@ use super::touches::{Touch, TouchId, Touches};
 use crate::calib::solve::loss::LossFunction;
 use crate::calib::{CalibError, Loss};
 use crate::id::IdVec;
-use crate::numeric::{DEVIATION_OF_MEDIAN, median};
+use crate::numeric::{DEVIATION_OF_MEDIAN, MEDIAN_OF_MAXWELL, MEDIAN_OF_RAYLEIGH, median};
 use crate::run::Run;
 
 /// First factor of the bound of Tukey's loss, which halves from stage to stage; larger where the drawing is farther from
@@ -130,29 +130,35 @@ impl Fit<'_> {
     }
 
     /// Standard deviations from medians, which half of the touches may spoil, of residuals that have `shares` of the
-    /// variance. Classes with few touches have those of all.
+    /// variance. Both follow from the touches with a normal; from the lengths of all errors where few have one. A class
+    /// of few touches takes the noise of all.
     fn estimate_noise(&mut self, at: &Placement, shares: Option<&IdVec<TouchId, [f64; 2]>>) {
         let error = |(number, touch): (TouchId, &Touch)| {
             let (error, normal) = at.error(self.hierarchy, touch);
             let along = error.dot(normal);
             let [one, two] = shares.map_or([1.0; 2], |shares| shares[number]).map(f64::sqrt);
             let across = (error - along * normal).length();
-            (class(touch), along.abs() / one, across / two, normal == DVec3::ZERO)
+            (class(touch), normal != DVec3::ZERO, [along.abs() / one, across / two])
         };
         let errors: IdVec<TouchId, _> = self.touches.all.enumerate().map(error).collect();
         let sigmas = |takes: &dyn Fn(usize) -> bool| {
             let taken = || errors.iter().filter(|error| takes(error.0));
-            let across = median(taken().map(|error| error.2))?;
-            // Medians of a Rayleigh and of a Maxwell distribution of unit scale.
-            let is_flat = taken().all(|error| !error.3);
-            let across = across / if is_flat { 1.1774 } else { 1.5382 };
-            let along =
-                if is_flat { DEVIATION_OF_MEDIAN * median(taken().map(|error| error.1))? } else { across };
-            Some([along, across].map(|sigma| sigma.max(LEAST_SIGMA)))
+            let with_normal = || taken().filter(|error| error.1).map(|error| error.2);
+            let is_isotropic = with_normal().count() < LEAST_TOUCHES && taken().any(|error| !error.1);
+            let sigmas = if is_isotropic {
+                [median(taken().map(|error| error.2[0].hypot(error.2[1])))? / MEDIAN_OF_MAXWELL; 2]
+            } else {
+                let across = median(with_normal().map(|error| error[1]))? / MEDIAN_OF_RAYLEIGH;
+                [DEVIATION_OF_MEDIAN * median(with_normal().map(|error| error[0]))?, across]
+            };
+            Some(sigmas.map(|sigma| sigma.max(LEAST_SIGMA)))
         };
         let all = sigmas(&|_| true).unwrap_or([FIRST_SIGMA; 2]);
         for k in 0..CLASSES {
-            let count = errors.iter().filter(|error| error.0 == k).count();
+            let counts = [true, false].map(|has_normal| {
+                errors.iter().filter(|error| error.0 == k && error.1 == has_normal).count()
+            });
+            let count = if counts[0] > 0 { counts[0] } else { counts[1] };
             let own = (count >= LEAST_TOUCHES).then(|| sigmas(&|class| class == k)).flatten();
             self.noise[k] = own.unwrap_or(all);
         }

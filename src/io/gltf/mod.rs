@@ -47,6 +47,9 @@ pub(super) use write_skin::write_skin;
 /// What `asset.generator` of our files begins with.
 const GENERATOR: &str = "dermatome";
 
+/// Stands for all variances of a taxel whose covariance is not known, and for its `_SIGMA`: glTF has no empty cells.
+const UNKNOWN_VARIANCE: f32 = -1.0;
+
 /// The properties of a mesh besides its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelExtras {

@@ -13,7 +13,7 @@ use crate::io::gltf::document::Document;
 use crate::io::gltf::joints::Binding;
 use crate::io::gltf::nodes::{Placement, read_node_tree};
 use crate::io::gltf::primitive::{Attributes, Shape, check_morphs};
-use crate::io::gltf::{LevelExtras, Notes, regions_of};
+use crate::io::gltf::{LevelExtras, Notes, UNKNOWN_VARIANCE, regions_of};
 use crate::io::{IoError, ReadParts};
 use crate::skin::{Covariance, Draft, Joints, Presence, RegionName, Remark, RemarkKind, Sheet, TaxelId};
 
@@ -201,10 +201,13 @@ fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Resul
     Ok(())
 }
 
-/// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.
-pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Covariance>>> {
+/// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there; [`UNKNOWN_VARIANCE`] is none.
+pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Option<Covariance>>>> {
     let half = |name| attributes.read(name, |accessor| accessor.reals(|row: [f64; 3]| row));
-    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| Covariance { xx, xy, xz, yy, yz, zz };
+    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| {
+        let is_known = [xx, yy, zz] != [f64::from(UNKNOWN_VARIANCE); 3];
+        is_known.then_some(Covariance { xx, xy, xz, yy, yz, zz })
+    };
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
     Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
 }
@@ -275,6 +278,7 @@ fn bake(sheet: &mut Sheet, linear: impl Fn(usize) -> DMat3) {
         *t = (linear(v) * *t).normalize_or_zero();
     }
     for (v, c) in sheet.covariances.iter_mut().flatten().enumerate() {
+        let Some(c) = c else { continue };
         // The lower triangle: rounding makes it differ from the upper one in the last bits.
         let stretched = linear(v) * DMat3::from(*c) * linear(v).transpose();
         *c = stretched.transpose().into();
