@@ -20,7 +20,7 @@
 //! ```
 //!
 //! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
-//! 2. Initial poses: chordal relaxation, spanning tree, or given.
+//! 2. Initial poses: chordal relaxation (a spanning tree if that fails), or given.
 //! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
 //! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to a wrong
 //!    taxel), but only if least squares does not suffice; `robust` has a table of what each stage

@@ -70,16 +70,13 @@ impl fmt::Display for ResidualConvention {
     }
 }
 
-/// The start of the optimisation. The positions model is linear, so there all but
-/// [`Initialization::InitialValues`] are the same.
+/// The start of the optimisation. The positions model is linear and needs none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
     /// Rotations as if they were free matrices, projected to rotations, then translations: two linear systems
     /// (`(martinec2007)`, `(carlone2015)`). Falls back to a spanning tree if that has no solution.
     #[default]
     Chordal,
-    /// Observations chained along a breadth-first spanning tree.
-    SpanningTree,
     /// The initial values of the taxels.
     InitialValues,
 }

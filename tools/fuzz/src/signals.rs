@@ -189,11 +189,7 @@ fn graph(random: &mut Random) -> (Observations, CalibOptions) {
             Some(Loss::Tukey),
             Some(Loss::Truncated),
         ]),
-        initialization: *random.pick(&[
-            Initialization::Chordal,
-            Initialization::SpanningTree,
-            Initialization::InitialValues,
-        ]),
+        initialization: *random.pick(&[Initialization::Chordal, Initialization::InitialValues]),
         max_iterations: 1 + random.below(30),
         covariances: random.chance(0.7),
     };

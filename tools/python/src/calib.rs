@@ -168,11 +168,7 @@ impl CalibArgs {
             ("log", ResidualConvention::Log),
             ("quaternion", ResidualConvention::Quaternion),
         ];
-        let starts = [
-            ("chordal", Initialization::Chordal),
-            ("tree", Initialization::SpanningTree),
-            ("file", Initialization::InitialValues),
-        ];
+        let starts = [("chordal", Initialization::Chordal), ("file", Initialization::InitialValues)];
         Ok(CalibOptions {
             robust: word("robust", &self.robust, &losses)?,
             residual: word("residual", &self.residual, &residuals)?,

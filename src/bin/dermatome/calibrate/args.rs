@@ -90,9 +90,8 @@ const RESIDUALS: [Choice<ResidualConvention>; 3] = [
     ("quaternion", ResidualConvention::Quaternion, "Translation and half-angle quaternion, as g2o"),
 ];
 
-const STARTS: [Choice<Initialization>; 3] = [
+const STARTS: [Choice<Initialization>; 2] = [
     ("chordal", Initialization::Chordal, "Two linear systems"),
-    ("tree", Initialization::SpanningTree, "Chained along a spanning tree"),
     ("file", Initialization::InitialValues, "The values in the file"),
 ];
 
