@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::calib::{CalibError, Loss};
+use crate::least_squares::Options;
 
 /// Options of [`calibrate`](crate::calib::calibrate()).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +20,8 @@ pub struct CalibOptions {
     pub robust: Option<Loss>,
     /// The start of the optimisation.
     pub initialization: Initialization,
-    /// Most iterations of one minimisation; robust estimation minimises several times.
-    pub max_iterations: usize,
+    /// Limits of one minimisation; robust estimation minimises several times.
+    pub limits: Options,
     /// Whether to compute the covariance of every taxel.
     pub covariances: bool,
 }
@@ -31,7 +32,7 @@ impl Default for CalibOptions {
             residual: ResidualConvention::default(),
             robust: None,
             initialization: Initialization::default(),
-            max_iterations: 100,
+            limits: Options::default(),
             covariances: true,
         }
     }
@@ -39,7 +40,7 @@ impl Default for CalibOptions {
 
 impl CalibOptions {
     pub(super) fn validate(&self) -> Result<(), CalibError> {
-        if self.max_iterations == 0 {
+        if self.limits.max_iterations == 0 {
             return Err(CalibError::BadOption {
                 option: "the number of iterations",
                 found: 0.0,

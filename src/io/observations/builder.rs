@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information,
-    Model, Observations, Pose, TaxelVariable, TouchRow,
+    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
+    Observations, Pose, TaxelVariable, TouchRow,
 };
 use crate::id::VertexId;
 use crate::io::error::Result;

@@ -290,7 +290,10 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
         }),
         "graph" => match io::read_observations(file, &[]) {
             Ok((observations, _)) if observations.taxels.len() < 60 => {
-                let options = dermatome::calib::CalibOptions { max_iterations: 3, ..Default::default() };
+                let options = dermatome::calib::CalibOptions {
+                    limits: dermatome::least_squares::Options { max_iterations: 3, ..Default::default() },
+                    ..Default::default()
+                };
                 let found = calibrate(&observations, &options);
                 if found.as_ref().is_ok_and(|found| found.poses.iter().any(|pose| !pose.position.is_finite()))
                 {

@@ -12,6 +12,7 @@ use dermatome::calib::{
 use dermatome::id::VertexId;
 use dermatome::image::Interpolation;
 use dermatome::io::{Readings, ReadingsReader};
+use dermatome::least_squares::Options;
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::recording::{Carried, Fill, Recording, RecordingOptions};
@@ -190,7 +191,7 @@ fn graph(random: &mut Random) -> (Observations, CalibOptions) {
             Some(Loss::Truncated),
         ]),
         initialization: *random.pick(&[Initialization::Chordal, Initialization::InitialValues]),
-        max_iterations: 1 + random.below(30),
+        limits: Options { max_iterations: 1 + random.below(30), ..Options::default() },
         covariances: random.chance(0.7),
     };
     (found, options)
