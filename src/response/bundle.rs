@@ -7,6 +7,7 @@
 //! It ends when the steps of the taxels are small against what is known of them, never after a number of steps: long
 //! waves over the skin come last.
 
+use crate::least_squares::{Descent, Options, Problem, Schedule, Step, minimise};
 use crate::parallel::par_map;
 use crate::response::ResponseError;
 use crate::response::contact::{Pose, Shape};
@@ -89,16 +90,33 @@ pub struct GainReport {
     pub misfit: f64,
 }
 
-/// Where all presses and taxels are, and how they are linked.
+/// All presses and what is known of the taxels, as a problem of the minimiser.
 struct Bundle<'p> {
     presses: &'p [Press],
     noise: &'p [f64],
-    states: Vec<State>,
-    logs: Vec<f64>,
     /// The mean of the logarithms at the start, which the prior of gains keeps.
     centre: f64,
-    common: Common,
     is_pressed: Vec<bool>,
+    system: &'p BlockSystem,
+    /// The equations of the last step.
+    last: Option<Equations<'p>>,
+    steps: usize,
+}
+
+/// All unknowns: of presses, the logarithms of taxels, and what is shared.
+struct At {
+    states: Vec<State>,
+    logs: Vec<f64>,
+    common: Common,
+}
+
+/// The factored system of taxels and shared numbers, without the unknowns of presses.
+struct Equations<'s> {
+    reduced: Vec<Reduced>,
+    factor: BlockFactor<'s>,
+    gradient: Vec<f64>,
+    /// Of the taxels and the shared numbers.
+    variances: Vec<f64>,
 }
 
 /// Solves for the taxels: the logarithms of reading over depth, relative to their mean, and their sigma.
@@ -110,32 +128,24 @@ pub(super) fn adjust(
     noise: &[f64],
     run: Run<'_>,
 ) -> Result<(Vec<f64>, Vec<f64>, GainReport), ResponseError> {
-    let taxels = start.len();
-    let mut bundle = Bundle::new(presses, start, noise);
-    let system = BlockSystem::new(pattern(presses, taxels), 1)?;
-    let mut report = GainReport { presses: presses.len(), ..GainReport::default() };
-    loop {
-        run.step().map_err(|_| ResponseError::Cancelled)?;
-        let reduced = bundle.reduced()?;
-        let (factor, gradient) = bundle.assemble(&system, &reduced)?;
-        let variances = factor.selected_inverse();
-        let variance = |row: usize| variances.diagonal::<1>(row)[0][0];
-        let small = bundle.step(&factor, gradient, &reduced, variance)?;
-        report.steps += 1;
-        let has_ended = small < SMALL_STEP && report.steps >= LEAST_STEPS;
-        if !has_ended && report.steps < MOST_STEPS {
-            bundle.learn(report.steps);
-            continue;
-        }
-        report.has_converged = has_ended;
-        let sum = |k: usize| reduced.iter().map(|one| one.misfit[k]).sum::<f64>();
-        report.misfit = sum(0) / sum(1).max(1.0);
-        report.blur = bundle.common.log_blur.exp();
-        report.power = bundle.common.power;
-        let sigma = bundle.sigma(&factor, &reduced, variance)?;
-        let mean = bundle.mean(&bundle.logs);
-        return Ok((bundle.logs.iter().map(|log| log - mean).collect(), sigma, report));
-    }
+    let system = BlockSystem::new(pattern(presses, start.len()), 1)?;
+    let (mut bundle, start) = Bundle::new(presses, start, noise, &system);
+    let limits = Options { max_iterations: MOST_STEPS, small_step: SMALL_STEP, ..Options::DEFAULT };
+    let (At { logs, common, .. }, termination) = minimise(&mut bundle, start, &limits, run)?;
+    let last = bundle.last.as_ref().ok_or(ResponseError::Singular)?;
+    let sum = |k: usize| last.reduced.iter().map(|one| one.misfit[k]).sum::<f64>();
+    let report = GainReport {
+        presses: presses.len(),
+        steps: bundle.steps,
+        has_converged: termination.is_converged(),
+        blur: common.log_blur.exp(),
+        power: common.power,
+        misfit: sum(0) / sum(1).max(1.0),
+        ..GainReport::default()
+    };
+    let sigma = bundle.sigma(last)?;
+    let mean = bundle.mean(&logs);
+    Ok((logs.iter().map(|log| log - mean).collect(), sigma, report))
 }
 
 /// Refuses a solution whose blur or power is at a bound: these contacts are not those of the model.
@@ -164,7 +174,7 @@ fn pattern(presses: &[Press], taxels: usize) -> Pattern {
 }
 
 impl<'p> Bundle<'p> {
-    fn new(presses: &'p [Press], logs: Vec<f64>, noise: &'p [f64]) -> Self {
+    fn new(presses: &'p [Press], logs: Vec<f64>, noise: &'p [f64], system: &'p BlockSystem) -> (Self, At) {
         let start = |press: &Press| {
             let largest = |readings: &[f64]| {
                 let depths = readings.iter().zip(&press.taxels).map(|(c, &v)| c * (-logs[v as usize]).exp());
@@ -177,18 +187,17 @@ impl<'p> Bundle<'p> {
                 shape: Shape { log_radius: USUAL_RADIUS.ln(), oval: [0.0; 2] },
             }
         };
-        let states = presses.iter().map(start).collect();
+        let states: Vec<State> = presses.iter().map(start).collect();
         let mut is_pressed = vec![false; logs.len()];
         for press in presses {
             for (k, &taxel) in press.taxels.iter().enumerate() {
                 is_pressed[taxel as usize] |= press.frames.iter().any(|frame| !frame.readings[k].is_nan());
             }
         }
-        let common = Common { log_blur: USUAL_BLUR.ln(), power: 1.0, depth: [0.0, 0.5] };
-        let mut bundle = Self { presses, noise, states, logs, centre: 0.0, common, is_pressed };
-        bundle.centre = bundle.mean(&bundle.logs);
-        bundle.common.depth[0] = bundle.depths()[0];
-        bundle
+        let common = Common { log_blur: USUAL_BLUR.ln(), power: 1.0, depth: [depths(&states)[0], 0.5] };
+        let mut bundle = Self { presses, noise, centre: 0.0, is_pressed, system, last: None, steps: 0 };
+        bundle.centre = bundle.mean(&logs);
+        (bundle, At { states, logs, common })
     }
 
     /// The mean over the taxels that were pressed.
@@ -197,49 +206,25 @@ impl<'p> Bundle<'p> {
         pressed().sum::<f64>() / (pressed().count() as f64).max(1.0)
     }
 
-    /// Mean and standard deviation of the mean logarithms of the depths of presses.
-    fn depths(&self) -> [f64; 2] {
-        let of = |state: &State| {
-            state.poses.iter().map(|pose| pose.log_depth).sum::<f64>() / state.poses.len() as f64
-        };
-        let count = (self.states.len() as f64).max(1.0);
-        let mean = self.states.iter().map(of).sum::<f64>() / count;
-        let variance = self.states.iter().map(|state| (of(state) - mean).powi(2)).sum::<f64>() / count;
-        [mean, variance.sqrt()]
-    }
-
-    /// Learns how deep presses are.
-    fn learn(&mut self, steps: usize) {
-        if steps >= STEPS_TO_LEARN {
-            let [mean, deviation] = self.depths();
-            self.common.depth = [mean, deviation.clamp(DEPTH_DEVIATIONS[0], DEPTH_DEVIATIONS[1])];
-        }
-    }
-
-    fn reduced(&self) -> Result<Vec<Reduced>, ResponseError> {
-        let all: Vec<usize> = (0..self.presses.len()).collect();
-        let of = |&k: &usize| {
-            let press = &self.presses[k];
+    fn reduced(&self, at: &At) -> Result<Vec<Reduced>, ResponseError> {
+        let presses: Vec<(&Press, &State)> = self.presses.iter().zip(&at.states).collect();
+        let of = |&(press, state): &(&Press, &State)| {
             let pick = |of: &[f64]| -> Vec<f64> { press.taxels.iter().map(|&v| of[v as usize]).collect() };
-            reduce(press, &self.states[k], &self.common, &pick(&self.logs), &pick(self.noise))
+            reduce(press, state, &at.common, &pick(&at.logs), &pick(self.noise))
         };
-        par_map(&all, of).into_iter().collect::<Option<_>>().ok_or(ResponseError::Singular)
+        par_map(&presses, of).into_iter().collect::<Option<_>>().ok_or(ResponseError::Singular)
     }
 
     /// The rows of the whole system that those of a press are.
     fn rows(&self, press: &Press) -> Vec<usize> {
-        let shared = (0..SHARED).map(|k| self.logs.len() + k);
+        let shared = (0..SHARED).map(|k| self.is_pressed.len() + k);
         press.taxels.iter().map(|&v| v as usize).chain(shared).collect()
     }
 
     /// The factored system of taxels and shared numbers, and its gradient.
-    fn assemble<'s>(
-        &self,
-        system: &'s BlockSystem,
-        reduced: &[Reduced],
-    ) -> Result<(BlockFactor<'s>, Vec<f64>), ResponseError> {
-        let taxels = self.logs.len();
-        let mut matrix = system.zero();
+    fn assemble(&self, at: &At, reduced: &[Reduced]) -> Result<(BlockFactor<'p>, Vec<f64>), ResponseError> {
+        let taxels = at.logs.len();
+        let mut matrix = self.system.zero();
         let mut gradient = vec![0.0; taxels + SHARED];
         for (press, one) in self.presses.iter().zip(reduced) {
             let rows = self.rows(press);
@@ -250,7 +235,7 @@ impl<'p> Bundle<'p> {
                     let slot = if row == column {
                         Some(BlockSlot::diagonal(narrow(row)))
                     } else {
-                        system.slot(row.max(column), row.min(column))
+                        self.system.slot(row.max(column), row.min(column))
                     };
                     matrix.add(slot.ok_or(ResponseError::Singular)?, |_, _| entry);
                 }
@@ -259,59 +244,21 @@ impl<'p> Bundle<'p> {
         let mut prior = vec![GAIN.powi(-2); taxels];
         prior.extend([LOG_BLUR.powi(-2), POWER.powi(-2)]);
         matrix.add_diagonal(&prior);
-        for (row, log) in self.logs.iter().enumerate() {
+        for (row, log) in at.logs.iter().enumerate() {
             gradient[row] -= prior[row] * (log - self.centre);
         }
-        gradient[taxels] -= prior[taxels] * (self.common.log_blur - USUAL_BLUR.ln());
-        gradient[taxels + 1] -= prior[taxels + 1] * (self.common.power - 1.0);
+        gradient[taxels] -= prior[taxels] * (at.common.log_blur - USUAL_BLUR.ln());
+        gradient[taxels + 1] -= prior[taxels + 1] * (at.common.power - 1.0);
         Ok((matrix.factor()?, gradient))
-    }
-
-    /// Takes one step; returns its rms over usable taxels, over their sigma.
-    fn step(
-        &mut self,
-        factor: &BlockFactor<'_>,
-        mut step: Vec<f64>,
-        reduced: &[Reduced],
-        variance: impl Fn(usize) -> f64,
-    ) -> Result<f64, ResponseError> {
-        let taxels = self.logs.len();
-        factor.solve(&mut step, 1)?;
-        for (row, x) in step.iter_mut().enumerate() {
-            let most = if row < taxels { GAIN_STEP } else { SHARED_STEP };
-            *x = x.clamp(-most, most);
-        }
-        let mean = self.mean(&step[..taxels]);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for row in (0..taxels).filter(|&row| self.is_pressed[row]) {
-            let variance = variance(row);
-            if variance < USABLE * USABLE {
-                sum += (step[row] - mean).powi(2) / variance;
-                count += 1.0;
-            }
-        }
-        for (k, press) in self.presses.iter().enumerate() {
-            let others: Vec<f64> = self.rows(press).into_iter().map(|row| step[row]).collect();
-            self.states[k].move_by(&reduced[k].step(&others));
-        }
-        self.logs.iter_mut().zip(&step).for_each(|(log, x)| *log += x);
-        let common = &mut self.common;
-        common.log_blur = (common.log_blur + step[taxels]).clamp(BLURS[0].ln(), BLURS[1].ln());
-        common.power = (common.power + step[taxels + 1]).clamp(POWERS[0], POWERS[1]);
-        // Without a usable taxel there is nothing to wait for.
-        Ok(if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 })
     }
 
     /// The sigma of the logarithms relative to their mean: of the equations, or of how much presses disagree with
     /// each other (the sandwich estimate of White 1982), whichever is larger.
-    fn sigma(
-        &self,
-        factor: &BlockFactor<'_>,
-        reduced: &[Reduced],
-        variance: impl Fn(usize) -> f64,
-    ) -> Result<Vec<f64>, ResponseError> {
+    fn sigma(&self, equations: &Equations<'_>) -> Result<Vec<f64>, ResponseError> {
         const COLUMNS: usize = 64;
-        let (taxels, rows) = (self.logs.len(), self.logs.len() + SHARED);
+        let Equations { reduced, factor, variances, .. } = equations;
+        let variance = |row: usize| variances[row];
+        let (taxels, rows) = (self.is_pressed.len(), self.is_pressed.len() + SHARED);
         let pressed = self.is_pressed.iter().filter(|is| **is).count().max(1) as f64;
         // Covariances with the mean.
         let mut with_mean = vec![0.0; rows];
@@ -350,6 +297,104 @@ impl<'p> Bundle<'p> {
             (SIGMA_FACTOR * model[row].max(few * disagreement[row]).sqrt()).hypot(SIGMA_FLOOR)
         };
         Ok((0..taxels).map(sigma).collect())
+    }
+}
+
+/// Mean and standard deviation of the mean logarithms of the depths of presses.
+fn depths(states: &[State]) -> [f64; 2] {
+    let of =
+        |state: &State| state.poses.iter().map(|pose| pose.log_depth).sum::<f64>() / state.poses.len() as f64;
+    let count = (states.len() as f64).max(1.0);
+    let mean = states.iter().map(of).sum::<f64>() / count;
+    let variance = states.iter().map(|state| (of(state) - mean).powi(2)).sum::<f64>() / count;
+    [mean, variance.sqrt()]
+}
+
+impl<'p> Problem for Bundle<'p> {
+    type Point = At;
+    type Linear = Equations<'p>;
+    type Error = ResponseError;
+
+    fn unknowns(&self) -> usize {
+        self.system.blocks()
+    }
+
+    /// Weights follow the predictions, and depths are learned: costs are not compared.
+    fn descent(&self) -> Descent {
+        Descent::Free
+    }
+
+    fn cost(&self, _at: &At) -> f64 {
+        0.0
+    }
+
+    fn linearise(&self, at: &At) -> Result<Equations<'p>, ResponseError> {
+        let reduced = self.reduced(at)?;
+        let (factor, gradient) = self.assemble(at, &reduced)?;
+        let inverse = factor.selected_inverse();
+        let variances = (0..self.system.blocks()).map(|row| inverse.diagonal::<1>(row)[0][0]).collect();
+        drop(inverse);
+        Ok(Equations { reduced, factor, gradient, variances })
+    }
+
+    fn solve(
+        &self,
+        at: &At,
+        linear: &Equations<'p>,
+        _damping: f64,
+    ) -> Result<Option<Vec<f64>>, ResponseError> {
+        let mut step = linear.gradient.clone();
+        linear.factor.solve(&mut step, 1)?;
+        for (row, x) in step.iter_mut().enumerate() {
+            let most = if row < at.logs.len() { GAIN_STEP } else { SHARED_STEP };
+            *x = x.clamp(-most, most);
+        }
+        Ok(Some(step))
+    }
+
+    fn predicted_decrease(&self, _linear: &Equations<'p>, _step: &[f64], _damping: f64) -> f64 {
+        0.0
+    }
+
+    fn moved(&self, at: &At, linear: &Equations<'p>, step: &[f64]) -> At {
+        let mut states = at.states.clone();
+        for ((state, press), reduced) in states.iter_mut().zip(self.presses).zip(&linear.reduced) {
+            let others: Vec<f64> = self.rows(press).into_iter().map(|row| step[row]).collect();
+            state.move_by(&reduced.step(&others));
+        }
+        let (taxels, mut common) = (at.logs.len(), at.common);
+        common.log_blur = (common.log_blur + step[taxels]).clamp(BLURS[0].ln(), BLURS[1].ln());
+        common.power = (common.power + step[taxels + 1]).clamp(POWERS[0], POWERS[1]);
+        At { states, logs: at.logs.iter().zip(step).map(|(log, x)| log + x).collect(), common }
+    }
+
+    /// The rms step of usable taxels over their sigma; 0 without a usable taxel, when there is nothing to wait for.
+    fn size(&self, linear: &Equations<'p>, step: &[f64]) -> f64 {
+        let mean = self.mean(&step[..self.is_pressed.len()]);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (row, _) in self.is_pressed.iter().enumerate().filter(|(_, is)| **is) {
+            let variance = linear.variances[row];
+            if variance < USABLE * USABLE {
+                sum += (step[row] - mean).powi(2) / variance;
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+    }
+
+    /// Learns how deep presses are.
+    fn after_step(
+        &mut self,
+        at: &mut At,
+        linear: Equations<'p>,
+        step: &Step,
+    ) -> Result<Schedule, ResponseError> {
+        (self.last, self.steps) = (Some(linear), step.number);
+        if step.number >= STEPS_TO_LEARN {
+            let [mean, deviation] = depths(&at.states);
+            at.common.depth = [mean, deviation.clamp(DEPTH_DEVIATIONS[0], DEPTH_DEVIATIONS[1])];
+        }
+        Ok(if step.number >= LEAST_STEPS { Schedule::Settled } else { Schedule::Open })
     }
 }
 

@@ -1,6 +1,7 @@
 //! One press in the normal equations: its own unknowns are eliminated, and what is left is of its taxels and of the
 //! two numbers that all presses share (the Schur complement of a bundle adjustment, `(triggs2000)`).
 
+use crate::least_squares::LossFunction;
 use crate::response::contact::{Pose, Shape, UNKNOWNS, sensed};
 use crate::response::press::Press;
 
@@ -39,8 +40,8 @@ pub(super) const USUAL_RADIUS: f64 = 0.015;
 const MODEL_ERROR: f64 = 0.05;
 const READING_SHARE: f64 = 0.7;
 
-/// Residuals beyond this many standard deviations count less (Huber).
-const HUBER: f64 = 2.5;
+/// Residuals beyond 2.5 standard deviations count less.
+const HUBER: LossFunction = LossFunction::Huber { c2: 6.25 };
 
 /// Relative damping of the unknowns of a press; a hundred times as much doubles the number of steps.
 const DAMPING: f64 = 1e-5;
@@ -116,9 +117,9 @@ pub(super) fn reduce(
             let error = MODEL_ERROR * predicted.max(READING_SHARE * reading.max(0.0));
             let sigma = noise[m].hypot(error);
             let residual = reading - predicted;
-            let size = (residual / sigma).abs();
-            let weight = if size > HUBER { HUBER / size } else { 1.0 } / (sigma * sigma);
-            reduced.misfit[0] += size.min(HUBER).powi(2);
+            let square = (residual / sigma).powi(2);
+            let weight = HUBER.weight(square) / (sigma * sigma);
+            reduced.misfit[0] += square.min(HUBER.bound2());
             reduced.misfit[1] += 1.0;
             let own_by: [f64; UNKNOWNS] = by.map(|x| scale * slope * x);
             let wider = sensed(view, pose, &state.shape, (common.log_blur + BLUR_STEP).exp()).0;

@@ -78,8 +78,8 @@ pub enum ResponseError {
     StepRecordings { found: usize },
     #[error("the equations of a press are singular")]
     Singular,
-    #[error("cancelled before it was done")]
-    Cancelled,
+    #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
     #[error(transparent)]
     Sparse(#[from] SparseError),
     #[error(transparent)]

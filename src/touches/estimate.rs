@@ -3,9 +3,10 @@
 use glam::{DMat3, DVec3};
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{median, nth_smallest};
+use crate::least_squares::VarianceComponents;
+use crate::numeric::{DEVIATION_OF_MEDIAN, median, nth_smallest};
 use crate::parallel::par_ids;
-use crate::run::Run;
+use crate::run::{Cancelled, Run};
 use crate::touches::TouchesError;
 use crate::touches::bundle::{Bundle, Place};
 use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
@@ -152,7 +153,7 @@ pub(super) fn estimate(
     }
     all.start(samples, known);
     for _ in 0..FIRST_ROUNDS {
-        all.fit(samples);
+        all.fit(samples, run)?;
         all.learn(samples, known);
     }
     all.noise.reading = all.noise.reading.max(START_READING / LEAST_READING * all.noise.least_reading);
@@ -199,12 +200,14 @@ impl Estimates {
         Some(Taxel { normal: self.normals[v]?, guess, samples: &samples.of[v], profiles: &self.profiles })
     }
 
-    fn fit(&mut self, samples: &Samples) {
+    fn fit(&mut self, samples: &Samples, run: Run<'_>) -> Result<(), Cancelled> {
         let fitted = |v: VertexId| {
             let start = self.fits[v]?;
-            Some(self.taxel(samples, v)?.fit(start, self.noise, self.gains))
+            Some(self.taxel(samples, v)?.fit(start, self.noise, self.gains, run))
         };
-        self.fits = par_ids(self.fits.len(), fitted);
+        let fits: IdVec<VertexId, _> = par_ids(self.fits.len(), fitted);
+        self.fits = fits.into_iter().map(Option::transpose).collect::<Result<_, _>>()?;
+        Ok(())
     }
 
     /// Normals of the surface through the taxels.
@@ -232,9 +235,9 @@ impl Estimates {
         let taxels = self.fits.ids().map(|v| self.taxel(samples, v)).collect();
         let fits = self.fits.clone();
         let (noise, gains, sigma) = (self.noise, self.gains, self.contact);
-        let bundle =
-            Bundle::new(samples, (frames, &self.places), taxels, fits, noise, gains, (guesses, sigma));
-        let adjusted = bundle.adjust(steps, run)?;
+        let known = (noise, gains, guesses, sigma);
+        let mut bundle = Bundle::new(samples, frames, &fits, taxels, known)?;
+        let adjusted = bundle.adjust(fits, &self.places, steps, run)?;
         self.fits = adjusted.estimates;
         self.covariances = adjusted.covariances;
         self.places = adjusted.places;
@@ -244,7 +247,8 @@ impl Estimates {
 
     /// Noise from the residuals, and what gains have in common.
     fn learn(&mut self, samples: &Samples, known: &Known) {
-        let mut moments = Moments::default();
+        // Of the arm, and of readings over their slopes.
+        let mut moments = VarianceComponents::default();
         let mut gains = Vec::new();
         for (v, fit) in self.fits.enumerate() {
             let (Some(fit), Some(taxel)) = (fit, self.taxel(samples, v)) else { continue };
@@ -276,52 +280,11 @@ fn common_gain(gains: &[(f64, f64)]) -> GainPrior {
     let Some(middle) = median(gains.iter().map(|gain| gain.0)) else {
         return GainPrior { log_gain: 0.0, sigma: f64::INFINITY };
     };
-    // Robust: the median of squares of a normal distribution is 0.455 of its variance.
-    let square = median(gains.iter().map(|gain| (gain.0 - middle).powi(2))).unwrap_or(0.0) / 0.455;
+    let square = median(gains.iter().map(|gain| (gain.0 - middle).powi(2))).unwrap_or(0.0)
+        * DEVIATION_OF_MEDIAN.powi(2);
     let explained = median(gains.iter().filter(|g| g.1 > 0.0).map(|gain| gain.1.recip())).unwrap_or(0.0);
     let spread = (square - explained).max(0.0).sqrt().max(0.3 * square.sqrt()).max(LEAST_GAIN_SPREAD);
     GainPrior { log_gain: middle, sigma: spread }
-}
-
-/// Weighted sums for two variances: of the arm, and of readings over their slopes.
-#[derive(Debug, Default)]
-struct Moments {
-    ones: f64,
-    slopes: f64,
-    squares: f64,
-    by_one: f64,
-    by_slope: f64,
-}
-
-impl Moments {
-    fn add(&mut self, square: f64, slope: f64, weight: f64) {
-        self.ones += weight;
-        self.slopes += weight * slope;
-        self.squares += weight * slope * slope;
-        self.by_one += weight * square;
-        self.by_slope += weight * slope * square;
-    }
-
-    /// The two variances, none negative; the first may be known.
-    fn solve(&self, arm: Option<f64>) -> (f64, f64) {
-        let alone = |arm: f64| ((self.by_slope - arm * self.slopes) / self.squares).max(0.0);
-        if let Some(arm) = arm {
-            return (arm, alone(arm));
-        }
-        let determinant = self.ones * self.squares - self.slopes * self.slopes;
-        if determinant <= 1e-9 * self.ones * self.squares {
-            return (self.by_one / self.ones.max(f64::MIN_POSITIVE), 0.0);
-        }
-        let arm = (self.by_one * self.squares - self.by_slope * self.slopes) / determinant;
-        let reading = (self.by_slope * self.ones - self.by_one * self.slopes) / determinant;
-        if arm <= 0.0 {
-            (0.0, alone(0.0))
-        } else if reading <= 0.0 {
-            (self.by_one / self.ones, 0.0)
-        } else {
-            (arm, reading)
-        }
-    }
 }
 
 /// The mean of the positions of the body with the strongest readings, weighted by the square of the reading.

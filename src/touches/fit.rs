@@ -9,7 +9,9 @@
 
 use glam::DVec3;
 
+use crate::least_squares::{Descent, LossFunction, Options, Problem, minimise};
 use crate::numeric::solve_system;
+use crate::run::{Cancelled, Run};
 use crate::touches::gather::Sample;
 use crate::touches::profile::Profile;
 
@@ -64,25 +66,36 @@ impl Residual {
         noise.arm * noise.arm + (noise.reading * self.per_reading).powi(2)
     }
 
+    /// Its squared size over its variance.
+    pub(super) fn square(&self, noise: Noise) -> f64 {
+        self.distance * self.distance / self.variance(noise)
+    }
+
     /// Its weight, which Huber's function lowers for outliers.
     pub(super) fn weight(&self, noise: Noise) -> f64 {
-        let variance = self.variance(noise);
-        let sigmas = self.distance.abs() / variance.sqrt();
-        (HUBER / sigmas).min(1.0) / variance
+        HUBER.weight(self.square(noise)) / self.variance(noise)
     }
 }
 
-/// Residuals above this many standard deviations count less.
-pub(super) const HUBER: f64 = 2.5;
+/// Residuals above 2.5 standard deviations count less.
+pub(super) const HUBER: LossFunction = LossFunction::Huber { c2: 6.25 };
 
-/// Most steps.
-const MOST_STEPS: usize = 10;
-
-/// A step that moves the taxel by less than this, in m, is the last.
-const SMALLEST_STEP: f64 = 1e-6;
+/// Ten steps, of which one that moves the taxel by less than a micrometre is the last: a start for the bundle adjustment,
+/// which is exact. The first failure damps by a thousandth, since starts are half a contact off.
+const LIMITS: Options = Options {
+    max_iterations: 10,
+    small_step: 1e-6,
+    relative_decrease: 0.0,
+    first_damping: 1e-3,
+    largest_damping: 1e8,
+    ..Options::DEFAULT
+};
 
 /// The largest step, in radii of the sphere.
 const LARGEST_STEP: f64 = 0.3;
+
+/// The largest step of the logarithm of a gain.
+const LARGEST_GAIN_STEP: f64 = 0.5;
 
 /// One taxel with all its samples.
 pub(super) struct Taxel<'a> {
@@ -122,45 +135,17 @@ impl Taxel<'_> {
         self.samples.iter().filter_map(move |sample| Some((sample, self.residual(sample, at)?)))
     }
 
-    fn cost(&self, at: &Estimate, noise: Noise, prior: GainPrior) -> f64 {
-        let gain = (at.log_gain - prior.log_gain) / prior.sigma;
-        let one = |residual: Residual| {
-            let sigmas = residual.distance.abs() / residual.variance(noise).sqrt();
-            if sigmas <= HUBER { sigmas * sigmas } else { HUBER * (2.0 * sigmas - HUBER) }
-        };
-        let off = (at.position - self.guess.position).length_squared() / self.guess.sigma.powi(2);
-        self.residuals(at).map(|(_, residual)| one(residual)).sum::<f64>() + gain * gain + off
-    }
-
     /// The estimate that explains the samples best, from a first guess.
-    pub(super) fn fit(&self, start: Estimate, noise: Noise, prior: GainPrior) -> Estimate {
-        let mut at = start;
-        let mut cost = self.cost(&at, noise, prior);
-        let mut damping = 1e-3;
+    pub(super) fn fit(
+        &self,
+        start: Estimate,
+        noise: Noise,
+        prior: GainPrior,
+        run: Run<'_>,
+    ) -> Result<Estimate, Cancelled> {
         let radius = self.samples.iter().map(|sample| sample.radius).fold(0.0, f64::max);
-        for _ in 0..MOST_STEPS {
-            let normal = self.normal_equations(&at, noise, prior);
-            let (mut moved, mut is_better) = (0.0, false);
-            while damping < 1e8 {
-                let mut system = normal.system;
-                system.iter_mut().enumerate().for_each(|(k, line)| line[k] *= 1.0 + damping);
-                let Some([x, y, z, gain]) = solve_system(system) else { break };
-                let step = DVec3::new(x, y, z).clamp_length_max(LARGEST_STEP * radius);
-                let next =
-                    Estimate { position: at.position + step, log_gain: at.log_gain + gain.clamp(-0.5, 0.5) };
-                let next_cost = self.cost(&next, noise, prior);
-                if next_cost < cost {
-                    (at, cost, moved, is_better) = (next, next_cost, step.length(), true);
-                    damping = (0.1 * damping).max(1e-9);
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if !is_better || moved < SMALLEST_STEP {
-                break;
-            }
-        }
-        at
+        let mut fit = Fit { taxel: self, noise, prior, largest_step: LARGEST_STEP * radius };
+        Ok(minimise(&mut fit, start, &LIMITS, run)?.0)
     }
 
     /// The normal equations of a step.
@@ -182,6 +167,74 @@ impl Taxel<'_> {
         system[3][3] += gain;
         system[3][4] += gain * (prior.log_gain - at.log_gain);
         NormalEquations { system }
+    }
+}
+
+/// A taxel with what is assumed of its samples, as a problem of the minimiser.
+struct Fit<'t> {
+    taxel: &'t Taxel<'t>,
+    noise: Noise,
+    prior: GainPrior,
+    /// In m.
+    largest_step: f64,
+}
+
+impl Fit<'_> {
+    fn bounded(&self, step: &[f64]) -> (DVec3, f64) {
+        let gain = step[3].clamp(-LARGEST_GAIN_STEP, LARGEST_GAIN_STEP);
+        (DVec3::from_slice(step).clamp_length_max(self.largest_step), gain)
+    }
+}
+
+impl Problem for Fit<'_> {
+    type Point = Estimate;
+    type Linear = NormalEquations;
+    type Error = Cancelled;
+
+    fn unknowns(&self) -> usize {
+        4
+    }
+
+    fn descent(&self) -> Descent {
+        Descent::Lower
+    }
+
+    fn cost(&self, at: &Estimate) -> f64 {
+        let Self { taxel, noise, prior, .. } = self;
+        let gain = (at.log_gain - prior.log_gain) / prior.sigma;
+        let off = (at.position - taxel.guess.position).length_squared() / taxel.guess.sigma.powi(2);
+        let losses = taxel.residuals(at).map(|(_, residual)| HUBER.cost(residual.square(*noise)));
+        0.5 * (losses.sum::<f64>() + gain * gain + off)
+    }
+
+    fn linearise(&self, at: &Estimate) -> Result<NormalEquations, Cancelled> {
+        Ok(self.taxel.normal_equations(at, self.noise, self.prior))
+    }
+
+    fn solve(
+        &self,
+        _at: &Estimate,
+        linear: &NormalEquations,
+        damping: f64,
+    ) -> Result<Option<Vec<f64>>, Cancelled> {
+        let mut system = linear.system;
+        system.iter_mut().enumerate().for_each(|(k, line)| line[k] *= 1.0 + damping);
+        Ok(solve_system(system).map(|step| step.to_vec()))
+    }
+
+    fn predicted_decrease(&self, linear: &NormalEquations, step: &[f64], damping: f64) -> f64 {
+        let lines = linear.system.iter().enumerate().zip(step);
+        0.5 * lines.map(|((k, line), x)| x * (damping * line[k] * x + line[4])).sum::<f64>()
+    }
+
+    fn moved(&self, at: &Estimate, _linear: &NormalEquations, step: &[f64]) -> Estimate {
+        let (position, gain) = self.bounded(step);
+        Estimate { position: at.position + position, log_gain: at.log_gain + gain }
+    }
+
+    /// How far the taxel moves, in m.
+    fn size(&self, _linear: &NormalEquations, step: &[f64]) -> f64 {
+        self.bounded(step).0.length()
     }
 }
 
