@@ -499,6 +499,18 @@ fn properties_of_ply_faces_are_passed_over() {
     assert!(sheet.normals.is_none() && sheet.areas.is_none() && sheet.ids.is_none());
 }
 
+/// Numbers of Fortran and of hands: no digit on one side of the point, or a plus.
+#[test]
+fn numbers_of_ply_need_no_digit_on_both_sides_of_the_point() {
+    let text = "ply\nformat ascii 1.0\ncomment .5\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        .25 -.5 1.\n+1 2.e-1 +.5\n0 1 0.\n3 0 1 2\n";
+    let sheet = read_text("ply", text).unwrap().sheets.remove(0);
+    let found: Vec<[f64; 3]> =
+        sheet.positions.iter().map(|p| p.to_array().map(|x| (1e6 * x).round() / 1e6)).collect();
+    assert_eq!(found, [[0.25, -0.5, 1.0], [1.0, 0.2, 0.5], [0.0, 1.0, 0.0]]);
+}
+
 fn read_bytes(kind: &str, bytes: &[u8]) -> Result<Draft, IoError> {
     draft_from_bytes(Path::new(&format!("file.{kind}")), bytes.into(), ReadParts::default())
 }
