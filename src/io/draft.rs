@@ -71,7 +71,7 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
 /// # Errors
 /// As [`read_draft`], or if the file has no such stream.
 pub fn read_draft_of_stream(path: &Path, stream: &str) -> Result<Draft, IoError> {
-    Ok(read_sheet(path, Wanted { stream: Some(stream), layout: None })?.into_draft())
+    Ok(read_sheet(path, Wanted { stream: Some(stream), ..Wanted::default() })?.into_draft())
 }
 
 /// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may

@@ -15,6 +15,8 @@ pub(super) struct Intake {
     filler: Option<Filler>,
     range: FrameRange,
     rate_hz: Option<f64>,
+    /// A rate that is given for readings with times.
+    unused_hz: Option<f64>,
     /// Whether the options name the units.
     has_units: bool,
     /// The frame that was read last, or that comes next of those that were kept.
@@ -40,6 +42,8 @@ impl Intake {
         if let Some(hz) = options.rate_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
             return Err(SignalError::option("the rate of frames in Hz", hz, "a positive number"));
         }
+        let all = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+        reader.settle_first_line(all.copied());
         let has_times = reader.has_times || options.rate_hz.is_some();
         if options.condition.split_hz.is_some() && !has_times {
             return Err(SignalError::NoTimes);
@@ -52,6 +56,7 @@ impl Intake {
             range: options.frames,
             has_units: !options.units.is_empty(),
             rate_hz: options.rate_hz.filter(|_| !reader.has_times),
+            unused_hz: options.rate_hz.filter(|_| reader.has_times),
             frame: Frame::new(map, reader.channels.len()),
             values: Vec::new(),
             kept: VecDeque::new(),
@@ -90,6 +95,10 @@ impl Intake {
         if let Some(rate) = self.rate_hz {
             all.retain(|known| known.what != "time");
             all.push(argument("time", format!("{rate} frames a second")));
+        }
+        if let Some(rate) = self.unused_hz {
+            let value = format!("those of the readings; the rate of {rate} frames a second is not used");
+            all.push(Statement::new("times", value, StatementSource::Checked));
         }
         let frames = self.conditioner.frames_to_learn();
         if frames > 0 {

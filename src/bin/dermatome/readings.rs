@@ -275,7 +275,9 @@ impl ReadingsArgs {
         let stream = self.stream.clone();
         let file = match &self.layout {
             None => return Ok(ReadOptions { stream, ..ReadOptions::default() }),
-            Some(LayoutArg::Axes(axes)) => return Ok(ReadOptions { axes: *axes, layout: None, stream }),
+            Some(LayoutArg::Axes(axes)) => {
+                return Ok(ReadOptions { axes: *axes, stream, ..ReadOptions::default() });
+            }
             Some(LayoutArg::File(file)) => file,
         };
         let given = [

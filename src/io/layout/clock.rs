@@ -1,7 +1,7 @@
 //! The seconds of frames, from times of a file or from a rate.
 
 use crate::io::file::times::LATEST;
-use crate::io::layout::facts::{Statement, StatementSource, TimeUnit, Times};
+use crate::io::layout::facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 use crate::io::layout::rules::TimeRule;
 
 /// What is wrong with the times: element, found, needed.
@@ -10,9 +10,19 @@ pub(super) type Fault = [String; 3];
 /// A step longer than this many usual ones is a gap.
 const GAP_STEPS: f64 = 3.0;
 
+/// The usual step, over that of a stated rate, lies between these: clocks of sensors are off by some percent, and a rate that
+/// is another one by a fourth or more.
+const OF_RATE: [f64; 2] = [0.8, 1.25];
+
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
     rule: TimeRule,
+    /// What the file states: frames per second, and the unit of its times.
+    stated_hz: Option<f64>,
+    stated_unit: Option<TimeUnit>,
+    /// The first time of an episode in the file, where the layout states a rate; and how many times were not compared.
+    began: Option<f64>,
+    unread: u64,
     episode: u64,
     /// Frames of all episodes, and where this one began.
     frames: u64,
@@ -29,9 +39,13 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    pub(super) fn new(rule: TimeRule) -> Self {
+    pub(super) fn new(rule: TimeRule, facts: &StreamFacts) -> Self {
         Self {
             rule,
+            stated_hz: facts.rate_hz,
+            stated_unit: facts.time_unit,
+            began: None,
+            unread: 0,
             episode: 0,
             frames: 0,
             start: 0,
@@ -67,9 +81,11 @@ impl Clock {
             (self.episode, self.start, self.first, self.last) =
                 (episode, self.frames, None, f64::NEG_INFINITY);
             self.early.clear();
+            self.began = None;
         }
         let (unit, between) = match &self.rule {
-            TimeRule::Rate(rate) => {
+            &TimeRule::Rate(rate) => {
+                self.compare(rate, times)?;
                 let start = self.frames - self.start;
                 seconds.extend((0..count as u64).map(|k| (start + k) as f64 / rate));
                 self.frames += count as u64;
@@ -127,6 +143,11 @@ impl Clock {
                 let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
                 return Err(fault("times", found, &needed));
             }
+            if let Some(hz) = self.stated_hz.filter(|hz| step > 0.0 && !is_of_rate(step, *hz)) {
+                let found = format!("frames {step:.6} s apart");
+                let needed = format!("{:.6} s, as the {hz} frames a second that the file states", 1.0 / hz);
+                return Err(fault("times", found, &needed));
+            }
             self.step = Some(step);
         }
         for (k, &time) in new.iter().enumerate() {
@@ -148,8 +169,49 @@ impl Clock {
         Ok(())
     }
 
+    /// Refuses times of the file that are not those of the rate that is stated.
+    fn compare(&mut self, rate: f64, times: Times<'_>) -> Result<(), Fault> {
+        let Some(unit) = self.stated_unit else {
+            self.unread += match times {
+                Times::None => 0,
+                Times::Whole(times) => times.len() as u64,
+                Times::Real(times) => times.len() as u64,
+            };
+            return Ok(());
+        };
+        let seconds: Vec<f64> = match times {
+            Times::None => return Ok(()),
+            Times::Whole(times) => {
+                let first = *self.first.get_or_insert(times.first().copied().unwrap_or_default());
+                let since = |t: &i64| t.saturating_sub(first) as f64 / unit.per_second() as f64;
+                times.iter().map(since).collect()
+            }
+            Times::Real(times) => times.iter().map(|t| t / unit.per_second() as f64).collect(),
+        };
+        for (k, time) in (self.frames - self.start..).zip(seconds) {
+            let since = time - *self.began.get_or_insert(time);
+            let expected = k as f64 / rate;
+            // Measured times may be late by half a frame. NaN is no time.
+            if time.is_finite() && (since - expected).abs() > 0.5 / rate + 1e-6 * expected {
+                let found = format!("{since:.6} s after the first in the file");
+                let needed = format!(
+                    "{expected:.6} s, by the rate {rate} of the layout; or a `unit` for `time` there, which reads the times \
+                     of the file"
+                );
+                return Err([format!("frame {}", self.start + k), found, needed]);
+            }
+        }
+        Ok(())
+    }
+
     /// What was noticed.
-    pub(super) fn statement(&self) -> Option<Statement> {
+    pub(super) fn statements(&self) -> Vec<Statement> {
+        let value = "times in the file, in a unit that it does not state, are not read: a rate is stated";
+        let unread = (self.unread > 0).then(|| Statement::new("times", value, StatementSource::Checked));
+        unread.into_iter().chain(self.gap_statement()).collect()
+    }
+
+    fn gap_statement(&self) -> Option<Statement> {
         let (length, frame) = self.longest;
         let value = match self.gaps {
             0 => return None,
@@ -158,4 +220,9 @@ impl Clock {
         };
         Some(Statement::new("gap", value, StatementSource::Checked))
     }
+}
+
+/// Whether a step in s is that of a rate.
+fn is_of_rate(step: f64, hz: f64) -> bool {
+    (OF_RATE[0]..=OF_RATE[1]).contains(&(step * hz))
 }

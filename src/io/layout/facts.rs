@@ -60,6 +60,12 @@ pub struct StreamFacts {
     pub time_unit: Option<TimeUnit>,
     /// The taxel of each cell.
     pub ids: Option<Vec<TaxelId>>,
+    /// Whether these are of columns that a layout found by their names.
+    pub has_named_columns: bool,
+    /// What names of columns are alike, for drafts, with `{id}` for a number.
+    pub columns: Vec<String>,
+    /// The id of the first cell, for drafts; none: 1.
+    pub first_id: Option<u32>,
     /// Whether there is a sensor in each cell; none: in all.
     pub sensors: Vec<bool>,
     /// The level of each number of a frame at rest, where a layout takes it from another stream.
@@ -108,6 +114,11 @@ impl TimeUnit {
     pub(in crate::io) fn of(per_second: u32) -> Option<Self> {
         let all = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
         all.into_iter().find(|unit| unit.per_second() == i64::from(per_second))
+    }
+
+    /// How many of them are a second.
+    pub(in crate::io) fn in_a_second(self) -> u32 {
+        u32::try_from(self.per_second()).unwrap_or(u32::MAX)
     }
 
     pub(super) const fn per_second(self) -> i64 {

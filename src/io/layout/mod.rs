@@ -6,13 +6,14 @@
 //! [`Statement`] about them has a source; what a file and a layout state differently is refused, not converted.
 //!
 //! In reading order: `facts` is what is known and by whom, `rules` are the values of the keys, `keys` reads a layout,
-//! `draft` writes one, `cells` joins cells to taxels, `clock` makes seconds of times, `checks` compares the first frames
-//! with what the layout states.
+//! `draft` writes one, `cells` joins cells to taxels and `columns` those with names, `clock` makes seconds of times, `checks`
+//! compares the first frames with what the layout states.
 
 mod cells;
 mod checks;
 mod agree;
 mod clock;
+pub(in crate::io) mod columns;
 mod draft;
 mod facts;
 mod keys;
@@ -30,6 +31,7 @@ use crate::numeric::Csr;
 use crate::signal::{Channel, Quantity};
 use crate::skin::TaxelId;
 
+pub use columns::NamedColumns;
 pub use facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use keys::Layout;
 
@@ -59,6 +61,8 @@ pub struct Decoder {
     zero: Zero,
     missing: Vec<f64>,
     clock: Clock,
+    /// Axes of cells: of several, two may be swapped.
+    cell_axes: usize,
     has_learned: bool,
     statements: Vec<Statement>,
     /// Readings without a number, and the first frame that has one.
@@ -84,10 +88,16 @@ impl Decoder {
         let of_layout = |what: String| format!("{what}, as {} states", layout.name.display());
         let refuse =
             |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
-        let axes: Vec<&String> = layout.axes.iter().filter(|axis| *axis != "frame").collect();
-        let stated: Vec<&String> = facts.axes.iter().filter(|axis| *axis != "frame").collect();
+        let axes: Vec<&str> = layout.frame_axes().collect();
+        let is_of_frame = |axis: &&str| !["frame", "episode"].contains(axis);
+        let stated: Vec<&str> = facts.axes.iter().map(String::as_str).filter(is_of_frame).collect();
         if axes.len() != facts.cells.len() {
-            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len()));
+            let more = if axes.len() < facts.cells.len() && layout.episode_axis().is_none() {
+                "; an axis of trials is called \"episode\""
+            } else {
+                ""
+            };
+            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len())) + more;
             return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
         }
         if !stated.is_empty() && stated != axes {
@@ -109,7 +119,7 @@ impl Decoder {
         let component = axes.iter().position(|axis| *axis == "component");
         let shape = facts.cells.iter().enumerate().filter(|(k, _)| Some(*k) != component);
         let shape: Vec<usize> = shape.map(|(_, size)| *size).collect();
-        let members = layout.members(file, facts, &shape)?;
+        let (members, no_taxels) = layout.members(file, facts, &shape)?;
         let mut ids: Vec<TaxelId> = members.iter().map(|member| member.id).collect();
         ids.dedup();
         // Where the first component of a cell is among the numbers of a frame, and how far apart components are.
@@ -140,6 +150,8 @@ impl Decoder {
             None => {
                 let mut is_taxel = vec![false; width];
                 members.iter().for_each(|member| is_taxel[member.cell] = true);
+                // The table says of these that they are none.
+                no_taxels.iter().for_each(|&cell| is_taxel[cell] = true);
                 (0..width).filter(|&cell| !is_taxel[cell]).collect()
             }
         };
@@ -157,7 +169,8 @@ impl Decoder {
             press: layout.press,
             zero: layout.zero.clone(),
             missing: layout.missing.clone(),
-            clock: Clock::new(layout.time.clone()),
+            clock: Clock::new(layout.time.clone(), facts),
+            cell_axes: shape.len(),
             has_learned: false,
             statements,
             lost: 0,
@@ -197,7 +210,7 @@ impl Decoder {
             let value = format!("{} readings, the first in frame {frame}; they stay missing", self.lost);
             all.push(Statement::new("missing", value, StatementSource::Checked));
         }
-        all.extend(self.clock.statement());
+        all.extend(self.clock.statements());
         all
     }
 
@@ -352,14 +365,16 @@ impl Decoder {
         }
         let others: Vec<_> = self.others.iter().map(|&place| series(raw, self.width, place)).collect();
         let moving = moves.moving(&others, scale);
+        let name = self.layout_name.display();
+        if Moves::is_enough(moving) && self.cell_axes > 1 {
+            let found = format!("{moving} cells that move and are no taxels in {name}");
+            let needed = "the axes in the order in which the file has them, or a row without `taxel_id` in the table for \
+                          each cell that moves and is no taxel";
+            return Err(self.invalid("axes", found, needed.into()));
+        }
         if Moves::is_enough(moving) {
-            let found =
-                format!("{moving} cells that move and are no taxels in {}", self.layout_name.display());
-            return Err(self.invalid(
-                "axes",
-                found,
-                "the axes in the order in which the file has them".into(),
-            ));
+            let value = format!("{moving} cells that move are none in {name}, and are not read");
+            self.statements.push(Statement::new("taxels", value, StatementSource::Checked));
         }
         let press = self.press.name();
         let remark = moves.sign_remark(press).filter(|_| self.origin == StatementSource::Layout);
