@@ -33,7 +33,6 @@ pub(super) struct Followed {
     pub(super) number: u64,
     /// The track that it is now; `None` after its end, until nothing can continue it.
     pub(super) track: Option<u64>,
-    pub(super) patch: PatchId,
     pub(super) link: LinkId,
     pub(super) onset: f64,
     /// The last frame that had it.
@@ -60,6 +59,8 @@ pub(super) struct Followed {
     force_peak_time: f64,
     impulse: f64,
     area: f64,
+    /// The patch, the taxels and the peak when it was largest.
+    patch: PatchId,
     taxels: Vec<VertexId>,
     peak: f64,
     peak_taxel: VertexId,
@@ -77,7 +78,6 @@ impl Followed {
         Self {
             number,
             track: Some(region.track),
-            patch: region.patch,
             link: region.link,
             onset: time,
             last: time,
@@ -98,6 +98,7 @@ impl Followed {
             force_peak_time: time,
             impulse: 0.0,
             area: 0.0,
+            patch: region.patch,
             taxels: Vec::with_capacity(taxels),
             peak: f64::NEG_INFINITY,
             peak_taxel: region.peak_taxel,
@@ -109,7 +110,7 @@ impl Followed {
         if self.frames > 0 {
             self.impulse += 0.5 * (time - self.last) * (self.force + region.force);
         }
-        (self.patch, self.last, self.centre) = (region.patch, time, region.centre);
+        (self.last, self.centre) = (time, region.centre);
         (self.normal, self.force) = (region.normal, region.force);
         self.frames += 1;
         self.force_sum += region.force;
@@ -118,7 +119,7 @@ impl Followed {
         }
         self.area = self.area.max(region.area);
         if region.peak > self.peak {
-            (self.peak, self.peak_taxel) = (region.peak, region.peak_taxel);
+            (self.patch, self.peak, self.peak_taxel) = (region.patch, region.peak, region.peak_taxel);
             self.taxels.clear();
             self.taxels.extend_from_slice(&region.taxels);
         }
@@ -248,7 +249,8 @@ impl Followed {
             from,
             to,
             length: self.path.length.max(net),
-            direction: is_moving.then(|| {
+            // Maps of two patches have no direction in common.
+            direction: (is_moving && from.patch == to.patch).then(|| {
                 let way = to.map - from.map;
                 way.y.atan2(way.x)
             }),

@@ -200,9 +200,11 @@ pub enum Phase {
 /// A place on the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EventPlace {
+    /// The patch.
+    pub patch: PatchId,
     /// In the frame of the link, in m.
     pub point: DVec3,
-    /// On the map, in m.
+    /// On the map of the patch, in m.
     pub map: DVec2,
 }
 
@@ -228,7 +230,7 @@ pub struct Event {
 /// Where a contact is, how strong, and how it moves; of a pat or a grasp its last or its strongest contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventContact {
-    /// The patch.
+    /// The patch of its taxels; its ends may be on others of the link.
     pub patch: PatchId,
     /// Its link.
     pub link: LinkId,
@@ -247,7 +249,7 @@ pub struct EventContact {
     pub to: EventPlace,
     /// Length of the path, in m.
     pub length: f64,
-    /// Angle of the way from begin to end on the map, in rad; of strokes and rubs.
+    /// Angle of the way from begin to end on the map, in rad; of strokes and rubs whose ends are on one patch.
     pub direction: Option<f64>,
     /// The name of the direction, as a number in [`EventOptions::words`]; of strokes.
     pub body_word: Option<usize>,

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::numeric::median_of;
 use crate::signal::ContactRegion;
 use crate::signal::events::EventPlace;
+use crate::skin::PatchId;
 
 /// Centres of pressure are averaged over blocks of this time, in s; when there are more than [`BLOCKS`], of twice the time.
 const BLOCK_S: f64 = 0.02;
@@ -29,6 +30,8 @@ const REACH: f64 = 0.95;
 struct Block {
     begin: f64,
     frames: f64,
+    /// All are on this patch.
+    patch: PatchId,
     /// Sums over the frames: the load, and centres times load.
     load: f64,
     point: DVec3,
@@ -89,10 +92,12 @@ impl Path {
     /// Takes the contact in a frame.
     pub(super) fn add(&mut self, time: f64, region: &ContactRegion) {
         let load = region.peak.max(f64::MIN_POSITIVE);
-        let is_new = self.blocks.last().is_none_or(|block| time - block.begin >= self.block_s - 1e-9);
+        let is_new = self.blocks.last().is_none_or(|block| {
+            time - block.begin >= self.block_s - 1e-9 || block.patch != region.patch
+        });
         if is_new {
             self.complete_block();
-            self.blocks.push(Block { begin: time, ..Block::default() });
+            self.blocks.push(Block { begin: time, patch: region.patch, ..Block::default() });
         }
         if let Some(block) = self.blocks.last_mut() {
             block.frames += 1.0;
@@ -132,12 +137,17 @@ impl Path {
         self.motion();
         for k in 0..BLOCKS / 2 {
             let (a, b) = (self.blocks[2 * k], self.blocks[2 * k + 1]);
+            let load = a.load + b.load;
+            // Of two patches the one with the larger load.
+            let main = if b.load > a.load { b } else { a };
+            let is_on_one = a.patch == b.patch;
             self.blocks[k] = Block {
                 begin: a.begin,
                 frames: a.frames + b.frames,
-                load: a.load + b.load,
+                patch: main.patch,
+                load,
                 point: a.point + b.point,
-                map: a.map + b.map,
+                map: if is_on_one { a.map + b.map } else { main.map * (load / main.load) },
             };
         }
         self.blocks.truncate(BLOCKS / 2);
@@ -199,16 +209,25 @@ impl Path {
         let end = (count / END).max(1);
         let mut median = |places: &[EventPlace], of: &dyn Fn(&EventPlace) -> f64| {
             scratch.clear();
-            scratch.extend(places.iter().map(of));
+            scratch.extend(places.iter().map(of).filter(|x| !x.is_nan()));
             median_of(scratch).unwrap_or(0.0)
         };
-        let mut place = |places: &[EventPlace]| EventPlace {
-            point: DVec3::new(
-                median(places, &|p| p.point.x),
-                median(places, &|p| p.point.y),
-                median(places, &|p| p.point.z),
-            ),
-            map: DVec2::new(median(places, &|p| p.map.x), median(places, &|p| p.map.y)),
+        let mut place = |places: &[EventPlace]| {
+            let patch = places[places.len() / 2].patch;
+            // NaN, which has no place among the numbers, on the map of another patch.
+            let on_map = |p: &EventPlace, x: f64| if p.patch == patch { x } else { f64::NAN };
+            EventPlace {
+                point: DVec3::new(
+                    median(places, &|p| p.point.x),
+                    median(places, &|p| p.point.y),
+                    median(places, &|p| p.point.z),
+                ),
+                patch,
+                map: DVec2::new(
+                    median(places, &|p| on_map(p, p.map.x)),
+                    median(places, &|p| on_map(p, p.map.y)),
+                ),
+            }
         };
         let (from, to, middle) = (place(&places[..end]), place(&places[count - end..]), place(places));
         scratch.clear();
@@ -226,6 +245,6 @@ impl Block {
     }
 
     fn place(&self) -> EventPlace {
-        EventPlace { point: self.point / self.load, map: self.map / self.load }
+        EventPlace { point: self.point / self.load, patch: self.patch, map: self.map / self.load }
     }
 }

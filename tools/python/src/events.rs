@@ -213,10 +213,13 @@ impl PyEventDetector {
             found.set_item("impulse", contact.impulse)?;
         }
         found.set_item("area", contact.area)?;
-        for (name, EventPlace { point, map }) in [("from", contact.from), ("to", contact.to)] {
+        for (name, EventPlace { point, patch, map: at }) in [("from", contact.from), ("to", contact.to)] {
             let place = PyDict::new(py);
-            for (axis, x) in [("x", point.x), ("y", point.y), ("z", point.z), ("u", map.x), ("v", map.y)] {
+            for (axis, x) in [("x", point.x), ("y", point.y), ("z", point.z), ("u", at.x), ("v", at.y)] {
                 place.set_item(axis, x)?;
+            }
+            if patch != contact.patch {
+                place.set_item("patch", &map.patches[patch].name)?;
             }
             found.set_item(name, place)?;
         }

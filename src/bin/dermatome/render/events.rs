@@ -223,7 +223,14 @@ fn describe(
         put("impulse", json!(contact.impulse));
     }
     put("area", json!(contact.area));
-    let place = |EventPlace { point, map }: EventPlace| json!({ "x": point.x, "y": point.y, "z": point.z, "u": map.x, "v": map.y });
+    let place = |place: EventPlace| {
+        let EventPlace { point, patch, map: at } = place;
+        let mut object = json!({ "x": point.x, "y": point.y, "z": point.z, "u": at.x, "v": at.y });
+        if patch != contact.patch {
+            object["patch"] = json!(map.patches[patch].name);
+        }
+        object
+    };
     put("from", place(contact.from));
     put("to", place(contact.to));
     put("length", json!(contact.length));
