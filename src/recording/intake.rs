@@ -6,7 +6,7 @@ use crate::Error;
 use crate::io::{ReadingsReader, Statement, StatementSource};
 use crate::map::SkinMap;
 use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
-use crate::signal::{Channel, Conditioner, Filler, Frame, Join, SignalError, Stage};
+use crate::signal::{Channel, Clock, Conditioner, Filler, Frame, Join, SignalError, Stage};
 
 pub(super) struct Intake {
     reader: ReadingsReader,
@@ -23,8 +23,7 @@ pub(super) struct Intake {
     /// The first frames, from which stages have learned.
     kept: VecDeque<Frame>,
     has_learned: bool,
-    /// Times of the first and of the last frame that was read.
-    frame_times: [f64; 2],
+    clock: Clock,
     /// Number of the next frame.
     next: usize,
     report: RecordingReport,
@@ -56,7 +55,7 @@ impl Intake {
             values: Vec::new(),
             kept: VecDeque::new(),
             has_learned: false,
-            frame_times: [f64::NAN; 2],
+            clock: Clock::new(),
             next: 0,
             report: RecordingReport {
                 channels: reader.channels.len(),
@@ -117,10 +116,8 @@ impl Intake {
     }
 
     pub(super) fn report(&self) -> RecordingReport {
-        let steps = self.report.read.saturating_sub(1) as f64;
-        let interval = (self.frame_times[1] - self.frame_times[0]) / steps;
         RecordingReport {
-            interval: Some(interval).filter(|interval| interval.is_finite()),
+            interval: self.clock.usual(),
             condition: self.conditioner.report().clone(),
             ..self.report.clone()
         }
@@ -174,10 +171,7 @@ impl Intake {
         if let Some(rate) = self.rate_hz {
             self.frame.time = self.report.read as f64 / rate;
         }
-        self.frame_times[1] = self.frame.time;
-        if self.report.read == 0 {
-            self.frame_times[0] = self.frame.time;
-        }
+        self.clock.see(self.frame.time);
         self.report.read += 1;
         self.report.missing += self.join.fill(&self.values, &mut self.frame);
         Ok(true)

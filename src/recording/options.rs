@@ -82,7 +82,7 @@ pub struct RecordingReport {
     pub channels: usize,
     /// Whether frames have a time.
     pub has_times: bool,
-    /// Mean time between two frames, in s, if they have times.
+    /// Usual time between two frames, in s, if they have times: the median of the latest.
     pub interval: Option<f64>,
     /// Readings of matched taxels that are missing, NaN or infinite.
     pub missing: usize,

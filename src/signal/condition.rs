@@ -13,7 +13,7 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::signal::zero::{ZeroReport, ZeroTracker};
 use crate::signal::{
-    Channel, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, unit_ratio,
+    Channel, Clock, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, Tick, unit_ratio,
 };
 use crate::skin::{PatchId, TaxelId};
 
@@ -60,7 +60,7 @@ pub struct ConditionReport {
     pub clipped: u64,
     /// Readings beyond the range of 32-bit floats, the type of images and arrays; they are masked.
     pub too_large: u64,
-    /// Frames whose time is before that of the previous frame, or not a number; filters do not advance.
+    /// Frames whose time is before that of the previous frame, or not a number; filters advance by the usual step.
     pub backwards: u64,
     /// Readings without a baseline, summed over channels, since they are missing in all frames of the
     /// baseline; they are masked from then on.
@@ -110,7 +110,9 @@ pub struct Conditioner {
     baseline: Baseline,
     clip: Option<[f64; 2]>,
     filter: Option<LowPass>,
-    time: f64,
+    clock: Clock,
+    /// Time that never goes back, in s.
+    now: f64,
     out: Frame,
 }
 
@@ -221,7 +223,8 @@ impl Conditioner {
                 slow: vec![f64::NAN; numbers],
                 times: vec![f64::NAN; numbers],
             }),
-            time: f64::NEG_INFINITY,
+            clock: Clock::new(),
+            now: 0.0,
             out: Frame::new(map, channels.len()),
             inputs,
             channels,
@@ -290,12 +293,9 @@ impl Stage for Conditioner {
             }
             None => frame,
         };
-        // Also false for a time that is NaN.
-        let goes_on = frame.time >= self.time;
-        self.report.backwards += u64::from(!goes_on);
-        if goes_on || frame.time.is_finite() {
-            self.time = frame.time;
-        }
+        let tick = self.clock.see(frame.time);
+        self.report.backwards += u64::from(matches!(tick, Tick::Back | Tick::Untimed));
+        self.now += self.clock.elapsed(tick);
         self.out.time = frame.time;
         let mut start = 0;
         let patches = frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut());
@@ -328,7 +328,7 @@ impl Stage for Conditioner {
                     }
                 }
                 if let (Some(filter), [slow, fast]) = (&mut self.filter, out) {
-                    filter.split(range, frame.time, slow.as_mut_slice(), fast.as_mut_slice());
+                    filter.split(range, self.now, slow.as_mut_slice(), fast.as_mut_slice());
                     self.report.too_large += mask_too_large(fast.as_mut_slice(), read.as_slice());
                 }
             }
@@ -472,7 +472,7 @@ impl Baseline {
 
 impl LowPass {
     /// Splits the readings in `slow`.
-    fn split(&mut self, range: std::ops::Range<usize>, time: f64, slow: &mut [f64], fast: &mut [f64]) {
+    fn split(&mut self, range: std::ops::Range<usize>, now: f64, slow: &mut [f64], fast: &mut [f64]) {
         let states = self.slow[range.clone()].iter_mut().zip(&mut self.times[range]);
         // The last reading of almost all taxels was in the same frame.
         let (mut last, mut share) = (f64::NAN, 0.0);
@@ -487,14 +487,11 @@ impl LowPass {
             } else {
                 if *since != last {
                     last = *since;
-                    // `max` turns a NaN step into 0.
-                    share = -(-TAU * self.hz * (time - last).max(0.0)).exp_m1();
+                    share = -(-TAU * self.hz * (now - last)).exp_m1();
                 }
                 *state += share * (x - *state);
             }
-            if !time.is_nan() {
-                *since = time;
-            }
+            *since = now;
             (*slow, *fast) = (*state, x - *state);
         }
     }

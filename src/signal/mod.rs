@@ -2,7 +2,7 @@
 //! level, without pixels or files.
 //!
 //! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
-//! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
+//! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `clock` finds gaps in their times; `match_taxels` assigns
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
 //! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
 //! ([`Restrictor`]); `contrast` and `edges` find where they change ([`Contrast`], [`Edges`]); `contacts`
@@ -14,6 +14,7 @@
 //! a receptive field whose taxels all are. Zero is a reading.
 
 mod channel;
+mod clock;
 mod condition;
 mod contacts;
 mod contrast;
@@ -35,6 +36,7 @@ mod zero;
 
 pub(crate) use channel::unit_ratio;
 pub use channel::{Channel, Quantity};
+pub(crate) use clock::{Clock, Tick};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
 pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, TrackerOptions, TrackerState};
 pub use contrast::{Contrast, reconstruct};

@@ -302,8 +302,7 @@ impl ReadingsArgs {
         if !report.has_times {
             note!(common, "the frames have no times; --rate HZ gives them some");
         }
-        if self.rate.is_none() && report.interval.is_some_and(|seconds| seconds >= SLOW_S) {
-            let seconds = report.interval.unwrap_or_default();
+        if let Some(seconds) = report.interval.filter(|seconds| self.rate.is_none() && *seconds >= SLOW_S) {
             note!(common, "the frames are {seconds:.3} s apart; a column of times in ms is called time[ms]");
         }
         report.remarks(self.zero.unwrap_or_default()).iter().for_each(|remark| note!(common, "{remark}"));

@@ -3,12 +3,10 @@
 use crate::io::file::times::LATEST;
 use crate::io::layout::facts::{Statement, StatementSource, TimeUnit, Times};
 use crate::io::layout::rules::TimeRule;
+use crate::signal::{self, Tick};
 
 /// What is wrong with the times: element, found, needed.
 pub(super) type Fault = [String; 3];
-
-/// A step longer than this many usual ones is a gap.
-const GAP_STEPS: f64 = 3.0;
 
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
@@ -19,10 +17,10 @@ pub(super) struct Clock {
     start: u64,
     first: Option<i64>,
     last: f64,
-    /// The usual step, in s, once it is known.
-    step: Option<f64>,
-    /// The first times of the episode, until they show the usual step.
+    clock: signal::Clock,
+    /// The first times of an episode, until they show the rate.
     early: Vec<f64>,
+    is_rate_checked: bool,
     gaps: u64,
     /// The longest step, in s, and the frame after it.
     longest: (f64, u64),
@@ -37,8 +35,9 @@ impl Clock {
             start: 0,
             first: None,
             last: f64::NEG_INFINITY,
-            step: None,
+            clock: signal::Clock::new(),
             early: Vec::new(),
+            is_rate_checked: false,
             gaps: 0,
             longest: (0.0, 0),
         }
@@ -67,6 +66,7 @@ impl Clock {
             (self.episode, self.start, self.first, self.last) =
                 (episode, self.frames, None, f64::NEG_INFINITY);
             self.early.clear();
+            self.clock.settle();
         }
         let (unit, between) = match &self.rule {
             TimeRule::Rate(rate) => {
@@ -114,37 +114,38 @@ impl Clock {
             let found = format!("a time of {latest:e} s with times in {}", unit.name());
             return Err(fault("times", found, "finite times, and the unit that they have in the file"));
         }
-        if self.step.is_none() {
-            self.early.extend_from_slice(new);
-        }
-        if self.early.len() > 2 {
-            let early = std::mem::take(&mut self.early);
-            let mut steps: Vec<f64> = early.windows(2).map(|pair| pair[1] - pair[0]).collect();
-            let middle = steps.len() / 2;
-            let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-            if step > 0.0 && !(between[0]..=between[1]).contains(&(1.0 / step)) {
-                let found = format!("{:.6} frames a second with times in {}", 1.0 / step, unit.name());
-                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
-                return Err(fault("times", found, &needed));
-            }
-            self.step = Some(step);
-        }
         for (k, &time) in new.iter().enumerate() {
-            let frame = self.frames + k as u64;
             if time <= self.last {
                 let found = format!("{time} s after {} s", self.last);
+                let frame = self.frames + k as u64;
                 return Err(fault(&format!("frame {frame}"), found, "ascending times, or one episode alone"));
-            }
-            let length = time - self.last;
-            if length.is_finite() && self.step.is_some_and(|step| length > GAP_STEPS * step) {
-                self.gaps += 1;
-                if length > self.longest.0 {
-                    self.longest = (length, frame);
-                }
             }
             self.last = time;
         }
         self.frames += count as u64;
+        self.early.extend_from_slice(new);
+        if !self.is_rate_checked && self.early.len() > 2 {
+            self.is_rate_checked = true;
+            self.early.iter().for_each(|&time| self.clock.learn(time));
+            self.clock.settle();
+            let rate = self.clock.usual().map_or(between[0], f64::recip);
+            if !(between[0]..=between[1]).contains(&rate) {
+                let found = format!("{rate:.6} frames a second with times in {}", unit.name());
+                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
+                return Err(fault("times", found, &needed));
+            }
+        }
+        if self.is_rate_checked {
+            let first = self.frames - self.early.len() as u64;
+            for (time, frame) in self.early.drain(..).zip(first..) {
+                if let Tick::Gap(length) = self.clock.see(time) {
+                    self.gaps += 1;
+                    if length > self.longest.0 {
+                        self.longest = (length, frame);
+                    }
+                }
+            }
+        }
         Ok(())
     }
 

@@ -13,7 +13,10 @@ use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
 use crate::signal::contacts::tracks::Tracks;
-use crate::signal::{Channel, ContactEvent, Frame, Probe, Quantity, SignalError, Stage, TrackerOptions};
+use crate::signal::clock::FRAMES_AHEAD;
+use crate::signal::{
+    Channel, Clock, ContactEvent, Frame, Probe, Quantity, SignalError, Stage, Tick, TrackerOptions,
+};
 use crate::skin::PatchId;
 
 /// Finds contacts in frames of readings and tracks them from frame to frame.
@@ -61,9 +64,13 @@ pub struct ContactTracker {
     /// With [`Probe::Finger`].
     fingers: Option<Fingers>,
     at_once: AtOnce,
+    clock: Clock,
+    /// What the time of the last frame said.
+    tick: Tick,
     tracks: Tracks,
-    /// The regions of the last frame.
+    /// The regions of the last frame that may go on, and those that end because times jump.
     last: Vec<ContactRegion>,
+    ended: Vec<ContactRegion>,
     /// The regions of this frame: first `shown` reported ones, with the released ones last, then those that
     /// have not lasted long enough.
     found: Vec<ContactRegion>,
@@ -102,8 +109,11 @@ impl ContactTracker {
             finder: Finder::new(map),
             fingers,
             at_once: AtOnce::new(map),
+            clock: Clock::new(),
+            tick: Tick::First,
             tracks: Tracks::default(),
             last: Vec::new(),
+            ended: Vec::new(),
             found: Vec::new(),
             shown: 0,
             next: 0,
@@ -124,7 +134,8 @@ impl ContactTracker {
         self.at_once.strongest()
     }
 
-    /// The contacts of the next frame, by patch and first taxel, then those that have ended. If the threshold
+    /// The contacts of the next frame, by patch and first taxel, then those that have ended. All end where times go back
+    /// or frames are missing. If the threshold
     /// is estimated and the tracker has not [learned](Stage::learn) yet, it learns from the first frames,
     /// which have no contacts.
     ///
@@ -132,16 +143,19 @@ impl ContactTracker {
     /// If the frame does not have the patches, the channel and the taxels that the tracker was made for.
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
+        self.tick = self.clock.see(frame.time);
+        let elapsed = self.clock.elapsed(self.tick);
         self.keep_last();
         self.high = self.noise.known();
         if let Some(fingers) = &mut self.fingers {
-            self.high = fingers.see(frame, self.options.channel, self.high);
+            let time = (self.tick, elapsed);
+            self.high = fingers.see(frame, time, self.options.channel, self.high);
         }
         if let Some(high) = self.high {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
         } else if self.noise.learn(frame, self.options.channel) >= self.options.noise_frames {
-            self.settle();
+            self.settle_noise();
         }
         self.finder.number(&self.found);
         let reach = self.options.reach;
@@ -163,6 +177,7 @@ impl ContactTracker {
                 self.found.push(region);
             }
         }
+        self.found.append(&mut self.ended);
         let lasting = self.options.lasting;
         let rank = |region: &ContactRegion| match region.event {
             _ if region.age < lasting => 2,
@@ -173,7 +188,7 @@ impl ContactTracker {
         self.shown = self.found.partition_point(|region| rank(region) < 2);
         let (fingers, values) = (&self.fingers, &self.values);
         let values = |patch| fingers.as_ref().map_or(&values[patch], |fingers| fingers.smooth(patch));
-        self.at_once.see(frame.time, &self.found[..self.shown], values);
+        self.at_once.see(self.tick, elapsed, &self.found[..self.shown], values);
         &self.found[..self.shown]
     }
 
@@ -182,16 +197,30 @@ impl ContactTracker {
         &self.found[..self.shown]
     }
 
+    /// What the time of the last frame said.
+    pub(in crate::signal) fn tick(&self) -> Tick {
+        self.tick
+    }
+
     /// The readings of the last frame above those at rest: what contacts are measured from.
     pub(in crate::signal) fn values(&self) -> &IdVec<PatchId, IdVec<VertexId, f64>> {
         &self.values
     }
 
-    /// Stores the found regions as those of the last frame.
+    fn settle_noise(&mut self) {
+        self.noise.settle(&mut self.rest);
+        self.high = self.noise.known();
+    }
+
+    /// Stores the found regions as those of the last frame, from which none goes on where times jump.
     fn keep_last(&mut self) {
-        for region in self.found.drain(..) {
-            if region.event == ContactEvent::Release {
+        for mut region in self.found.drain(..) {
+            let is_cut = self.tick.is_cut();
+            if region.event == ContactEvent::Release || (is_cut && region.age < self.options.lasting) {
                 self.finder.recycle(region);
+            } else if is_cut {
+                region.event = ContactEvent::Release;
+                self.ended.push(region);
             } else {
                 self.last.push(region);
             }
@@ -314,18 +343,19 @@ impl ContactTracker {
 }
 
 impl Stage for ContactTracker {
-    /// The frames from which the threshold is estimated.
+    /// The frames from which the threshold is estimated, or the usual step of times is known.
     fn frames_to_learn(&self) -> usize {
-        if self.options.threshold.is_some() { 0 } else { self.options.noise_frames }
+        if self.options.threshold.is_some() { FRAMES_AHEAD } else { self.options.noise_frames }
     }
 
     fn learn(&mut self, frame: &Frame) {
+        self.clock.learn(frame.time);
         self.noise.learn(frame, self.options.channel);
     }
 
     fn settle(&mut self) {
-        self.noise.settle(&mut self.rest);
-        self.high = self.noise.known();
+        self.clock.settle();
+        self.settle_noise();
     }
 
     /// The unchanged frame; see [`ContactTracker::contacts`].

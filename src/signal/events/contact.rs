@@ -31,10 +31,12 @@ pub(super) struct PatchLimits {
 #[derive(Debug, Clone)]
 pub(super) struct Followed {
     pub(super) number: u64,
-    /// The track that it is now; `None` after its end, until nothing can continue it.
-    pub(super) track: Option<u64>,
+    /// The track that it is now.
+    pub(super) track: u64,
     pub(super) link: LinkId,
     pub(super) onset: f64,
+    /// Before this time its first peak read no more than noise: it had not begun.
+    possible: f64,
     /// The last frame that had it.
     pub(super) last: f64,
     pub(super) centre: DVec3,
@@ -71,15 +73,17 @@ impl Followed {
     pub(super) fn new(
         number: u64,
         time: f64,
+        possible: f64,
         region: &ContactRegion,
         PatchLimits { stroke, taxels }: PatchLimits,
     ) -> Self {
         let stretch = || Stretch { taxels: Vec::with_capacity(taxels), ..Stretch::default() };
         Self {
             number,
-            track: Some(region.track),
+            track: region.track,
             link: region.link,
             onset: time,
+            possible,
             last: time,
             centre: region.centre,
             normal: region.normal,
@@ -162,7 +166,7 @@ impl Followed {
             let span = [self.onset, self.last];
             let found =
                 history.date(Edge::Begin, *patch, taxels, span, self.last - self.onset).unwrap_or(self.onset);
-            self.begin = found.clamp(self.onset - DATED_MOST_S, self.onset);
+            self.begin = found.max(self.possible).clamp(self.onset - DATED_MOST_S, self.onset);
         }
     }
 
@@ -183,7 +187,8 @@ impl Followed {
         let found = history
             .date(Edge::End, *patch, taxels, [*begin, self.last], self.last - self.onset)
             .unwrap_or(self.last);
-        self.end = found.clamp(self.last, self.last + DATED_MOST_S);
+        let latest = history.latest().unwrap_or(self.last).max(self.last);
+        self.end = found.clamp(self.last, latest.min(self.last + DATED_MOST_S));
     }
 
     /// When it began, dated back to the noise.
@@ -272,5 +277,48 @@ impl Followed {
             duration: until - begin,
             contact: Some(self.contact(word, options)),
         }
+    }
+}
+
+/// A contact whose track has ended: a new one may continue it for some time.
+#[derive(Debug, Clone)]
+pub(super) struct Waiting(Followed);
+
+impl Waiting {
+    pub(super) fn new(contact: Followed) -> Self {
+        Self(contact)
+    }
+
+    pub(super) fn contact(&self) -> &Followed {
+        &self.0
+    }
+
+    /// Whether a track that begins at this time may continue it.
+    pub(super) fn may_go_on(&self, time: f64, options: &EventOptions) -> bool {
+        time - self.0.last <= options.join_s + 1e-9
+    }
+
+    /// How far a region is that may continue it, in m, and its number.
+    pub(super) fn distance(
+        &self,
+        time: f64,
+        region: &ContactRegion,
+        options: &EventOptions,
+    ) -> Option<(f64, u64)> {
+        let distance = self.0.centre.distance(region.centre);
+        let is_near = self.0.link == region.link && distance <= options.join_m;
+        (is_near && self.may_go_on(time, options)).then_some((distance, self.0.number))
+    }
+
+    /// It, continued by a region.
+    pub(super) fn go_on(mut self, time: f64, region: &ContactRegion) -> Followed {
+        self.0.track = region.track;
+        self.0.see(time, region);
+        self.0
+    }
+
+    /// It, to be ended.
+    pub(super) fn end(&mut self) -> &mut Followed {
+        &mut self.0
     }
 }

@@ -62,7 +62,22 @@ struct Kept {
     centre: Option<DVec3>,
 }
 
+/// Nothing touches.
+const AT_REST: Kept = Kept { force: 0.0, peak: 0.0, is_loaded: false, centre: None };
+
 impl Totals {
+    /// Those of something that begins to touch in the next frame.
+    pub(super) fn enter() -> Self {
+        Self { last: Some(AT_REST), ..Self::default() }
+    }
+
+    /// Adds that it does not touch any more in a frame, `step` s after the one before.
+    pub(super) fn leave(&mut self, step: Option<f64>) {
+        if let (Some(last), Some(step)) = (self.last.take(), step) {
+            self.integrate(&last, &AT_REST, step);
+        }
+    }
+
     /// Adds the load of a frame, `step` s after the frame before, if that is known and no gap.
     pub(super) fn add(&mut self, time: f64, step: Option<f64>, load: &Load) {
         if load.readings == 0 {
@@ -111,7 +126,9 @@ impl Totals {
             let length = from.distance(to);
             *self.path.get_or_insert(0.0) += length;
             self.path_time += step;
-            self.speed_peak = Some(self.speed_peak.unwrap_or(0.0).max(length / step));
+            if step > 0.0 {
+                self.speed_peak = Some(self.speed_peak.unwrap_or(0.0).max(length / step));
+            }
         }
     }
 

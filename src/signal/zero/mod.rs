@@ -27,9 +27,8 @@ use crate::map::SkinMap;
 use crate::mesh::neighbours;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
-use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::signal::zero::track::Track;
-use crate::signal::{Channel, Frame, Stage};
+use crate::signal::{Channel, Clock, Frame, Stage};
 use crate::skin::PatchId;
 
 pub use track::ZeroReport;
@@ -61,7 +60,7 @@ pub struct ZeroTracker {
     /// The taxels next to each one, patch after patch.
     neighbours: Csr<u32>,
     tracks: Vec<Option<Track>>,
-    time: f64,
+    clock: Clock,
     out: Frame,
 }
 
@@ -82,7 +81,7 @@ impl ZeroTracker {
         Self {
             neighbours,
             tracks: channels.iter().map(track).collect(),
-            time: f64::NAN,
+            clock: Clock::new(),
             out: Frame::new(map, channels.len()),
         }
     }
@@ -116,11 +115,11 @@ impl ZeroTracker {
 }
 
 impl Stage for ZeroTracker {
-    /// The frame less the zeros. Frames without times count as a tenth of a second.
+    /// The frame less the zeros. Frames without times, or whose time goes back, count as the usual step, or a tenth of a
+    /// second where none is known.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
-        let interval = frame.time - self.time;
-        let interval = if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
-        self.time = if frame.time.is_finite() { frame.time.max(self.time) } else { self.time };
+        let tick = self.clock.see(frame.time);
+        let interval = self.clock.elapsed(tick);
         self.out.time = frame.time;
         for (channel, track) in self.tracks.iter_mut().enumerate() {
             let read = |patch: PatchId| &frame.values[patch][channel];
