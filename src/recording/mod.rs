@@ -94,6 +94,8 @@ pub struct Recording {
     /// The first frames and their numbers, from which the tracker has learned.
     kept: VecDeque<(usize, Frame)>,
     has_learned: bool,
+    /// Why reading ended among them: those before are passed on.
+    failure: Option<Error>,
     /// The one of them that is passed on.
     current: Frame,
 }
@@ -118,6 +120,7 @@ impl Recording {
             summary: None,
             kept: VecDeque::new(),
             has_learned: false,
+            failure: None,
             current: Frame::default(),
         })
     }
@@ -249,11 +252,18 @@ impl Recording {
     pub fn next_step(&mut self) -> Result<Option<Step<'_>>, Error> {
         if let Some(tracker) = self.tracker.as_mut().filter(|_| !self.has_learned) {
             let count = tracker.frames_to_learn();
-            while self.kept.len() < count
-                && let Some((number, frame)) = self.intake.next_frame()?
-            {
-                tracker.learn(frame);
-                self.kept.push_back((number, frame.clone()));
+            while self.kept.len() < count {
+                match self.intake.next_frame() {
+                    Ok(Some((number, frame))) => {
+                        tracker.learn(frame);
+                        self.kept.push_back((number, frame.clone()));
+                    }
+                    Ok(None) => break,
+                    Err(error) => {
+                        self.failure = Some(error);
+                        break;
+                    }
+                }
             }
             tracker.settle();
         }
@@ -263,7 +273,7 @@ impl Recording {
                 self.current = frame;
                 (number, &self.current)
             }
-            None => match self.intake.next_frame()? {
+            None => match self.failure.take().map_or_else(|| self.intake.next_frame(), Err)? {
                 Some(next) => next,
                 None => return Ok(None),
             },

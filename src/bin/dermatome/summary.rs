@@ -14,6 +14,7 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
+use crate::files::signals;
 use crate::options::{Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
@@ -82,23 +83,40 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
     let mut over_time = over_time.transpose().map_err(Error::from)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
-    loop {
-        let step = recording.next_step()?;
-        let Some((number, time)) = step.map(|step| (step.number as u64, step.frame.time)) else { break };
-        if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
-            writer.write(number, time, &map, summary).map_err(Error::from)?;
+    let mut added = 0;
+    let mut add_all = || -> anyhow::Result<()> {
+        while let Some(step) = recording.next_step()? {
+            let (number, time) = (step.number as u64, step.frame.time);
+            if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
+                writer.write(number, time, &map, summary).map_err(Error::from)?;
+            }
+            bar.inc(1);
+            added += 1;
         }
-        bar.inc(1);
-    }
+        Ok(())
+    };
+    let ended = add_all();
     bar.finish_and_clear();
+    // Of a stream that ends badly, what came before is kept: it will not come again.
+    if ended.is_err() && (added == 0 || !is_stream(&args.readings)) {
+        return ended.map(|()| ExitCode::SUCCESS);
+    }
     let report = recording.report();
-    args.frames.check_any(&report)?;
+    if ended.is_ok() {
+        args.frames.check_any(&report)?;
+    }
     let Some((summary, threshold)) = recording.summary().zip(recording.threshold()) else {
+        ended?;
         return Err(advise("the noise cannot be estimated from one frame", "give --threshold"));
     };
     write_summary(common.outputs.file(&args.output), &map, summary).map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
     outputs::publish(common)?;
+    if ended.is_err() {
+        let how = if signals::stopped().is_some() { "was stopped" } else { "ended badly" };
+        note_count(common, added, "frames", &format!("added up; the stream {how}"));
+    }
+    ended?;
     args.readings_args.remark(&recording, common);
     if summary.channel.newtons().is_none() {
         let unit = &summary.channel.unit;
