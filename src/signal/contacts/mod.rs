@@ -7,7 +7,7 @@
 //!
 //! In reading order: [`TrackerOptions`] has the thresholds, `noise` estimates them where none are given;
 //! `find` finds the taxels of the regions of a frame ([`ContactRegion`]), `split` splits regions with several
-//! peaks, `place` measures force, position and shape, `tracks` matches them with those of the last frame,
+//! peaks, `join` joins those of one foot, `place` measures force, position and shape, `tracks` matches them with those of the last frame,
 //! `tracker` combines all steps ([`ContactTracker`]), and `at_once` counts the contacts of a touch. With
 //! [`Probe::Finger`], `fingers` prepares the readings and splits regions instead of `split`.
 //!
@@ -22,6 +22,7 @@
 mod at_once;
 mod fingers;
 mod find;
+mod join;
 mod noise;
 mod place;
 mod split;
@@ -46,6 +47,9 @@ pub enum Probe {
     /// Fingers of a hand: zero and noise are followed, readings smoothed with a time constant of 0.15 s, and a region
     /// is split into straight ridges of the width of a finger; a palm stays one contact.
     Finger,
+    /// A foot, a seat, a lying body: regions of a patch at most 10 cm apart are one contact, as heel and ball of a foot with
+    /// a high arch; no region is split.
+    Foot,
 }
 
 /// Criteria for a contact, and for the same contact in the next frame.
@@ -108,7 +112,7 @@ impl Probe {
     /// deviations of the noise.
     pub fn low(self) -> f64 {
         match self {
-            Self::Any => TrackerOptions::default().low,
+            Self::Any | Self::Foot => TrackerOptions::default().low,
             Self::Finger => 0.625,
         }
     }

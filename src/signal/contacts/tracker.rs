@@ -9,6 +9,7 @@ use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
 use crate::signal::contacts::fingers::{Fingers, HIGH, Limits};
+use crate::signal::contacts::join::join_near;
 use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
@@ -233,8 +234,8 @@ impl ContactTracker {
         let high = high.max(f64::from(f32::MIN_POSITIVE));
         let Self { patches, around, options, rest, values, finder, found, fingers, last, .. } = self;
         finder.follow(last);
-        // Fingers split regions themselves.
-        let prominence = if fingers.is_some() { 1.0 } else { options.prominence };
+        // Fingers split regions themselves, and the parts of a foot are one.
+        let prominence = if options.probe == Probe::Any { options.prominence } else { 1.0 };
         let options = &TrackerOptions { prominence, ..*options };
         for (id, patch) in patches.enumerate() {
             let (mesh, read) =
@@ -251,7 +252,11 @@ impl ContactTracker {
             let is_estimated = fingers.is_none() && options.threshold.is_none();
             let least_seed = if is_estimated { options.low * high } else { high };
             let readings = PatchReadings { mesh, around: &around[id], values, options, high, least_seed };
+            let first = found.len();
             finder.find(id, &readings, found);
+            if options.probe == Probe::Foot {
+                join_near(&mesh.positions, first, found, finder);
+            }
         }
         if let Some(fingers) = fingers {
             let sigma = high / HIGH;

@@ -34,7 +34,7 @@ use crate::{
 /// unit : str
 ///     Unit of the readings, as "Pa" or "N"; forces are known for units of pressure and force.
 /// probe : str
-///     What touches the skin: "any" or "finger".
+///     What touches the skin: "any", "finger" or "foot".
 /// threshold : float, optional
 ///     A contact has a taxel above this; by default estimated from the first frames, in which nothing should touch the
 ///     skin.

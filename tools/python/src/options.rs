@@ -62,7 +62,7 @@ pub(crate) fn level(argument: &str, found: i64, levels: usize) -> PyResult<Level
 
 /// What touches the skin, by its word.
 pub(crate) fn probe(found: &str) -> PyResult<Probe> {
-    word("probe", found, &[("any", Probe::Any), ("finger", Probe::Finger)])
+    word("probe", found, &[("any", Probe::Any), ("finger", Probe::Finger), ("foot", Probe::Foot)])
 }
 
 /// A unit of length, in m: a word or a number.

@@ -32,7 +32,7 @@ use crate::{
 /// unit : str
 ///     Unit of the readings, as "Pa" or "N"; forces are known for units of pressure and force.
 /// probe : str
-///     What touches the skin: "any", or "finger" for fingers side by side. A tracker of fingers cannot be pickled.
+///     What touches the skin: "any", "finger" for fingers side by side, or "foot" for one contact a foot. A tracker of fingers cannot be pickled.
 /// threshold : float, optional
 ///     A contact has a taxel above this, in the unit of the readings; by default estimated from the first frames,
 ///     in which nothing should touch the skin.

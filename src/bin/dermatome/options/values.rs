@@ -57,13 +57,14 @@ pub(crate) fn word_of<T: PartialEq>(choices: &[Choice<T>], value: &T) -> &'stati
 }
 
 /// What touches the skin.
-pub(crate) const PROBES: [Choice<Probe>; 2] = [
+pub(crate) const PROBES: [Choice<Probe>; 3] = [
     ("any", Probe::Any, "Anything: contacts are apart where a peak rises above the saddle to the next"),
     (
         "finger",
         Probe::Finger,
         "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
     ),
+    ("foot", Probe::Foot, "A foot, a seat, a lying body: what is at most 10 cm apart on a patch is one contact"),
 ];
 
 /// A direction: an axis, or three numbers.
