@@ -228,6 +228,16 @@ impl Recording {
         Ok(())
     }
 
+    /// As [`Self::summarise`], and follows each loading of a patch or a region ([`Summary::steps`]).
+    ///
+    /// # Errors
+    /// As [`Self::follow_contacts`].
+    pub fn summarise_steps(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        self.summarise(options)?;
+        self.summary.iter_mut().for_each(Summary::follow_steps);
+        Ok(())
+    }
+
     /// What was added up so far, if that was [asked for](Self::summarise).
     pub fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()

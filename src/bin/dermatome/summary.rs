@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{LoadWriter, SummaryCell, summary_rows, write_summary};
+use dermatome::io::{LoadWriter, SummaryCell, SummaryRow, step_rows, summary_rows, write_steps, write_summary};
 use dermatome::signal::{Group, Probe, TrackerOptions};
 use serde_json::{Map, Value, json};
 
@@ -15,10 +15,10 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
-use crate::options::{Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
+use crate::options::{Choice, Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 
-/// Add up a recording by region, patch, link, contact and for the whole skin.
+/// Add up a recording by region, patch, link, contact and for the whole skin, or step by step.
 ///
 /// One row for each: peak and mean, force, impulse, contact area and contact time, and the path of the centre of
 /// pressure, as in pressure mapping; docs/terms.md defines the columns. SI units; readings are in the unit of the
@@ -34,6 +34,9 @@ pub(crate) struct Args {
     /// Table of the sums
     #[arg(short, long, value_name = "T.csv")]
     output: OutFile,
+    /// What has a row: each group with its sums, or each step
+    #[arg(long, value_name = "WHAT", value_parser = one_of(&ROWS), default_value = "group")]
+    by: Rows,
     /// Also write the loads of every frame: a table
     #[arg(long, value_name = "OUT.csv")]
     over_time: Option<OutFile>,
@@ -58,6 +61,18 @@ pub(crate) struct Args {
     frames: FramesArgs,
 }
 
+/// What has a row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rows {
+    Groups,
+    Steps,
+}
+
+const ROWS: [Choice<Rows>; 2] = [
+    ("group", Rows::Groups, "The whole skin, each link, patch, region and contact"),
+    ("step", Rows::Steps, "Each loading of a patch or a region from begin to end, as the steps of a gait"),
+];
+
 fn threshold(text: &str) -> Result<f64, String> {
     // Contacts need a threshold above 0.
     number(text, "a number of at least 0", |x| x >= 0.0).map(|x| x.max(f64::MIN_POSITIVE))
@@ -78,7 +93,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         threshold: args.threshold,
         ..recording.tracker_options(channel)
     };
-    recording.summarise(&tracker).map_err(Error::from)?;
+    match args.by {
+        Rows::Groups => recording.summarise(&tracker),
+        Rows::Steps => recording.summarise_steps(&tracker),
+    }
+    .map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
     let mut over_time = over_time.transpose().map_err(Error::from)?;
@@ -109,7 +128,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ended?;
         return Err(advise("the noise cannot be estimated from one frame", "give --threshold"));
     };
-    write_summary(common.outputs.file(&args.output), &map, summary).map_err(Error::from)?;
+    let output = common.outputs.file(&args.output);
+    match args.by {
+        Rows::Groups => write_summary(output, &map, summary),
+        Rows::Steps => write_steps(output, &map, summary),
+    }
+    .map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
     outputs::publish(common)?;
     if ended.is_err() {
@@ -126,22 +150,30 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         note!(common, "loaded is above {threshold:.4}, estimated from the first frames; --threshold sets it");
     }
     note_count(common, summary.gaps() as u64, "gaps", "in the times, over which nothing is added up");
+    if let Some((_, cut_off)) = summary.steps() {
+        let how = "left out: the recording begins, ends or has a gap within them";
+        note_count(common, cut_off as u64, "loadings", how);
+    }
     if args.json {
         let value = |cell: SummaryCell| match cell {
             SummaryCell::Text(text) => json!(text),
             SummaryCell::Number(number) => json!(number),
             SummaryCell::Count(count) => json!(count),
         };
-        let object = |row: Vec<(&str, SummaryCell)>| -> Map<String, Value> {
+        let object = |row: SummaryRow| -> Map<String, Value> {
             row.into_iter().map(|(name, cell)| (name.to_owned(), value(cell))).collect()
         };
         let groups: Vec<_> = summary_rows(&map, summary).into_iter().map(object).collect();
         let contacts = summary.totals().filter(|(group, _)| matches!(group, Group::Contact(_))).count();
-        let json = json!({
+        let mut json = json!({
             "frames": report.frames, "threshold": threshold, "contacts": contacts, "gaps": summary.gaps(),
             "at_once": recording.at_once(),
             "groups": groups,
         });
+        if let Some((_, cut_off)) = summary.steps() {
+            json["steps"] = step_rows(&map, summary).into_iter().map(object).collect();
+            json["cut_off"] = json!(cut_off);
+        }
         print_json("dermatome.summary/1", &json)?;
     }
     Ok(ExitCode::SUCCESS)

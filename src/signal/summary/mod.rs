@@ -2,13 +2,14 @@
 //!
 //! Every frame gives a [`Load`] for each group of taxels: its peak, mean, force, contact area and centre of pressure.
 //! [`Summary`] adds them up over the frames: peaks, means, integrals over time and the path of the centre of pressure
-//! (`totals`). A taxel is loaded if its reading is above the threshold; force and sum are of all readings.
+//! (`totals`), and each loading of a group by itself (`steps`). A taxel is loaded if its reading is above the threshold; force and sum are of all readings.
 //!
 //! Integrals follow the trapezoidal rule between consecutive frames; the load of a contact is 0 in the frames before it
 //! begins and after it has ended. Where times go back or frames are missing (`clock`) nothing is added, and contacts end;
 //! [`Summary::gaps`] counts both.
 
 mod load;
+mod steps;
 mod totals;
 
 use std::collections::BTreeMap;
@@ -18,6 +19,7 @@ use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactTracker;
 use crate::signal::summary::load::Adder;
+use crate::signal::summary::steps::Steps;
 use crate::signal::{Channel, ContactEvent};
 use crate::skin::{LinkId, PatchId};
 
@@ -39,6 +41,17 @@ pub enum Group {
     Contact(u64),
 }
 
+/// A loading of a group by itself.
+#[derive(Debug, Clone)]
+pub struct LoadingStep {
+    /// A patch or a region.
+    pub group: Group,
+    /// Its number among the steps of the group, from 0 on.
+    pub number: usize,
+    /// What the group felt meanwhile; [`Totals::first_contact`] is its begin, [`Totals::contact_time`] its duration.
+    pub totals: Totals,
+}
+
 /// Adds up a recording.
 ///
 /// It allocates only when a contact begins.
@@ -57,6 +70,8 @@ pub struct Summary {
     link_places: IdVec<LinkId, Option<usize>>,
     totals: Vec<Totals>,
     contacts: BTreeMap<u64, (PatchId, Totals)>,
+    /// Of patches and regions, if they are asked for.
+    steps: Option<Steps>,
     gaps: usize,
 }
 
@@ -89,6 +104,7 @@ impl Summary {
             starts: [1, patches, first_region],
             link_places,
             contacts: BTreeMap::new(),
+            steps: None,
             gaps: 0,
         };
         this.count_taxels(map);
@@ -126,6 +142,9 @@ impl Summary {
         let tick = tracker.tick();
         self.gaps += usize::from(tick.is_cut());
         let step = tick.step();
+        if let Some(steps) = &mut self.steps {
+            steps.add(time, tick, self.loads[first_patch..].iter().map(|(_, load)| load));
+        }
         for (totals, (_, load)) in self.totals.iter_mut().zip(&self.loads) {
             totals.add(time, step, load);
         }
@@ -148,6 +167,19 @@ impl Summary {
             let entry = self.contacts.entry(region.track);
             entry.or_insert_with(|| (region.patch, Totals::enter())).1.add(time, step, &load);
         }
+    }
+
+    /// From now on also follows each loading of a patch or a region.
+    pub fn follow_steps(&mut self) {
+        self.steps = Some(Steps::new(self.loads.len() - self.starts[1]));
+    }
+
+    /// The steps so far, by their begin, and how many loadings are none because the recording has only a part of them; `None`
+    /// unless they are [followed](Self::follow_steps).
+    pub fn steps(&self) -> Option<(Vec<LoadingStep>, usize)> {
+        let groups = self.loads[self.starts[1]..].iter().map(|(group, _)| *group);
+        let step = |(group, number, totals)| LoadingStep { group, number, totals };
+        self.steps.as_ref().map(|steps| (steps.list(groups).into_iter().map(step).collect(), steps.cut_off()))
     }
 
     /// How often times went back or frames were missing.

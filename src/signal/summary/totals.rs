@@ -55,11 +55,17 @@ pub struct Totals {
 
 /// What is kept of a load for the next frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Kept {
+pub(super) struct Kept {
     force: f64,
     peak: f64,
     is_loaded: bool,
     centre: Option<DVec3>,
+}
+
+impl Kept {
+    pub(super) fn of(load: &Load) -> Self {
+        Self { force: load.force, peak: load.peak, is_loaded: load.loaded > 0, centre: load.centre() }
+    }
 }
 
 /// Nothing touches.
@@ -68,7 +74,12 @@ const AT_REST: Kept = Kept { force: 0.0, peak: 0.0, is_loaded: false, centre: No
 impl Totals {
     /// Those of something that begins to touch in the next frame.
     pub(super) fn enter() -> Self {
-        Self { last: Some(AT_REST), ..Self::default() }
+        Self::after(Some(AT_REST))
+    }
+
+    /// Those from a frame on, before which there was this load.
+    pub(super) fn after(last: Option<Kept>) -> Self {
+        Self { last, ..Self::default() }
     }
 
     /// Adds that it does not touch any more in a frame, `step` s after the one before.
@@ -102,8 +113,7 @@ impl Totals {
             self.first_contact = self.first_contact.or(known);
             self.last_contact = known;
         }
-        let now =
-            Kept { force: load.force, peak: load.peak, is_loaded: load.loaded > 0, centre: load.centre() };
+        let now = Kept::of(load);
         if let (Some(last), Some(step)) = (self.last, step) {
             self.integrate(&last, &now, step);
         }
