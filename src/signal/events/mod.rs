@@ -19,8 +19,8 @@
 //! dated back to where the readings of its taxels were zero (`history`).
 //!
 //! Of the centres of pressure in the frame of the link, those with less than a quarter of the largest force aside, *from*
-//! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the 95 % quantile of the
-//! distances from the median centre. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
+//! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the length along the
+//! direction in which they differ most, without the outermost 5 %. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
 //!
 //! In reading order: `history` keeps the latest readings, `path` the centres of one contact, `contact` follows it

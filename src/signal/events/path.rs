@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::numeric::median_of;
+use crate::numeric::{median_of, symmetric_eigen};
 use crate::signal::ContactRegion;
 use crate::signal::events::EventPlace;
 use crate::skin::PatchId;
@@ -21,7 +21,8 @@ const LOADED: f64 = 0.25;
 const STEP: f64 = 0.004;
 const TURN_COSINE: f64 = -0.5;
 
-/// Share of the first and the last blocks whose median is an end of the path, and the quantile of its reach.
+/// Share of the first and the last blocks whose median is an end of the path, and of the places within its reach: a place
+/// beside the others does not count.
 const END: usize = 8;
 const REACH: f64 = 0.95;
 
@@ -229,14 +230,31 @@ impl Path {
                 ),
             }
         };
-        let (from, to, middle) = (place(&places[..end]), place(&places[count - end..]), place(places));
+        let (from, to) = (place(&places[..end]), place(&places[count - end..]));
+        let along = main_direction(places);
         scratch.clear();
-        scratch.extend(places.iter().map(|p| p.point.distance(middle.point)));
+        scratch.extend(places.iter().map(|p| p.point.dot(along)));
+        scratch.sort_unstable_by(f64::total_cmp);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
-        let at = (REACH * (count - 1) as f64) as usize;
-        let reach = *scratch.select_nth_unstable_by(at, f64::total_cmp).1;
+        let beside = (0.5 * (1.0 - REACH) * count as f64) as usize;
+        let reach = scratch[count - 1 - beside] - scratch[beside];
         self.motion = Motion { from, to, net: from.point.distance(to.point), reach };
     }
+}
+
+/// The direction in which places differ most.
+fn main_direction(places: &[EventPlace]) -> DVec3 {
+    let mean = places.iter().map(|p| p.point).sum::<DVec3>() / places.len().max(1) as f64;
+    let mut sums = [[0.0; 3]; 3];
+    for p in places {
+        let d = (p.point - mean).to_array();
+        for (row, x) in sums.iter_mut().zip(d) {
+            row.iter_mut().zip(d).for_each(|(sum, y)| *sum += x * y);
+        }
+    }
+    let (squares, axes) = symmetric_eigen(&sums);
+    let largest = (0..3).max_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+    DVec3::from_array(std::array::from_fn(|row| axes[row][largest]))
 }
 
 impl Block {
