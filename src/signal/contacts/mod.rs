@@ -13,7 +13,7 @@
 //!
 //! Where the threshold is estimated, the noise is known: connected taxels above the lower threshold are a region too if
 //! their sum is above the upper one times the root of their number, as unlikely as one taxel above it; and a contact goes
-//! on while it is above the lower threshold.
+//! on while it is above the lower threshold. A contact that is not twice as strong is seen in its second frame.
 //!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
 //! same first frames is subtracted from each taxel; else subtract a baseline first
