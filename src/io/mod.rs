@@ -109,7 +109,7 @@ pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};
 pub use table::series::{Series, read_series};
 pub use table::summary::{
-    LoadWriter, SummaryCell, SummaryRow, step_rows, summary_rows, write_steps, write_summary,
+    LoadWriter, SummaryCell, SummaryRow, summary_rows, summary_step_rows, write_summary, write_summary_steps,
 };
 pub use table::touch_log::{
     TouchRows, read_touches, touches_from_bytes, write_touch_contacts, write_touch_log,

@@ -91,7 +91,7 @@ fn every_object_keeps_to_its_schema() {
     keep("flatten", &run(at, "flatten ring.obj -o f.obj --json"));
     keep("info", &run(at, "info cap.glb --json"));
     keep("render", &run(at, "render map/map.glb r.csv -o frames --contacts c.csv --json"));
-    keep("summary", &run(at, "summary map/map.glb r.csv -o sums.csv --json"));
+    keep("summary", &run(at, "summary map/map.glb r.csv -o sums.csv --by step --json"));
 
     run(
         at,

@@ -4,7 +4,10 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{LoadWriter, SummaryCell, SummaryRow, step_rows, summary_rows, write_steps, write_summary};
+use dermatome::io::{
+    LoadWriter, Statement, StatementSource, SummaryCell, SummaryRow, summary_rows, summary_step_rows,
+    write_summary, write_summary_steps,
+};
 use dermatome::signal::{Group, Probe, TrackerOptions};
 use serde_json::{Map, Value, json};
 
@@ -73,6 +76,9 @@ const ROWS: [Choice<Rows>; 2] = [
     ("step", Rows::Steps, "Each loading of a patch or a region from begin to end, as the steps of a gait"),
 ];
 
+/// What files call the names of their sensors, which may say left or right.
+const SENSORS: [&str; 3] = ["sensor", "sole", "side"];
+
 fn threshold(text: &str) -> Result<f64, String> {
     // Contacts need a threshold above 0.
     number(text, "a number of at least 0", |x| x >= 0.0).map(|x| x.max(f64::MIN_POSITIVE))
@@ -128,10 +134,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ended?;
         return Err(advise("the noise cannot be estimated from one frame", "give --threshold"));
     };
+    let is_name = |s: &Statement| s.source == StatementSource::File && SENSORS.contains(&&*s.what);
+    let names: Vec<String> = recording.statements().into_iter().filter(is_name).map(|s| s.value).collect();
+    let sensor = names.join(" ");
     let output = common.outputs.file(&args.output);
     match args.by {
         Rows::Groups => write_summary(output, &map, summary),
-        Rows::Steps => write_steps(output, &map, summary),
+        Rows::Steps => write_summary_steps(output, &map, summary, &sensor),
     }
     .map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
@@ -171,7 +180,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "groups": groups,
         });
         if let Some((_, cut_off)) = summary.steps() {
-            json["steps"] = step_rows(&map, summary).into_iter().map(object).collect();
+            json["steps"] = summary_step_rows(&map, summary, &sensor).into_iter().map(object).collect();
             json["cut_off"] = json!(cut_off);
         }
         print_json("dermatome.summary/1", &json)?;

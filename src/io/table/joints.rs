@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use crate::{
-    io::{error::Result, file::Source, table::Table},
+    io::{
+        error::Result,
+        file::Source,
+        table::{Table, TimeColumn},
+    },
     robot::Robot,
 };
 

@@ -333,7 +333,8 @@ impl Columns {
     /// The place of the column of times: `time` before other names of times.
     fn time_place(&self) -> Option<usize> {
         let is_time = |name: &str| time_column(name).is_some();
-        let is_first = |name: &str| is_time(name) && name.get(..4).is_some_and(|name| name.eq_ignore_ascii_case("time"));
+        let is_first =
+            |name: &str| is_time(name) && name.get(..4).is_some_and(|name| name.eq_ignore_ascii_case("time"));
         let place = |is: &dyn Fn(&str) -> bool| self.names.iter().position(|name| is(name));
         place(&is_first).or_else(|| place(&is_time))
     }

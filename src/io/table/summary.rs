@@ -59,18 +59,19 @@ pub fn summary_rows(map: &SkinMap, summary: &Summary) -> Vec<SummaryRow> {
 }
 
 /// The rows of the steps of a summary, by their begin. `side` is `left` or `right` where the name of the region, the patch or
-/// the link has that word.
+/// the link has that word, or the name that a file gives its `sensor`.
 ///
 /// # Panics
 /// If the summary is of another map.
-pub fn step_rows(map: &SkinMap, summary: &Summary) -> Vec<SummaryRow> {
+pub fn summary_step_rows(map: &SkinMap, summary: &Summary, sensor: &str) -> Vec<SummaryRow> {
     let steps = summary.steps().map(|(steps, _)| steps).unwrap_or_default();
-    steps.iter().map(|step| step_row(map, summary, step)).collect()
+    steps.iter().map(|step| step_row(map, summary, sensor, step)).collect()
 }
 
-fn step_row(map: &SkinMap, summary: &Summary, step: &LoadingStep) -> SummaryRow {
+fn step_row(map: &SkinMap, summary: &Summary, sensor: &str, step: &LoadingStep) -> SummaryRow {
     let LoadingStep { group, number, totals } = step;
-    let side = summary.names(map, *group).iter().rev().find_map(|name| side(name)).unwrap_or_default();
+    let [patch, link, name] = summary.names(map, *group);
+    let side = [&*name, &*patch, &*link, sensor].into_iter().find_map(side).unwrap_or_default();
     let mut row = vec![("step", Count(*number as u64)), ("side", Text(side.into()))];
     row.extend(names_of(map, summary, *group));
     row.push(("begin", Number(totals.first_contact)));
@@ -83,7 +84,8 @@ fn step_row(map: &SkinMap, summary: &Summary, step: &LoadingStep) -> SummaryRow 
 
 /// `left` or `right`, if a name has one of these words.
 fn side(name: &str) -> Option<&'static str> {
-    let has = |side: &str| name.split(|c: char| !c.is_alphabetic()).any(|word| word.eq_ignore_ascii_case(side));
+    let has =
+        |side: &str| name.split(|c: char| !c.is_alphabetic()).any(|word| word.eq_ignore_ascii_case(side));
     match ["left", "right"].map(has) {
         [true, false] => Some("left"),
         [false, true] => Some("right"),
@@ -142,16 +144,22 @@ pub fn write_summary(path: impl Into<OutPath>, map: &SkinMap, summary: &Summary)
     write_rows(&path.into(), &rows.first().cloned().unwrap_or_default(), rows)
 }
 
-/// Writes the steps of a summary as a table, a row for each.
+/// Writes the [steps](summary_step_rows) of a summary as a table, a row for each.
 ///
 /// # Errors
 /// As [`write_summary`].
 ///
 /// # Panics
 /// As [`write_summary`].
-pub fn write_steps(path: impl Into<OutPath>, map: &SkinMap, summary: &Summary) -> Result<(), IoError> {
+pub fn write_summary_steps(
+    path: impl Into<OutPath>,
+    map: &SkinMap,
+    summary: &Summary,
+    sensor: &str,
+) -> Result<(), IoError> {
     let none = LoadingStep { group: Group::Whole, number: 0, totals: Totals::default() };
-    write_rows(&path.into(), &step_row(map, summary, &none), step_rows(map, summary))
+    let like = step_row(map, summary, sensor, &none);
+    write_rows(&path.into(), &like, summary_step_rows(map, summary, sensor))
 }
 
 /// `like` has the names of the columns.

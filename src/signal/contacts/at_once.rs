@@ -7,8 +7,8 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
-use crate::signal::contacts::{ContactEvent, ContactRegion};
 use crate::signal::Tick;
+use crate::signal::contacts::{ContactEvent, ContactRegion};
 use crate::skin::{LinkId, PatchId};
 
 /// Readings that add up to the load.

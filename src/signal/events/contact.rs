@@ -35,7 +35,7 @@ pub(super) struct Followed {
     pub(super) track: u64,
     pub(super) link: LinkId,
     pub(super) onset: f64,
-    /// Before this time its first peak read no more than noise: it had not begun.
+    /// Before this time its first peak read nothing: it had not begun.
     possible: f64,
     /// The last frame that had it.
     pub(super) last: f64,

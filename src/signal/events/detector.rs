@@ -11,10 +11,6 @@ use crate::signal::events::{Event, EventOptions, Phase, Word};
 use crate::signal::{Clock, ContactEvent, ContactRegion, ContactTracker, SignalError, Tick};
 use crate::skin::PatchId;
 
-/// Noise over the threshold: a contact has not begun while its first peak reads no more. An estimated threshold is six to
-/// seven standard deviations, so that every other reading at rest is below this, also beside a zero that is a little off.
-const NOISE_SHARE: f64 = 0.1;
-
 /// Finds events in the contacts of frames, which a [`ContactTracker`](crate::signal::ContactTracker) finds.
 ///
 /// It allocates only when a contact begins, and for the events that it reports.
@@ -105,7 +101,7 @@ impl EventDetector {
     /// [`SignalError::NoEventTime`] if the frame has no time.
     pub fn see(&mut self, time: f64, tracker: &ContactTracker) -> Result<&[Event], SignalError> {
         self.start(time, tracker.tick())?;
-        self.follow(time, tracker.contacts(), tracker.threshold().unwrap_or(0.0));
+        self.follow(time, tracker.contacts());
         self.history.keep(time, tracker.values());
         Ok(self.report(time))
     }
@@ -118,7 +114,7 @@ impl EventDetector {
     pub fn see_contacts(&mut self, time: f64, regions: &[ContactRegion]) -> Result<&[Event], SignalError> {
         let tick = self.clock.see(time);
         self.start(time, tick)?;
-        self.follow(time, regions, 0.0);
+        self.follow(time, regions);
         Ok(self.report(time))
     }
 
@@ -161,7 +157,7 @@ impl EventDetector {
     }
 
     /// Finds the contact of each region: that of its track, one that it continues, or a new one.
-    fn follow(&mut self, time: f64, regions: &[ContactRegion], threshold: f64) {
+    fn follow(&mut self, time: f64, regions: &[ContactRegion]) {
         let here = || regions.iter().filter(|region| region.event != ContactEvent::Release);
         let Self { open, waiting, options, limits, history, next, pairs, .. } = self;
         let gone = open.extract_if(.., |contact| {
@@ -189,7 +185,7 @@ impl EventDetector {
         }
         for region in here() {
             if open.iter().all(|contact| contact.track != region.track) {
-                let possible = history.possible(region, NOISE_SHARE * threshold, time);
+                let possible = history.possible(region, time);
                 let mut contact = Followed::new(*next, time, possible, region, limits[region.patch]);
                 contact.see(time, region);
                 *next += 1;

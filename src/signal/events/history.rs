@@ -89,11 +89,11 @@ impl History {
     }
 
     /// The earliest time at which a contact that is first seen in this region and at this time may have begun: when its
-    /// peak read no more than `noise` for the last time, or the first frame. The latter, if there is no frame before.
-    pub(super) fn possible(&self, region: &ContactRegion, noise: f64, time: f64) -> f64 {
+    /// peak read nothing for the last time, or the first frame. The latter, if there is no frame before.
+    pub(super) fn possible(&self, region: &ContactRegion, time: f64) -> f64 {
         let taxel = self.starts[region.patch] + region.peak_taxel.index();
         let reads = |k: usize| self.values[self.place(k) * self.taxels + taxel];
-        let at = (0..self.count).find(|&k| reads(k) <= noise);
+        let at = (0..self.count).find(|&k| reads(k) <= 0.0);
         at.map_or(self.first.min(time), |k| self.times[self.place(k)])
     }
 

@@ -10,13 +10,14 @@
 //! | `rub` | a stroke with a path of more than 3 times its net, and two turns or more |
 //! | `hit` | the largest force reached in less than 50 ms and above a limit, which has no default |
 //! | `pat` | three taps or more within 15 mm, each less than 0.6 s after the one before |
-//! | `grasp` | two contacts or more on a link at once for 0.3 s, whose normals differ by more than 90 degrees |
-//! | `gap` | times that jump back, or frames that are missing: contacts end before it |
+//! | `grasp` | two contacts or more on a link at once for 0.3 s, breaks that a contact outlasts aside, whose normals differ by more than 90 degrees |
+//! | `gap` | times that go back, for 0 s, or frames that are missing (`clock`): contacts end before it |
 //!
 //! A contact here is one or several tracks of a [`ContactTracker`](crate::signal::ContactTracker): noise breaks one touch
 //! into many tracks. A track that begins at most 0.15 s after another has ended, and within 15 mm of its last centre,
 //! continues it; two at once are never one. Contacts of one frame, or of less than 30 ms, are dropped. Begin and end are
-//! dated back to where the readings of its taxels were zero (`history`).
+//! dated back to where the readings of its taxels were zero (`history`), but not to before the first frame, nor to where its first
+//! peak still read nothing.
 //!
 //! Of the centres of pressure in the frame of the link, those with less than a quarter of the largest force aside, *from*
 //! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the length along the

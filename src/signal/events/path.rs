@@ -93,9 +93,10 @@ impl Path {
     /// Takes the contact in a frame.
     pub(super) fn add(&mut self, time: f64, region: &ContactRegion) {
         let load = region.peak.max(f64::MIN_POSITIVE);
-        let is_new = self.blocks.last().is_none_or(|block| {
-            time - block.begin >= self.block_s - 1e-9 || block.patch != region.patch
-        });
+        let is_new = self
+            .blocks
+            .last()
+            .is_none_or(|block| time - block.begin >= self.block_s - 1e-9 || block.patch != region.patch);
         if is_new {
             self.complete_block();
             self.blocks.push(Block { begin: time, patch: region.patch, ..Block::default() });

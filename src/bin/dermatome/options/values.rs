@@ -64,7 +64,11 @@ pub(crate) const PROBES: [Choice<Probe>; 3] = [
         Probe::Finger,
         "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
     ),
-    ("foot", Probe::Foot, "A foot, a seat, a lying body: what is at most 10 cm apart on a patch is one contact"),
+    (
+        "foot",
+        Probe::Foot,
+        "A foot, a seat, a lying body: what is at most 10 cm apart on a patch is one contact",
+    ),
 ];
 
 /// A direction: an axis, or three numbers.
