@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{Rings, angle};
+use crate::numeric::hash;
 use crate::pyramid::removal::SeamRole;
 use crate::skin::Taxels;
 
@@ -129,14 +130,6 @@ fn is_corner(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> 
     let pairs = rings.of(v).windows(2);
     let sum: f64 = pairs.map(|pair| angle(positions[v], positions[pair[0]], positions[pair[1]])).sum();
     (sum - PI).abs() > CORNER_TURN
-}
-
-/// SplitMix64 `(steele2014)`: a bijection that looks like noise.
-const fn hash(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
 }
 
 /// The data of a level from which centres are chosen.
