@@ -325,18 +325,21 @@ impl PyMap {
     fn with_regions(&self, py: Python<'_>, regions: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut map = SkinMap::clone(&self.map);
         if let Ok(named) = regions.cast::<PyMapping>() {
-            let homes: HashMap<u32, (PatchId, VertexId)> = map
-                .patches
-                .enumerate()
-                .flat_map(|(id, patch)| {
-                    patch.taxels.ids.enumerate().map(move |(v, taxel)| (taxel.0, (id, v)))
-                })
-                .collect();
+            let mut homes: HashMap<u32, (PatchId, VertexId, usize)> = HashMap::new();
+            for (id, patch) in map.patches.enumerate() {
+                for (v, taxel) in patch.taxels.ids.enumerate() {
+                    homes.entry(taxel.0).or_insert((id, v, 0)).2 += 1;
+                }
+            }
             for item in named.items()?.iter() {
                 let (name, ids): (String, Bound<'_, PyAny>) = item.extract()?;
                 let ids: Vec<u32> = ids.try_iter()?.map(|id| id?.extract()).collect::<PyResult<_>>()?;
-                let home = |id: &u32| {
-                    homes.get(id).copied().ok_or_else(|| bad("regions", id, "the id of a taxel of the map"))
+                let home = |id: &u32| match homes.get(id) {
+                    Some(&(patch, v, 1)) => Ok((patch, v)),
+                    Some((.., count)) => {
+                        Err(bad("regions", id, format!("the id of one taxel, not of {count}")))
+                    }
+                    None => Err(bad("regions", id, "the id of a taxel of the map")),
                 };
                 let taxels: Vec<_> = ids.iter().map(home).collect::<PyResult<_>>()?;
                 map.set_regions(taxels, &name).map_err(error)?;
