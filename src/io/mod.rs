@@ -79,7 +79,7 @@ pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
 pub use layout::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
-pub use mesh::{skin_to_bytes, write_flat, write_skin};
+pub use mesh::{lost_in, skin_to_bytes, write_flat, write_skin};
 pub use observations::{
     TouchStream, builder::ObservationRemark, observations_from_stream, observations_to_stream,
     read_observations, touches_from_stream, write_observations,
