@@ -26,6 +26,11 @@ pub(super) fn common_motion(pairs: &[(DVec3, DVec3)], least: f64) -> (Pose, f64)
     let is_first = |(from, _): &&(DVec3, DVec3)| seen.insert(from.to_array().map(f64::to_bits));
     let pairs = &pairs.iter().filter(is_first).copied().collect::<Vec<_>>()[..];
     let mut best = motion(pairs, None);
+    // Without outliers nothing is better: of few pairs a triple may fit half of them by chance, far from the truth.
+    if pairs.iter().all(|&(from, to)| best.apply(from).distance(to) < LIMIT * least) {
+        let left = median_left(&best, pairs, &mut Vec::new());
+        return (best, left);
+    }
     let mut distances = Vec::with_capacity(pairs.len());
     let mut left = median_left(&best, pairs, &mut distances);
     let mut consider = |candidate: Pose| {

@@ -90,7 +90,7 @@ pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
 pub use table::body_words::read_body_words;
 pub use table::by_taxel::{
-    TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_modules_if_any, read_seams,
+    TaxelTable, modules_of_skin, read_acuities, read_boundary, read_gains, read_modules, read_seams,
 };
 pub use table::calibration::{
     read_triangles, read_truth, write_bodies, write_calibration, write_inliers, write_triangles, write_truth,
