@@ -122,6 +122,8 @@ pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<B
 fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>) -> Result<Built, Error> {
     let start = Instant::now();
     skin.validate()?;
+    let without = skin.without_even_acuities();
+    let skin = without.as_ref().unwrap_or(skin);
     // Files and searches refuse more, so it is checked before the work.
     for patch in &skin.patches {
         if let Some((vertex, p)) = patch.mesh.positions.enumerate().find(|(_, p)| !is_within_reach(**p)) {

@@ -93,6 +93,9 @@ columns! {
         /// Where each link that taxels follow takes the patch as it was bound to them, in the frame of the patch's
         /// link, if that is not where it lies; else empty. See [`Joints`].
         binds: Vec<(LinkId, DAffine3)>,
+        /// Whether the ids only count the taxels, since their file has none. Coarser levels then depend on the places of
+        /// the taxels, and not on their order.
+        are_counted: bool,
     }
     /// Vendor ids; not unique.
     ids: IdVec<VertexId, TaxelId>,
@@ -203,12 +206,18 @@ impl From<&TriMesh> for Taxels {
             normals: surface_normals(mesh),
             areas: mesh.vertex_areas(),
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
+            are_counted: true,
             ..Self::default()
         }
     }
 }
 
 impl Taxels {
+    /// The acuities; `None` where all are equal, since only ratios matter.
+    pub(crate) fn relative_acuities(&self) -> Option<&IdVec<VertexId, f64>> {
+        self.acuities.as_ref().filter(|all| all.iter().any(|x| Some(x) != all.first()))
+    }
+
     /// Checks the length of every array and its values: the one check of taxels that are assembled, built or
     /// read.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
@@ -226,6 +235,7 @@ impl Taxels {
             binds,
             regions,
             ids: _,
+            are_counted: _,
             presence: _,
             densities: _,
             weights: _,
@@ -306,7 +316,8 @@ impl Taxels {
     /// Panics if one of them does not exist.
     #[must_use]
     pub(crate) fn select<I>(&self, origins: &IdVec<I, VertexId>) -> Self {
-        Self { binds: self.binds.clone(), ..self.selected(origins.iter().map(|v| v.index())) }
+        let Self { are_counted, .. } = *self;
+        Self { binds: self.binds.clone(), are_counted, ..self.selected(origins.iter().map(|v| v.index())) }
     }
 
     /// The taxels in another frame, transformed by a rigid pose.

@@ -76,13 +76,25 @@ pub(super) struct LevelExtras {
     /// On level 0 the names of the regions that `_REGION` counts from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub regions: Vec<String>,
+    /// On level 0 whether the ids only count the taxels.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub counted: bool,
 }
 
-/// `extras.dermatome` of a mesh of a skin: the names of the regions that `_REGION` counts from 1 on.
+/// `extras.dermatome` of a mesh of a skin.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct RegionExtras {
-    #[serde(default)]
+struct SheetExtras {
+    /// The names of the regions that `_REGION` counts from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     regions: Vec<String>,
+    /// Whether the ids only count the taxels.
+    #[serde(default, skip_serializing_if = "is_false")]
+    counted: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
+const fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
@@ -144,9 +156,11 @@ impl SkinExtras {
     }
 }
 
-/// The regions that a mesh names.
-fn regions_of(mesh: &Mesh) -> Option<Vec<String>> {
-    Some(RegionExtras::deserialize(content(&mesh.extras)?).ok()?.regions)
+impl SheetExtras {
+    /// The extras of a mesh of a skin, or of level 0 of a map.
+    fn of(mesh: &Mesh) -> Option<Self> {
+        Self::deserialize(content(&mesh.extras)?).ok()
+    }
 }
 
 impl NodeExtras {

@@ -15,7 +15,7 @@ use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{file_kind, unfit};
-use crate::io::gltf::RegionExtras;
+use crate::io::gltf::SheetExtras;
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter, Stored};
 use crate::mesh::TriMesh;
 use crate::numeric::narrow;
@@ -43,9 +43,10 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
         sheet.taxels(&patch.taxels, patch.mesh.positions.len(), &regions, Codes::Whole)?;
         let mut mesh = mesh(patch.name.clone(), sheet.finish());
-        if patch.taxels.regions.is_some() {
-            mesh.extras = writer
-                .extras(&RegionExtras { regions: regions.iter().map(ToString::to_string).collect() })?;
+        let (has_regions, counted) = (patch.taxels.regions.is_some(), patch.taxels.are_counted);
+        if has_regions || counted {
+            let regions = regions.iter().filter(|_| has_regions).map(ToString::to_string).collect();
+            mesh.extras = writer.extras(&SheetExtras { regions, counted })?;
         }
         let node = node(patch.name.clone(), writer.root.push(mesh));
         let (joints, binds) = (joints_of(&patch.taxels), patch.taxels.binds.clone());

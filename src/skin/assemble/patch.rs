@@ -47,13 +47,14 @@ pub(super) fn patch_of(
     let file = components.sheet.select(&in_file.iter().map(|v| v.index()).collect::<Vec<_>>());
     let taxels = Taxels {
         binds: file.binds,
+        are_counted: file.are_counted || file.ids.is_none(),
         ids: file.ids.unwrap_or_else(|| in_file.iter().map(|_| count_on(next_id)).collect()).into(),
         normals,
         tangents,
         areas: areas(file.areas.as_deref(), &in_file, &mesh, remarks),
         densities: file.densities.map(IdVec::from),
         weights: file.weights.map(IdVec::from),
-        acuities: None,
+        acuities: file.acuities.map(IdVec::from),
         presence: file.presence.unwrap_or_else(|| vec![Presence::Present; in_file.len()]).into(),
         covariances: file.covariances.map(IdVec::from),
         joints: file.joints.map(IdVec::from),

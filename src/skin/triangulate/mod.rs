@@ -87,7 +87,7 @@ const MAX_THICKNESS: f64 = 0.25;
 /// A smaller share of opposing normals than one in this many is not reported.
 const MIN_REPORTED: usize = 20;
 
-/// Joins the taxels of every sheet of a draft without triangles, and adds remarks on what was done. `gap` and
+/// Joins the taxels of every bare sheet of a draft, and adds remarks on what was done. `gap` and
 /// `outside` are those of [`crate::skin::AssembleOptions`]. Fails if the gap is out of range, or the taxels
 /// of every sheet have fewer than three positions, lie in a cloud rather than on a surface, or have no
 /// triangle within the gap. Such a sheet among others is left out, with a remark.
@@ -96,7 +96,7 @@ pub(super) fn triangulate_taxels(
     gap: f64,
     outside: Option<DVec3>,
 ) -> Result<Draft, SkinError> {
-    for sheet in &draft.sheets {
+    for sheet in draft.sheets.iter().filter(|sheet| draft.is_bare() || sheet.is_to_join()) {
         sheet.validate(draft.links.len())?;
     }
     if !GAPS.contains(&gap) {
@@ -106,7 +106,7 @@ pub(super) fn triangulate_taxels(
     let mut refused = None;
     for sheet in &draft.sheets {
         let mut kinds = Vec::new();
-        if sheet.positions.is_empty() {
+        if sheet.positions.is_empty() || !(draft.is_bare() || sheet.is_to_join()) {
             result.sheets.push(sheet.clone());
         } else {
             match triangulate_sheet(sheet, gap, outside, &mut kinds) {

@@ -1,6 +1,7 @@
 //! Laws of the module `skin`: what is repaired, what is refused, what is found.
 
 mod drafts;
+mod frames;
 mod triangulate;
 
 use std::collections::BTreeSet;
