@@ -325,14 +325,14 @@ fn white_noise_is_no_change_and_a_module_that_moved_is_one() {
     for (sigma, stated) in unstated.into_iter().chain([1e-4, 1e-3].map(|x| (x, Some(x * 2.0_f64.sqrt())))) {
         let options = DiffOptions { sigma: stated, ..DiffOptions::default() };
         let (mut alarms, mut named) = (0, 0);
-        let tries = 100;
+        let tries = 100_usize;
         for seed in 0..tries {
-            let mut noise = Noise(seed * 7919 + 1);
+            let mut noise = Noise(seed as u64 * 7919 + 1);
             let [before, mut after] = [(); 2].map(|()| noisy(&mut noise, sigma));
             let found = diff(&before.draft(), &after.draft(), &options).unwrap();
             alarms += usize::from(!found.changes.is_empty());
             let modules = after.large_modules();
-            let module = modules[(7 * seed as usize) % modules.len()];
+            let module = modules[(7 * seed) % modules.len()];
             let count = after.members(module).len() as f64;
             let by = 8.0 * sigma * (2.0 / count).sqrt() * noise.vector(1.0).normalize();
             after.move_module(module, |x| x + by);

@@ -32,8 +32,11 @@ impl Random {
     }
 }
 
+/// A kind of lattice, its points, and how many triangles they make where that is known.
+type Plane = (&'static str, Vec<[f64; 2]>, Option<usize>);
+
 /// The plane as a square lattice, a triangular one, and a random one with a distance of 0.7 spacings; 5 mm.
-fn planes(columns: u32, rows: u32) -> [(&'static str, Vec<[f64; 2]>, Option<usize>); 3] {
+fn planes(columns: u32, rows: u32) -> [Plane; 3] {
     let cells = || (0..rows).flat_map(move |j| (0..columns).map(move |i| [f64::from(i), f64::from(j)]));
     let square = cells().map(|x| x.map(|x| 0.005 * x)).collect();
     let slanted = |[i, j]: [f64; 2]| [0.005 * (i + 0.5 * (j % 2.0)), 0.005 * 3.0_f64.sqrt() / 2.0 * j];
