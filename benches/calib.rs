@@ -12,15 +12,15 @@ use dermatome::{
     io::read_observations,
 };
 
-const ALONE: CalibOptions = CalibOptions {
-    residual: ResidualConvention::Log,
-    robust: Some(Loss::Squared),
-    initialization: Initialization::Chordal,
-    max_iterations: 100,
-    covariances: false,
-};
-
-const WITH_COVARIANCE: CalibOptions = CalibOptions { covariances: true, ..ALONE };
+fn solver(covariances: bool) -> CalibOptions {
+    CalibOptions {
+        residual: ResidualConvention::Log,
+        robust: Some(Loss::Squared),
+        initialization: Initialization::Chordal,
+        covariances,
+        ..CalibOptions::default()
+    }
+}
 
 fn run(observations: &Observations, options: &CalibOptions) -> f64 {
     calibrate(black_box(observations), options).unwrap().cost
@@ -37,7 +37,7 @@ fn simulated(c: &mut Criterion) {
         let options = SimulateOptions { model, taxels, spacing, ..SimulateOptions::default() };
         let observations = simulate(&options).unwrap().observations;
         group.sample_size(if taxels > 10_000 { 10 } else { 50 });
-        for (name, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
+        for (name, options) in [("solve", solver(false)), ("with covariance", solver(true))] {
             group.bench_function(format!("{} {taxels} {name}", model), |b| {
                 b.iter(|| run(&observations, &options));
             });
@@ -59,7 +59,7 @@ fn public_graphs(c: &mut Criterion) {
             println!("skipped: {name}");
             continue;
         };
-        for (what, options) in [("solve", ALONE), ("with covariance", WITH_COVARIANCE)] {
+        for (what, options) in [("solve", solver(false)), ("with covariance", solver(true))] {
             group.bench_function(format!("{name} {what}"), |b| b.iter(|| run(&observations, &options)));
         }
     }

@@ -1,5 +1,5 @@
 //! `dermatome bench` on maps of named skins and sizes, built with all their levels: see
-//! `dermatome::contact::measure`.
+//! the module `measure` of the command.
 //!
 //! ```sh
 //! cargo bench --bench coarse_to_fine -- cap 10000 100000    # default: cap forearm robot, 10000 100000 1000000
@@ -11,6 +11,9 @@
 //! picture, what other engines need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in
 //! world coordinates (`tools/compare/compare.py coarse` runs them in turn).
 
+#[path = "../src/bin/dermatome/bench/measure.rs"]
+mod measure;
+
 use std::{
     collections::BTreeMap,
     fmt::Write,
@@ -19,7 +22,7 @@ use std::{
 };
 
 use dermatome::{
-    contact::{AnswerCosts, BandCosts, ContactIndex, Query, SampleContacts, measure},
+    contact::{ContactIndex, Query},
     id::VertexId,
     io::read_draft,
     map::SkinMap,
@@ -28,6 +31,8 @@ use dermatome::{
     pyramid::LevelId,
     skin::{AssembleOptions, Patch, Skin, assemble},
 };
+
+use measure::{AnswerCosts, BandCosts, SampleContacts, measure};
 
 const SKINS: [&str; 3] = ["cap", "forearm", "robot"];
 const SIZES: [usize; 3] = [10_000, 100_000, 1_000_000];
@@ -63,7 +68,7 @@ fn picture(name: &str, costs: &AnswerCosts) -> String {
     // 10 ns to 10 us.
     let times =
         |of: &dyn Fn(&BandCosts) -> f64| bands.iter().map(|band| (of(band).log10() - 1.0) / 3.0).collect();
-    let mut time: Vec<Curve> = vec![
+    let time: Vec<Curve> = vec![
         ("exact".into(), COLOURS[0], times(&|band| band.exact_ns)),
         ("reactive".into(), COLOURS[5], times(&|band| band.reactive_ns)),
         (
@@ -72,14 +77,6 @@ fn picture(name: &str, costs: &AnswerCosts) -> String {
             times(&|band| band.levels.get(1).map_or(f64::NAN, |l| l.with_cell_ns[0])),
         ),
     ];
-    for level in 1..bands.first().map_or(0, |band| band.levels.len()) {
-        let label = format!("search of level {level}");
-        time.push((
-            label,
-            COLOURS[6],
-            times(&|band| band.levels.get(level).map_or(f64::NAN, |l| l.search_ns)),
-        ));
-    }
     let share: Vec<Curve> = bands
         .iter()
         .zip(&off)

@@ -12,6 +12,7 @@ use dermatome::{
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pyramid::LevelId,
+    run::Run,
     skin::{Link, LinkId, Motion, MotionFrame, PatchId},
 };
 use glam::{DAffine3, DVec2, DVec3};
@@ -119,7 +120,7 @@ fn contacts(c: &mut Criterion) {
             let mut next = path.iter().cycle();
             b.iter(|| index.locate(black_box(next.next().unwrap().point)).unwrap());
         });
-        let hits: Vec<_> = index.locate_all(&path).unwrap().iter().collect();
+        let hits: Vec<_> = index.locate_all(&path, Run::default()).unwrap().iter().collect();
         group.bench_function("cells", |b| {
             let mut next = hits.iter().cycle();
             b.iter(|| {
@@ -128,7 +129,7 @@ fn contacts(c: &mut Criterion) {
             });
         });
         group.throughput(Throughput::Elements(scattered.len() as u64));
-        group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered).unwrap()));
+        group.bench_function("batch", |b| b.iter(|| index.locate_all(&scattered, Run::default()).unwrap()));
         if faces <= 100_000 {
             group.throughput(Throughput::Elements(faces as u64));
             group.bench_function("build", |b| {

@@ -8,6 +8,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use dermatome::{
     flatten::{Energy, FlattenOptions, Method, distortion, flatten},
     mesh::shapes,
+    run::Run,
 };
 
 fn caps() -> Vec<(&'static str, dermatome::mesh::TriMesh)> {
@@ -32,14 +33,14 @@ fn bench(c: &mut Criterion) {
     for (size, mesh) in &caps {
         for (name, options) in &methods {
             group.bench_with_input(BenchmarkId::new(*name, size), mesh, |b, mesh| {
-                b.iter(|| flatten(black_box(mesh), None, options));
+                b.iter(|| flatten(black_box(mesh), None, options, Run::default()));
             });
         }
     }
     group.finish();
     let mut group = c.benchmark_group("distortion");
     for (size, mesh) in &caps {
-        if let Ok(map) = flatten(mesh, None, &methods[2].1) {
+        if let Ok(map) = flatten(mesh, None, &methods[2].1, Run::default()) {
             group.bench_with_input(BenchmarkId::from_parameter(size), mesh, |b, mesh| {
                 b.iter(|| distortion(black_box(mesh), &map.uv));
             });

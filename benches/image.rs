@@ -8,7 +8,7 @@ use std::{env, f64::consts::TAU, hint::black_box, time::Duration};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     atlas::{Atlas, AtlasOptions, Resolution},
-    image::{RenderOptions, Renderer},
+    image::Renderer,
     io::read_map,
     map::SkinMap,
     mesh::shapes,
@@ -58,10 +58,7 @@ fn draw_map(c: &mut Criterion, name: &str, map: &SkinMap) {
     let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
     let mut group = c.benchmark_group("image");
     group.throughput(Throughput::Elements(taxels as u64)).measurement_time(Duration::from_secs(2));
-    let renderer = |level| {
-        let options = RenderOptions { level, ..RenderOptions::default() };
-        Renderer::new(map, &atlas, &channels, &options).unwrap()
-    };
+    let renderer = |level| Renderer::new(map, &atlas, &channels, level).unwrap();
     let (mut restrictor, mut whole) = (Restrictor::new(map, &channels), renderer(None));
     let (frames, mut k) = (frames(map), 0);
     group.bench_function(BenchmarkId::new("frame", name), |b| {

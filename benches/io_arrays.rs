@@ -6,7 +6,7 @@ use std::path::Path;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
     atlas::{Atlas, AtlasOptions},
-    image::{RenderOptions, Renderer, TactileImage},
+    image::{Renderer, TactileImage},
     io::{RecordingLayout, RecordingWriter, write_raw_frame},
     map::SkinMap,
     mesh::shapes,
@@ -29,7 +29,7 @@ fn cover() -> SkinMap {
 
 /// Images of 1 where they are covered, of one channel.
 fn images_of(map: &SkinMap, atlas: &Atlas) -> Vec<TactileImage> {
-    let renderer = Renderer::new(map, atlas, &[Channel::default()], &RenderOptions::default());
+    let renderer = Renderer::new(map, atlas, &[Channel::default()], None);
     let mut images = renderer.expect("images of a valid map").images().to_vec();
     for image in &mut images {
         image.values = image.coverage.iter().map(|&x| f32::from(x)).collect();

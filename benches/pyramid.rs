@@ -4,6 +4,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use dermatome::{
     mesh::shapes,
     pyramid::{CoarsenOptions, coarsen},
+    run::Run,
     skin::{LinkId, Patch},
 };
 
@@ -21,7 +22,7 @@ fn bench(c: &mut Criterion) {
             group.throughput(Throughput::Elements(mesh.triangles.len() as u64));
             let patch = Patch::from_mesh("cap", LinkId::default(), mesh);
             group.bench_with_input(BenchmarkId::new("cap", size), &patch, |b, patch| {
-                b.iter(|| coarsen(&patch.mesh, &patch.taxels, &options));
+                b.iter(|| coarsen(&patch.mesh, &patch.taxels, &options, Run::default()));
             });
         }
         group.finish();

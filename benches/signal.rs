@@ -13,6 +13,7 @@ use dermatome::{
     map::{PatchMap, SkinMap},
     mesh::shapes,
     pyramid::{CoarsenOptions, LevelId, coarsen},
+    run::Run,
     signal::{
         Channel, ContactTracker, EventDetector, EventOptions, Frame, Probe, Restrictor, Stage,
         TrackerOptions, ZeroTracker,
@@ -28,7 +29,8 @@ fn caps(patches: u32, taxels: u32) -> SkinMap {
     let mesh = shapes::cap(2 * (taxels / patches) as usize - 60, radius, 0.8);
     let patches = (0..patches).map(|k| {
         let patch = Patch::from_mesh(format!("p{k}"), LinkId::new(0), mesh.clone());
-        let pyramid = coarsen(&patch.mesh, &patch.taxels, &CoarsenOptions::default()).unwrap();
+        let pyramid =
+            coarsen(&patch.mesh, &patch.taxels, &CoarsenOptions::default(), Run::default()).unwrap();
         let maps = pyramid.levels.map(|level| level.mesh.positions.map(|x| x.truncate()));
         PatchMap::new(&patch, pyramid, maps, 1e-3)
     });

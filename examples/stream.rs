@@ -12,7 +12,7 @@ use std::{
 
 use dermatome::{
     atlas::{Atlas, AtlasOptions},
-    image::{RenderOptions, Renderer},
+    image::Renderer,
     mesh::shapes,
     pipeline,
     signal::{ContactTracker, Restrictor, TouchOptions, TouchSimulation, TrackerOptions},
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let channels = [stream.channel().clone()];
     let atlas = Atlas::new(&map, &AtlasOptions::default())?;
     let mut restrictor = Restrictor::new(&map, &channels);
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default())?;
+    let mut renderer = Renderer::new(&map, &atlas, &channels, None)?;
     let mut tracker = ContactTracker::new(&map, &channels[0], &TrackerOptions::default())?;
 
     let start = Instant::now();

@@ -23,7 +23,7 @@
 //!    transfers each frame to every level, draws it and finds contact regions.
 //! 7. [`contact::ContactIndex`] finds the cells under a contact on every level.
 //!
-//! Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
+//! [`least_squares`] has the limits of the minimiser that all fits share. Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
 //! depend on the number of threads.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
@@ -31,6 +31,7 @@ pub mod id;
 mod parallel;
 pub mod run;
 mod numeric;
+pub mod least_squares;
 pub mod mesh;
 pub mod skin;
 #[cfg(feature = "robots")]

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use dermatome::{flatten::{FlattenOptions, flatten_with}, mesh::shapes, run::Run};
+/// use dermatome::{flatten::{FlattenOptions, flatten}, mesh::shapes, run::Run};
 ///
 /// let cancelled = AtomicBool::new(true);
 /// let run = Run::default().cancelled_by(&cancelled);
-/// let error = flatten_with(&shapes::cap(500, 0.1, 1.9), None, &FlattenOptions::default(), run).unwrap_err();
+/// let error = flatten(&shapes::cap(500, 0.1, 1.9), None, &FlattenOptions::default(), run).unwrap_err();
 /// assert_eq!(error.kind(), "cancelled");
 /// ```
 #[derive(Clone, Copy, Default)]

@@ -9,12 +9,11 @@ use glam::DVec2;
 use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
 use crate::atlas::layout::{ChartPosition, image_name};
-use crate::atlas::nearest::NearestVertices;
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
 use crate::atlas::turn::{TURNS, stand_in, turned};
 use crate::cut::PlaceId;
-use crate::id::{FaceId, IdVec, VertexId};
-use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use crate::id::{FaceId, IdVec};
+use crate::map::{ImageFrame, MapLevel, SkinMap};
 use crate::mesh::SurfacePoint;
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
@@ -139,18 +138,6 @@ impl Chart {
     pub(crate) fn fits(&self, level: &MapLevel) -> bool {
         let faces = level.level.mesh.triangles.len();
         self.rows(0).all(|(_, row)| row.iter().all(|span| span.face.index() < faces))
-    }
-
-    /// The vertex nearest to a point of a face.
-    pub(super) fn shown_vertex(
-        &self,
-        patch: &PatchMap,
-        nearest: &NearestVertices,
-        (face, weights): (FaceId, [f64; 3]),
-        seen: &mut Vec<VertexId>,
-    ) -> Option<VertexId> {
-        let corners = patch.levels[self.level].level.mesh.triangles[face];
-        nearest.find(corners, weights, |_| true, seen)
     }
 
     /// The position of a pixel's centre on the turned map; `column` and `row` are those of the chart.

@@ -146,7 +146,7 @@ impl ShadedChart {
             for (samples, value) in measures.iter_mut().zip(self.measures(level, face, weights, stretch)) {
                 samples[at] = narrow(value);
             }
-            let vertex = self.chart.shown_vertex(patch, &self.nearest, (face, weights), &mut seen);
+            let vertex = self.nearest.find(level.level.mesh.triangles[face], weights, &mut seen);
             let shown = [shown_id(patch, self.chart.level, vertex), face.raw()];
             ids.iter_mut().zip(shown).for_each(|(samples, id)| samples[at] = id);
         });

@@ -4,8 +4,6 @@
 //! the charts of all levels and patches, one image each or packed into one image per level; [`crate::image`]
 //! draws values through it. [`LevelImage`] fills the channels of `map.exr`, a band of rows at a time, so that
 //! an image of a whole skin is never in memory at once.
-//!
-//! In reading order: `rasterize`, `turn`, `grid`, `pack`, `layout`, `bound`, `chart`, `stretch`, `level_image`.
 
 mod bound;
 mod chart;
@@ -201,7 +199,7 @@ impl AtlasPart {
         let id = |shown: Option<(PatchId, VertexId)>| {
             let (patch, vertex) = shown?;
             let patch = &map.patches[patch];
-            Some(shown_id(patch, patch.nearest_level(self.level), Some(vertex)))
+            Some(shown_id(patch, patch.nearest_level(self.level), vertex))
         };
         self.vertices(map).into_iter().map(|shown| id(shown).unwrap_or(u32::MAX)).collect()
     }
@@ -220,8 +218,8 @@ impl AtlasPart {
             let (nearest, mut seen) = (NearestVertices::new(&level.level.mesh), Vec::new());
             for ((start, _), row) in chart.rows(width).zip(0..) {
                 chart.each_in_row(level, row, |column, face, weights| {
-                    let vertex = chart.shown_vertex(patch, &nearest, (face, weights), &mut seen);
-                    vertices[start + column] = vertex.map(|vertex| (chart.patch, vertex));
+                    let vertex = nearest.find(level.level.mesh.triangles[face], weights, &mut seen);
+                    vertices[start + column] = Some((chart.patch, vertex));
                 });
             }
         }
@@ -230,10 +228,6 @@ impl AtlasPart {
 }
 
 /// The id of a vertex in an image: the taxel's, above level 0 the index of the field.
-fn shown_id(patch: &PatchMap, level: LevelId, vertex: Option<VertexId>) -> u32 {
-    match vertex {
-        Some(vertex) if level == LevelId::default() => patch.taxels.ids[vertex].0,
-        Some(vertex) => vertex.raw(),
-        None => u32::MAX,
-    }
+fn shown_id(patch: &PatchMap, level: LevelId, vertex: VertexId) -> u32 {
+    if level == LevelId::default() { patch.taxels.ids[vertex].0 } else { vertex.raw() }
 }

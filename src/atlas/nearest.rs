@@ -25,21 +25,19 @@ impl NearestVertices {
         Self { positions: mesh.positions.clone(), neighbours }
     }
 
-    /// The live vertex nearest to a point of a face; of equally near ones the first. `None` if no
-    /// corner of the face is live. `seen` is a buffer.
+    /// The vertex nearest to a point of a face; of equally near ones the first. `seen` is a buffer.
     pub(crate) fn find(
         &self,
         corners: [VertexId; 3],
         weights: [f64; 3],
-        is_live: impl Fn(VertexId) -> bool,
         seen: &mut Vec<VertexId>,
-    ) -> Option<VertexId> {
+    ) -> VertexId {
         /// Most vertices that one search visits.
         const MAX_SEEN: usize = 64;
         let p: DVec3 = corners.iter().zip(weights).map(|(&v, w)| self.positions[v] * w).sum();
         let near = |v: VertexId| (p.distance_squared(self.positions[v]), v);
         let nearer = |a: (f64, VertexId), b: (f64, VertexId)| if b < a { b } else { a };
-        let mut best = corners.into_iter().filter(|&v| is_live(v)).map(near).reduce(nearer)?;
+        let mut best = corners.map(near).into_iter().fold(near(corners[0]), nearer);
         seen.clear();
         seen.extend(corners);
         let mut next = 0;
@@ -51,10 +49,10 @@ impl NearestVertices {
             for &other in &self.neighbours[v.index()] {
                 if !seen.contains(&other) {
                     seen.push(other);
-                    best = if is_live(other) { nearer(best, near(other)) } else { best };
+                    best = nearer(best, near(other));
                 }
             }
         }
-        Some(best.1)
+        best.1
     }
 }

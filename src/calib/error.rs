@@ -22,7 +22,7 @@ pub enum CalibError {
     #[error("edge {edge} joins taxel {id} to itself")]
     SelfEdge { edge: DisplacementId, id: TaxelId },
     #[error(
-        "edge {edge} ({from} to {to}) contains a number that is not finite, a length above 1e9 m or a quaternion that is not of unit length"
+        "edge {edge} ({from} to {to}) contains a number that is not finite, a length above 1e12 m or a quaternion that is not of unit length"
     )]
     InvalidEdge { edge: DisplacementId, from: TaxelId, to: TaxelId },
     #[error(
@@ -68,7 +68,7 @@ pub enum CalibError {
     #[error("the drawing has no taxel; needed: at least one")]
     EmptyCad,
     #[error(
-        "taxel {id} of the drawing contains a number that is not finite, a length above 1e9 m or a normal that is not of unit length"
+        "taxel {id} of the drawing contains a number that is not finite, a length above 1e12 m or a normal that is not of unit length"
     )]
     InvalidCadTaxel { id: TaxelId },
     #[error("taxel {id}, vertex {vertex} of the drawing, is on a module or patch that does not exist")]
@@ -104,7 +104,7 @@ pub enum CalibError {
     #[error("taxel {id} is fixed, but has no initial value to be fixed at")]
     FixedNowhere { id: TaxelId },
     #[error(
-        "the initial value of taxel {id} contains a number that is not finite, a length above 1e9 m or a quaternion that is not of unit length"
+        "the initial value of taxel {id} contains a number that is not finite, a length above 1e12 m or a quaternion that is not of unit length"
     )]
     InvalidInitial { id: TaxelId },
     #[error("{option} is {}; needed: {needed}", plain(*.found))]

@@ -11,10 +11,11 @@ use std::collections::HashMap;
 use glam::{DMat3, DVec3};
 
 use crate::calib::{
-    CalibError, CalibOptions, Calibration, ContactMeasurement, DisplacementMeasurement, Information,
-    LinearSystem, Model, Observations, Pose, Problem, calibrate_with, free_under,
+    CalibError, CalibOptions, Calibration, ContactMeasurement, DisplacementMeasurement, Information, Model,
+    Observations, Pose, Problem, calibrate_with, free_under, normal_equations,
 };
 use crate::id::{IdVec, VertexId};
+use crate::least_squares::{InverseColumns, NormalEquations};
 use crate::numeric::quantile;
 use crate::run::Run;
 use crate::skin::TaxelId;
@@ -66,14 +67,55 @@ pub enum FollowedSolve {
     Undetermined(TaxelId),
 }
 
+/// The touches so far.
+#[derive(Debug, Clone)]
+pub(super) struct TouchStream {
+    /// A fit is due after this many.
+    every: usize,
+    pub(super) observations: Observations,
+    vertices: HashMap<TaxelId, VertexId>,
+    pub(super) count: usize,
+}
+
+impl TouchStream {
+    pub(super) fn new(every: usize) -> Self {
+        let observations = Observations::default();
+        Self { every: every.max(1), observations, vertices: HashMap::new(), count: 0 }
+    }
+
+    /// Adds a touch, and solves if it is time.
+    pub(super) fn add(
+        &mut self,
+        touch: &Observations,
+        innovation: Option<Innovation>,
+        solve: impl FnOnce(&Self) -> Result<FollowedSolve, CalibError>,
+    ) -> Result<FollowedTouch, CalibError> {
+        self.observations.append(touch, &mut self.vertices);
+        self.count += 1;
+        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
+        taxels.sort_unstable();
+        let solved = self.count.is_multiple_of(self.every).then(|| solve(self)).transpose()?;
+        Ok(FollowedTouch { touch: self.count, taxels, innovation, solved })
+    }
+}
+
+impl FollowedSolve {
+    /// From the positions of the taxels that were known before, those after, and standard deviations.
+    pub(super) fn of(
+        before: impl Iterator<Item = DVec3>,
+        after: impl Iterator<Item = DVec3>,
+        sigmas: impl Iterator<Item = (TaxelId, f64)>,
+    ) -> Self {
+        let moved = before.zip(after).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
+        Self::Solved { moved, worst: sigmas.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))) }
+    }
+}
+
 /// Solves a growing set of observations; see [`Calibration::follow`].
 #[derive(Debug, Clone)]
 pub struct Follower {
     options: CalibOptions,
-    every: usize,
-    observations: Observations,
-    vertices: HashMap<TaxelId, VertexId>,
-    touches: usize,
+    stream: TouchStream,
     /// The observations of the last solve, from where it put the taxels, and its result.
     solution: Option<(Observations, Calibration)>,
 }
@@ -98,14 +140,7 @@ impl Calibration {
     /// # Ok::<(), dermatome::calib::CalibError>(())
     /// ```
     pub fn follow(options: &CalibOptions, every: usize) -> Follower {
-        Follower {
-            options: *options,
-            every: every.max(1),
-            observations: Observations::default(),
-            vertices: HashMap::new(),
-            touches: 0,
-            solution: None,
-        }
+        Follower { options: *options, stream: TouchStream::new(every), solution: None }
     }
 }
 
@@ -121,13 +156,8 @@ impl Follower {
             return Err(CalibError::FollowedPoses);
         }
         let innovation = self.innovation(touch)?;
-        self.observations.append(touch, &mut self.vertices);
-        self.touches += 1;
-        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
-        taxels.sort_unstable();
-        let is_due = self.touches.is_multiple_of(self.every);
-        let solved = is_due.then(|| self.solve(run)).transpose()?;
-        Ok(FollowedTouch { touch: self.touches, taxels, innovation, solved })
+        let (options, last) = (&self.options, &mut self.solution);
+        self.stream.add(touch, innovation, |stream| solve(&stream.observations, options, last, run))
     }
 
     /// The last solution.
@@ -140,46 +170,24 @@ impl Follower {
     /// # Errors
     /// As [`calibrate`](crate::calib::calibrate()).
     pub fn finish(&self, run: Run<'_>) -> Result<(Observations, Calibration), CalibError> {
-        let mut order: Vec<VertexId> = self.observations.taxels.ids().collect();
-        order.sort_unstable_by_key(|&v| self.observations.taxels[v].id);
+        let all = &self.stream.observations;
+        let mut order: Vec<VertexId> = all.taxels.ids().collect();
+        order.sort_unstable_by_key(|&v| all.taxels[v].id);
         let mut place = IdVec::<VertexId, VertexId>::filled(VertexId::default(), order.len());
-        let mut sorted = Observations { model: self.observations.model, ..Observations::default() };
+        let mut sorted = Observations { model: all.model, ..Observations::default() };
         for &v in &order {
-            place[v] = sorted.taxels.push(self.observations.taxels[v]);
+            place[v] = sorted.taxels.push(all.taxels[v]);
         }
-        for edge in &self.observations.edges {
+        for edge in &all.edges {
             let (from, to) = (place[edge.from], place[edge.to]);
             sorted.edges.push(crate::calib::Displacement { from, to, ..edge.clone() });
         }
-        for contact in &self.observations.contacts {
+        for contact in &all.contacts {
             let taxel = place[contact.taxel];
             sorted.contacts.push(crate::calib::ContactObservation { taxel, ..contact.clone() });
         }
         let found = calibrate_with(&sorted, &self.options, run)?;
         Ok((sorted, found))
-    }
-
-    fn solve(&mut self, run: Run<'_>) -> Result<FollowedSolve, CalibError> {
-        let mut start = self.observations.clone();
-        if let Some((_, last)) = &self.solution {
-            // The gauge stays at the taxels that had it.
-            for (taxel, pose) in start.taxels.iter_mut().zip(&last.poses).filter(|(taxel, _)| !taxel.fixed) {
-                taxel.initial = Some(*pose);
-            }
-        }
-        let found = match calibrate_with(&start, &self.options, run) {
-            Ok(found) => found,
-            Err(CalibError::Undetermined { id }) => return Ok(FollowedSolve::Undetermined(id)),
-            Err(other) => return Err(other),
-        };
-        let before = self.solution.iter().flat_map(|(_, last)| &last.poses);
-        let moves = before.zip(&found.poses).map(|(a, b)| a.position.distance(b.position));
-        let moved = moves.fold(0.0, f64::max);
-        let sigmas = found.marginals.iter().flat_map(|m| m.positions.iter().map(|c| c.sigma()));
-        let of_ids = found.ids.iter().copied().zip(sigmas);
-        let worst = of_ids.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        self.solution = Some((start, found));
-        Ok(FollowedSolve::Solved { moved, worst })
     }
 
     /// The innovation of what a touch measures of taxels that are known.
@@ -194,17 +202,45 @@ impl Follower {
             body.component.taxels.iter().for_each(|&v| component[v] = Some(number));
         }
         let known = |v: VertexId| {
-            let here = self.vertices.get(&touch.taxels[v].id).copied();
+            let here = self.stream.vertices.get(&touch.taxels[v].id).copied();
             here.filter(|here| here.index() < component.len())
         };
         let terms = terms(touch, known, &component, &last.poses);
         if terms.is_empty() {
             return Ok(None);
         }
-        let system = LinearSystem::new(&problem, &free, &last.poses, &weights);
-        let joint = JointCovariance::of(&problem, &system, &terms)?;
+        let equations = normal_equations(&problem, &free, &last.poses, &weights);
+        let joint = JointCovariance::of(&problem, &equations, &terms)?;
         joint.innovation(&terms).map(Some)
     }
+}
+
+/// Solves all observations from the last solution, which it replaces.
+fn solve(
+    observations: &Observations,
+    options: &CalibOptions,
+    last: &mut Option<(Observations, Calibration)>,
+    run: Run<'_>,
+) -> Result<FollowedSolve, CalibError> {
+    let mut start = observations.clone();
+    if let Some((_, last)) = last {
+        // The gauge stays at the taxels that had it.
+        for (taxel, pose) in start.taxels.iter_mut().zip(&last.poses).filter(|(taxel, _)| !taxel.fixed) {
+            taxel.initial = Some(*pose);
+        }
+    }
+    let found = match calibrate_with(&start, options, run) {
+        Ok(found) => found,
+        Err(CalibError::Undetermined { id }) => return Ok(FollowedSolve::Undetermined(id)),
+        Err(other) => return Err(other),
+    };
+    let positions = |of: &Calibration| of.poses.iter().map(|pose| pose.position).collect::<Vec<_>>();
+    let before = last.iter().flat_map(|(_, last)| positions(last));
+    let sigmas = found.marginals.iter().flat_map(|m| m.positions.iter().map(|c| c.sigma()));
+    let sigmas = found.ids.iter().copied().zip(sigmas);
+    let solved = FollowedSolve::of(before, positions(&found).into_iter(), sigmas);
+    *last = Some((start, found));
+    Ok(solved)
 }
 
 /// What a touch measures of known taxels: the sum of signed positions, its difference from the last solution, and its noise.
@@ -251,47 +287,40 @@ fn terms(
     of_edges.chain(of_contacts).collect()
 }
 
-/// Columns of the covariance of all taxels that belong to a few of them.
+/// The covariances of a few taxels with each other.
 struct JointCovariance<'p> {
     problem: &'p Problem<'p>,
     taxels: Vec<VertexId>,
-    columns: Vec<f64>,
+    columns: InverseColumns,
 }
 
 impl<'p> JointCovariance<'p> {
-    fn of(problem: &'p Problem<'p>, system: &LinearSystem<'_>, terms: &[Term]) -> Result<Self, CalibError> {
+    fn of(
+        problem: &'p Problem<'p>,
+        equations: &NormalEquations<'_>,
+        terms: &[Term],
+    ) -> Result<Self, CalibError> {
         let mut taxels: Vec<VertexId> =
             terms.iter().flat_map(|term| term.parts.iter().map(|part| part.0)).collect();
         taxels.sort_unstable();
         taxels.dedup();
-        let (layout, moving) = (problem.layout, problem.moving());
-        let unknowns = moving * layout.unknowns();
-        let mut columns = vec![0.0; 3 * taxels.len() * unknowns];
-        for (k, &v) in taxels.iter().enumerate() {
-            let Some(row) = problem.rows[v] else { continue };
-            (0..3)
-                .for_each(|axis| columns[(3 * k + axis) * unknowns + layout.index(moving, row, axis)] = 1.0);
-        }
-        let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
-        factor.solve(&mut columns, 3 * taxels.len() * layout.columns()).map_err(CalibError::Sparse)?;
+        let factor = equations.matrix.factor().map_err(|e| problem.explain(e))?;
+        let size = (problem.moving() * problem.layout.unknowns(), problem.layout.columns());
+        let unknowns: Vec<_> =
+            taxels.iter().flat_map(|&v| (0..3).map(move |axis| problem.unknown(v, axis))).collect();
+        let columns = InverseColumns::of(&factor, size, &unknowns).map_err(CalibError::Sparse)?;
         Ok(Self { problem, taxels, columns })
     }
 
     /// The covariance of two taxels; zero if one of them is fixed.
     fn block(&self, a: VertexId, b: VertexId) -> DMat3 {
-        let (layout, moving) = (self.problem.layout, self.problem.moving());
-        let unknowns = moving * layout.unknowns();
-        let (Ok(k), Some(row)) = (self.taxels.binary_search(&b), self.problem.rows[a]) else {
+        let (Ok(k), Some(_)) = (self.taxels.binary_search(&b), self.problem.rows[b]) else {
             return DMat3::ZERO;
         };
-        if self.problem.rows[b].is_none() {
-            return DMat3::ZERO;
-        }
-        let column = |axis: usize| {
-            let of = |i: usize| self.columns[(3 * k + axis) * unknowns + layout.index(moving, row, i)];
-            DVec3::new(of(0), of(1), of(2))
+        let entry = |i: usize, axis: usize| {
+            self.problem.unknown(a, i).map_or(0.0, |unknown| self.columns.entry(unknown, 3 * k + axis))
         };
-        DMat3::from_cols(column(0), column(1), column(2))
+        DMat3::from_cols_array_2d(&std::array::from_fn(|axis| std::array::from_fn(|i| entry(i, axis))))
     }
 
     fn innovation(&self, terms: &[Term]) -> Result<Innovation, CalibError> {

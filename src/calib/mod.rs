@@ -20,8 +20,8 @@
 //! ```
 //!
 //! 1. [`Observations`] are plain data, from a file or from [`simulate()`].
-//! 2. Initial poses: chordal relaxation, spanning tree, or given.
-//! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls.
+//! 2. Initial poses: chordal relaxation (a spanning tree if that fails), or given.
+//! 3. Levenberg and Marquardt on sparse blocks, undamped while the cost falls ([`least_squares`](crate::least_squares)).
 //! 4. Robust estimation: truncated least squares finds the outliers (contacts that were attributed to a wrong
 //!    taxel), but only if least squares does not suffice; `robust` has a table of what each stage
 //!    contributes.
@@ -34,7 +34,7 @@
 //! minimum, for poses or with outliers.
 //!
 //! In reading order: `observations`, `pose`, `align`, `options`, `solve` (`residual`,
-//! `normal_equations`, `levenberg_marquardt`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
+//! `normal_equations`, `solver`, `gauge`, `marginals`), `calibration`, `robust`, `skin`;
 //! [`calibrate()`] calls them in this order. `simulate` is separate. `follow` calibrates touch by touch, and `bodies` moves
 //! the rigid bodies of a drawn skin ([`fit_bodies()`]).
 
@@ -54,6 +54,7 @@ mod solve;
 
 use std::time::Instant;
 
+pub use crate::least_squares::Termination;
 pub use align::{Comparison, compare};
 pub(crate) use align::{Correlation, nearest_rotation};
 pub use bodies::{
@@ -73,20 +74,20 @@ pub use observations::{
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub use pose::Pose;
-pub(crate) use pose::{FARTHEST, exp, is_within_reach, outer};
+pub(crate) use pose::{exp, outer};
 pub(crate) use sensor_layout::SensorLayout;
 pub use simulate::{SimulateOptions, Simulation, simulate, simulate_with};
 pub use skin::{CalibratedSkin, calibrated_skin};
 pub use solve::gauge::FreeComponent;
-pub use solve::levenberg_marquardt::{Iteration, Termination};
 pub use solve::loss::{Loss, Verdict};
 pub use solve::marginals::Marginals;
+pub use solve::solver::Iteration;
 
 pub(in crate::calib) use observations::{Component, Poses, components};
 pub(in crate::calib) use solve::gauge::{FreeBody, RigidMotion, free_components, free_under};
-pub(in crate::calib) use solve::levenberg_marquardt::{Iterate, LinearSystem, Solver};
-pub(in crate::calib) use solve::loss::{INLIER_SHARE, LossFunctions, SMALLEST_WEIGHT, Weighting};
+pub(in crate::calib) use solve::loss::{LossFunctions, Weighting};
 pub(in crate::calib) use solve::normal_equations::{BlockLayout, Problem};
+pub(in crate::calib) use solve::solver::{Iterate, Solver, normal_equations};
 
 use crate::run::Run;
 use robust::{Solution, automatic, goodness_of_fit::goodness_of_fit, robust_fit};

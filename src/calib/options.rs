@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::calib::{CalibError, Loss};
+use crate::least_squares::Options;
 
 /// Options of [`calibrate`](crate::calib::calibrate()).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +20,8 @@ pub struct CalibOptions {
     pub robust: Option<Loss>,
     /// The start of the optimisation.
     pub initialization: Initialization,
-    /// Most iterations of one minimisation; robust estimation minimises several times.
-    pub max_iterations: usize,
+    /// Limits of one minimisation; robust estimation minimises several times.
+    pub limits: Options,
     /// Whether to compute the covariance of every taxel.
     pub covariances: bool,
 }
@@ -31,7 +32,7 @@ impl Default for CalibOptions {
             residual: ResidualConvention::default(),
             robust: None,
             initialization: Initialization::default(),
-            max_iterations: 100,
+            limits: Options::default(),
             covariances: true,
         }
     }
@@ -39,7 +40,7 @@ impl Default for CalibOptions {
 
 impl CalibOptions {
     pub(super) fn validate(&self) -> Result<(), CalibError> {
-        if self.max_iterations == 0 {
+        if self.limits.max_iterations == 0 {
             return Err(CalibError::BadOption {
                 option: "the number of iterations",
                 found: 0.0,
@@ -70,16 +71,13 @@ impl fmt::Display for ResidualConvention {
     }
 }
 
-/// The start of the optimisation. The positions model is linear, so there all but
-/// [`Initialization::InitialValues`] are the same.
+/// The start of the optimisation. The positions model is linear and needs none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Initialization {
     /// Rotations as if they were free matrices, projected to rotations, then translations: two linear systems
     /// (`(martinec2007)`, `(carlone2015)`). Falls back to a spanning tree if that has no solution.
     #[default]
     Chordal,
-    /// Observations chained along a breadth-first spanning tree.
-    SpanningTree,
     /// The initial values of the taxels.
     InitialValues,
 }

@@ -3,20 +3,13 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::mesh::is_within_reach;
+
 /// Below this angle functions of rotations use their series: closed forms lose half of their digits there.
 const SMALL_ANGLE: f64 = 1e-2;
 
 /// How far the squared length of a quaternion may be from 1: files write few digits.
 const UNIT_TOLERANCE: f64 = 1e-6;
-
-/// Farthest that anything may be from the origin or from another taxel, in m: the whole Earth is
-/// smaller than 1e8 m, and from about 1e150 m on squares overflow.
-pub(crate) const FARTHEST: f64 = 1e9;
-
-/// Whether the coordinates are finite and within [`FARTHEST`].
-pub(crate) fn is_within_reach(position: DVec3) -> bool {
-    position.to_array().iter().all(|x| x.abs() <= FARTHEST)
-}
 
 /// A rigid frame: position and orientation.
 ///
@@ -55,7 +48,7 @@ impl Pose {
         }
     }
 
-    /// Whether the position is finite and within [`FARTHEST`], and the quaternion has unit length.
+    /// Whether the position is finite and within reach, and the quaternion has unit length.
     pub(crate) fn is_valid(&self) -> bool {
         is_within_reach(self.position) && (self.rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE
     }

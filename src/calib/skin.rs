@@ -127,7 +127,7 @@ fn assembled(calibration: &Calibration, faces: &[[VertexId; 3]]) -> Result<Assem
     if faces.is_empty() {
         return Err(SheetDefect::Empty);
     }
-    let covariances = calibration.marginals.as_ref().map(|m| m.positions.iter().copied().collect());
+    let covariances = calibration.marginals.as_ref().map(|m| m.positions.iter().copied().map(Some).collect());
     let sheet = Sheet {
         name: "skin".into(),
         positions: calibration.poses.iter().map(|p| p.position).collect(),

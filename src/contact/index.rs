@@ -160,16 +160,8 @@ impl ContactIndex {
     /// cache.
     ///
     /// # Errors
-    /// The first query that cannot be answered.
-    pub fn locate_all(&self, queries: &[Query]) -> Result<Hits, ContactError> {
-        self.locate_all_with(queries, Run::default())
-    }
-
-    /// As [`Self::locate_all`], in a [`Run`].
-    ///
-    /// # Errors
-    /// As [`Self::locate_all`], and if it is cancelled.
-    pub fn locate_all_with(&self, queries: &[Query], run: Run<'_>) -> Result<Hits, ContactError> {
+    /// The first query that cannot be answered, or if the run is cancelled.
+    pub fn locate_all(&self, queries: &[Query], run: Run<'_>) -> Result<Hits, ContactError> {
         /// Queries that share a curve: enough for it to pay, and few enough for their buffers to be reused.
         const BATCH: usize = 1 << 17;
         let checked = queries.par_iter().enumerate().with_min_len(RUN);

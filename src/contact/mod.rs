@@ -25,7 +25,6 @@
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
 //!   [one link](Query::only_link).
-//! - [`measure`] measures the time, the bounds and the error of the answers on each level of a map.
 //! - [`LiveTaxels`] gives the nearest working taxel.
 //! - [`MapIndex`] is the inverse lookup: from a point of the map of any level to the surface.
 //! - [`Spreader`](crate::signal::Spreader) computes readings of taxels from the forces of contacts.
@@ -61,7 +60,7 @@
 //!
 //! ```
 //! use dermatome::contact::{ContactIndex, Query};
-//! use dermatome::{mesh::shapes, pipeline, pyramid::LevelId, skin::{LinkId, Skin}};
+//! use dermatome::{mesh::shapes, pipeline, pyramid::LevelId, run::Run, skin::{LinkId, Skin}};
 //! use glam::DVec3;
 //!
 //! // A cap of a sphere around the origin, open at the top.
@@ -77,7 +76,7 @@
 //!
 //! // In the frame of a link, where a sensor is mounted; and many at once.
 //! let query = Query::in_link(LinkId::new(0), below);
-//! assert_eq!(index.locate_all(&[query])?.get(0), Some(index.locate(query)?));
+//! assert_eq!(index.locate_all(&[query], Run::default())?.get(0), Some(index.locate(query)?));
 //! # Ok::<_, dermatome::Error>(())
 //! ```
 
@@ -89,7 +88,6 @@ mod index;
 mod posed_links;
 mod live_taxels;
 mod map_index;
-mod measure;
 mod patch;
 mod patch_bvh;
 mod query;
@@ -104,5 +102,4 @@ pub use error::ContactError;
 pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};
-pub use measure::{AnswerCosts, BandCosts, LevelCosts, SampleContacts, measure};
 pub use query::{FieldHit, Found, Hit, Hits, IndexOptions, Query, Reactive, Refine};

@@ -12,6 +12,9 @@ use crate::mesh::SurfacePoint;
 /// Most steps of a walk from the face of an answer.
 const MOST_STEPS: usize = 24;
 
+/// Relative error of a distance.
+const ROUNDING: f64 = 1e-12;
+
 impl ContactIndex {
     /// The distance of a query from the skin as a guaranteed interval, the side and a face near the query, in
     /// constant time: some ten times faster than [`ContactIndex::locate`], especially far from the skin. Up
@@ -70,8 +73,8 @@ impl ContactIndex {
         })
     }
 
-    /// Memory of the octrees, in bytes.
-    pub(super) fn reactive_bytes(&self) -> usize {
+    /// Memory of the octrees of [reactive answers](ContactIndex::reactive), in bytes.
+    pub fn reactive_bytes(&self) -> usize {
         let skins = self.reactive.iter().flat_map(|reactive| reactive.skins.iter());
         skins.filter_map(|skin| skin.octree.as_ref()).map(Octree::bytes).sum()
     }
@@ -85,8 +88,15 @@ impl ContactIndex {
         let patch = self.patches.get(answer.patch)?;
         patch.tree.mesh.triangles.get(answer.face)?;
         let q = self.links.in_link(patch.link, &query, self.links.in_world(&query));
-        let steps = if refine == Refine::Walk { MOST_STEPS } else { 0 };
-        let best = Best { patch: answer.patch, ..patch.tree.walk(q, answer.face, steps) };
+        let walked = |steps: usize| Best { patch: answer.patch, ..patch.tree.walk(q, answer.face, steps) };
+        let mut best = walked(0);
+        // The bound is that of the skin, and the face is only near: where it is farther, the skin is searched.
+        if best.closest.squared.sqrt() > answer.most * (1.0 + ROUNDING) {
+            return self.locate(Query { only_link: Some(patch.link), ..query }).ok();
+        }
+        if refine == Refine::Walk {
+            best = walked(MOST_STEPS);
+        }
         if refine == Refine::Walk {
             return Some(self.hit(&query, &best));
         }

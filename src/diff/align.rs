@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{Correlation, Pose, nearest_rotation};
-use crate::numeric::{Random, median_of};
+use crate::numeric::{MEDIAN_OF_MAXWELL, Random, median_of};
 
 /// Triples of pairs from which motions are tried: with half of the pairs wrong, one in eight triples is right.
 const TRIPLES: usize = 100;
@@ -13,9 +13,6 @@ const TRIPLES: usize = 100;
 /// Rounds of Tukey's biweight `(beaton1974)`, and its limit over the standard deviation.
 const ROUNDS: usize = 15;
 const LIMIT: f64 = 4.685;
-
-/// The median length of a vector of three normal numbers over their standard deviation.
-const MEDIAN_LENGTH: f64 = 1.538_172;
 
 /// The motion from the first points to the second that most pairs follow, and the median distance that it leaves:
 /// the best of motions of all pairs and of some triples, refined with Tukey's weights. `least` is the smallest
@@ -26,6 +23,11 @@ pub(super) fn common_motion(pairs: &[(DVec3, DVec3)], least: f64) -> (Pose, f64)
     let is_first = |(from, _): &&(DVec3, DVec3)| seen.insert(from.to_array().map(f64::to_bits));
     let pairs = &pairs.iter().filter(is_first).copied().collect::<Vec<_>>()[..];
     let mut best = motion(pairs, None);
+    // Without outliers nothing is better: of few pairs a triple may fit half of them by chance, far from the truth.
+    if pairs.iter().all(|&(from, to)| best.apply(from).distance(to) < LIMIT * least) {
+        let left = median_left(&best, pairs, &mut Vec::new());
+        return (best, left);
+    }
     let mut distances = Vec::with_capacity(pairs.len());
     let mut left = median_left(&best, pairs, &mut distances);
     let mut consider = |candidate: Pose| {
@@ -41,7 +43,7 @@ pub(super) fn common_motion(pairs: &[(DVec3, DVec3)], least: f64) -> (Pose, f64)
         consider(motion(&triple, None));
     }
     for _ in 0..ROUNDS {
-        let limit = LIMIT * (left / MEDIAN_LENGTH).max(least);
+        let limit = LIMIT * (left / MEDIAN_OF_MAXWELL).max(least);
         let weight = |&(from, to): &(DVec3, DVec3)| {
             let ratio = best.apply(from).distance(to) / limit;
             (1.0 - ratio * ratio).max(0.0).powi(2)

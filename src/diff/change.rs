@@ -3,15 +3,15 @@
 use glam::DVec3;
 
 use crate::calib::Pose;
-use crate::skin::TaxelId;
+use crate::skin::{SkinError, TaxelId};
 
 /// What is known in addition to the two files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiffOptions {
-    /// The module of taxels, where the files do not have it.
-    pub modules: Vec<(TaxelId, String)>,
-    /// Standard deviation of a difference along each axis, in m; `None`: estimated for each link, with at least
-    /// 0.03 mm.
+    /// The module of taxels of the first and of the second file, where these do not have it.
+    pub modules: [Vec<(TaxelId, String)>; 2],
+    /// Standard deviation of the difference of one taxel along each axis, in m, from 1e-9 to 1; `None`: estimated for each
+    /// link, with at least 0.03 mm.
     pub sigma: Option<f64>,
     /// Chance that anything is reported if nothing changed, above 0 and below 1.
     pub chance: f64,
@@ -19,7 +19,7 @@ pub struct DiffOptions {
 
 impl Default for DiffOptions {
     fn default() -> Self {
-        Self { modules: Vec::new(), sigma: None, chance: 1e-3 }
+        Self { modules: Default::default(), sigma: None, chance: 1e-3 }
     }
 }
 
@@ -33,6 +33,8 @@ pub enum DiffError {
         "the files share no taxel: found {before} and {after} taxels, matched by {by}; needed: the same ids, or none and the same names of patches"
     )]
     NothingShared { before: usize, after: usize, by: MatchedBy },
+    #[error(transparent)]
+    Skin(#[from] SkinError),
     #[error("{name}: found {found}; needed: a number {needed}")]
     Option { name: &'static str, found: f64, needed: &'static str },
 }
@@ -51,8 +53,10 @@ pub enum MatchedBy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
 #[strum(serialize_all = "snake_case")]
 pub enum ChangeKind {
-    /// A link moved as a whole: its frame, or its skin.
+    /// A link moved as a whole: its frame in the world, or its skin.
     Frame,
+    /// It is on another link.
+    Relinked,
     /// The ids run the other way round.
     Mirrored,
     /// It is at another place.
@@ -67,6 +71,12 @@ pub enum ChangeKind {
     Missing,
     /// Taxels of the second file alone.
     New,
+    /// Its normals point elsewhere.
+    Tilted,
+    /// Its areas are others.
+    Resized,
+    /// It belongs to another module.
+    Regrouped,
 }
 
 /// What a change is about.
@@ -92,7 +102,7 @@ pub struct Change {
     pub subject: Subject,
     /// The name of the link, module or patch, or the id of the taxel.
     pub name: String,
-    /// The name of that with which it was exchanged, or at whose place it is.
+    /// The name of that with which it was exchanged, at whose place it is, or which it belongs to: a link or module.
     pub other: Option<String>,
     /// The link, by its name in the first file, or in the second for what is new.
     pub link: String,

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::calib::Pose;
 use crate::diff::align::common_motion;
 use crate::diff::pairs::{LinkPairs, Pair};
-use crate::diff::spread::{neighbours, shared, spread};
+use crate::diff::spread::{Spread, neighbours, shared, spread, variance_of_shared};
 use crate::diff::{Change, ChangeKind, DiffOptions, Subject};
 use crate::numeric::chi_square_tail;
 
@@ -15,9 +15,14 @@ pub(super) const LEAST: f64 = 3e-5;
 /// A reflection that leaves less than this share of what the best rotation leaves.
 const REFLECTED: f64 = 0.25;
 
+/// Differences that spread by at most this factor more than those beside the neighbours share nothing with these: they
+/// are white noise. The estimate of the factor is good to a tenth for 50 taxels.
+const WHITE: f64 = 1.15;
+
 /// A link of both files.
 pub(super) struct Comparison<'p> {
     pub(super) link: &'p LinkPairs,
+    pub(super) name: &'p str,
     pub(super) options: &'p DiffOptions,
     /// Chance below which a test of a link or module shows a change.
     pub(super) chance: f64,
@@ -28,9 +33,14 @@ pub(super) struct Comparison<'p> {
     /// Of the first file, moved as most of them did.
     pub(super) expected: Vec<DVec3>,
     pub(super) differences: Vec<DVec3>,
-    /// Standard deviation of each difference as the files state it, or 1.
+    /// Standard deviation of each difference as the files or the options state it, in m, or 1.
     pub(super) stated: Vec<f64>,
+    is_stated: bool,
     pub(super) neighbours: Vec<Vec<usize>>,
+    /// How much taxels differ from their neighbours, over what independent ones would.
+    pub(super) local: Option<Spread>,
+    /// How much they differ in all, over what is stated.
+    pub(super) total: Option<Spread>,
 }
 
 /// A difference in standard deviations, and the chance of it.
@@ -48,9 +58,11 @@ impl Test {
 }
 
 impl<'p> Comparison<'p> {
+    /// `typical_sigma` stands for the sigma of taxels that have none, or 0.
     pub(super) fn new(
-        link: &'p LinkPairs,
+        (link, name): (&'p LinkPairs, &'p str),
         options: &'p DiffOptions,
+        typical_sigma: Option<f64>,
         [chance, chance_of_taxel]: [f64; 2],
     ) -> Self {
         let ends = |pair: &Pair| (pair.before.position, pair.after.position);
@@ -66,10 +78,15 @@ impl<'p> Comparison<'p> {
         }
         let expected: Vec<DVec3> = moved.iter().map(|&(from, _)| motion.apply(from)).collect();
         let differences = expected.iter().zip(&pairs).map(|(from, (_, to))| *to - *from).collect();
-        let stated = link.pairs.iter().map(|pair| pair.sigma().unwrap_or(1.0)).collect();
+        let typical = typical_sigma.unwrap_or(1.0);
+        let stated = |pair: &Pair| {
+            let own = pair.sigma.filter(|&sigma| sigma > 0.0);
+            options.sigma.or(own).unwrap_or(typical)
+        };
         let neighbours = neighbours(&expected);
-        Self {
+        let mut comparison = Self {
             link,
+            name,
             options,
             chance,
             chance_of_taxel,
@@ -77,9 +94,34 @@ impl<'p> Comparison<'p> {
             is_mirrored,
             expected,
             differences,
-            stated,
+            stated: link.pairs.iter().map(stated).collect(),
+            is_stated: options.sigma.or(typical_sigma).is_some(),
             neighbours,
-        }
+            local: None,
+            total: None,
+        };
+        comparison.local = spread(comparison.beside_all_neighbours());
+        comparison.total = spread(comparison.differences_over_stated());
+        comparison
+    }
+
+    /// The difference of each taxel from those of its neighbours, and its standard deviation if they are independent.
+    pub(super) fn beside_all_neighbours(&self) -> impl Iterator<Item = (DVec3, f64)> {
+        (0..self.expected.len()).map(|k| (self.beside_neighbours(k, |_| true), self.if_independent(k)))
+    }
+
+    /// The standard deviation of the difference of a taxel from independent neighbours.
+    pub(super) fn if_independent(&self, k: usize) -> f64 {
+        self.stated[k] * (1.0 + variance_of_shared(self.neighbours[k].len())).sqrt()
+    }
+
+    pub(super) fn differences_over_stated(&self) -> impl Iterator<Item = (DVec3, f64)> {
+        self.differences.iter().copied().zip(self.stated.iter().copied())
+    }
+
+    /// Whether neighbours share no error: then all taxels of the link are as good to compare with as the neighbours.
+    pub(super) fn is_white(&self) -> bool {
+        self.total.zip(self.local).is_some_and(|(total, local)| total.sigma <= WHITE * local.sigma)
     }
 
     /// A place in the second file, moved back by the motion of the link.
@@ -88,20 +130,19 @@ impl<'p> Comparison<'p> {
         if self.is_mirrored { mirror(back) } else { back }
     }
 
-    /// The standard deviation of a difference that is expected to be `stated`, if the differences that are given spread
-    /// as they do.
-    pub(super) fn sigma(&self, stated: f64, spread: Option<f64>) -> f64 {
-        let known = || (self.link.pairs.iter().any(|pair| pair.sigma().is_some())).then_some(1.0);
-        let estimated = || spread.or_else(known).map_or(LEAST, |factor| (factor * stated).max(LEAST));
-        self.options.sigma.unwrap_or_else(estimated)
+    /// The standard deviation of a difference that is expected to be `stated`, times the factor by which such differences
+    /// spread more, unless the options give it. Without a factor that of the files.
+    pub(super) fn sigma(&self, stated: f64, factor: Option<f64>) -> f64 {
+        if self.options.sigma.is_some() {
+            return stated;
+        }
+        factor.or(self.is_stated.then_some(1.0)).map_or(LEAST, |factor| (factor * stated).max(LEAST))
     }
 
     /// Typical difference of a taxel from those around it, along an axis, in m.
     pub(super) fn noise(&self) -> f64 {
-        self.options.sigma.unwrap_or_else(|| {
-            let left = (0..self.expected.len()).map(|k| (self.beside_neighbours(k, |_| true), 1.0));
-            spread(left).unwrap_or(0.0).max(LEAST)
-        })
+        let stated = self.stated.iter().sum::<f64>() / self.stated.len().max(1) as f64;
+        self.sigma(stated, self.local.map(|local| local.sigma))
     }
 
     /// The difference of a taxel beyond that of the neighbours that count.
@@ -111,27 +152,40 @@ impl<'p> Comparison<'p> {
         self.differences[k] - shared(around.iter().copied())
     }
 
-    /// Whether the link moved as a whole: its error is that of one taxel, since taxels share it.
-    pub(super) fn of_link(&self) -> Option<Change> {
+    /// Whether the skin moved on its link as a whole: its error is that of one taxel, since taxels may share it. `frames`
+    /// are those of the link in the world, if they differ.
+    pub(super) fn of_link(&self, frames: Option<[Pose; 2]>) -> Option<Change> {
         let count = self.expected.len() as f64;
         let before = self.link.pairs.iter().map(|pair| pair.before.position);
         let centre = before.clone().sum::<DVec3>() / count;
         let stated = self.stated.iter().sum::<f64>() / count;
         let radius = (before.map(|x| x.distance_squared(centre)).sum::<f64>() / count).sqrt();
-        let sigma = self.sigma(stated, None);
-        let shift = Test::new(self.motion.apply(centre) - centre, sigma);
-        let turn = self.motion.rotation.to_scaled_axis();
-        let turn_test = Test::new(turn * radius, sigma);
-        let is_moved = shift.p.min(turn_test.p) < self.chance;
+        let least = if self.is_stated { 1.0 } else { 0.0 };
+        // Differences that neighbours share are those of a skin that changed its shape, not of its noise.
+        let spread = if self.is_white() { self.total } else { self.local };
+        let sigma = self.sigma(stated, spread.map(|spread| spread.enlarged().max(least)));
+        let [from, to] = frames.unwrap_or_default();
+        let shift = to.apply(self.motion.apply(centre)) - from.apply(centre);
+        let turn = (to.rotation * self.motion.rotation * from.rotation.inverse()).to_scaled_axis();
+        // Frames are exact.
+        let sigma = if frames.is_some() && self.is_at_rest(centre, radius, sigma) { LEAST } else { sigma };
+        let (shift_test, turn_test) = (Test::new(shift, sigma), Test::new(turn * radius, sigma));
+        let is_moved = shift_test.p.min(turn_test.p) < self.chance;
         if !is_moved && !self.is_mirrored {
             return None;
         }
-        let largest = if shift.sigmas > turn_test.sigmas { shift } else { turn_test };
+        let largest = if shift_test.sigmas > turn_test.sigmas { shift_test } else { turn_test };
         let kind = if self.is_mirrored { ChangeKind::Mirrored } else { ChangeKind::Frame };
-        let distance = if self.is_mirrored { 0.0 } else { (self.motion.apply(centre) - centre).length() };
+        let distance = if self.is_mirrored { 0.0 } else { shift.length() };
         let angle = if self.is_mirrored { 0.0 } else { turn.length() };
         let all: Vec<usize> = (0..self.expected.len()).collect();
-        Some(Change { distance, angle, ..self.change(kind, Subject::Link, &self.link.name, &all, largest) })
+        Some(Change { distance, angle, ..self.change(kind, Subject::Link, self.name, &all, largest) })
+    }
+
+    /// Whether the skin did not move on its link.
+    fn is_at_rest(&self, centre: DVec3, radius: f64, sigma: f64) -> bool {
+        let shift = Test::new(self.motion.apply(centre) - centre, sigma);
+        shift.p.min(Test::new(self.motion.rotation.to_scaled_axis() * radius, sigma).p) >= self.chance
     }
 
     pub(super) fn change(
@@ -147,7 +201,7 @@ impl<'p> Comparison<'p> {
             subject,
             name: name.to_owned(),
             other: None,
-            link: self.link.name.clone(),
+            link: self.name.to_owned(),
             patch: pairs.first().map_or(String::new(), |&k| self.link.pairs[k].before.patch.clone()),
             taxels: pairs.iter().map(|&k| self.link.pairs[k].before.id).collect(),
             others: Vec::new(),

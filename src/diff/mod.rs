@@ -4,7 +4,9 @@
 //! determines its frame only as well as its contacts do. What is left over, `d = b - T a`, is compared with that of the
 //! neighbours, so that an error which a whole region shares is no change, and tested against its spread over the link:
 //! first whole modules, which are rigid, then single taxels. A change has a chance below [`DiffOptions::chance`] in the
-//! whole file if nothing changed (Bonferroni).
+//! whole file if nothing changed (Bonferroni). Where differences do not depend on those of the neighbours, as white
+//! noise, modules are compared with the whole link. Links are matched by name, those without by their taxels; normals,
+//! areas and modules of taxels are compared, too.
 //!
 //! ```
 //! use dermatome::diff::{ChangeKind, DiffOptions, diff};
@@ -24,12 +26,13 @@
 //!
 //! In reading order: `change` (options and results); `explain` calls the others; `pairs` matches taxels, `align` finds the motion of most of them, `spread`
 //! what neighbours share and how much differences usually spread, `comparison` tests a link, `modules` its modules, `taxels`
-//! its single taxels.
+//! its single taxels; `attributes` compares links, normals, areas and modules.
 //!
 //! Not guaranteed: where more than half of a link changed, the rest is reported instead. The spread is an estimate from
 //! the differences themselves: of 100 pairs of calibrations of one skin with 47 modules, none showed a change.
 
 mod align;
+mod attributes;
 mod change;
 mod comparison;
 mod explain;
@@ -46,19 +49,19 @@ use pairs::Pairs;
 /// Compares two files of one skin.
 ///
 /// # Errors
-/// [`DiffError`] if no taxel is in both, or an option is out of range.
+/// [`DiffError`] if no taxel is in both, a link is missing or not rigid, or an option is out of range.
 pub fn diff(before: &Draft, after: &Draft, options: &DiffOptions) -> Result<Diff, DiffError> {
-    if let Some(sigma) = options.sigma.filter(|&sigma| !(sigma > 0.0 && sigma.is_finite())) {
-        return Err(DiffError::Option { name: "sigma", found: sigma, needed: "above 0" });
+    if let Some(sigma) = options.sigma.filter(|sigma| !(1e-9..=1.0).contains(sigma)) {
+        return Err(DiffError::Option { name: "sigma", found: sigma, needed: "of m from 1e-9 to 1" });
     }
     if !(options.chance > 0.0 && options.chance < 1.0) {
         return Err(DiffError::Option { name: "chance", found: options.chance, needed: "between 0 and 1" });
     }
-    let pairs = Pairs::new(before, after, &options.modules)?;
+    let pairs = Pairs::new([before, after], &options.modules)?;
     let (links, changes) = explain::explain(&pairs, options);
     Ok(Diff {
         by: pairs.by,
-        matched: pairs.links.iter().map(|link| link.pairs.len()).sum(),
+        matched: pairs.links.values().map(|link| link.pairs.len() + link.relinked.len()).sum(),
         ambiguous: pairs.ambiguous,
         links,
         changes,

@@ -1,6 +1,6 @@
 //! Rigid modules: which moved relative to those around them, and how.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::f64::consts::FRAC_PI_6;
 
 use glam::{DMat3, DVec3};
@@ -9,7 +9,7 @@ use crate::calib::{Pose, outer};
 use crate::diff::align::common_motion;
 use crate::diff::comparison::{Comparison, Test};
 use crate::diff::pairs::Pair;
-use crate::diff::spread::{shared, spread, uneven_spread};
+use crate::diff::spread::{Spread, shared, spread, uneven_spread};
 use crate::diff::{AlignedLink, Change, ChangeKind, Subject};
 use crate::numeric::{quantile, symmetric_eigen};
 
@@ -46,36 +46,46 @@ pub(super) struct Module<'p> {
 impl<'p> Comparison<'p> {
     /// The modules, tested against those around them.
     pub(super) fn modules(&self) -> Vec<Module<'p>> {
-        let noise = self.noise();
+        let (noise, is_white) = (self.noise(), self.is_white());
         let named = members_of_modules(&self.link.pairs).into_iter();
         let mut modules: Vec<Module<'p>> =
             named.map(|((_, name), members)| self.module(name, members, noise)).collect();
         for _ in 0..ROUNDS {
             let is_changed = self.is_in_changed(&modules);
             for module in &mut modules {
-                let around: BTreeSet<usize> = module
-                    .members
-                    .iter()
-                    .flat_map(|&k| &self.neighbours[k])
-                    .copied()
-                    .filter(|k| !is_changed[*k] && !module.members.contains(k))
-                    .collect();
+                let members: HashSet<usize> = module.members.iter().copied().collect();
+                let near = module.members.iter().flat_map(|&k| &self.neighbours[k]).copied();
+                let counts = |k: &usize| !is_white && !is_changed[*k] && !members.contains(k);
+                let around: BTreeSet<usize> = near.filter(counts).collect();
                 let background = shared(around.iter().map(|&k| self.differences[k]));
                 module.shift = module.motion.apply(module.centre) - module.centre - background;
                 // Of two means of independent numbers.
-                let parts = [module.members.len(), around.len().max(1)].map(|count| 1.0 / count as f64);
-                module.expected[0] = module.expected[1] * (1.0 + parts[1] / parts[0]).sqrt();
+                let share =
+                    if is_white { 0.0 } else { module.members.len() as f64 / around.len().max(1) as f64 };
+                module.expected[0] = module.expected[1] * (1.0 + share).sqrt();
             }
             let still = || modules.iter().filter(|module| !module.is_changed);
             let shifts = spread(still().map(|module| (module.shift, module.expected[0])));
             let turns = uneven_spread(still().map(|module| (module.turn, module.expected[1])));
             for module in &mut modules {
-                module.shift_test = Test::new(module.shift, self.sigma(module.expected[0], shifts));
-                module.turn_test = Test::new(module.turn, self.sigma(module.expected[1], turns));
+                let factor = |spread| self.factor(spread, module.members.len());
+                module.shift_test = Test::new(module.shift, self.sigma(module.expected[0], factor(shifts)));
+                module.turn_test = Test::new(module.turn, self.sigma(module.expected[1], factor(turns)));
                 module.is_changed = module.shift_test.p.min(module.turn_test.p) < self.chance;
             }
         }
         modules
+    }
+
+    /// By what the differences of modules, of which this one has so many taxels, spread more than the means of independent
+    /// numbers: as those of other modules; of fewer as one taxel, whose error all may share.
+    fn factor(&self, spread: Option<Spread>, count: usize) -> Option<f64> {
+        match (self.local.filter(|_| self.is_white()), spread) {
+            // All taxels say better than some modules how much white noise there is.
+            (Some(local), spread) => Some(local.enlarged().max(spread.map_or(0.0, |spread| spread.sigma))),
+            (None, Some(spread)) => Some(spread.enlarged()),
+            (None, None) => self.total.map(|total| total.enlarged() * (count as f64).sqrt()),
+        }
     }
 
     fn module(&self, name: &'p str, members: Vec<usize>, noise: f64) -> Module<'p> {
@@ -168,13 +178,13 @@ impl<'p> Comparison<'p> {
 
     pub(super) fn aligned(&self, modules: &[Module<'_>]) -> AlignedLink {
         let is_changed = self.is_in_changed(modules);
-        let spread = spread(self.differences.iter().copied().zip(self.stated.iter().copied()));
         let limit = quantile(0.999, 3.0).sqrt();
+        let factor = self.total.map(Spread::enlarged);
         let is_unchanged = |&k: &usize| {
-            !is_changed[k] && self.differences[k].length() < limit * self.sigma(self.stated[k], spread)
+            !is_changed[k] && self.differences[k].length() < limit * self.sigma(self.stated[k], factor)
         };
         AlignedLink {
-            name: self.link.name.clone(),
+            name: self.name.to_owned(),
             taxels: self.expected.len(),
             motion: self.motion,
             unchanged: (0..self.expected.len()).filter(is_unchanged).count(),

@@ -1,24 +1,45 @@
-//! Which taxel of the second file is which of the first.
+//! Which taxel of the second file is which of the first, and which link.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::diff::{DiffError, MatchedBy};
-use crate::skin::{Draft, Presence, Sheet, TaxelId};
+use crate::id::IdVec;
+use crate::mesh::is_within_reach;
+use crate::numeric::median;
+use crate::skin::{
+    Draft, Link, LinkId, Presence, Sheet, SkinError, TaxelId, check_links, link_names, world_pose,
+};
 
 /// A taxel of a file.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
-    /// Its id; 0 in a file without ids.
+    /// Its id; 0 in a sheet without ids.
     pub(super) id: TaxelId,
-    pub(super) link: String,
+    key: Key,
+    /// The number of its link among the [`FileLink`]s of its file.
+    pub(super) link: usize,
     pub(super) patch: String,
-    row: usize,
     pub(super) module: Option<String>,
+    /// In the frame of its link, in m.
     pub(super) position: DVec3,
-    /// The variance along an axis, in m^2: a third of the trace of its covariance.
+    /// A unit normal.
+    pub(super) normal: Option<DVec3>,
+    pub(super) area: Option<f64>,
+    /// The variance along an axis, in m^2: a third of the trace of its covariance. 0 is exact.
     pub(super) variance: Option<f64>,
+}
+
+/// A link of a file.
+#[derive(Debug, Clone)]
+pub(super) struct FileLink {
+    /// Its name, or `link` and its number; links that share a name have it with their count: `finger (2)`.
+    pub(super) name: String,
+    /// Whether the file names it.
+    is_named: bool,
+    /// Its frame in the world.
+    pub(super) pose: DAffine3,
 }
 
 /// A taxel of both files.
@@ -26,35 +47,45 @@ pub(super) struct Place {
 pub(super) struct Pair {
     pub(super) before: Place,
     pub(super) after: Place,
+    /// Standard deviation of the difference along an axis, in m, where the files state it; 0 is exact.
+    pub(super) sigma: Option<f64>,
 }
 
 impl Pair {
-    /// Standard deviation of the difference along an axis, in m, where the files have it.
-    pub(super) fn sigma(&self) -> Option<f64> {
-        match (self.before.variance, self.after.variance) {
+    fn new(before: Place, after: Place) -> Self {
+        let sigma = match (before.variance, after.variance) {
             (None, None) => None,
-            (a, b) => Some((a.unwrap_or(0.0) + b.unwrap_or(0.0)).sqrt()).filter(|&sigma| sigma > 0.0),
-        }
+            (a, b) => Some((a.unwrap_or(0.0) + b.unwrap_or(0.0)).sqrt()),
+        };
+        Self { before, after, sigma }
     }
 }
 
 /// What lies on a link of the first file.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct LinkPairs {
-    pub(super) name: String,
+    /// Taxels of both files, on this link in both.
     pub(super) pairs: Vec<Pair>,
+    /// Taxels that are on another link in the second file.
+    pub(super) relinked: Vec<Pair>,
     /// Taxels of the first file alone.
     pub(super) missing: Vec<Place>,
+    /// The number of the link in the second file.
+    pub(super) there: Option<usize>,
 }
 
 /// The taxels of two files.
 pub(super) struct Pairs {
     pub(super) by: MatchedBy,
     pub(super) ambiguous: [usize; 2],
-    /// In the order of the first file.
-    pub(super) links: Vec<LinkPairs>,
+    /// The links of both files.
+    pub(super) names: [Vec<FileLink>; 2],
+    /// By the number of the link in the first file.
+    pub(super) links: BTreeMap<usize, LinkPairs>,
     /// Taxels of the second file alone.
     pub(super) new: Vec<Place>,
+    /// The median of the standard deviations that the files state, without those of exact taxels, in m.
+    pub(super) typical_sigma: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -64,85 +95,139 @@ enum Key {
 }
 
 impl Pairs {
+    /// `modules` are those of the first and of the second file, where these do not have them.
     pub(super) fn new(
-        before: &Draft,
-        after: &Draft,
-        modules: &[(TaxelId, String)],
+        [before, after]: [&Draft; 2],
+        modules: &[Vec<(TaxelId, String)>; 2],
     ) -> Result<Self, DiffError> {
         let has_ids = [before, after].iter().all(|draft| draft.sheets.iter().any(|s| s.ids.is_some()));
         let by = if has_ids { MatchedBy::Id } else { MatchedBy::Row };
-        let modules: HashMap<TaxelId, &str> = modules.iter().map(|(id, name)| (*id, &**name)).collect();
-        let [mut first, second] = [before, after].map(|draft| places(draft, &modules));
+        let is_alone = |draft: &Draft| draft.sheets.iter().filter(|s| !s.positions.is_empty()).count() == 1;
+        // One sheet each are a pair, whatever their names, which are those of files.
+        let are_alone = is_alone(before) && is_alone(after);
+        let names = [file_links(before)?, file_links(after)?];
+        let mut first = places(before, &modules[0], by, are_alone)?;
+        let second = places(after, &modules[1], by, are_alone)?;
         let sizes = [first.len(), second.len()];
-        let ambiguous = [ambiguous(&first, by), ambiguous(&second, by)];
-        first.retain(|place| !ambiguous[0].contains(&key(place, by)));
+        let ambiguous = [ambiguous(&first), ambiguous(&second)];
+        first.retain(|place| !ambiguous[0].contains(&place.key));
         let mut keyed: HashMap<Key, Place> = HashMap::new();
         let mut order = Vec::new();
         for place in second {
-            let key = key(&place, by);
-            if !ambiguous[1].contains(&key) {
-                order.push(key.clone());
-                keyed.insert(key, place);
+            if !ambiguous[1].contains(&place.key) {
+                order.push(place.key.clone());
+                keyed.insert(place.key.clone(), place);
             }
         }
         let lost = [sizes[0] - first.len(), sizes[1] - order.len()];
-        let mut links: Vec<LinkPairs> = Vec::new();
+        let mut links: BTreeMap<usize, LinkPairs> = BTreeMap::new();
         for place in first {
-            let number = links.iter().position(|link| link.name == place.link).unwrap_or_else(|| {
-                links.push(LinkPairs { name: place.link.clone(), ..LinkPairs::default() });
-                links.len() - 1
+            let link = links.entry(place.link).or_insert_with(|| LinkPairs {
+                pairs: Vec::new(),
+                relinked: Vec::new(),
+                missing: Vec::new(),
+                there: None,
             });
-            match keyed.remove(&key(&place, by)) {
-                Some(after) => links[number].pairs.push(Pair { before: place, after }),
-                None => links[number].missing.push(place),
+            match keyed.remove(&place.key) {
+                Some(after) => link.pairs.push(Pair::new(place, after)),
+                None => link.missing.push(place),
             }
         }
-        if links.iter().all(|link| link.pairs.is_empty()) {
+        let pairs = || links.values().flat_map(|link| &link.pairs);
+        if pairs().next().is_none() {
             return Err(DiffError::NothingShared { before: sizes[0], after: sizes[1], by });
         }
+        let typical_sigma = median(pairs().filter_map(|pair| pair.sigma).filter(|&sigma| sigma > 0.0));
+        for (&number, link) in &mut links {
+            link.there = counterpart(&names, number, &link.pairs);
+            let is_there = |pair: &Pair| Some(pair.after.link) == link.there;
+            (link.pairs, link.relinked) = link.pairs.drain(..).partition(is_there);
+        }
         let new = order.iter().filter_map(|key| keyed.remove(key)).collect();
-        Ok(Self { by, ambiguous: lost, links, new })
+        Ok(Self { by, ambiguous: lost, names, links, new, typical_sigma })
     }
 }
 
-fn key(place: &Place, by: MatchedBy) -> Key {
-    match by {
-        MatchedBy::Id => Key::Id(place.id),
-        MatchedBy::Row => Key::Row(place.patch.clone(), place.row),
-    }
+/// The link of the second file that one of the first is: that of its name if it has a pair, else that with most pairs.
+fn counterpart([before, after]: &[Vec<FileLink>; 2], link: usize, pairs: &[Pair]) -> Option<usize> {
+    let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+    pairs.iter().for_each(|pair| *counts.entry(pair.after.link).or_default() += 1);
+    let own = &before[link];
+    let is_namesake = |there: &&usize| own.is_named && after[**there].name == own.name;
+    let namesake = counts.keys().find(is_namesake).copied();
+    // Of as many the one with the number of the link, else the first.
+    let most = counts.iter().max_by_key(|&(&there, &count)| (count, there == link, usize::MAX - there));
+    namesake.or(most.map(|(there, _)| *there))
+}
+
+/// Whether the names of two links say that they are two.
+pub(super) fn differ(before: &FileLink, after: &FileLink) -> bool {
+    before.is_named && after.is_named && before.name != after.name
 }
 
 /// Keys that are no name of one taxel.
-fn ambiguous(places: &[Place], by: MatchedBy) -> HashSet<Key> {
+fn ambiguous(places: &[Place]) -> HashSet<Key> {
     let mut seen = HashSet::new();
-    places.iter().filter(|place| !seen.insert(key(place, by))).map(|place| key(place, by)).collect()
+    places.iter().map(|place| &place.key).filter(|key| !seen.insert(*key)).cloned().collect()
 }
 
-/// The taxels of a file: slots without a taxel, and positions that are not finite, are none.
-fn places(draft: &Draft, modules: &HashMap<TaxelId, &str>) -> Vec<Place> {
-    let of_sheet = |sheet: &Sheet| -> Vec<Place> {
-        let link = sheet.link.map_or(String::new(), |link| draft.links[link].name.clone());
+/// The links of a file; one without a name at the origin stands at the end, for sheets without a link.
+fn file_links(draft: &Draft) -> Result<Vec<FileLink>, SkinError> {
+    check_links(&draft.links)?;
+    let mut uses: HashMap<String, usize> = HashMap::new();
+    let names: IdVec<LinkId, String> = link_names(&draft.links);
+    let of = |(id, link): (LinkId, &Link)| {
+        let count = uses.entry(names[id].clone()).or_default();
+        *count += 1;
+        let name = if *count > 1 { format!("{} ({count})", names[id]) } else { names[id].clone() };
+        FileLink { name, is_named: !link.name.is_empty(), pose: world_pose(&draft.links, id) }
+    };
+    let mut links: Vec<FileLink> = draft.links.enumerate().map(of).collect();
+    links.push(FileLink { name: String::new(), is_named: false, pose: DAffine3::IDENTITY });
+    Ok(links)
+}
+
+/// The taxels of a file: slots without a taxel, and positions that are not finite or beyond reach, are none.
+fn places(
+    draft: &Draft,
+    modules: &[(TaxelId, String)],
+    by: MatchedBy,
+    is_alone: bool,
+) -> Result<Vec<Place>, SkinError> {
+    let modules: HashMap<TaxelId, &str> = modules.iter().map(|(id, name)| (*id, &**name)).collect();
+    let of_sheet = |sheet: &Sheet| -> Result<Vec<Place>, SkinError> {
+        if let Some(link) = sheet.link.filter(|link| link.index() >= draft.links.len()) {
+            return Err(SkinError::UnknownLink { patch: sheet.title().to_owned(), link });
+        }
         let place = |row: usize| {
             let position = *sheet.positions.get(row)?;
             let presence = sheet.presence.as_ref().and_then(|all| all.get(row));
-            if !position.is_finite() || presence == Some(&Presence::Absent) {
+            if !is_within_reach(position) || presence == Some(&Presence::Absent) {
                 return None;
             }
-            let id = sheet.ids.as_ref().and_then(|all| all.get(row)).copied().unwrap_or_default();
+            let given = sheet.ids.as_ref().and_then(|all| all.get(row)).copied();
+            let id = given.unwrap_or_default();
             let own = || Some(sheet.modules.as_ref()?.get(row)?.to_string());
-            let covariance = sheet.covariances.as_ref().and_then(|all| all.get(row));
-            let variance = covariance.map(|c| c.sigma().powi(2) / 3.0).filter(|v| v.is_finite());
+            let covariance = sheet.covariances.as_ref().and_then(|all| *all.get(row)?);
+            let normal = sheet.normals.as_ref().and_then(|all| all.get(row));
+            let area = sheet.areas.as_ref().and_then(|all| all.get(row)).copied();
             Some(Place {
                 id,
-                link: link.clone(),
+                key: match (by, given) {
+                    (MatchedBy::Id, Some(id)) => Key::Id(id),
+                    _ if is_alone => Key::Row(String::new(), row),
+                    _ => Key::Row(sheet.name.clone(), row),
+                },
+                link: sheet.link.map_or(draft.links.len(), LinkId::index),
                 patch: sheet.name.clone(),
-                row,
                 module: modules.get(&id).map(|&name| name.to_owned()).or_else(own),
                 position,
-                variance,
+                normal: normal.and_then(|normal| normal.try_normalize()),
+                area: area.filter(|&area| area.is_finite() && area > 0.0),
+                variance: covariance.map(|c| c.sigma().powi(2) / 3.0).filter(|v| v.is_finite()),
             })
         };
-        (0..sheet.positions.len()).filter_map(place).collect()
+        Ok((0..sheet.positions.len()).filter_map(place).collect())
     };
-    draft.sheets.iter().flat_map(of_sheet).collect()
+    Ok(draft.sheets.iter().map(of_sheet).collect::<Result<Vec<_>, _>>()?.concat())
 }

@@ -1,8 +1,5 @@
-//! Prescribed positions of the outer loop: on a circle or a rectangle as large as the skin, or given one by
-//! one (eq. 2 of `(cannata)`, where the `m_j` of the boundary are given).
-//!
-//! *Heuristic*: the corners of a rectangle are the four most convex vertices of the loop, with turning summed
-//! over a section of it, so that a rounded corner counts like a sharp one.
+//! Prescribed positions of the outer loop: on a circle as large as the skin, or given one by one (eq. 2 of
+//! `(cannata)`, where the `m_j` of the boundary are given).
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,8 +8,7 @@ use glam::DVec2;
 use crate::{
     flatten::{Boundary, FlattenError, crossings::boundary_crossings, domain::Disk},
     id::{IdVec, VertexId},
-    mesh::{TriMesh, angle},
-    numeric::argsort,
+    mesh::TriMesh,
     skin::TaxelId,
 };
 
@@ -58,12 +54,6 @@ impl Vertices {
     }
 }
 
-/// Share of the loop over which the turning of a corner is summed.
-const CORNER: f64 = 1.0 / 40.0;
-
-/// Least distance of two corners over the length of the loop.
-const CORNERS_APART: f64 = 1.0 / 12.0;
-
 /// Positions (m) of the vertices of the outer loop, around the origin; none for a free boundary.
 pub(crate) fn prescribed(
     mesh: &TriMesh,
@@ -73,20 +63,13 @@ pub(crate) fn prescribed(
         return Ok(None);
     }
     let disk = Disk::new(mesh)?;
-    let mut walk = disk.loops[0].clone();
+    let walk = &disk.loops[0];
     let places = match *boundary {
         Boundary::Free => Vec::new(),
-        Boundary::Places(ref places) => given_places(&walk, places)?,
+        Boundary::Places(ref places) => given_places(walk, places)?,
         Boundary::Circle => {
             let radius = (mesh.area() / PI).sqrt();
-            shares(mesh, &walk).iter().map(|&s| radius * DVec2::from_angle(TAU * s)).collect()
-        }
-        Boundary::Rectangle { width, height } => {
-            let scale = (mesh.area() / (width * height)).sqrt();
-            let corners = convex_corners(mesh, &walk).ok_or(FlattenError::Corners { found: walk.len() })?;
-            walk.rotate_left(corners[0]);
-            let sides = corners.map(|c| c - corners[0]);
-            on_rectangle(&shares(mesh, &walk), sides, scale * DVec2::new(width, height))
+            shares(mesh, walk).iter().map(|&s| radius * DVec2::from_angle(TAU * s)).collect()
         }
     };
     let mut fixed = IdVec::filled(None, mesh.positions.len());
@@ -130,53 +113,4 @@ fn given_places(
         return Err(FlattenError::BoundaryShape { crossings, area: 0.5 * doubled });
     }
     Ok(places)
-}
-
-/// The four most convex vertices of the loop, in its order; `None` if no four are far enough apart.
-fn convex_corners(mesh: &TriMesh, walk: &[VertexId]) -> Option<[usize; 4]> {
-    let shares = shares(mesh, walk);
-    let mut turning = IdVec::<VertexId, f64>::filled(PI, mesh.positions.len());
-    for &[a, b, c] in &mesh.triangles {
-        for [v, from, to] in [[a, b, c], [b, c, a], [c, a, b]] {
-            turning[v] -= angle(mesh.positions[v], mesh.positions[from], mesh.positions[to]);
-        }
-    }
-    let apart = |i: usize, j: usize| {
-        let d = (shares[i] - shares[j]).abs();
-        d.min(1.0 - d)
-    };
-    let count = walk.len();
-    let concavity: Vec<f64> = (0..count)
-        .map(|i| {
-            let share = |j: usize| turning[walk[j]] * (1.0 - 0.5 * apart(i, j) / CORNER);
-            let is_near = |j: &usize| apart(i, *j) <= CORNER;
-            let ahead = (1..count).map(|k| (i + k) % count).take_while(is_near);
-            let behind = (1..count).map(|k| (i + count - k) % count).take_while(is_near);
-            -(share(i) + ahead.map(share).sum::<f64>() + behind.map(share).sum::<f64>())
-        })
-        .collect();
-    let mut chosen: Vec<usize> = Vec::new();
-    for i in argsort(&concavity) {
-        if chosen.len() < 4 && chosen.iter().all(|&j| apart(i, j) >= CORNERS_APART) {
-            chosen.push(i);
-        }
-    }
-    chosen.sort_unstable();
-    chosen.try_into().ok()
-}
-
-/// Positions on the sides of a rectangle of this size around the origin, by length between corners,
-/// counter-clockwise from its lower left one.
-fn on_rectangle(shares: &[f64], corners: [usize; 4], size: DVec2) -> Vec<DVec2> {
-    let half = 0.5 * size;
-    let places = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|p| half * DVec2::from_array(p));
-    let share = |k: usize| shares.get(k).copied().unwrap_or(1.0);
-    (0..shares.len())
-        .map(|k| {
-            let side = corners.iter().rposition(|&c| c <= k).unwrap_or(0);
-            let from = share(corners[side]);
-            let to = share(corners.get(side + 1).copied().unwrap_or(shares.len()));
-            places[side].lerp(places[(side + 1) % 4], (share(k) - from) / (to - from))
-        })
-        .collect()
 }

@@ -79,12 +79,6 @@ pub enum FlattenError {
         /// The first face without area on the map.
         face: FaceId,
     },
-    /// The outer loop has no four corners.
-    #[error("the outer boundary loop of {found} vertices has no four different corners for a rectangle")]
-    Corners {
-        /// Vertices of the loop.
-        found: usize,
-    },
     /// A given boundary with positions for other vertices than those of the outer loop.
     #[error(
         "vertex {vertex} has a position on the given boundary, or lacks one: exactly the vertices of the outer boundary \

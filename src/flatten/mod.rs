@@ -94,7 +94,7 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{SymmetricDirichlet, TriMesh};
-use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen_with};
+use crate::pyramid::{CoarsenOptions, LevelId, Pyramid, PyramidError, coarsen};
 use crate::run::Run;
 use crate::skin::Taxels;
 
@@ -141,36 +141,24 @@ const MAX_LEVEL_RATIO: usize = 16;
 /// [`distortion()`](crate::flatten::distortion()) counts flips and overlaps.
 ///
 /// ```
-/// use dermatome::{flatten::{Energy, FlattenOptions, distortion, flatten}, mesh::shapes};
+/// use dermatome::{flatten::{Energy, FlattenOptions, distortion, flatten}, mesh::shapes, run::Run};
 ///
 /// // A fingertip: a cap of 110 degrees, radius 8 mm.
 /// let skin = shapes::cap(500, 8e-3, 110_f64.to_radians());
-/// let map = flatten(&skin, None, &FlattenOptions::default())?;
+/// let map = flatten(&skin, None, &FlattenOptions::default(), Run::default())?;
 /// assert_eq!(distortion(&skin, &map.uv).flips, 0);
 ///
 /// // More weight on areas: every taxel closer to its true share of the map, at more angle distortion.
 /// let energy = Energy::Sum { angle: 0.1, area: 1.0, perimeter: 0.0 };
-/// let authalic = flatten(&skin, None, &energy.into())?;
+/// let authalic = flatten(&skin, None, &energy.into(), Run::default())?;
 /// assert!(distortion(&skin, &authalic.uv).area_mean < distortion(&skin, &map.uv).area_mean);
 /// # Ok::<(), dermatome::flatten::FlattenError>(())
 /// ```
 ///
 /// # Errors
-/// If the mesh is not a disk with holes, an option, density, weight or acuity is out of range, or a face is
-/// too degenerate to be mapped.
+/// If the mesh is not a disk with holes, an option, density, weight or acuity is out of range, a face is
+/// too degenerate to be mapped, or the run is cancelled.
 pub fn flatten(
-    mesh: &TriMesh,
-    taxels: Option<&Taxels>,
-    options: &FlattenOptions,
-) -> Result<Flattening, FlattenError> {
-    flatten_with(mesh, taxels, options, Run::default())
-}
-
-/// As [`flatten`], in a [`Run`].
-///
-/// # Errors
-/// As [`flatten`], and if it is cancelled.
-pub fn flatten_with(
     mesh: &TriMesh,
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
@@ -180,7 +168,7 @@ pub fn flatten_with(
     if options.starts_coarse() && mesh.positions.len() > MAX_AT_ONCE {
         // Refuse a mesh that is not a disk before the work of coarsening it.
         Disk::new(mesh)?;
-        let maps = flatten_pyramid_with(&pyramid_of(mesh, run)?, taxels, options, run)?;
+        let maps = flatten_pyramid(&pyramid_of(mesh, run)?, taxels, options, run)?;
         return maps.into_iter().next().ok_or(FlattenError::Size { area: mesh.area() });
     }
     let magnification = Magnification::new(options.method, taxels, &mesh.vertex_areas())?;
@@ -247,7 +235,7 @@ fn prescribed_by(
 
 /// The pyramid of a mesh with a taxel at every vertex.
 fn pyramid_of(mesh: &TriMesh, run: Run<'_>) -> Result<Pyramid, FlattenError> {
-    Ok(coarsen_with(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), run)?)
+    Ok(coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), run)?)
 }
 
 /// Flattens every level of a pyramid, coarse to fine. [`Method::Intrinsic`] uses the weights and acuities of
@@ -262,12 +250,13 @@ fn pyramid_of(mesh: &TriMesh, run: Run<'_>) -> Result<Pyramid, FlattenError> {
 ///     flatten::{FlattenOptions, distortion, flatten_pyramid},
 ///     mesh::shapes,
 ///     pyramid::{CoarsenOptions, coarsen},
+///     run::Run,
 ///     skin::Taxels,
 /// };
 ///
 /// let skin = shapes::cap(500, 8e-3, 1.9);
-/// let pyramid = coarsen(&skin, &Taxels::from(&skin), &CoarsenOptions::default())?;
-/// let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default())?;
+/// let pyramid = coarsen(&skin, &Taxels::from(&skin), &CoarsenOptions::default(), Run::default())?;
+/// let maps = flatten_pyramid(&pyramid, None, &FlattenOptions::default(), Run::default())?;
 /// for (level, map) in pyramid.levels.iter().zip(&maps) {
 ///     assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
 /// }
@@ -275,21 +264,9 @@ fn pyramid_of(mesh: &TriMesh, run: Run<'_>) -> Result<Pyramid, FlattenError> {
 /// ```
 ///
 /// # Errors
-/// If the patch is not a disk with holes, an option, density, weight or acuity is out of range, or a face is too
-/// degenerate to be mapped.
+/// If the patch is not a disk with holes, an option, density, weight or acuity is out of range, a face is too
+/// degenerate to be mapped, or the run is cancelled.
 pub fn flatten_pyramid(
-    pyramid: &Pyramid,
-    taxels: Option<&Taxels>,
-    options: &FlattenOptions,
-) -> Result<IdVec<LevelId, Flattening>, FlattenError> {
-    flatten_pyramid_with(pyramid, taxels, options, Run::default())
-}
-
-/// As [`flatten_pyramid`], in a [`Run`].
-///
-/// # Errors
-/// As [`flatten_pyramid`], and if it is cancelled.
-pub fn flatten_pyramid_with(
     pyramid: &Pyramid,
     taxels: Option<&Taxels>,
     options: &FlattenOptions,

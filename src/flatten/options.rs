@@ -82,13 +82,6 @@ pub enum Boundary {
     Free,
     /// On a circle as large as the skin, by length.
     Circle,
-    /// On a rectangle as large as the skin, by length between its corners: the four most convex vertices.
-    Rectangle {
-        /// Width of the rectangle; only its ratio to the height counts.
-        width: f64,
-        /// Its height.
-        height: f64,
-    },
     /// At these positions (m), counter-clockwise: one for each vertex of the outer loop, `None` for all other
     /// vertices.
     Places(IdVec<VertexId, Option<DVec2>>),
@@ -126,14 +119,6 @@ impl FlattenOptions {
 
     /// Checks that every number is in range and that there is something to minimise.
     pub(crate) fn validate(&self) -> Result<(), FlattenError> {
-        if let Boundary::Rectangle { width, height } = self.boundary {
-            for (name, found) in [("width", width), ("height", height)] {
-                if !(found.is_finite() && found > 0.0) {
-                    let needed = "a positive finite length is needed";
-                    return Err(FlattenError::Option { name, found, needed });
-                }
-            }
-        }
         match self.method {
             Method::Intrinsic { energy, magnify } => {
                 if let Energy::Sum { angle, area, perimeter } = energy {

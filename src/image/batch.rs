@@ -54,12 +54,8 @@ impl BatchRenderer {
         }
     }
 
-    /// Draws sixteen frames; does nothing and returns `false` if the taxels with readings change among them,
-    /// or pixels do not follow planes.
+    /// Draws sixteen frames; does nothing and returns `false` if the taxels with readings change among them.
     fn render_at_once(&mut self, read: &mut dyn FnMut(usize, &mut Frame), images: &mut [f32]) -> bool {
-        if !layers(&self.renderer).all(|(_, _, layer)| layer.has_planes()) {
-            return false;
-        }
         for k in 0..AT_ONCE {
             read(k, &mut self.frame);
             for ((tile, channel, _), readings) in layers(&self.renderer).zip(&mut self.readings) {

@@ -2,7 +2,7 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::image::runs::{AT_ONCE, Plane, PlanesAtOnce};
-use crate::image::surface::{Pattern, PixelSurface};
+use crate::image::surface::PixelSurface;
 use crate::numeric::{narrow, storable};
 use crate::signal::Quantity;
 
@@ -21,7 +21,6 @@ pub(super) struct Layer {
     scaled: Vec<f64>,
     /// Values that no pixel shows, and the pixel that gets each.
     unseen: Vec<(u32, usize)>,
-    pattern: Pattern,
     planes: Vec<Plane>,
     /// Faces with one or two live corners: their pixels do not follow a plane.
     mixed: Vec<u32>,
@@ -38,7 +37,6 @@ impl Layer {
             scale: vec![1.0; count],
             scaled: vec![f64::NAN; count],
             unseen: Vec::new(),
-            pattern: Pattern::default(),
             planes: vec![Plane::default(); surface.faces.len()],
             mixed: Vec::new(),
         }
@@ -69,16 +67,10 @@ impl Layer {
 
     /// Updates everything that depends on the mask alone.
     fn remask(&mut self, surface: &PixelSurface) {
-        self.pattern = surface.pattern(&self.live);
-        let sources =
-            if let Pattern::Cells(cells) = &self.pattern { cells.sources() } else { surface.faces.len() };
-        self.planes.resize(sources, Plane::default());
-        if matches!(self.pattern, Pattern::Faces) {
-            self.mixed.clear();
-            let live = |v: VertexId| self.live[v.index()];
-            let faces = surface.faces.iter().zip(0_u32..);
-            self.mixed.extend(faces.filter(|(f, _)| matches!(f.live_corners(live), 1 | 2)).map(|(_, k)| k));
-        }
+        self.mixed.clear();
+        let live = |v: VertexId| self.live[v.index()];
+        let faces = surface.faces.iter().zip(0_u32..);
+        self.mixed.extend(faces.filter(|(f, _)| matches!(f.live_corners(live), 1 | 2)).map(|(_, k)| k));
         if self.quantity == Quantity::Extensive {
             self.balance(surface);
         }
@@ -89,7 +81,7 @@ impl Layer {
         /// A value whose weights have a smaller sum, in pixels, counts as unseen.
         const MIN_SEEN: f64 = 1e-3;
         let mut seen = vec![0.0; self.live.len()];
-        surface.each_row(&self.pattern, &self.live, |_, row| {
+        surface.each_row(&self.live, |_, row| {
             row.iter().for_each(|&(v, w)| seen[v as usize] += w);
         });
         self.unseen.clear();
@@ -102,20 +94,11 @@ impl Layer {
     }
 
     fn draw_all(&mut self, surface: &PixelSurface, pixels: &mut [f32]) {
-        match &self.pattern {
-            Pattern::Faces => {
-                let planes = self.planes.iter_mut().zip(&surface.faces);
-                planes.for_each(|(plane, face)| *plane = face.plane(&self.scaled));
-                surface.runs.fill(&self.planes, pixels);
-                let x = |v: VertexId| self.scaled[v.index()];
-                self.mixed.iter().for_each(|&face| draw_mixed(surface, face, x, pixels));
-            }
-            Pattern::Cells(cells) => {
-                let planes = self.planes.iter_mut().zip(&self.scaled);
-                planes.for_each(|(plane, &x)| *plane = Plane::constant(x));
-                cells.fill(&self.planes, pixels);
-            }
-        }
+        let planes = self.planes.iter_mut().zip(&surface.faces);
+        planes.for_each(|(plane, face)| *plane = face.plane(&self.scaled));
+        surface.runs.fill(&self.planes, pixels);
+        let x = |v: VertexId| self.scaled[v.index()];
+        self.mixed.iter().for_each(|&face| draw_mixed(surface, face, x, pixels));
         if self.scaled.iter().any(|x| x.abs() > LARGE) {
             for run in &surface.runs.all {
                 let drawn = &mut pixels[run.at as usize..][..usize::from(run.length)];
@@ -133,11 +116,6 @@ impl Layer {
         }
     }
 
-    /// Whether pixels follow planes of faces.
-    pub(super) fn has_planes(&self) -> bool {
-        matches!(self.pattern, Pattern::Faces)
-    }
-
     /// Whether it can draw sixteen frames at once: those vertices have values that had some when it drew last, none of them
     /// [large](LARGE).
     pub(super) fn fits(&self, values: &[[f64; AT_ONCE]]) -> bool {
@@ -145,7 +123,7 @@ impl Layer {
             let fits = |value: &f64| (value.is_finite() == live) & (((value * scale).abs() <= LARGE) | !live);
             values.iter().fold(true, |all, value| all & fits(value))
         };
-        self.has_planes() && values.iter().zip(self.live.iter().zip(&self.scale)).all(fits)
+        values.iter().zip(self.live.iter().zip(&self.scale)).all(fits)
     }
 
     /// Draws values of sixteen frames that [fit](Self::fits), into images that begin `stride` numbers apart.

@@ -1,7 +1,8 @@
 //! Values on pixels: tactile images from frames through an atlas.
 //!
-//! A pixel is a weighted sum of the values of a few vertices, given by [`Interpolation`]. In the
-//! linear case the sum is a plane over each face, so a frame costs one plane for each face and then
+//! A pixel is a weighted sum of the values at the corners of the face that it shows, with its barycentric
+//! weights. Where a corner has no value, the weights of the others are scaled to the sum 1. Without any the
+//! pixel is NaN. The sum is a plane over each face, so a frame costs one plane for each face and then
 //! one addition and one multiplication for each pixel. A frame is always drawn whole: where something
 //! touches a real skin, most readings change in every frame.
 //!
@@ -10,9 +11,6 @@
 //! the amount `f` of a vertex is drawn as `f / (A sum w)`, so the covered pixels times `A` add up to
 //! the sum of all amounts, whatever the size of the pixels. An amount that no pixel shows is given
 //! to the nearest one.
-//!
-//! In reading order: `face_weights`, one plane for each face; `runs`, the pixels of faces; `surface`, all of a chart;
-//! `layer`, one channel of it; `batch`, many frames.
 
 mod batch;
 mod face_weights;
@@ -29,16 +27,6 @@ use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
 pub use batch::BatchRenderer;
-pub use surface::Interpolation;
-
-/// Options of a [`Renderer`].
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct RenderOptions {
-    /// How values are drawn between the taxels.
-    pub interpolation: Interpolation,
-    /// The one level that is drawn; `None`: all.
-    pub level: Option<LevelId>,
-}
 
 /// One frame of one image of an atlas.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,7 +55,7 @@ pub struct TactileImage {
 /// ```
 /// use dermatome::{
 ///     atlas::{Atlas, AtlasOptions},
-///     image::{RenderOptions, Renderer},
+///     image::Renderer,
 ///     map::SkinMap,
 ///     mesh::shapes,
 ///     signal::{Channel, Frame, Restrictor},
@@ -77,7 +65,7 @@ pub struct TactileImage {
 /// let atlas = Atlas::new(&map, &AtlasOptions::default())?;
 /// let channels = [Channel::default()];
 /// let mut restrictor = Restrictor::new(&map, &channels);
-/// let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default())?;
+/// let mut renderer = Renderer::new(&map, &atlas, &channels, None)?;
 ///
 /// let mut frame = Frame::new(&map, channels.len());
 /// for value in frame.values.iter_mut().flatten().flat_map(|channel| channel.iter_mut()) {
@@ -108,7 +96,8 @@ struct Tile {
 }
 
 impl Renderer {
-    /// A renderer of frames with these channels into the images of `atlas`, which is of `map`.
+    /// A renderer of frames with these channels into the images of `atlas`, which is of `map`: of all levels,
+    /// or of one.
     ///
     /// # Errors
     /// If the map breaks a rule of [`SkinMap::validate`], the atlas was made of another one, there
@@ -117,20 +106,19 @@ impl Renderer {
         map: &SkinMap,
         atlas: &Atlas,
         channels: &[Channel],
-        options: &RenderOptions,
+        level: Option<LevelId>,
     ) -> Result<Self, ImageError> {
         map.validate()?;
         let last = atlas.parts.iter().map(|part| part.level).max().unwrap_or_default();
-        if let Some(level) = options.level.filter(|&level| level > last) {
+        if let Some(level) = level.filter(|&level| level > last) {
             return Err(ImageError::Level { level, last });
         }
         let quantities: Vec<_> = channels.iter().map(|channel| channel.quantity).collect();
         let (mut tiles, mut images) = (Vec::new(), Vec::new());
-        for part in atlas.parts.iter().filter(|part| options.level.is_none_or(|level| part.level == level)) {
+        for part in atlas.parts.iter().filter(|part| level.is_none_or(|level| part.level == level)) {
             let charts = part.charts.iter();
-            let of_part: Vec<_> = charts
-                .map(|chart| Tile::new(map, part, chart, &quantities, options.interpolation))
-                .collect::<Result<_, _>>()?;
+            let of_part: Vec<_> =
+                charts.map(|chart| Tile::new(map, part, chart, &quantities)).collect::<Result<_, _>>()?;
             images.push(blank(part, &of_part, quantities.len()));
             tiles.push(of_part);
         }
@@ -165,7 +153,7 @@ impl Renderer {
     pub fn each_pixel(&self, image: usize, mut visit: impl FnMut(PatchId, u32, &[(u32, f64)])) {
         for Tile { patch, surface, .. } in &self.tiles[image] {
             let live = vec![true; surface.vertices];
-            surface.each_row(&surface.pattern(&live), &live, |pixel, row| visit(*patch, pixel, row));
+            surface.each_row(&live, |pixel, row| visit(*patch, pixel, row));
         }
     }
 
@@ -181,7 +169,6 @@ impl Tile {
         part: &AtlasPart,
         chart: &Chart,
         quantities: &[Quantity],
-        interpolation: Interpolation,
     ) -> Result<Self, ImageError> {
         let foreign = || ImageError::Atlas { part: part.name.clone() };
         let patch = map.patches.get(chart.patch).ok_or_else(foreign)?;
@@ -191,7 +178,7 @@ impl Tile {
         }
         let ImageFrame { size, size_px, .. } = part.frame;
         let area = size.x * size.y / size_px.map(f64::from).iter().product::<f64>();
-        let surface = PixelSurface::new(chart, level, size_px[0] as usize, area, interpolation);
+        let surface = PixelSurface::new(chart, level, size_px[0] as usize, area);
         let layers = quantities.iter().map(|&quantity| Layer::new(&surface, quantity)).collect();
         Ok(Self { patch: chart.patch, level: chart.level, surface, layers })
     }

@@ -36,7 +36,7 @@ pub(super) type PlanesAtOnce = [[f64; AT_ONCE]; 3];
 pub(super) struct Run {
     /// Index of the first pixel in the image.
     pub(super) at: u32,
-    /// Whose plane it is: a face, or a vertex.
+    /// The face whose plane it is.
     pub(super) source: u32,
     /// Column and row of the first pixel in the chart.
     pub(super) column: u16,
@@ -55,11 +55,6 @@ struct Lanes {
 }
 
 impl Run {
-    /// Pixel `k` of the run, of another source.
-    pub(super) fn pixel(&self, k: u16, source: u32) -> Self {
-        Self { at: self.at + u32::from(k), column: self.column + k, source, length: 1, ..*self }
-    }
-
     /// Its blocks and its rest.
     fn pieces(&self) -> impl Iterator<Item = Self> {
         let mut left = *self;
@@ -108,10 +103,6 @@ impl Runs {
         }
         let by_source = Csr::from_pairs(sources, all.iter().map(|run| (run.source as usize, *run)));
         Self { all, rests, blocks, ends, by_source }
-    }
-
-    pub(super) fn sources(&self) -> usize {
-        self.by_source.len()
     }
 
     pub(super) fn of_source(&self, source: usize) -> &[Run] {

@@ -1,25 +1,13 @@
-//! The pixels of one chart, and the values that determine each: a plane for each face, or one vertex.
+//! The pixels of one chart, and the plane of each face.
 
 use glam::DVec2;
 
-use crate::atlas::{Chart, NearestVertices};
+use crate::atlas::Chart;
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::image::face_weights::FaceWeights;
 use crate::image::runs::{Run, Runs};
 use crate::map::MapLevel;
-
-/// How a pixel is computed from the values around it. Only live vertices, those with a value, count.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Interpolation {
-    /// Barycentric in the face that the pixel shows. Where a corner of the face has no value, the
-    /// weights of the others are scaled to the sum 1; without any live corner the pixel is NaN.
-    #[default]
-    Linear,
-    /// The value of the nearest live vertex: the Voronoi cells of the vertices on the skin. NaN where no corner of the
-    /// face is live.
-    Nearest,
-}
 
 /// One chart in an image: the data that does not change from frame to frame.
 #[derive(Debug, Clone)]
@@ -28,8 +16,6 @@ pub(super) struct PixelSurface {
     width: usize,
     /// Area of a pixel, in m^2.
     pub(super) pixel_area: f64,
-    /// For [`Interpolation::Nearest`].
-    nearest: Option<NearestVertices>,
     /// Number of vertices of the level: of its values.
     pub(super) vertices: usize,
     /// Positions of the places of the map, in pixels of the chart: right, and down.
@@ -39,25 +25,9 @@ pub(super) struct PixelSurface {
     pub(super) runs: Runs,
 }
 
-/// How pixels are computed from the live vertices.
-#[derive(Debug, Clone, Default)]
-pub(super) enum Pattern {
-    /// Planes through the corners of faces.
-    #[default]
-    Faces,
-    /// Runs of pixels that have the value of one vertex.
-    Cells(Runs),
-}
-
 impl PixelSurface {
     /// The pixels of a chart of `level`, in an image of `width` columns.
-    pub(super) fn new(
-        chart: &Chart,
-        level: &MapLevel,
-        width: usize,
-        pixel_area: f64,
-        interpolation: Interpolation,
-    ) -> Self {
+    pub(super) fn new(chart: &Chart, level: &MapLevel, width: usize, pixel_area: f64) -> Self {
         let at: IdVec<PlaceId, DVec2> = level.uv.map(|&uv| chart.pixel_position(uv));
         let triangles = &level.level.mesh.triangles;
         // The number of each face among those that cover pixels.
@@ -84,40 +54,16 @@ impl PixelSurface {
         }
         let vertices = level.level.mesh.positions.len();
         let runs = Runs::new(&all, faces.len());
-        let is_nearest = interpolation == Interpolation::Nearest;
-        let nearest = is_nearest.then(|| NearestVertices::new(&level.level.mesh));
-        Self { chart: chart.clone(), width, pixel_area, nearest, vertices, at, faces, runs }
-    }
-
-    /// The pattern for these live vertices.
-    pub(super) fn pattern(&self, live: &[bool]) -> Pattern {
-        match &self.nearest {
-            None => Pattern::Faces,
-            Some(nearest) => Pattern::Cells(self.cells(nearest, live)),
-        }
+        Self { chart: chart.clone(), width, pixel_area, vertices, at, faces, runs }
     }
 
     /// Calls `visit` with the vertices and weights of every pixel that has a live vertex, in the order of
     /// the runs.
-    pub(super) fn each_row(
-        &self,
-        pattern: &Pattern,
-        live: &[bool],
-        mut visit: impl FnMut(u32, &[(u32, f64)]),
-    ) {
-        match pattern {
-            Pattern::Faces => {
-                for (pixel, face, [column, row]) in self.pixels() {
-                    let corners = face.corners;
-                    if let Some(weights) = face.live_at(column, row, corners.map(|v| live[v.index()])) {
-                        visit(pixel, &[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
-                    }
-                }
-            }
-            Pattern::Cells(cells) => {
-                for run in &cells.all {
-                    (0..run.length).for_each(|k| visit(run.at + u32::from(k), &[(run.source, 1.0)]));
-                }
+    pub(super) fn each_row(&self, live: &[bool], mut visit: impl FnMut(u32, &[(u32, f64)])) {
+        for (pixel, face, [column, row]) in self.pixels() {
+            let corners = face.corners;
+            if let Some(weights) = face.live_at(column, row, corners.map(|v| live[v.index()])) {
+                visit(pixel, &[0, 1, 2].map(|k| (corners[k].raw(), weights[k])));
             }
         }
     }
@@ -128,33 +74,6 @@ impl PixelSurface {
             let face = &self.faces[run.source as usize];
             (0..run.length).map(move |k| (run.at + u32::from(k), face, [run.column + k, run.row]))
         })
-    }
-
-    /// The cells of the live vertices.
-    fn cells(&self, nearest: &NearestVertices, live: &[bool]) -> Runs {
-        let (mut all, mut seen): (Vec<Run>, _) = (Vec::new(), Vec::new());
-        for run in &self.runs.all {
-            let face = &self.faces[run.source as usize];
-            for k in 0..run.length {
-                let column = run.column + k;
-                let weights = face.at(column, run.row);
-                let Some(source) = nearest.find(face.corners, weights, |v| live[v.index()], &mut seen) else {
-                    continue;
-                };
-                let source = source.raw();
-                match all.last_mut() {
-                    Some(last)
-                        if last.source == source
-                            && last.row == run.row
-                            && last.column + last.length == column =>
-                    {
-                        last.length += 1;
-                    }
-                    _ => all.push(run.pixel(k, source)),
-                }
-            }
-        }
-        Runs::new(&all, live.len())
     }
 
     /// The covered pixel whose centre is nearest to a vertex, of equally near ones the first; `None` without

@@ -24,14 +24,13 @@ use crate::skin::Draft;
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
 /// | `dae` | COLLADA: every use of a mesh in the scene is a sheet | positions |
-/// | `msh` | binary meshes of `MuJoCo`: one sheet | positions of 32 bits |
 /// | `urdf` | a robot: every shape of a link, or its tactile sensors ([`read_robot`](crate::io::read_robot)) | links, ids of taxels |
 /// | `xml`, `mjcf` | the same of `MuJoCo`, whose root is `<mujoco>`; or a URDF | links |
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 /// | `asf`, `lst`, `asc`, `csv` | recordings of Tekscan, novel and XSENSOR: their sensors as a flat sheet, without triangles | ids, areas |
 ///
-/// `ply`, `dae`, `msh` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
+/// `ply`, `dae` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
 ///
 /// ```
 /// use dermatome::io::read_draft;
@@ -71,7 +70,7 @@ pub fn read_draft_with(path: &Path, parts: ReadParts) -> Result<Draft, IoError> 
 /// # Errors
 /// As [`read_draft`], or if the file has no such stream.
 pub fn read_draft_of_stream(path: &Path, stream: &str) -> Result<Draft, IoError> {
-    Ok(read_sheet(path, Wanted { stream: Some(stream), layout: None })?.into_draft())
+    Ok(read_sheet(path, Wanted { stream: Some(stream), ..Wanted::default() })?.into_draft())
 }
 
 /// Reads a skin from the content of a file, whose kind follows from the extension of `name`; it may

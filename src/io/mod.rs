@@ -76,10 +76,12 @@ pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
 pub use file::outputs::{OutPath, Outputs, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
-pub use layout::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times};
-pub use mesh::parts::{ReadParts, read_faces};
+pub use layout::{
+    Decoder, KnownRest, Layout, NamedColumns, Statement, StatementSource, StreamFacts, TimeUnit, Times,
+};
+pub use mesh::parts::ReadParts;
 pub use mesh::skin_csv::triangles_path;
-pub use mesh::{skin_to_bytes, write_flat, write_skin};
+pub use mesh::{lost_in, skin_to_bytes, write_flat, write_skin};
 pub use observations::{
     TouchStream, builder::ObservationRemark, observations_from_stream, observations_to_stream,
     read_observations, touches_from_stream, write_observations,
@@ -90,7 +92,7 @@ pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
 pub use table::body_words::read_body_words;
 pub use table::by_taxel::{
-    TaxelTable, read_acuities, read_boundary, read_gains, read_modules, read_modules_if_any, read_seams,
+    TaxelTable, modules_of_skin, read_acuities, read_boundary, read_gains, read_modules, read_seams,
 };
 pub use table::calibration::{
     read_triangles, read_truth, write_bodies, write_calibration, write_inliers, write_triangles, write_truth,
@@ -108,7 +110,9 @@ pub use table::region_writer::{RegionWriter, write_steps, write_touches};
 pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};
 pub use table::series::{Series, read_series};
-pub use table::summary::{LoadWriter, SummaryCell, summary_rows, write_summary};
+pub use table::summary::{
+    LoadWriter, SummaryCell, SummaryRow, summary_rows, summary_step_rows, write_summary, write_summary_steps,
+};
 pub use table::touch_log::{
     TouchRows, read_touches, touches_from_bytes, write_touch_contacts, write_touch_log,
 };

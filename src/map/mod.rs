@@ -411,6 +411,6 @@ impl SkinMap {
             let (name, taxels) = (patch.name.clone(), patch.taxels.clone());
             Some(Patch { name, link: patch.link, mesh, filled: patch.filled, taxels })
         });
-        Skin { links: self.links.clone(), patches: patches.collect(), ..Skin::default() }
+        Skin { links: self.links.clone(), patches: patches.collect(), animations: self.animations.clone() }
     }
 }

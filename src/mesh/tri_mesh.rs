@@ -77,6 +77,16 @@ impl TriMesh {
         self.triangles.ids().map(|f| self.face_area(f)).sum()
     }
 
+    /// Volume inside a closed surface, in m^3; negative if it is inside out.
+    pub(crate) fn enclosed_volume(&self) -> f64 {
+        let origin = self.positions.iter().next().copied().unwrap_or_default();
+        let volume = |face| {
+            let [a, b, c] = self.corners(face).map(|p| p - origin);
+            a.dot(b.cross(c)) / 6.0
+        };
+        self.triangles.ids().map(volume).sum()
+    }
+
     /// [`Self::face_cross`] of every face.
     pub(crate) fn face_crosses(&self) -> IdVec<FaceId, DVec3> {
         par_ids(self.triangles.len(), |face| self.face_cross(face))

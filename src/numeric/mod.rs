@@ -22,12 +22,17 @@ pub(crate) use disjoint_sets::{DisjointSets, Labels, Relation};
 pub(crate) use linear_system::solve_system;
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use order::{along_curve, argsort, chains, median, median_of, morton, nth_smallest, order_by};
-pub(crate) use random::Random;
+pub(crate) use random::{Random, hash, place_hash};
 pub(crate) use shortest_paths::distances_from;
 pub(crate) use symmetric_eigen::symmetric_eigen;
 
 /// The standard deviation of normal numbers over the median of their sizes.
 pub(crate) const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
+
+/// The median length of two normal numbers over their standard deviation (Rayleigh), and of three (Maxwell).
+pub(crate) const MEDIAN_OF_RAYLEIGH: f64 = 1.177_410;
+/// See [`MEDIAN_OF_RAYLEIGH`].
+pub(crate) const MEDIAN_OF_MAXWELL: f64 = 1.538_172;
 
 /// A number as files and images store it.
 #[expect(clippy::cast_possible_truncation, reason = "files and images store f32")]

@@ -62,6 +62,20 @@ impl Random {
     }
 }
 
+/// SplitMix64 `(steele2014)`: a bijection that looks like noise.
+pub(crate) const fn hash(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+/// A hash of a position.
+pub(crate) fn place_hash(p: DVec3) -> u64 {
+    // Adding 0 makes -0 the same.
+    p.to_array().into_iter().fold(0, |of, x| hash(of ^ (x + 0.0).to_bits()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

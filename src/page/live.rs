@@ -3,14 +3,19 @@
 //! It listens on the loopback address, and answers requests that contain its token, name it as their host and
 //! come from no other origin; so another site that is open in the browser can neither read the skin nor guess
 //! its address. A browser gets the newest frame at most 60 times a second; frames that it misses are counted. It gets
-//! every event that ends while it is connected.
+//! every event that ends while it is connected, and a comment as a ping where no frame comes, so that a browser that
+//! has left is noticed.
+//!
+//! The few lines of HTTP are here because `tiny_http`, the small server among the crates, has no deadline for a
+//! request, no timeout of its sockets and no bound on its threads: a slow client or a browser that has left keeps one
+//! as long as it likes.
 
 use std::collections::VecDeque;
 use std::collections::hash_map::RandomState;
 use std::fmt::Write as _;
 use std::hash::{BuildHasher, Hasher};
-use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -21,9 +26,15 @@ use crate::page::LiveUpdate;
 /// Shortest time between two frames that a browser gets.
 const FRAME: Duration = Duration::from_micros(16_667);
 
-/// Largest request, in bytes, and how long it may take to arrive.
-const MAX_REQUEST: u64 = 16_384;
+/// Longest head of a request, in bytes, how long it may take to arrive, and how long a browser may not read.
+const MAX_HEAD: usize = 16_384;
 const MAX_WAIT: Duration = Duration::from_secs(5);
+
+/// Time without a frame after which a browser is pinged. The second ping fails if it has left.
+const PING: Duration = Duration::from_secs(1);
+
+/// Time after which connections are accepted again if the system gave none, or no thread.
+const RETRY: Duration = Duration::from_millis(100);
 
 /// Connections that are answered at once; a browser opens a few.
 const MAX_CONNECTIONS: usize = 16;
@@ -87,20 +98,13 @@ impl LiveServer {
         let (latest, changed, connections) = Default::default();
         let shared = Arc::new(Shared { page, token: token(), address, latest, changed, connections });
         let served = Arc::clone(&shared);
-        thread::spawn(move || {
-            for connection in listener.incoming().flatten() {
-                let shared = Arc::clone(&served);
-                if shared.connections.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS {
-                    shared.connections.fetch_sub(1, Ordering::Relaxed);
-                    continue;
+        thread::Builder::new().spawn(move || {
+            for connection in listener.incoming() {
+                if connection.and_then(|connection| Shared::accept(&served, connection)).is_err() {
+                    thread::sleep(RETRY);
                 }
-                thread::spawn(move || {
-                    // A browser that closes the connection is not an error.
-                    let _ = shared.answer(&connection);
-                    shared.connections.fetch_sub(1, Ordering::Relaxed);
-                });
             }
-        });
+        })?;
         Ok(Self { shared })
     }
 
@@ -147,22 +151,39 @@ impl Shared {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Answers a connection on a thread of its own, unless too many are open.
+    fn accept(shared: &Arc<Self>, connection: TcpStream) -> io::Result<()> {
+        let open = Open(Arc::clone(shared));
+        if shared.connections.fetch_add(1, Ordering::Relaxed) < MAX_CONNECTIONS {
+            // A browser that closes the connection is not an error.
+            thread::Builder::new().spawn(move || _ = open.0.answer(&connection))?;
+        }
+        Ok(())
+    }
+
     fn answer(&self, connection: &TcpStream) -> io::Result<()> {
-        connection.set_read_timeout(Some(MAX_WAIT))?;
         connection.set_write_timeout(Some(MAX_WAIT))?;
-        let Request { method, path, hosts, origin } = Request::read(connection)?;
+        let deadline = Instant::now() + MAX_WAIT;
+        let Some(head) = read_head(connection, deadline)? else {
+            let kind = "431 Request Header Fields Too Large";
+            respond(connection, kind, "text/plain", &format!("more than {MAX_HEAD} bytes of headers\n"))?;
+            return drain(connection, deadline);
+        };
+        let Some(Request { method, path, hosts, origins }) = Request::parse(&head) else {
+            return respond(connection, "400 Bad Request", "text/plain", "not a request of HTTP in UTF-8\n");
+        };
         let port = self.address.port();
         let own = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-        let is_own_host = matches!(&hosts[..], [host] if own.contains(host));
-        let is_own_origin =
-            origin.is_none_or(|origin| own.iter().any(|host| origin == format!("http://{host}")));
-        if !is_own_host || !is_own_origin {
+        let is_own = |host: &str| own.iter().any(|own| own.eq_ignore_ascii_case(host));
+        let is_own_host = matches!(hosts[..], [host] if is_own(host));
+        let is_own_origin = |origin: &&str| origin.strip_prefix("http://").is_some_and(is_own);
+        if !is_own_host || !origins.iter().all(is_own_origin) {
             return respond(connection, "403 Forbidden", "text/plain", "another host or origin\n");
         }
         let Some(rest) = path.strip_prefix('/').and_then(|path| path.strip_prefix(&self.token)) else {
             return respond(connection, "404 Not Found", "text/plain", "nothing is here\n");
         };
-        match (method.as_str(), rest) {
+        match (method, rest) {
             ("GET", "/") => respond(connection, "200 OK", "text/html; charset=utf-8", &self.page),
             ("GET", "/frames") => self.stream(connection),
             _ => respond(connection, "404 Not Found", "text/plain", "nothing is here\n"),
@@ -171,15 +192,18 @@ impl Shared {
 
     /// Sends frames until the input or the browser ends.
     fn stream(&self, mut connection: &TcpStream) -> io::Result<()> {
-        write!(
-            connection,
-            "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n"
-        )?;
+        write!(connection, "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n{HEADERS}\r\n\r\n")?;
         let (mut seen, mut dropped) = (self.latest().count.saturating_sub(1), 0);
         loop {
             let latest = self.latest();
             let wait = |latest: &mut Latest| latest.count <= seen && !latest.has_ended;
-            let latest = self.changed.wait_while(latest, wait).unwrap_or_else(PoisonError::into_inner);
+            let waited = self.changed.wait_timeout_while(latest, PING, wait);
+            let (latest, time) = waited.unwrap_or_else(PoisonError::into_inner);
+            if time.timed_out() {
+                drop(latest);
+                write!(connection, ":\n\n")?;
+                continue;
+            }
             let (count, frame, events) = (latest.count, Arc::clone(&latest.frame), latest.events_since(seen));
             drop(latest);
             if count <= seen {
@@ -195,57 +219,98 @@ impl Shared {
     }
 }
 
-/// The request line and the headers that are checked.
-struct Request {
-    method: String,
-    path: String,
-    hosts: Vec<String>,
-    origin: Option<String>,
-}
+/// A connection that is counted until it is dropped.
+struct Open(Arc<Shared>);
 
-impl Request {
-    fn read(connection: &TcpStream) -> io::Result<Self> {
-        let mut lines = BufReader::new(connection.take(MAX_REQUEST)).lines();
-        let end = || io::Error::from(ErrorKind::UnexpectedEof);
-        let first = lines.next().ok_or_else(end)??;
-        let mut words = first.split(' ').map(str::to_owned);
-        let (method, path) = words.next().zip(words.next()).ok_or_else(end)?;
-        let mut request = Self { method, path, hosts: Vec::new(), origin: None };
-        for line in lines {
-            let line = line?;
-            if line.is_empty() {
-                return Ok(request);
-            }
-            let Some((name, value)) = line.split_once(':') else { continue };
-            if name.eq_ignore_ascii_case("host") {
-                request.hosts.push(value.trim().to_owned());
-            } else if name.eq_ignore_ascii_case("origin") {
-                request.origin = Some(value.trim().to_owned());
-            }
-        }
-        Err(end())
+impl Drop for Open {
+    fn drop(&mut self) {
+        self.0.connections.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
+/// The lines before the empty line of a request; `None` if they are too long.
+fn read_head(connection: &TcpStream, deadline: Instant) -> io::Result<Option<Vec<u8>>> {
+    let (mut head, mut part) = (Vec::new(), [0; 4096]);
+    loop {
+        if let Some(end) = head.windows(4).position(|bytes| bytes == b"\r\n\r\n") {
+            head.truncate(end);
+            return Ok(Some(head));
+        }
+        if head.len() > MAX_HEAD {
+            return Ok(None);
+        }
+        match read_until(connection, deadline, &mut part)? {
+            0 => return Err(ErrorKind::UnexpectedEof.into()),
+            count => head.extend_from_slice(&part[..count]),
+        }
+    }
+}
+
+fn read_until(mut connection: &TcpStream, deadline: Instant, part: &mut [u8]) -> io::Result<usize> {
+    let left = deadline.saturating_duration_since(Instant::now());
+    if left.is_zero() {
+        return Err(ErrorKind::TimedOut.into());
+    }
+    connection.set_read_timeout(Some(left))?;
+    connection.read(part)
+}
+
+/// Reads the rest of a request that is not looked at: what a closed socket has not read resets the connection,
+/// and the answer is lost.
+fn drain(connection: &TcpStream, deadline: Instant) -> io::Result<()> {
+    connection.shutdown(Shutdown::Write)?;
+    while read_until(connection, deadline, &mut [0; 4096])? > 0 {}
+    Ok(())
+}
+
+/// The request line and the headers that are checked.
+struct Request<'a> {
+    method: &'a str,
+    path: &'a str,
+    hosts: Vec<&'a str>,
+    origins: Vec<&'a str>,
+}
+
+impl<'a> Request<'a> {
+    fn parse(head: &'a [u8]) -> Option<Self> {
+        let mut lines = std::str::from_utf8(head).ok()?.split("\r\n");
+        let mut words = lines.next()?.split(' ');
+        let (method, path) = (words.next()?, words.next()?);
+        let headers: Vec<_> = lines.filter_map(|line| line.split_once(':')).collect();
+        let of = |wanted: &str| {
+            let named = headers.iter().filter(|(name, _)| name.eq_ignore_ascii_case(wanted));
+            named.map(|(_, value)| value.trim()).collect()
+        };
+        Some(Self { method, path, hosts: of("host"), origins: of("origin") })
+    }
+}
+
+/// Headers of every answer.
+const HEADERS: &str = "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+                       X-Frame-Options: DENY\r\nCross-Origin-Resource-Policy: same-origin\r\nConnection: close";
+
 fn respond(mut connection: &TcpStream, status: &str, kind: &str, body: &str) -> io::Result<()> {
+    let length = body.len();
     write!(
         connection,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\n\
-         X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nX-Frame-Options: DENY\r\n\
-         Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n\r\n{body}",
-        body.len()
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{HEADERS}\r\n\r\n{body}"
     )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{BufRead, BufReader};
 
     /// The answer to a request of these lines.
     fn ask(server: &LiveServer, path: &str, headers: &[String]) -> String {
-        let mut connection = TcpStream::connect(server.shared.address).unwrap();
         let headers: String = headers.iter().map(|line| format!("{line}\r\n")).collect();
-        write!(connection, "GET {path} HTTP/1.1\r\n{headers}\r\n").unwrap();
+        answer(server, format!("GET {path} HTTP/1.1\r\n{headers}\r\n").as_bytes())
+    }
+
+    fn answer(server: &LiveServer, request: &[u8]) -> String {
+        let mut connection = TcpStream::connect(server.shared.address).unwrap();
+        connection.write_all(request).unwrap();
         let mut answer = String::new();
         connection.read_to_string(&mut answer).unwrap();
         answer
@@ -262,10 +327,58 @@ mod tests {
         let wrong = format!("/{}/", "0".repeat(32));
         assert!(ask(&server, &wrong, std::slice::from_ref(&host)).starts_with("HTTP/1.1 404"));
         let foreign = "Origin: https://example.com".to_owned();
-        assert!(ask(&server, &path, &[host, foreign]).starts_with("HTTP/1.1 403"));
+        assert!(ask(&server, &path, &[host.clone(), foreign.clone()]).starts_with("HTTP/1.1 403"));
+        let own = format!("Origin: http://{}", server.shared.address);
+        assert!(ask(&server, &path, &[host, foreign, own]).starts_with("HTTP/1.1 403"), "any of two origins");
+        let capitals = format!("HOST: LocalHost:{}", server.shared.address.port());
+        assert!(ask(&server, &path, &[capitals]).starts_with("HTTP/1.1 200"), "hosts have no case");
         // Another site whose name resolves to this machine.
         assert!(ask(&server, &path, &["Host: example.com".into()]).starts_with("HTTP/1.1 403"));
         assert!(ask(&server, &path, &[]).starts_with("HTTP/1.1 403"));
+    }
+
+    #[test]
+    fn long_and_foreign_and_slow_requests_end() {
+        let server = LiveServer::start(String::new()).unwrap();
+        let mut slow = TcpStream::connect(server.shared.address).unwrap();
+        let begin = Instant::now();
+        let cookies = [format!("Cookie: {}", "x".repeat(100_000))];
+        assert!(ask(&server, "/", &cookies).starts_with("HTTP/1.1 431"));
+        assert!(answer(&server, b"GET /\xff HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 400"));
+        assert!(answer(&server, b"\r\n\r\n").starts_with("HTTP/1.1 400"));
+        // A byte at a time does not put off the end.
+        while slow.write_all(b"G").is_ok() && begin.elapsed() < 3 * MAX_WAIT {
+            thread::sleep(Duration::from_millis(200));
+        }
+        assert!((MAX_WAIT..2 * MAX_WAIT).contains(&begin.elapsed()), "{:?}", begin.elapsed());
+    }
+
+    /// Browsers that have left are noticed while no frame comes.
+    #[test]
+    fn pages_that_were_closed_free_their_connections() {
+        let server = LiveServer::start(String::new()).unwrap();
+        server.show(update(0));
+        let host = format!("Host: {}", server.shared.address);
+        let request = format!("GET /{}/frames HTTP/1.1\r\n{host}\r\n\r\n", server.shared.token);
+        for _ in 0..MAX_CONNECTIONS {
+            let mut connection = TcpStream::connect(server.shared.address).unwrap();
+            connection.write_all(request.as_bytes()).unwrap();
+            let headers = BufReader::new(connection).lines().find(|line| line.as_ref().unwrap().is_empty());
+            assert!(headers.is_some());
+        }
+        let (begin, path) = (Instant::now(), format!("/{}/", server.shared.token));
+        let is_answered = || {
+            let mut connection = TcpStream::connect(server.shared.address).unwrap();
+            let sent = write!(connection, "GET {path} HTTP/1.1\r\n{host}\r\n\r\n");
+            let mut answer = String::new();
+            sent.is_ok()
+                && connection.read_to_string(&mut answer).is_ok()
+                && answer.starts_with("HTTP/1.1 200")
+        };
+        while !is_answered() {
+            assert!(begin.elapsed() < 10 * PING, "no connection is free");
+            thread::sleep(PING / 10);
+        }
     }
 
     /// A frame `{"k":K}`, and its number as an event.

@@ -9,7 +9,7 @@ use crate::numeric::narrow;
 use crate::page::events::{EventRecorder, EventRow};
 use crate::page::pack::Packer;
 use crate::recording::Step;
-use crate::signal::{Channel, ContactEvent, ContactRegion, Quantity, SignalError};
+use crate::signal::{Channel, Clock, ContactEvent, ContactRegion, Quantity, SignalError};
 use crate::skin::PatchId;
 
 /// Most readings of a page: a quarter of a gigabyte while it is made.
@@ -22,7 +22,9 @@ pub(super) struct Recorder<'m> {
     shown: usize,
     /// Threshold of contacts, if it is known.
     pub(super) threshold: Option<f64>,
+    clock: Clock,
     times: Vec<f64>,
+    cuts: Vec<usize>,
     totals: Vec<f64>,
     contacts: Vec<ContactRow>,
     events: EventRecorder,
@@ -40,6 +42,8 @@ pub(super) struct RecordingHeader {
     hi: f64,
     force: bool,
     times: Vec<f64>,
+    /// The frames before which times go back or frames are missing.
+    cuts: Vec<usize>,
     /// Sum of the readings of each frame.
     totals: Vec<f64>,
     /// Array of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
@@ -62,7 +66,9 @@ impl<'m> Recorder<'m> {
             channel: channel.clone(),
             shown,
             threshold: None,
+            clock: Clock::new(),
             times: Vec::new(),
+            cuts: Vec::new(),
             totals: Vec::new(),
             contacts: Vec::new(),
             events: EventRecorder::new(map)?,
@@ -86,7 +92,10 @@ impl<'m> Recorder<'m> {
                 most: MAX_READINGS / taxels.max(1),
             });
         }
-        self.times.push(if frame.time.is_finite() { frame.time } else { number as f64 });
+        if self.clock.see(frame.time).is_cut() {
+            self.cuts.push(number);
+        }
+        self.times.push(time_of(frame.time, self.times.last().copied(), &self.clock));
         let mut total = 0.0;
         for (values, of) in self.values.iter_mut().zip(&frame.values) {
             let read = &of[self.shown];
@@ -124,6 +133,7 @@ impl<'m> Recorder<'m> {
             force: self.channel.newtons().is_some(),
             events: self.events.finish(&self.times),
             times: self.times,
+            cuts: self.cuts,
             totals: self.totals,
             values,
             contacts: self.contacts,
@@ -131,6 +141,15 @@ impl<'m> Recorder<'m> {
             is_live: false,
             channel: self.channel.name,
         }
+    }
+}
+
+/// The time of a frame; of one without, the usual step after the last, or a second where nothing is known.
+fn time_of(time: f64, last: Option<f64>, clock: &Clock) -> f64 {
+    match last {
+        _ if time.is_finite() => time,
+        None => 0.0,
+        Some(last) => last + clock.usual().unwrap_or(1.0),
     }
 }
 
@@ -151,7 +170,8 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
 #[derive(Debug)]
 pub struct LiveFrames {
     shown: usize,
-    count: usize,
+    clock: Clock,
+    last: Option<f64>,
     events: EventRecorder,
 }
 
@@ -187,6 +207,7 @@ impl LiveFrames {
             hi: 1e-9,
             force: channel.newtons().is_some(),
             times: Vec::new(),
+            cuts: Vec::new(),
             totals: Vec::new(),
             values: Vec::new(),
             contacts: Vec::new(),
@@ -194,7 +215,7 @@ impl LiveFrames {
             threshold: None,
             is_live: true,
         };
-        Ok((Self { shown, count: 0, events: EventRecorder::new(map)? }, header))
+        Ok((Self { shown, clock: Clock::new(), last: None, events: EventRecorder::new(map)? }, header))
     }
 
     /// The next frame, for [`LiveServer::show`](super::LiveServer::show), with the events that have ended, whose limits
@@ -211,8 +232,9 @@ impl LiveFrames {
         let readings = frame.values.iter().flat_map(|of| of[self.shown].iter());
         let bytes: Vec<u8> = readings.flat_map(|&x| narrow(x).to_le_bytes()).collect();
         let contacts = step.contacts.iter().map(|region| contact_row(0, region)).collect();
-        let time = if frame.time.is_finite() { frame.time } else { self.count as f64 };
-        self.count += 1;
+        self.clock.see(frame.time);
+        let time = time_of(frame.time, self.last, &self.clock);
+        self.last = Some(time);
         let json = serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts });
         let json = json.expect("numbers and texts are JSON");
         Ok(LiveUpdate { frame: json[1..json.len() - 1].to_owned(), events: self.events.ended(step)? })

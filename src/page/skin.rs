@@ -104,8 +104,10 @@ pub(super) fn pack_patch(
     let turns = packer.planes(&[turn(0), turn(1), turn(2)]);
     let key_origins = packer.planes(&[unfolding.origins.iter().map(|place| place.raw()).collect()]);
     let mut values = Vec::new();
-    if let Some(covariances) = &of.covariances {
-        let sigmas: Vec<f64> = covariances.iter().map(|c: &Covariance| 1e3 * c.sigma()).collect();
+    // The page has no colour for an unknown number.
+    let sigma = |c: &Option<Covariance>| c.map(|c| 1e3 * c.sigma());
+    let sigmas = of.covariances.as_ref().and_then(|all| all.iter().map(sigma).collect::<Option<Vec<f64>>>());
+    if let Some(sigmas) = sigmas {
         values.push(packer.values("sigma", "mm", &sigmas));
     }
     if let Some(densities) = &of.densities {

@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Decision, Recipe, decide, may_be_poor, seam_costs};
-use crate::flatten::{FlattenOptions, Method, distortion, flatten_roughly, flatten_with};
+use crate::flatten::{FlattenOptions, Method, distortion, flatten, flatten_roughly};
 use crate::mesh::TriMesh;
-use crate::pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen_with};
+use crate::pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen};
 use crate::run::Run;
 use crate::skin::Taxels;
 
@@ -56,7 +56,7 @@ fn decided_level<'a>(
         levels: Some(steps as usize),
         coarsest: 1,
     };
-    Ok(coarsen_with(mesh, taxels, &options, run)?.levels.into_iter().last().map(Cow::Owned))
+    Ok(coarsen(mesh, taxels, &options, run)?.levels.into_iter().last().map(Cow::Owned))
 }
 
 /// Whether a mesh is a plain disk that stays uncut, judged by its pyramid; most do, and need no trial map.
@@ -161,7 +161,7 @@ fn area_ratio(
         *magnify = 0.0;
     }
     let taxels = Taxels { acuities: None, ..taxels.clone() };
-    let map = flatten_with(mesh, Some(&taxels), &options, run);
+    let map = flatten(mesh, Some(&taxels), &options, run);
     map.map_or(f64::INFINITY, |map| distortion(mesh, &map.uv).area_max)
 }
 

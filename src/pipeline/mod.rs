@@ -2,7 +2,7 @@
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
 //! where it needs a seam, maps every level of it to the plane
-//! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
+//! ([`flatten_pyramid`]) and returns the [`SkinMap`].
 //!
 //! Every map is measured in the 32-bit numbers of `map.glb` (`written`). How a patch is cut depends on that
 //! patch alone (`cut_open`).
@@ -40,7 +40,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{check_pixel, fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{Boundary, flatten_pyramid_with, patch_scales};
+use crate::flatten::{Boundary, flatten_pyramid, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
@@ -49,7 +49,7 @@ use crate::pipeline::attempts::{SAME, attempts, energy, is_better, keep_held};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
-use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen_cut, coarsen_with};
+use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
 use crate::run::{Progress, Run, Stage};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, SkinError, assemble, named_links, world_pose};
 
@@ -122,6 +122,8 @@ pub fn build_with(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result<B
 fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>) -> Result<Built, Error> {
     let start = Instant::now();
     skin.validate()?;
+    let without = skin.without_even_acuities();
+    let skin = without.as_ref().unwrap_or(skin);
     // Files and searches refuse more, so it is checked before the work.
     for patch in &skin.patches {
         if let Some((vertex, p)) = patch.mesh.positions.enumerate().find(|(_, p)| !is_within_reach(**p)) {
@@ -248,7 +250,7 @@ fn coarsen_patch(
     // A prescribed boundary is that of the uncut disk.
     let is_uncut = matches!(cut, Cut::None | Cut::All) || flatten.boundary != Boundary::Free;
     let whole = match seam {
-        [] if may_stay => Some(coarsen_with(mesh, taxels, &options.coarsen, run)?),
+        [] if may_stay => Some(coarsen(mesh, taxels, &options.coarsen, run)?),
         _ => None,
     };
     let cut = match (&whole, seam) {
@@ -259,7 +261,7 @@ fn coarsen_patch(
     Ok(match (cut, whole) {
         (Some(cut), _) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen, run)?)),
         (None, Some(whole)) => Coarsened::Whole(whole),
-        (None, None) => Coarsened::Whole(coarsen_with(mesh, taxels, &options.coarsen, run)?),
+        (None, None) => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen, run)?),
     })
 }
 
@@ -273,13 +275,13 @@ fn map_patch(
 ) -> Result<PatchMap, Error> {
     let (levels, maps) = match pyramid {
         Coarsened::Whole(pyramid) => {
-            let maps = flatten_pyramid_with(&pyramid, Some(&patch.taxels), &options.flatten, run)?;
+            let maps = flatten_pyramid(&pyramid, Some(&patch.taxels), &options.flatten, run)?;
             (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
         }
         Coarsened::Cut(pyramid) => {
             let CutPyramid { pyramid, opened, cuts } = *pyramid;
             let taxels = cuts.iter().next().map(|cut| patch.taxels.select(&cut.unsplit));
-            let maps = flatten_pyramid_with(&opened, taxels.as_ref(), &options.flatten, run)?;
+            let maps = flatten_pyramid(&opened, taxels.as_ref(), &options.flatten, run)?;
             (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
         }
     };
@@ -437,7 +439,7 @@ mod tests {
                     assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
                 }
             }
-            let maps = flatten_pyramid(&made.opened, None, &options).unwrap();
+            let maps = flatten_pyramid(&made.opened, None, &options, Run::default()).unwrap();
             for (level, map) in made.opened.levels.iter().zip(&maps) {
                 assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
             }

@@ -16,10 +16,6 @@
 //! assert!(picture.to_png()?.starts_with(b"\x89PNG"));
 //! # Ok::<(), dermatome::Error>(())
 //! ```
-//!
-//! In reading order: [`plot_map`] and [`plot_frame`] choose patches and levels, `draw` makes a panel of each
-//! (a level on its map, or the skin in space), `colour` chooses the colours, `layout` positions panels,
-//! captions and legends, and `picture` is the resulting list of shapes.
 
 mod colour;
 mod draw;

@@ -15,7 +15,7 @@ pub(crate) struct PatchView<'a> {
     pub(crate) mesh: &'a TriMesh,
     pub(crate) pose: DAffine3,
     presence: &'a IdVec<VertexId, Presence>,
-    covariances: Option<&'a IdVec<VertexId, Covariance>>,
+    covariances: Option<&'a IdVec<VertexId, Option<Covariance>>>,
     regions: Option<&'a IdVec<VertexId, Option<RegionName>>>,
     /// The levels with their maps; `None` for a skin that has no map.
     levels: Option<&'a IdVec<LevelId, MapLevel>>,
@@ -67,10 +67,10 @@ impl<'a> PatchView<'a> {
     }
 
     /// The standard deviation of each taxel's position, in m: the square root of the trace of its
-    /// covariance.
+    /// covariance; NaN where that is unknown.
     pub(crate) fn sigmas(&self) -> Result<IdVec<VertexId, f64>, PlotError> {
         let unknown = || PlotError::NoCovariances { patch: self.name.to_owned() };
-        Ok(self.covariances.ok_or_else(unknown)?.map(|c| c.sigma()))
+        Ok(self.covariances.ok_or_else(unknown)?.map(|c| c.map_or(f64::NAN, Covariance::sigma)))
     }
 }
 

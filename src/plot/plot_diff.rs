@@ -24,7 +24,7 @@ use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId, link_names};
 
 /// The kinds that places have, in the order of the legend, with their colours; that of a link as a whole has none.
-const KINDS: [(ChangeKind, Colour); 7] = [
+const KINDS: [(ChangeKind, Colour); 11] = [
     (ChangeKind::Moved, Colour::rgb(0xfd_ae6b)),
     (ChangeKind::Turned, Colour::rgb(0x9e_cae1)),
     (ChangeKind::Swapped, Colour::rgb(0xbc_bddc)),
@@ -32,6 +32,10 @@ const KINDS: [(ChangeKind, Colour); 7] = [
     (ChangeKind::Missing, Colour::rgb(0xa6_a6a6)),
     (ChangeKind::New, Colour::rgb(0x74_c476)),
     (ChangeKind::Renumbered, Colour::rgb(0xff_ed6f)),
+    (ChangeKind::Relinked, Colour::rgb(0x80_b1d3)),
+    (ChangeKind::Tilted, Colour::rgb(0xd9_b38c)),
+    (ChangeKind::Resized, Colour::rgb(0xcc_ebc5)),
+    (ChangeKind::Regrouped, Colour::rgb(0xe5_c494)),
 ];
 
 /// Motions up to this many distances between taxels follow the differential of the map.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{Rings, angle};
+use crate::numeric::{hash, place_hash};
 use crate::pyramid::removal::SeamRole;
 use crate::skin::Taxels;
 
@@ -55,7 +56,7 @@ pub(super) fn wanted_spacing(
     measured: impl FnOnce() -> IdVec<VertexId, f64>,
 ) -> Option<IdVec<VertexId, f64>> {
     let lattice = |rho: &f64| (2.0 / (3.0_f64.sqrt() * rho)).sqrt();
-    match (&taxels.densities, &taxels.acuities) {
+    match (&taxels.densities, taxels.relative_acuities()) {
         (None, None) => None,
         (Some(densities), None) => Some(densities.map(lattice)),
         (densities, Some(acuities)) => {
@@ -88,7 +89,7 @@ pub(super) fn scaled_spacing(
 /// the inside; of each, taxels that read pressure before absent ones and thermal pads; of these, in the order
 /// of a hash of the taxel's id, so that the result depends neither on the order in a file nor on a vendor's
 /// numbering; ids without gaps count from 1, so that it does not depend on other patches either. Vertices of
-/// equal ids are ordered by number.
+/// equal ids are ordered by number. Where the file has no ids, a hash of the place takes their place.
 ///
 /// `origins` gives the taxel of each vertex. A seam counts as a boundary, its ends and
 /// branchings as corners.
@@ -103,6 +104,7 @@ pub(super) fn priorities(
     let (least, most) = (ids().min().unwrap_or_default(), ids().max().unwrap_or_default());
     let is_counted = (most - least) as usize + 1 == taxels.ids.len();
     let before = if is_counted { least.saturating_sub(1) } else { 0 };
+    let cell = taxels.are_counted.then(|| cells(positions));
     let mut keyed: Vec<(u64, u64, VertexId)> = origins
         .as_slice()
         .par_iter()
@@ -118,25 +120,33 @@ pub(super) fn priorities(
                 true => 1,
                 false => 2,
             };
-            (class << 62 | is_silent << 61 | hash(u64::from(id.0 - before)) >> 3, hash(u64::from(v.raw())), v)
+            let [first, second] = match &cell {
+                Some(cell) => [cell(positions[v]), positions[v]].map(place_hash),
+                None => [id.0 - before, v.raw()].map(|number| hash(u64::from(number))),
+            };
+            (class << 62 | is_silent << 61 | first >> 3, second, v)
         })
         .collect();
     keyed.par_sort_unstable();
     keyed.into_iter().map(|(_, _, v)| v).collect()
 }
 
+/// Cells along the longest side of a box: so wide that the rounding of a file to `f32` changes the cell of one position in
+/// five thousand, and so narrow that hardly two of a million taxels share one.
+const CELLS: f64 = 1024.0;
+
+/// The cell of a position in the box of all, which is the same of a body that is shifted or scaled.
+fn cells(positions: &IdVec<VertexId, DVec3>) -> impl Fn(DVec3) -> DVec3 + Sync + use<> {
+    let ends = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = positions.iter().fold(ends, |(low, high), &p| (low.min(p), high.max(p)));
+    let scale = CELLS / (high - low).max_element();
+    move |p| ((p - low) * scale).round()
+}
+
 fn is_corner(rings: &Rings, positions: &IdVec<VertexId, DVec3>, v: VertexId) -> bool {
     let pairs = rings.of(v).windows(2);
     let sum: f64 = pairs.map(|pair| angle(positions[v], positions[pair[0]], positions[pair[1]])).sum();
     (sum - PI).abs() > CORNER_TURN
-}
-
-/// SplitMix64 `(steele2014)`: a bijection that looks like noise.
-const fn hash(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
 }
 
 /// The data of a level from which centres are chosen.

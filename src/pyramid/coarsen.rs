@@ -42,10 +42,10 @@ impl Default for CoarsenOptions {
 /// The pyramid of one patch, from its mesh and taxels.
 ///
 /// ```
-/// use dermatome::{id::VertexId, mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, skin::Taxels};
+/// use dermatome::{id::VertexId, mesh::shapes, pyramid::{LevelId, CoarsenOptions, coarsen}, run::Run, skin::Taxels};
 ///
 /// let mesh = shapes::cap(2000, 0.1, 1.9);
-/// let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default())?;
+/// let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default(), Run::default())?;
 ///
 /// // Push on one taxel: the force arrives whole at the receptive fields of level 1.
 /// let skin = &pyramid.levels[LevelId::new(0)];
@@ -58,16 +58,8 @@ impl Default for CoarsenOptions {
 ///
 /// # Errors
 /// If the patch is not an oriented manifold or an array has another length than its mesh, an area
-/// is negative, a density not positive, or the ratio below 1.5.
-pub fn coarsen(mesh: &TriMesh, taxels: &Taxels, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
-    coarsen_with(mesh, taxels, options, Run::default())
-}
-
-/// As [`coarsen`], in a [`Run`].
-///
-/// # Errors
-/// As [`coarsen`], and if it is cancelled.
-pub fn coarsen_with(
+/// is negative, a density not positive, the ratio below 1.5, or the run is cancelled.
+pub fn coarsen(
     mesh: &TriMesh,
     taxels: &Taxels,
     options: &CoarsenOptions,

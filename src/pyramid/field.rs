@@ -33,11 +33,12 @@ impl Level {
     /// use dermatome::{
     ///     mesh::shapes,
     ///     pyramid::{CoarsenOptions, LevelId, coarsen},
+    ///     run::Run,
     ///     skin::Taxels,
     /// };
     ///
     /// let mesh = shapes::lattice(20, 20, 0.005);
-    /// let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default())?;
+    /// let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default(), Run::default())?;
     /// let [finest, level] = [0, 1].map(|k| &pyramid.levels[LevelId::new(k)]);
     /// for field in &level.fields(finest) {
     ///     let at = field.members.binary_search(&field.centre).expect("the centre lies in its field");
@@ -89,12 +90,14 @@ impl Level {
 mod tests {
     use crate::mesh::shapes;
     use crate::pyramid::{CoarsenOptions, LevelId, coarsen};
+    use crate::run::Run;
     use crate::skin::Taxels;
 
     #[test]
     fn fields_share_the_skin_and_nothing_is_lost() {
         let mesh = shapes::cap(3000, 0.1, 1.0);
-        let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default()).unwrap();
+        let pyramid =
+            coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default(), Run::default()).unwrap();
         let finest = &pyramid.levels[LevelId::new(0)];
         assert!(pyramid.levels.len() > 2);
         for level in &pyramid.levels {
@@ -115,7 +118,8 @@ mod tests {
     #[test]
     fn fields_without_area_have_finite_shares() {
         let mesh = shapes::lattice(12, 12, 0.01);
-        let mut pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default()).unwrap();
+        let mut pyramid =
+            coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default(), Run::default()).unwrap();
         pyramid.levels.iter_mut().for_each(|level| level.areas.iter_mut().for_each(|area| *area = 0.0));
         let [finest, level] = [0, 1].map(|k| &pyramid.levels[LevelId::new(k)]);
         assert!(level.fields(finest).iter().flat_map(|field| &field.overlap).all(|share| *share == 0.0));

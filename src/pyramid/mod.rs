@@ -44,7 +44,7 @@ mod prolongation;
 mod removal;
 mod removal_log;
 
-pub use coarsen::{CoarsenOptions, coarsen, coarsen_with};
+pub use coarsen::{CoarsenOptions, coarsen};
 pub(crate) use coarsen::{CutPyramid, coarsen_cut};
 pub use error::PyramidError;
 pub use field::Field;

@@ -6,7 +6,9 @@ use crate::Error;
 use crate::io::{ReadingsReader, Statement, StatementSource};
 use crate::map::SkinMap;
 use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
-use crate::signal::{Channel, Conditioner, Filler, Frame, Join, SignalError, Stage};
+use crate::signal::{
+    Channel, Clock, Conditioner, Filler, Frame, Join, Rest, SignalError, Stage, Zero, main_channel,
+};
 
 pub(super) struct Intake {
     reader: ReadingsReader,
@@ -14,7 +16,11 @@ pub(super) struct Intake {
     conditioner: Conditioner,
     filler: Option<Filler>,
     range: FrameRange,
+    /// What readings are at rest, and the threshold that is stated, in the channel that it is of.
+    rest: (Rest, Option<(usize, f64)>),
     rate_hz: Option<f64>,
+    /// A rate that is given for readings with times.
+    unused_hz: Option<f64>,
     /// Whether the options name the units.
     has_units: bool,
     /// The frame that was read last, or that comes next of those that were kept.
@@ -23,8 +29,7 @@ pub(super) struct Intake {
     /// The first frames, from which stages have learned.
     kept: VecDeque<Frame>,
     has_learned: bool,
-    /// Times of the first and of the last frame that was read.
-    frame_times: [f64; 2],
+    clock: Clock,
     /// Number of the next frame.
     next: usize,
     report: RecordingReport,
@@ -40,26 +45,41 @@ impl Intake {
         if let Some(hz) = options.rate_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
             return Err(SignalError::option("the rate of frames in Hz", hz, "a positive number"));
         }
+        let all = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+        reader.settle_first_line(all.copied());
         let has_times = reader.has_times || options.rate_hz.is_some();
         if options.condition.split_hz.is_some() && !has_times {
             return Err(SignalError::NoTimes);
         }
         let join = Join::new(map, reader.ids.as_deref(), reader.width, options.duplicates)?;
         let conditioner = Conditioner::new(map, &reader.channels, &options.condition)?;
+        let main = main_channel(reader.channels.iter().map(|channel| channel.kind));
+        let is_tared = reader.rest.is_zero;
+        let has_zero = !matches!(options.condition.zero, Zero::Taken | Zero::First(0));
+        let is_as_stated = is_tared
+            && options.units.is_empty()
+            && options.condition.response.is_none()
+            && options.condition.gains.is_empty()
+            && options.condition.split_hz.is_none();
+        let threshold = reader.rest.threshold.filter(|_| is_as_stated);
+        let rest = if is_tared || has_zero { Rest::AtZero } else { Rest::Learned };
         let is_filled = options.fill == Fill::Neighbours;
         Ok(Self {
             filler: is_filled.then(|| Filler::new(map, conditioner.channels().len())),
             range: options.frames,
+            rest: (rest, threshold.map(|threshold| (main, threshold))),
             has_units: !options.units.is_empty(),
             rate_hz: options.rate_hz.filter(|_| !reader.has_times),
+            unused_hz: options.rate_hz.filter(|_| reader.has_times),
             frame: Frame::new(map, reader.channels.len()),
             values: Vec::new(),
             kept: VecDeque::new(),
             has_learned: false,
-            frame_times: [f64::NAN; 2],
+            clock: Clock::new(),
             next: 0,
             report: RecordingReport {
                 channels: reader.channels.len(),
+                of_touch: reader.channels.iter().filter(|channel| channel.kind.is_of_touch()).count(),
                 has_times,
                 join: join.report().clone(),
                 ..RecordingReport::default()
@@ -91,6 +111,10 @@ impl Intake {
             all.retain(|known| known.what != "time");
             all.push(argument("time", format!("{rate} frames a second")));
         }
+        if let Some(rate) = self.unused_hz {
+            let value = format!("those of the readings; the rate of {rate} frames a second is not used");
+            all.push(Statement::new("times", value, StatementSource::Checked));
+        }
         let frames = self.conditioner.frames_to_learn();
         if frames > 0 {
             all.push(argument("zero", format!("the mean of the first {frames} frames, subtracted")));
@@ -108,6 +132,16 @@ impl Intake {
         self.conditioner.frames_to_learn()
     }
 
+    /// What readings of a channel are at rest, and the threshold that is stated for it.
+    pub(super) fn rest(&self, channel: usize) -> (Rest, Option<f64>) {
+        let (rest, stated) = self.rest;
+        let is_of_touch = self.channels().get(channel).is_some_and(|channel| channel.kind.is_of_touch());
+        (
+            if is_of_touch { rest } else { Rest::Learned },
+            stated.filter(|(main, _)| *main == channel).map(|(_, threshold)| threshold),
+        )
+    }
+
     pub(super) fn zeros(&self) -> Vec<f64> {
         self.conditioner.zeros()
     }
@@ -117,10 +151,8 @@ impl Intake {
     }
 
     pub(super) fn report(&self) -> RecordingReport {
-        let steps = self.report.read.saturating_sub(1) as f64;
-        let interval = (self.frame_times[1] - self.frame_times[0]) / steps;
         RecordingReport {
-            interval: Some(interval).filter(|interval| interval.is_finite()),
+            interval: self.clock.usual(),
             condition: self.conditioner.report().clone(),
             ..self.report.clone()
         }
@@ -174,10 +206,7 @@ impl Intake {
         if let Some(rate) = self.rate_hz {
             self.frame.time = self.report.read as f64 / rate;
         }
-        self.frame_times[1] = self.frame.time;
-        if self.report.read == 0 {
-            self.frame_times[0] = self.frame.time;
-        }
+        self.clock.see(self.frame.time);
         self.report.read += 1;
         self.report.missing += self.join.fill(&self.values, &mut self.frame);
         Ok(true)

@@ -10,10 +10,6 @@
 //! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
-//!
-//! In reading order: `options` says what is done, `intake` does 1 to 4, `levels` the values of 5. `examine` passes recordings to
-//! [`Health`](crate::signal::Health), `respond` to the estimators of a response, `order` to
-//! [`ColumnOrder`](crate::signal::ColumnOrder).
 
 mod examine;
 mod intake;
@@ -27,7 +23,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::atlas::Atlas;
-use crate::image::{Interpolation, RenderOptions, Renderer, TactileImage};
+use crate::image::{Renderer, TactileImage};
 use crate::io::{ReadingsReader, Statement};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
@@ -35,6 +31,7 @@ use crate::recording::intake::Intake;
 use crate::recording::levels::Levels;
 use crate::signal::{
     Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, Summary, TrackerOptions,
+    main_channel,
 };
 
 pub use examine::examine;
@@ -94,6 +91,8 @@ pub struct Recording {
     /// The first frames and their numbers, from which the tracker has learned.
     kept: VecDeque<(usize, Frame)>,
     has_learned: bool,
+    /// Why reading ended among them: those before are passed on.
+    failure: Option<Error>,
     /// The one of them that is passed on.
     current: Frame,
 }
@@ -118,6 +117,7 @@ impl Recording {
             summary: None,
             kept: VecDeque::new(),
             has_learned: false,
+            failure: None,
             current: Frame::default(),
         })
     }
@@ -127,20 +127,21 @@ impl Recording {
         self.intake.channels()
     }
 
-    /// The number of the channel of this name; without a name the first.
+    /// The number of the channel of this name; without a name the first that measures touches, other than a tangential
+    /// one, if there is one.
     ///
     /// # Errors
     /// [`SignalError::NoChannel`].
     pub fn channel(&self, name: Option<&str>) -> Result<usize, SignalError> {
-        let Some(name) = name else { return Ok(0) };
         let channels = self.channels();
+        let Some(name) = name else { return Ok(main_channel(channels.iter().map(|channel| channel.kind))) };
         channels.iter().position(|channel| channel.name == name).ok_or_else(|| SignalError::NoChannel {
             name: name.into(),
             known: channels.iter().map(|channel| channel.name.clone()).collect(),
         })
     }
 
-    /// The zero of each taxel in the first channel, patch after patch, as far as it is known by now; NaN where it is
+    /// The zero of each taxel in the [channel](Self::channel) without a name, patch after patch, as far as it is known by now; NaN where it is
     /// not. Without a [zero](crate::signal::Zero) it is 0.
     pub fn zeros(&self) -> Vec<f64> {
         self.intake.zeros()
@@ -180,24 +181,26 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn draw(&mut self, atlas: &Atlas, interpolation: Interpolation) -> Result<(), Error> {
+    pub fn draw(&mut self, atlas: &Atlas) -> Result<(), Error> {
         if self.levels.is_none() {
             self.carry(Carried::Values, None);
         }
         let level = self.levels.as_ref().and_then(|levels| levels.level);
-        let options = RenderOptions { interpolation, level };
-        self.renderer = Some(Renderer::new(&self.map, atlas, self.level_channels(), &options)?);
+        self.renderer = Some(Renderer::new(&self.map, atlas, self.level_channels(), level)?);
         Ok(())
     }
 
-    /// The default options of contacts in a channel: noise and rest are estimated from the frames of the baseline.
+    /// The default options of contacts in a channel. Where the file or a layout states the zero of a pressure or force, or
+    /// a zero is subtracted, readings are about 0 at rest; the threshold is the one that the file states, if it does. Else
+    /// noise and rest are estimated from the first frames, those of the baseline if there is one.
     pub fn tracker_options(&self, channel: usize) -> TrackerOptions {
         let defaults = TrackerOptions::default();
         let noise_frames = match self.intake.baseline() {
             0 => defaults.noise_frames,
             frames => frames.max(2),
         };
-        TrackerOptions { channel, noise_frames, ..defaults }
+        let (rest, threshold) = self.intake.rest(channel);
+        TrackerOptions { channel, noise_frames, rest, threshold, ..defaults }
     }
 
     /// Finds what touches the skin, and follows it from frame to frame. Where the threshold is estimated, the first
@@ -225,6 +228,16 @@ impl Recording {
         Ok(())
     }
 
+    /// As [`Self::summarise`], and follows each loading of a patch or a region ([`Summary::steps`]).
+    ///
+    /// # Errors
+    /// As [`Self::follow_contacts`].
+    pub fn summarise_steps(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        self.summarise(options)?;
+        self.summary.iter_mut().for_each(Summary::follow_steps);
+        Ok(())
+    }
+
     /// What was added up so far, if that was [asked for](Self::summarise).
     pub fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
@@ -233,6 +246,27 @@ impl Recording {
     /// The threshold of contacts, given or estimated; `None` while it is not known.
     pub fn threshold(&self) -> Option<f64> {
         self.tracker.as_ref().and_then(ContactTracker::threshold)
+    }
+
+    /// What is not as it should be where zero and threshold of contacts were learned, a sentence each.
+    pub fn contact_remarks(&self) -> Vec<String> {
+        let Some(tracker) = &self.tracker else { return Vec::new() };
+        let below = tracker.frames_below();
+        let mut remarks = Vec::new();
+        if tracker.was_moving() {
+            remarks.push(
+                "taxels next to each other move together in the first frames, so that something touched the skin while \
+                 its zero was taken; a zero that is given or followed is needed"
+                    .to_owned(),
+            );
+        }
+        if below >= tracker.frames_to_learn().max(1) {
+            remarks.push(format!(
+                "{below} frames have readings far below the zero, so that something touched the skin while it was taken; \
+                 a zero that is given or followed is needed"
+            ));
+        }
+        remarks
     }
 
     /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]); `None` if contacts are not
@@ -248,12 +282,19 @@ impl Recording {
     /// [`Self::report`].
     pub fn next_step(&mut self) -> Result<Option<Step<'_>>, Error> {
         if let Some(tracker) = self.tracker.as_mut().filter(|_| !self.has_learned) {
-            let count = tracker.frames_to_learn();
-            while self.kept.len() < count
-                && let Some((number, frame)) = self.intake.next_frame()?
-            {
-                tracker.learn(frame);
-                self.kept.push_back((number, frame.clone()));
+            let mut is_enough = tracker.frames_to_learn() == 0;
+            while !is_enough {
+                match self.intake.next_frame() {
+                    Ok(Some((number, frame))) => {
+                        is_enough = tracker.learn_from(frame);
+                        self.kept.push_back((number, frame.clone()));
+                    }
+                    Ok(None) => break,
+                    Err(error) => {
+                        self.failure = Some(error);
+                        break;
+                    }
+                }
             }
             tracker.settle();
         }
@@ -263,7 +304,7 @@ impl Recording {
                 self.current = frame;
                 (number, &self.current)
             }
-            None => match self.intake.next_frame()? {
+            None => match self.failure.take().map_or_else(|| self.intake.next_frame(), Err)? {
                 Some(next) => next,
                 None => return Ok(None),
             },

@@ -17,10 +17,6 @@
 //!
 //! Not guaranteed: that all triangles are well shaped where details are smaller than the spacing, or that
 //! walls keep their thickness where a surface bends too much for the spacing.
-//!
-//! In reading order: `surface` (the nearest point), `necks` (strips between rims), `rounds` (on `mesh::HalfedgeMesh`), `moves` (smoothing),
-//! `thin` (faces without height, see `faces`), `tunnels` (tubes and bridges thinner than taxels), `lost` (what the rounds do not cover); `outer` finds the faces of a link that can be touched,
-//! `crumbs` its small pieces.
 
 mod clip;
 mod crumbs;

@@ -10,9 +10,6 @@
 //! **From steps of pressure** ([`StepEstimator`]): gain and exponent of each taxel, in pascals.
 //!
 //! **From touches of known force** ([`ScaleEstimator`]): the scale of relative gains.
-//!
-//! In reading order: `contact` (the depth that a taxel senses below a body), `press` (presses as that model sees
-//! them), `collect` (from frames to presses), `elimination` (one press in the normal equations), `bundle` (all of them); `steps`; `scale`.
 
 mod bundle;
 mod collect;
@@ -32,6 +29,7 @@ use crate::signal::Frame;
 use crate::skin::{PatchId, Skin};
 
 pub use bundle::GainReport;
+pub use collect::Spike;
 pub use error::ResponseError;
 pub use scale::{EXPONENT_TOUCHES, SCALE_TOUCHES, ScaleEstimator, ScaleReport};
 pub use steps::{Curves, StepEstimator, StepReport, TaxelCurve};
@@ -86,7 +84,7 @@ impl<'s> GainEstimator<'s> {
 
     /// Ends a recording: what comes next is not the same touch.
     pub fn end_recording(&mut self) {
-        self.collector.end_press();
+        self.collector.end_recording();
     }
 
     /// The gains.
@@ -118,7 +116,16 @@ impl<'s> GainEstimator<'s> {
             });
             taxels.collect()
         });
-        Ok((gains, GainReport { several: tally.several, small: tally.small, ..report }))
+        Ok((
+            gains,
+            GainReport {
+                several: tally.several,
+                small: tally.small,
+                spikes: tally.spikes,
+                first_spike: tally.first_spike,
+                ..report
+            },
+        ))
     }
 }
 

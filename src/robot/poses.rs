@@ -18,8 +18,11 @@ const MAX_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// its path is a polygon that is 0.03 % of the radius off.
 const MAX_TURN_ON_ARC: f64 = 0.05;
 
-/// Most poses that are inserted between two rows.
-const MAX_STEPS: f64 = 64.0;
+/// Most poses that are inserted between two rows for the sake of arcs; never so few that a step exceeds [`MAX_TURN`].
+const MAX_STEPS_ON_ARC: f64 = 64.0;
+
+/// Most turn of a joint between two rows, in rad: 16,000 turns, of which each takes four poses.
+const MAX_TURN_OF_ROW: f64 = 1e5;
 
 impl Joint {
     /// Its motion, in the frame of its link at value 0; a joint without a value does not move.
@@ -136,7 +139,7 @@ impl Robot {
     /// else approximate.
     ///
     /// # Errors
-    /// If a time or a value is not finite.
+    /// If a time or a value is not finite, or a joint turns by more than 1e5 rad between two rows.
     pub fn motion(&self, rows: &[(f64, Vec<f64>)], links: &IdVec<LinkId, Link>) -> Result<Motion, SkinError> {
         let known: std::collections::HashMap<&str, LinkId> =
             self.links.enumerate().map(|(id, link)| (&*link.name, id)).collect();
@@ -172,7 +175,10 @@ impl Robot {
                     matches!(self.joints[joint].kind, JointKind::Revolute | JointKind::Continuous)
                 });
                 let turn = turns.map(|joint| (next[joint] - values[joint]).abs()).fold(0.0, f64::max);
-                let steps = (turn / max_turn).ceil().clamp(1.0, MAX_STEPS);
+                if turn > MAX_TURN_OF_ROW && time < end {
+                    return Err(SkinError::Turn { link: id, found: turn, most: MAX_TURN_OF_ROW });
+                }
+                let steps = (turn / max_turn).min(MAX_STEPS_ON_ARC).max(turn / MAX_TURN).ceil();
                 let mut step = 1.0;
                 while step < steps && time < end {
                     let share = step / steps;
@@ -226,6 +232,14 @@ mod tests {
             limits: None,
             mimic: None,
         });
+        // More than 64 steps of a quarter turn between two rows.
+        let far = robot.motion(&[(0.0, vec![0.0]), (1.0, vec![300.0])], &robot.links).unwrap();
+        for time in [0.25, 0.5, 0.75] {
+            let (_, pose) = far.pose(wheel, time).unwrap();
+            assert!(pose.abs_diff_eq(DAffine3::from_rotation_z(300.0 * time), 1e-9), "{pose} at {time} s");
+        }
+        let too_far = robot.motion(&[(0.0, vec![0.0]), (1.0, vec![1e9])], &robot.links);
+        assert!(matches!(too_far, Err(SkinError::Turn { most: MAX_TURN_OF_ROW, .. })));
         let rows = [(1.0, vec![4.0]), (0.0, vec![0.0])];
         let alone = vec![link("other", None), link("wheel", None)].into();
         for (links, frame, tolerance) in

@@ -5,9 +5,6 @@ use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
 
-/// The interval of frames without times, in s.
-pub(crate) const USUAL_INTERVAL_S: f64 = 0.1;
-
 /// One frame of readings: `values[patch][channel][taxel]`, NaN where there is no reading.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {

@@ -8,6 +8,7 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, too_many};
 use crate::skin::columns::columns;
 use crate::skin::link::append_links;
+use crate::skin::motion::moved_links;
 use crate::skin::{
     Covariance, Joints, Link, LinkId, Motion, Presence, RegionName, Remark, SkinError, TaxelError, TaxelId,
 };
@@ -49,6 +50,10 @@ columns! {
         link: Option<LinkId>,
         /// As [`Taxels::binds`](crate::skin::Taxels::binds).
         binds: Vec<(LinkId, DAffine3)>,
+        /// Whether its taxels, which have no triangles, are a skin although other sheets have triangles.
+        is_bare: bool,
+        /// As [`Taxels::are_counted`](crate::skin::Taxels::are_counted); without ids they are.
+        are_counted: bool,
         /// Corner indices into `positions`.
         triangles: Vec<[u32; 3]>,
         /// Texture coordinates of the corners of each triangle, if requested.
@@ -73,12 +78,14 @@ columns! {
     densities: Option<Vec<f64>>,
     /// How much distortion of the map counts at each taxel, at least 0.
     weights: Option<Vec<f64>>,
+    /// As [`Taxels::acuities`](crate::skin::Taxels::acuities).
+    acuities: Option<Vec<f64>>,
     /// Whether each slot has a working taxel.
     presence: Option<Vec<Presence>>,
     /// Number of the rigid module each taxel sits on: taxels of one module lie in a plane.
     modules: Option<Vec<u32>>,
-    /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2.
-    covariances: Option<Vec<Covariance>>,
+    /// Covariances of positions `xx xy xz yy yz zz` in the link's frame, in m^2; `None` where unknown.
+    covariances: Option<Vec<Option<Covariance>>>,
     /// The links that each taxel follows; `None`: the sheet's.
     joints: Option<Vec<Joints>>,
     /// The named region that each taxel is in, if it is in one.
@@ -102,19 +109,27 @@ impl Draft {
                 .covariances
                 .iter_mut()
                 .flatten()
+                .flatten()
                 .for_each(|c| *c = <[f64; 6]>::from(*c).map(|x| x * square).into());
         }
     }
 
-    /// Adds the links, sheets and animations of another file. Links with the same name, parent and pose are
-    /// one link.
+    /// Adds the links, sheets and animations of another file. A link of each with the same name, parent and pose are one
+    /// link; without a name only if no animation moves them. Bare taxels of one file stay so beside triangles of another.
     ///
     /// # Panics
     /// If the parent of a link, or the link of a sheet or joint, is not an earlier link of `other`.
     pub fn append(&mut self, other: Self) {
-        let links = append_links(&mut self.links, &other.links);
+        let links = append_links(
+            &mut self.links,
+            &other.links,
+            [&self.animations, &other.animations].map(|all| moved_links(all)),
+        );
+        let [is_bare, is_bare_there] = [&*self, &other].map(Self::is_bare);
+        self.sheets.iter_mut().for_each(|sheet| sheet.is_bare |= is_bare);
         let materials = u32::try_from(self.materials.len()).unwrap_or(u32::MAX);
         self.sheets.extend(other.sheets.into_iter().map(|mut sheet| {
+            sheet.is_bare |= is_bare_there;
             sheet.link = sheet.link.map(|link| links[link]);
             let joints = sheet.joints.iter_mut().flatten().flatten();
             joints.for_each(|(link, _)| *link = links[*link]);
@@ -145,6 +160,11 @@ impl Draft {
             && self.sheets.iter().any(|s| !s.positions.is_empty())
     }
 
+    /// Whether taxels of it are to be joined.
+    pub(super) fn has_bare(&self) -> bool {
+        self.is_bare() || self.sheets.iter().any(Sheet::is_to_join)
+    }
+
     /// *Heuristic*: the largest sheet and its size (m), if that is implausible in metres.
     pub(super) fn doubtful_unit(&self) -> Option<(&Sheet, f64)> {
         let extents = self.sheets.iter().map(|sheet| (sheet, sheet.extent()));
@@ -158,6 +178,11 @@ impl Sheet {
     /// The name to show: that of the file, or `patch` if it has none.
     pub fn title(&self) -> &str {
         if self.name.is_empty() { "patch" } else { &self.name }
+    }
+
+    /// Whether its taxels are to be joined, whatever other sheets are.
+    pub(super) fn is_to_join(&self) -> bool {
+        self.is_bare && self.triangles.is_empty() && !self.positions.is_empty()
     }
 
     /// Refuses links, lengths, positions and corners out of range.
@@ -204,7 +229,8 @@ impl Sheet {
     /// The taxels `kept`, in that order, without triangles.
     pub(crate) fn select(&self, kept: &[usize]) -> Self {
         let (name, binds) = (self.name.clone(), self.binds.clone());
-        Self { name, link: self.link, binds, ..self.selected(kept.iter().copied()) }
+        let Self { link, is_bare, are_counted, .. } = *self;
+        Self { name, link, is_bare, are_counted, binds, ..self.selected(kept.iter().copied()) }
     }
 
     /// The first optional array without one entry per vertex, and its length.

@@ -14,6 +14,8 @@ use crate::skin::{LinkId, TaxelError};
 pub enum SkinError {
     #[error("{link} moves to a pose that is not rigid, or at a time that is not finite")]
     Pose { link: LinkId },
+    #[error("{link} turns by {found} rad between two rows; needed: at most {most}")]
+    Turn { link: LinkId, found: f64, most: f64 },
     #[error("patch {patch:?}: {source}")]
     Mesh { patch: String, source: MeshError },
     #[error("patch {patch:?}: {source}")]

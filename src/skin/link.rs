@@ -49,16 +49,23 @@ pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
     links.enumerate().map(name).collect()
 }
 
-/// Adds links, and returns what each is among those that were there: the same link if name, parent and pose are equal.
-/// Panics if a parent is no earlier link.
+/// Adds the links of another file, and returns what each is then: one that was there if name, parent and pose are equal
+/// it has a name or is `moved` in neither file; each of those is at most one of the others. Panics if a parent is no
+/// earlier link.
 pub(super) fn append_links(
     links: &mut IdVec<LinkId, Link>,
     others: &IdVec<LinkId, Link>,
+    [moved, moved_there]: [HashSet<LinkId>; 2],
 ) -> IdVec<LinkId, LinkId> {
+    let earlier = links.len();
     let mut ids = IdVec::<LinkId, LinkId>::default();
-    for link in others {
+    for (other, link) in others.enumerate() {
         let link = Link { parent: link.parent.map(|parent| ids[parent]), ..link.clone() };
-        let known = links.enumerate().find(|(_, known)| **known == link).map(|(id, _)| id);
+        let is_same = |&(id, known): &(LinkId, &Link)| {
+            let is_known = !link.name.is_empty() || !(moved.contains(&id) || moved_there.contains(&other));
+            *known == link && is_known && ids.iter().all(|taken| *taken != id)
+        };
+        let known = links.enumerate().take(earlier).find(is_same).map(|(id, _)| id);
         ids.push(known.unwrap_or_else(|| links.push(link)));
     }
     ids

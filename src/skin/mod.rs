@@ -26,9 +26,6 @@
 //! # Ok::<(), dermatome::Error>(())
 //! ```
 //!
-//! In reading order: `link`, `motion`, `columns`, `taxels`, `patch` (the data); `draft`, `error`, `remark`,
-//! `sentence`; `weld`, `normals` (shared by assembling and checking); `triangulate`; `assemble`; `check`.
-//!
 //! Not guaranteed: that patches are disks ([`check`] finds closed ones and handles), that the unit is right
 //! (sizes beyond 5 m are reported), or that the outside is right where neither normals nor shape determine
 //! it.

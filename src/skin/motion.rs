@@ -1,6 +1,6 @@
 //! Motions of links: poses at given times, interpolated between them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::{Add, Mul};
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
@@ -109,6 +109,11 @@ impl Motion {
     pub(crate) fn insert(&mut self, link: LinkId, track: Track) {
         self.tracks.insert(link, track);
     }
+}
+
+/// The links that an animation moves.
+pub(super) fn moved_links(animations: &[Motion]) -> HashSet<LinkId> {
+    animations.iter().flat_map(Motion::tracks).map(|(link, _)| link).collect()
 }
 
 impl Track {

@@ -7,6 +7,7 @@ use glam::DAffine3;
 use crate::id::{IdVec, define_id};
 use crate::mesh::{Adjacency, TriMesh, is_rigid, is_within_reach};
 use crate::skin::link::{append_links, before_parents};
+use crate::skin::motion::moved_links;
 use crate::skin::{Link, LinkId, Motion, Remark, RemarkKind, SkinError, TaxelError, Taxels, world_pose};
 
 define_id!(
@@ -88,16 +89,32 @@ impl Skin {
         skin
     }
 
+    /// The skin without its acuities if there is one for all of its taxels, since only ratios matter.
+    pub(crate) fn without_even_acuities(&self) -> Option<Self> {
+        let acuities = || self.patches.iter().map(|patch| patch.taxels.acuities.as_ref());
+        let first = acuities().next()??.first().copied();
+        let is_even = acuities().all(|all| all.is_some_and(|all| all.iter().all(|x| Some(*x) == first)));
+        is_even.then(|| {
+            let mut skin = self.clone();
+            skin.patches.iter_mut().for_each(|patch| patch.taxels.acuities = None);
+            skin
+        })
+    }
+
     /// A patch of this skin in the frame of the world, for formats without frames.
     pub(crate) fn in_world<'a>(&self, patch: &'a Patch) -> Cow<'a, Patch> {
         let pose = world_pose(&self.links, patch.link);
         if pose == DAffine3::IDENTITY { Cow::Borrowed(patch) } else { Cow::Owned(patch.posed(&pose)) }
     }
 
-    /// Adds the patches of another valid skin. A link of a name, parent and pose that are there already is the same link.
+    /// Adds the patches of another valid skin. Links of each become one as in [`Draft::append`](crate::skin::Draft::append).
     /// A patch whose name is taken gets another one; the remarks say so.
     pub fn append(&mut self, other: &Self) -> Vec<Remark> {
-        let links = append_links(&mut self.links, &other.links);
+        let links = append_links(
+            &mut self.links,
+            &other.links,
+            [&self.animations, &other.animations].map(|all| moved_links(all)),
+        );
         let mut taken: HashSet<String> = self.patches.iter().map(|patch| patch.name.clone()).collect();
         let mut remarks = Vec::new();
         for mut patch in other.patches.iter().cloned() {

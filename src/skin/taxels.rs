@@ -93,6 +93,9 @@ columns! {
         /// Where each link that taxels follow takes the patch as it was bound to them, in the frame of the patch's
         /// link, if that is not where it lies; else empty. See [`Joints`].
         binds: Vec<(LinkId, DAffine3)>,
+        /// Whether the ids only count the taxels, since their file has none. Coarser levels then depend on the places of
+        /// the taxels, and not on their order.
+        are_counted: bool,
     }
     /// Vendor ids; not unique.
     ids: IdVec<VertexId, TaxelId>,
@@ -116,8 +119,8 @@ columns! {
     acuities: Option<IdVec<VertexId, f64>>,
     /// The content of each slot.
     presence: IdVec<VertexId, Presence>,
-    /// Covariances of the positions, in the link's frame; `None`: unknown.
-    covariances: Option<IdVec<VertexId, Covariance>>,
+    /// Covariances of the positions, in the link's frame; `None`: unknown, of one taxel or of all. 0 is exact.
+    covariances: Option<IdVec<VertexId, Option<Covariance>>>,
     /// The links that each taxel follows; `None`: all are fixed to the link of their patch.
     joints: Option<IdVec<VertexId, Joints>>,
     /// The named region that each taxel is in, if it is in one; `None`: none is.
@@ -203,12 +206,18 @@ impl From<&TriMesh> for Taxels {
             normals: surface_normals(mesh),
             areas: mesh.vertex_areas(),
             presence: IdVec::filled(Presence::Present, mesh.positions.len()),
+            are_counted: true,
             ..Self::default()
         }
     }
 }
 
 impl Taxels {
+    /// The acuities; `None` where all are equal, since only ratios matter.
+    pub(crate) fn relative_acuities(&self) -> Option<&IdVec<VertexId, f64>> {
+        self.acuities.as_ref().filter(|all| all.iter().any(|x| Some(x) != all.first()))
+    }
+
     /// Checks the length of every array and its values: the one check of taxels that are assembled, built or
     /// read.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
@@ -226,6 +235,7 @@ impl Taxels {
             binds,
             regions,
             ids: _,
+            are_counted: _,
             presence: _,
             densities: _,
             weights: _,
@@ -259,7 +269,8 @@ impl Taxels {
         if let Some((vertex, found)) = named.into_iter().find(|(_, name)| !is_region_name(name)) {
             return Err(TaxelError::Region { vertex, found: found.to_string() });
         }
-        match first(covariances.iter().flat_map(IdVec::enumerate), is_covariance) {
+        let known = covariances.iter().flat_map(IdVec::enumerate).filter_map(|(v, c)| Some((v, c.as_ref()?)));
+        match first(known, is_covariance) {
             Some((vertex, found)) => Err(TaxelError::Covariance { vertex, found }),
             None => Ok(()),
         }
@@ -306,7 +317,8 @@ impl Taxels {
     /// Panics if one of them does not exist.
     #[must_use]
     pub(crate) fn select<I>(&self, origins: &IdVec<I, VertexId>) -> Self {
-        Self { binds: self.binds.clone(), ..self.selected(origins.iter().map(|v| v.index())) }
+        let Self { are_counted, .. } = *self;
+        Self { binds: self.binds.clone(), are_counted, ..self.selected(origins.iter().map(|v| v.index())) }
     }
 
     /// The taxels in another frame, transformed by a rigid pose.
@@ -318,7 +330,7 @@ impl Taxels {
         Self {
             normals: self.normals.map(|&n| turn * n),
             tangents: self.tangents.as_ref().map(|all| all.map(|&t| turn * t)),
-            covariances: self.covariances.as_ref().map(|all| all.map(|c| c.conjugate(&turn))),
+            covariances: self.covariances.as_ref().map(|all| all.map(|c| c.map(|c| c.conjugate(&turn)))),
             binds: self.binds.iter().map(|&(link, bind)| (link, *pose * bind * pose.inverse())).collect(),
             ..self.clone()
         }

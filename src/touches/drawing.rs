@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::DVec3;
 
 use crate::id::VertexId;
-use crate::skin::{Patch, Presence, Skin, TaxelId};
+use crate::skin::{LinkId, Patch, Presence, Skin, TaxelId};
 use crate::touches::{TouchReadings, TouchesError};
 
 /// A drawing of a skin.
@@ -24,7 +24,7 @@ impl Drawing {
     /// of all if the skin has no link of that name. An id that several taxels have as a placeholder is of none of them.
     ///
     /// # Errors
-    /// [`TouchesError::SharedId`] if working taxels share another id.
+    /// [`TouchesError::SharedId`] if working taxels share another id, [`TouchesError::SharedLink`] if links share the name.
     pub fn of_link(skin: &Skin, link: &str) -> Result<Self, TouchesError> {
         let mut drawing = Self::default();
         for (_, patch, v) in taxels_of(skin, link)? {
@@ -35,7 +35,7 @@ impl Drawing {
                 drawing.normals.insert(id, patch.taxels.normals[v]);
             }
         }
-        for patch in skin.patches.iter().filter(on_link(skin, link)) {
+        for patch in skin.patches.iter().filter(on_link(skin, link)?) {
             let ids = &patch.taxels.ids;
             for corners in &patch.mesh.triangles {
                 for k in 0..3 {
@@ -53,7 +53,8 @@ impl TouchReadings {
     /// of a log, as [`Drawing::of_link`] takes them, with their ids. Readings with ids stay as they are.
     ///
     /// # Errors
-    /// [`TouchesError::Columns`] if there is not one column for each taxel; [`TouchesError::SharedId`].
+    /// [`TouchesError::Columns`] if there is not one column for each taxel; [`TouchesError::SharedId`];
+    /// [`TouchesError::SharedLink`].
     pub fn assign(&mut self, skin: &Skin, link: &str) -> Result<(), TouchesError> {
         if !self.ids.is_empty() || self.times.is_empty() {
             return Ok(());
@@ -73,14 +74,20 @@ impl TouchReadings {
 }
 
 /// Whether a patch is on the link of a name; each is if the skin has no link of that name.
-fn on_link<'a>(skin: &Skin, link: &str) -> impl Fn(&&'a Patch) -> bool + use<'a> {
-    let known = skin.links.enumerate().find(|(_, known)| known.name == link).map(|(id, _)| id);
-    move |patch| known.is_none_or(|link| patch.link == link)
+fn on_link<'a>(skin: &Skin, link: &str) -> Result<impl Fn(&&'a Patch) -> bool + use<'a>, TouchesError> {
+    let named = || skin.links.enumerate().filter(|(_, known)| known.name == link).map(|(id, _)| id);
+    let has_patch = |id: &LinkId| skin.patches.iter().any(|patch| patch.link == *id);
+    let links = named().filter(has_patch).count();
+    if links > 1 {
+        return Err(TouchesError::SharedLink { link: link.to_owned(), links });
+    }
+    let known = named().find(has_patch).or_else(|| named().next());
+    Ok(move |patch: &&'a Patch| known.is_none_or(|link| patch.link == link))
 }
 
 /// The taxels of a skin that a log of this link may name, with their numbers in the skin.
 fn taxels_of<'a>(skin: &'a Skin, link: &str) -> Result<Vec<(usize, &'a Patch, VertexId)>, TouchesError> {
-    let on_link = on_link(skin, link);
+    let on_link = on_link(skin, link)?;
     let all = || skin.patches.iter().flat_map(|patch| patch.taxels.ids.ids().map(move |v| (patch, v)));
     let mut seen: BTreeMap<TaxelId, Vec<(&Patch, VertexId)>> = BTreeMap::new();
     let mut taxels = Vec::new();

@@ -67,6 +67,10 @@ pub enum TouchesError {
     )]
     SharedId { id: TaxelId, patches: [String; 2] },
     #[error(
+        "the link {link:?} of the log is the name of {links} links of the skin; needed: that of one link"
+    )]
+    SharedLink { link: String, links: usize },
+    #[error(
         "the readings have {found} columns without ids, and the drawing of the skin has {needed} taxels; needed: a column for \
          each taxel in the order of the drawing, or ids"
     )]

@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::{Pose, is_within_reach};
+use crate::calib::Pose;
+use crate::mesh::is_within_reach;
 use crate::skin::TaxelId;
 use crate::touches::TouchesError;
 
@@ -119,13 +120,13 @@ impl TouchFrame {
         let invalid =
             |what: &'static str, needed: &'static str| Err(TouchesError::InvalidFrame { row, what, needed });
         if !self.link.is_valid() {
-            return invalid("the pose of the link", "a position within 1e9 m and a unit quaternion");
+            return invalid("the pose of the link", "a position within 1e12 m and a unit quaternion");
         }
         if self.body_rotation.is_some_and(|q| !(q.length_squared() - 1.0).abs().le(&1e-6)) {
             return invalid("the orientation of the body", "a unit quaternion");
         }
         if !is_within_reach(self.body.point()) {
-            return invalid("the position of the body", "a position within 1e9 m");
+            return invalid("the position of the body", "a position within 1e12 m");
         }
         match self.body {
             TouchBody::Sphere { radius, .. } if !(0.0..=1e3).contains(&radius) => {

@@ -131,10 +131,11 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
     Ok(made)
 }
 
-/// The pose of a link in a motion of links at a time (s), in the world; `None` if there is none of this name, or it does not
-/// move. Links without a parent are in the world.
+/// The pose of a link in a motion of links at a time (s), in the world; `None` if there is none of this name, or several, or it
+/// does not move. Links without a parent are in the world.
 pub fn pose_in_motion(motion: &Motion, links: &IdVec<LinkId, Link>, name: &str, time: f64) -> Option<Pose> {
-    let (link, _) = links.enumerate().find(|(_, link)| link.name == name)?;
+    let mut named = links.enumerate().filter(|(_, link)| link.name == name);
+    let (Some((link, _)), None) = (named.next(), named.next()) else { return None };
     let (_, pose) = motion.pose(link, time)?;
     Some(Pose { position: pose.translation, rotation: DQuat::from_mat3(&pose.matrix3).normalize() })
 }

@@ -109,7 +109,7 @@ fn a_solve_that_does_not_converge_writes_nothing_unless_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     dermatome(folder, "simulate --model poses --taxels 60 -o o.g2o").assert().success();
-    let unfinished = "calibrate o.g2o -o s.csv --iterations 1 --initial tree";
+    let unfinished = "calibrate o.g2o -o s.csv --iterations 1 --initial file";
     refuses(folder, unfinished, &["out of iterations", "--keep"]);
     assert!(!folder.join("s.csv").exists());
     refuses(folder, &format!("{unfinished} --keep -q"), &["not a minimum"]);

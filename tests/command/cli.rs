@@ -371,7 +371,7 @@ fn extensions_and_options_out_of_range_are_refused() {
     let folder = folder_with_a_cap();
     refuses(&folder, "coarsen cap.glb -o levels.obj", &["glb"]);
     refuses(&folder, "info cap.glb --threads 100000", &["512"]);
-    refuses(&folder, "coarsen cap.glb -o x.glb --ratio 1.5", &[]);
+    refuses(&folder, "coarsen cap.glb -o x.glb --coarsest 2.5", &[]);
 }
 
 #[test]
@@ -432,17 +432,15 @@ fn a_table_prescribes_the_boundary() {
     let flat = fs::read_to_string(folder.join("flat.obj")).unwrap();
     let corners: Vec<&str> = flat.lines().filter(|line| line.starts_with("vt ")).take(4).collect();
     assert_eq!(corners, ["vt 0.0 0.0", "vt 2.0 0.0", "vt 2.0 1.0", "vt 0.0 1.0"]);
-    notes(folder, &flatten("rectangle:2:1"), &[]);
     fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "9,0,1\n")).unwrap();
     let said = ["0 taxels have the id 9", "help: correct --boundary"];
     refuses(folder, &flatten("canvas.csv"), &said);
     fs::write(folder.join("canvas.csv"), table.replace("4,0,1\n", "4,0,x\n")).unwrap();
     refuses(folder, &flatten("canvas.csv"), &["canvas.csv", "line 5"]);
-    refuses(folder, &flatten("oval"), &["needed: free, circle, rectangle"]);
+    refuses(folder, &flatten("oval"), &["needed: free, circle or a table"]);
 }
 
-/// In every band, on both sides of the skin, intervals hold the exact distance and are narrow; every level has a row, that of
-/// level 0 with the exact search.
+/// In every band, on both sides of the skin, intervals hold the exact distance and are narrow. Every level has a row.
 #[test]
 fn bench_measures_every_level() {
     let folder = folder_with_a_cap();
@@ -462,9 +460,6 @@ fn bench_measures_every_level() {
         let faces = |levels: &[Value]| levels.iter().map(|level| level["faces"].clone()).collect::<Vec<_>>();
         let levels = band["levels"].as_array().unwrap();
         assert_eq!(faces(levels), faces(built));
-        let errors: Vec<f64> =
-            levels.iter().map(|level| level["search_error_mm"][0].as_f64().unwrap()).collect();
-        assert!(errors[0] < 1e-9 && errors.is_sorted(), "{errors:?}");
         assert!(levels.iter().all(|level| level["same_field"][1].as_f64().unwrap() > 0.5), "{band}");
     }
     notes(&folder, "build cap.glb -o single --levels 0", &[]);

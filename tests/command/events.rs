@@ -77,10 +77,9 @@ fn what_does_not_fit_is_refused() {
     fs::write(at.join("b.csv"), "link,x,y,z,word\nnowhere,1,0,0,up\n").unwrap();
     fs::write(at.join("n.csv"), "1,2\n0,0\n0,0\n").unwrap();
     let events = "render palm/map.glb t.csv -o o.npz --values-only --events e.jsonl";
-    refuses(at, &format!("{events} --tap-s 3"), &["the time of a hold in s of events is 2"]);
     refuses(at, &format!("{events} --body-words b.csv"), &["nowhere", "the name of a link of the map"]);
     refuses(at, "render palm/map.glb t.csv -o o.npz --events e.txt", &["ends in .jsonl"]);
-    refuses(at, "render palm/map.glb t.csv -o o.npz --tap-s 0.2", &["--events"]);
+    refuses(at, "render palm/map.glb t.csv -o o.npz --hit-n 5", &["--events"]);
     refuses(at, "render palm/map.glb t.csv -o o.npz --probe finger", &["--contacts"]);
     refuses(at, "render palm/map.glb t.csv -o o.npz --json --events -", &["standard output"]);
     assert_eq!(common::listing(at).iter().filter(|name| *name == "o.npz" || *name == "e.jsonl").count(), 0);

@@ -15,6 +15,7 @@ mod experiment;
 mod export;
 mod health;
 mod json;
+mod laws;
 mod lookup;
 #[path = "../library/maps/mod.rs"]
 mod maps;

@@ -189,9 +189,7 @@ fn no_command_replaces_what_it_reads() {
         "convert t.csv t.CSV",
         "build cap.obj -o M --cut M/map.glb",
         "coarsen cap.obj -o table.glb --acuity table.glb",
-        "flatten cap.obj -o f.npz --faces f.npz",
         "flatten cap.obj -o f.obj --cut f.obj",
-        "convert cap.obj a.ply --faces a.ply",
         "render map.glb c.csv -o o.npz --contacts gain.csv --gain gain.csv",
     ] {
         let name = folder.path().file_name().unwrap().to_str().unwrap();
@@ -247,9 +245,12 @@ fn a_stream_that_ends_badly_keeps_what_came_before() {
     let mut text = fs::read_to_string(folder.path().join("r.csv")).unwrap();
     text.push_str("this is no reading\n");
     let run = "render map.glb - -o o.npz --contacts t.csv";
-    let ended = dermatome(folder.path(), run).write_stdin(text).assert().code(2);
+    let ended = dermatome(folder.path(), run).write_stdin(text.clone()).assert().code(2);
     ended.stderr(contains("wrote o.npz, o.features.json, t.csv").and(contains("this is no reading")));
-    for name in ["o.npz", "t.csv"] {
+    let run = "summary map.glb - -o sums.csv";
+    let ended = dermatome(folder.path(), run).write_stdin(text).assert().code(2);
+    ended.stderr(contains("added up; the stream ended badly").and(contains("this is no reading")));
+    for name in ["o.npz", "t.csv", "sums.csv"] {
         assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 0, "{name}");
     }
 }
@@ -508,6 +509,25 @@ mod stopped {
             let times = written.by_name("timestamps.npy").unwrap().size();
             assert!(times > 200 * 8, "{times} bytes of times");
             for name in ["o.npz", "o.features.json", "t.csv"] {
+                fs::remove_file(folder.path().join(name)).unwrap();
+            }
+            let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("dermatome"))
+                .args(["summary", "map.glb", "-", "-o", "sums.csv", "--over-time", "loads.csv"])
+                .current_dir(folder.path())
+                .stdin(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let mut input = child.stdin.take().unwrap();
+            input.write_all(format!("{header}\n").as_bytes()).unwrap();
+            repeat(&mut input, rows, 2_000_000);
+            interrupt(&mut child, signal, folder.path(), before);
+            let output = child.wait_with_output().unwrap();
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(128 + signal), "{said}");
+            assert!(said.contains("added up; the stream was stopped"), "{said}");
+            for name in ["sums.csv", "loads.csv"] {
+                assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 0, "{name}");
                 fs::remove_file(folder.path().join(name)).unwrap();
             }
         }

@@ -116,6 +116,7 @@ fn other_formats_are_named_with_what_converts_them() {
         ("a.step", "FreeCAD"),
         ("a.fbx", "Blender"),
         ("a.usd", "glTF"),
+        ("a.msh", "Gmsh with `meshio convert`"),
         ("a.xacro", "`xacro"),
         ("a.sdf", "a .urdf"),
     ] {
@@ -151,13 +152,11 @@ fn faces_are_chosen() {
     let text = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\nv 3 1 0\nusemtl shell\n\
                 f 1 2 6 5\nusemtl rubber skin\nf 2 3 7 6\nusemtl shell\nf 3 4 8 7\n";
     fs::write(path.join("strip.obj"), text).unwrap();
-    fs::write(path.join("two.txt"), "face\n0\n1\n\n").unwrap();
     let size = |words: &str| {
         dermatome(path, &format!("convert strip.obj out.off {words}")).assert().success();
         let sheet = read_draft(&path.join("out.off")).unwrap().sheets.remove(0);
         (sheet.positions.len(), sheet.triangles.len())
     };
-    assert_eq!(size("--faces two.txt"), (4, 2));
     assert_eq!(size("--material rubber*"), (4, 2));
     assert_eq!(size("--material shell --box 3,2,1,1,-1,-1"), (4, 2), "the last square");
     assert_eq!(size("--box 0,0,0,1.5,1,0"), (5, 3), "centres in the box");
@@ -170,17 +169,17 @@ fn faces_are_chosen() {
         ("--material wood", "shell, rubber skin"),
         ("--box 0,0,0,1,1", "six numbers"),
         ("--box 5,5,5,6,6,6", "no face is left"),
-        ("--faces strip.obj", "the number of a face"),
+        ("--facing 0,0,1,20deg,x", "x, -x, y"),
+        ("--facing 0,0,1,20rad", "degrees from 0 to 180"),
+        ("--box 0,0,0,1,1,1x", "six numbers"),
     ] {
         refuses(path, &format!("build strip.obj -o M {words}"), &[said]);
     }
-    fs::write(path.join("far.txt"), "6\n").unwrap();
-    refuses(path, "build strip.obj -o M --faces far.txt", &["6 triangles"]);
     dermatome(path, "convert strip.obj strip.glb").assert().success();
     dermatome(path, "info strip.glb").assert().success();
     refuses(path, "convert strip.glb x.off --material a", &["it has none"]);
     dermatome(path, "build strip.obj -o M --material rubber*").assert().success();
-    dermatome(path, "flatten strip.obj -o f.obj --faces two.txt").assert().success();
+    dermatome(path, "flatten strip.obj -o f.obj --material rubber*").assert().success();
 }
 
 /// What numpy users have, and what they get back.

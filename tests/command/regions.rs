@@ -120,7 +120,7 @@ fn layouts_are_of_archives_with_ids_and_of_streams() {
     assert_eq!(fs::read(path.join("plain.csv")).unwrap(), fs::read(path.join("laid.csv")).unwrap());
     fs::write(path.join("ids.json"), layout(r#"{"ids": [2, 3]}"#, r#"{"rate": 10}"#)).unwrap();
     let run = dermatome(path, "render map/map.glb - -o out.npz --values-only --layout ids.json --json")
-        .write_stdin("1,2\n0.5,1\n0.25,2\n")
+        .write_stdin("2,3\n0.5,1\n0.25,2\n")
         .assert()
         .success();
     let found = json(&run.get_output().stdout);

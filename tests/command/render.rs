@@ -125,7 +125,7 @@ fn folders_and_archives_hold_all_levels() {
     dermatome(folder.path(), stream).write_stdin("").assert().code(2).stderr(contains("--range"));
     render(&["-o", "png", "--pictures", "png", "--range", "0,5", "--level", "0"]).success();
     assert_eq!(fs::read_dir(folder.path().join("png")).unwrap().count(), 5);
-    render(&["-o", "nearest.npz", "--interpolate", "nearest", "--contrast"]).success();
+    render(&["-o", "contrast.npz", "--contrast"]).success();
     render(&["-o", "edges.npz", "--edges"]).success();
     let run = render(&["-o", "packed.npz", "--pack", "--size", "40", "60", "--json"]).success();
     let fill = json(&run.get_output().stdout)["fill"]["L0"].as_f64().unwrap();
@@ -189,7 +189,7 @@ fn readings_with_gaps_are_counted() {
 
     let twice = b"time,1,2,1\n0,1,7,5\n";
     render("twice.csv", twice, &[]).code(2).stderr(contains("--duplicates first"));
-    let words = "render map/map.glb twice.csv -o one.npy --level 0 --interpolate nearest --duplicates first";
+    let words = "render map/map.glb twice.csv -o one.npy --level 0 --duplicates first";
     dermatome(&folder, words).assert().success();
     let drawn = numbers(&fs::read(folder.path().join("one.npy")).unwrap());
     assert!(drawn.contains(&1.0) && drawn.contains(&7.0));
@@ -263,7 +263,7 @@ fn patches_without_readings_are_masked() {
     // Ids of the shoulder alone.
     fs::write(folder.path().join("r.csv"), table(1001..=1050, 3).replace("pressure[Pa]", "force[N]"))
         .unwrap();
-    for how in ["", "--pack", "--interpolate nearest", "--contrast", "--edges"] {
+    for how in ["", "--pack", "--contrast", "--edges"] {
         let words = format!("render map/map.glb r.csv -o out.npz --pixel-mm 4 {how}");
         notes(&folder, &words, &["50 taxels have readings"]);
     }

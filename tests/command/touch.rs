@@ -59,7 +59,6 @@ fn bad_numbers_are_refused() {
         (&["-o", "a.csv", "--faults", "broken=3"], "kinds are dead, silent"),
         (&["-o", "a.csv", "--faults", "swapped=300"], "at most 219"),
         (&["-o", "a.csv", "--faults", "turned=50"], "turned modules"),
-        (&["-o", "a.csv", "--leak", "2"], "leaks"),
         (&["-o", "a.csv", "--gain-spread=-1"], "spread of the gains"),
         (&["-o", "a.g2o"], ".csv, .npz"),
         (&["-o", "cap.glb"], "input"),

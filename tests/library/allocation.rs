@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::id::VertexId;
-use dermatome::image::{Interpolation, RenderOptions, Renderer};
+use dermatome::image::Renderer;
 use dermatome::io::{Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -81,11 +81,11 @@ fn readings(skin: &Skin, touches: &TouchOptions) -> Readings {
 fn stream(map: &Arc<SkinMap>, skin: &Skin, touches: &TouchOptions) {
     let atlas = Atlas::new(map, &AtlasOptions::default()).unwrap();
     let readings = readings(skin, touches);
-    for (carried, interpolation, fill, zero) in [
-        (Carried::Values, Interpolation::Linear, Fill::None, Zero::First(3)),
-        (Carried::Values, Interpolation::Nearest, Fill::Neighbours, Zero::Follow),
-        (Carried::Contrast, Interpolation::Linear, Fill::Neighbours, Zero::First(3)),
-        (Carried::Edges, Interpolation::Nearest, Fill::None, Zero::First(3)),
+    for (carried, fill, zero) in [
+        (Carried::Values, Fill::None, Zero::First(3)),
+        (Carried::Values, Fill::Neighbours, Zero::Follow),
+        (Carried::Contrast, Fill::Neighbours, Zero::First(3)),
+        (Carried::Edges, Fill::None, Zero::First(3)),
     ] {
         let reader = ReadingsReader::memory(readings.clone()).unwrap();
         let condition = ConditionOptions {
@@ -97,7 +97,7 @@ fn stream(map: &Arc<SkinMap>, skin: &Skin, touches: &TouchOptions) {
         let options = RecordingOptions { condition, fill, ..RecordingOptions::default() };
         let mut recording = Recording::open(map, reader, &options).unwrap();
         recording.carry(carried, None);
-        recording.draw(&atlas, interpolation).unwrap();
+        recording.draw(&atlas).unwrap();
         // Above what is left of earlier touches in the slow part.
         let threshold = Some(0.05 * readings.values.iter().copied().fold(0.0, f64::max));
         recording.follow_contacts(&TrackerOptions { threshold, ..TrackerOptions::default() }).unwrap();
@@ -123,7 +123,7 @@ fn any_share_of_changes_allocates_nothing() {
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let channels = [Channel::default()];
     let mut restrictor = Restrictor::new(&map, &channels);
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
+    let mut renderer = Renderer::new(&map, &atlas, &channels, None).unwrap();
     let mut frame = Frame::new(&map, 1);
     frame.values.iter_mut().flatten().flat_map(|x| x.iter_mut()).for_each(|x| *x = 1.0);
     renderer.render(restrictor.restrict(&frame));

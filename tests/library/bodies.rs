@@ -4,13 +4,14 @@ use std::f64::consts::TAU;
 use std::sync::atomic::AtomicBool;
 
 use dermatome::calib::{
-    BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadSkin, ContactMeasurement,
-    ContactObservation, ContactObservationId as ContactId, Folds, Information, Misassembly, NamedTaxel,
-    Observations, TaxelVariable, Tolerance, TouchNoise, TouchRow, fit_bodies,
+    BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadSkin, CalibOptions, Calibration,
+    ContactMeasurement, ContactObservation, ContactObservationId as ContactId, Folds, Information,
+    Misassembly, NamedTaxel, Observations, TaxelVariable, Tolerance, TouchNoise, TouchRow, fit_bodies,
 };
-use dermatome::id::VertexId;
+use dermatome::id::{IdVec, VertexId};
+use dermatome::mesh::shapes;
 use dermatome::run::Run;
-use dermatome::skin::TaxelId;
+use dermatome::skin::{PatchId, Skin, TaxelId};
 use glam::{DQuat, DVec3};
 
 /// Random numbers of a seed (splitmix64).
@@ -98,6 +99,11 @@ impl Drawn {
     }
 
     fn cad(&self) -> CadSkin {
+        self.cad_without_normals(0)
+    }
+
+    /// The drawing, whose first taxels have no normals.
+    fn cad_without_normals(&self, missing: usize) -> CadSkin {
         let names: Vec<String> = (0..self.modules.len()).map(|m| format!("m{m}")).collect();
         let patches: Vec<String> = (0..self.modules.len()).map(|m| format!("p{}", m / PER_PATCH)).collect();
         let taxels = self.modules.iter().enumerate().flat_map(|(m, taxels)| {
@@ -105,7 +111,7 @@ impl Drawn {
             taxels.iter().enumerate().map(move |(k, &position)| NamedTaxel {
                 id: taxel_id(m, k),
                 position,
-                normal: Some(normal),
+                normal: (m * TAXELS + k >= missing).then_some(normal),
                 module: &names[m],
                 patch: &patches[m],
             })
@@ -392,6 +398,51 @@ fn an_untouched_module_keeps_its_drawn_pose_on_its_patch() {
     assert!(sigma(0) > 2.0 * sigma(TAXELS), "its taxels are less certain than those of a touched module");
 }
 
+/// A taxel without a normal changes the law of its own touches: noise along the normal and in the tangent plane of the
+/// others is as before.
+#[test]
+fn a_missing_normal_leaves_the_noise_of_other_touches() {
+    let drawn = Drawn::new(20);
+    let mut random = Random(3);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let mut observations = touches(&truth, &mut random, 0..20, 40, Probe { noise: 1e-3, ..STILL }, 1);
+    // Three times as much in the tangent plane: the truth has the normals of the drawing.
+    let of_id: std::collections::HashMap<TaxelId, DVec3> = (0..20)
+        .flat_map(|m| (0..TAXELS).map(move |k| (m, k)))
+        .map(|(m, k)| (taxel_id(m, k), drawn.normals[m]))
+        .collect();
+    let mut last = (None, DVec3::ZERO);
+    for (number, contact) in observations.contacts.enumerate().map(|(c, x)| (c, x.taxel)).collect::<Vec<_>>()
+    {
+        let normal = of_id[&observations.taxels[contact].id];
+        let touch = observations.touches[number].touch;
+        if last.0 != touch {
+            last = (touch, random.vector(8.0_f64.sqrt() * 1e-3).reject_from_normalized(normal));
+        }
+        if let ContactMeasurement::Position { position, .. } = &mut observations.contacts[number].measurement
+        {
+            *position += last.1;
+        }
+    }
+    let options = BodyOptions { noise: TouchNoise::Estimated, ..BodyOptions::default() };
+    let noise = |missing: usize| {
+        fit_bodies(&observations, &drawn.cad_without_normals(missing), &options).unwrap().noise.unwrap()
+    };
+    let whole = noise(0);
+    for missing in [1, 56] {
+        for (class, (few, whole)) in noise(missing).iter().zip(&whole).enumerate().take(3) {
+            for k in 0..2 {
+                let ratio = few[k] / whole[k];
+                assert!(
+                    (0.9..1.1).contains(&ratio),
+                    "{missing} missing, class {class}: {few:?} is not {whole:?}"
+                );
+            }
+            assert!(few[1] > 2.2 * few[0], "{few:?}");
+        }
+    }
+}
+
 /// Repeats of a contact change nothing: neither the result nor its covariances.
 #[test]
 fn repeats_of_a_contact_count_once() {
@@ -548,6 +599,48 @@ fn followed_touches_end_at_the_batch_fit_and_unknown_taxels_are_not_added() {
         renumbered.push(&touch, Run::default()).unwrap();
     }
     assert_eq!(renumbered.finish(Run::default()).unwrap().taxels, batch.taxels);
+}
+
+/// Contacts with and without the columns of touches may come in any order; those without are touches of their own.
+#[test]
+fn touches_with_and_without_rows_are_followed_together() {
+    let drawn = Drawn::new(10);
+    let mut random = Random(5);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let stream = one_by_one(&touches(&truth, &mut random, 0..10, 2, STILL, 1));
+    for has_rows in [|k: usize| k.is_multiple_of(2), |k: usize| !k.is_multiple_of(2)] {
+        let (mut all, mut vertices) = (Observations::default(), std::collections::HashMap::new());
+        let mut follower = Calibration::follow(&CalibOptions::default(), 1);
+        for (k, touch) in stream.iter().enumerate() {
+            let mut touch = touch.clone();
+            if !has_rows(k) {
+                touch.touches = IdVec::default();
+            }
+            follower.push(&touch, Run::default()).unwrap();
+            all.append(&touch, &mut vertices);
+        }
+        assert_eq!(all.touches.len(), all.contacts.len());
+        all.validate().unwrap();
+        follower.finish(Run::default()).unwrap();
+    }
+}
+
+/// The covariance of a taxel that the touches do not reach, since the drawing lacks it, is not 0.
+#[test]
+fn a_taxel_outside_the_fit_has_no_covariance() {
+    let drawn = Drawn::new(10);
+    let mut random = Random(6);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let found =
+        fit_bodies(&touches(&truth, &mut random, 0..10, 3, STILL, 1), &drawn.cad(), &BodyOptions::default());
+    let mut skin = Skin::from_mesh("a", shapes::fan(6));
+    let patch = PatchId::new(0);
+    skin.patches[patch].taxels.ids[VertexId::new(0)] = taxel_id(9, 3);
+    skin.patches[patch].taxels.ids[VertexId::new(1)] = TaxelId(77_777);
+    found.unwrap().move_taxels(&mut skin);
+    let covariances = skin.patches[patch].taxels.covariances.as_ref().unwrap();
+    assert!(covariances[VertexId::new(0)].is_some_and(|c| c.sigma() > 0.0));
+    assert_eq!(covariances[VertexId::new(1)], None);
 }
 
 #[test]

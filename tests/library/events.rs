@@ -176,6 +176,108 @@ fn contacts_from_two_sides_are_a_grasp() {
     }
 }
 
+/// Contacts that are never there at once are no grasp, and neither are those that are so for too short a time; a contact that is
+/// lost for a moment breaks none.
+#[test]
+fn a_grasp_counts_what_is_there_at_once() {
+    let grasps = |is_here: fn(f64) -> [bool; 2]| {
+        let events = events_of(&mut detector(EventOptions::default()), 50.0, 150, |time| {
+            let [one, other] = is_here(time);
+            let opposite = ContactRegion { normal: -DVec3::Z, ..region(1, 0.05, 2.0) };
+            one.then(|| region(0, 0.0, 2.0)).into_iter().chain(other.then_some(opposite)).collect()
+        });
+        let ended = events.into_iter().filter(|event| (event.word, event.phase) == (Word::Grasp, Phase::End));
+        ended.collect::<Vec<_>>()
+    };
+    assert_eq!(grasps(|t| [t % 0.2 < 0.09, t % 0.2 >= 0.09]), [], "by turns");
+    assert_eq!(grasps(|t| [(0.5..1.0).contains(&t), (0.79..1.2).contains(&t)]), [], "0.2 s");
+    let found = grasps(|t| [(0.5..1.5).contains(&t), (0.5..0.9).contains(&t) || (0.99..1.5).contains(&t)]);
+    assert_eq!(found.len(), 1);
+    let contact = found[0].contact.as_ref().unwrap();
+    assert!((found[0].duration - 0.98).abs() < 1e-9 && contact.force_peak == 4.0, "{found:?}");
+}
+
+/// A contact that goes on over a gap between patches has the taxels, the peak and the patch of when it was largest; its ends
+/// have the patches where they are, and no direction across two maps.
+#[test]
+fn contacts_over_two_patches_keep_the_patch_with_its_taxels() {
+    let mut skin = Skin::from_mesh("a", shapes::lattice(6, 6, 0.004));
+    let second = shapes::lattice(3, 3, 0.004);
+    skin.patches.push(dermatome::skin::Patch::from_mesh("b", LinkId::new(0), second));
+    let map = SkinMap::of_taxels(&skin);
+    let [a, b] = [0, 1].map(PatchId::new);
+    // The force is largest at the begin on patch a, in the second case at the end on patch b.
+    for (grows, patch, taxels) in [(-1.0, a, [30, 31]), (1.0, b, [3, 4])] {
+        let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+        let events = events_of(&mut detector, 100.0, 150, |time| {
+            let x = 0.04 * time;
+            let at = region(u64::from(x > 0.02), x, 2.0 + grows * time);
+            let of_a =
+                ContactRegion { taxels: [30, 31].map(VertexId::new).to_vec(), peak_taxel: 30.into(), ..at };
+            match time {
+                _ if time >= 1.0 => vec![],
+                _ if x > 0.02 => vec![ContactRegion {
+                    patch: b,
+                    map: DVec2::new(x - 0.02, 0.0),
+                    ..region(1, x, 2.0 + grows * time)
+                }],
+                _ => vec![of_a],
+            }
+        });
+        let stroke = events.last().unwrap();
+        let contact = stroke.contact.as_ref().unwrap();
+        assert_eq!((stroke.word, contact.direction, contact.patch), (Word::Stroke, None, patch));
+        assert_eq!(contact.taxels, taxels.map(VertexId::new));
+        assert!(contact.taxels.contains(&contact.peak_taxel));
+        assert_eq!([contact.from.patch, contact.to.patch], [a, b]);
+        assert!(contact.from.map.x < 0.005 && (contact.to.map.x - 0.018).abs() < 0.002, "{contact:?}");
+        assert!((contact.to.point.x - 0.038).abs() < 0.002);
+    }
+}
+
+/// Rubs from 15 mm on, from one end of their way or its middle on, are rubs; their begin is that of the contact.
+#[test]
+fn short_rubs_are_rubs() {
+    for span in [0.015, 0.02, 0.03] {
+        let ways: [fn(f64) -> f64; 2] = [
+            |s| (3.0 * std::f64::consts::TAU * s).sin() / 2.0,
+            |s| (6.0 * s).rem_euclid(2.0).min(2.0 - (6.0 * s).rem_euclid(2.0)),
+        ];
+        for way in ways {
+            let events = events_of(&mut detector(EventOptions::default()), 100.0, 250, |time| {
+                let share = (time - 0.5) / 1.5;
+                if (0.0..1.0).contains(&share) { vec![region(0, span * way(share), 2.0)] } else { Vec::new() }
+            });
+            let last = events.last().unwrap();
+            assert_eq!((last.word, last.phase), (Word::Rub, Phase::End), "{span} m");
+        }
+    }
+    // To and fro on a skin, so that its first taxels are pressed again later and more.
+    let map = plane();
+    let channel = Channel::new("pressure", "Pa").unwrap();
+    let options = TrackerOptions { threshold: Some(1500.0), ..TrackerOptions::default() };
+    let mut tracker = ContactTracker::new(&map, &channel, &options).unwrap();
+    let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+    let mut frame = Frame::new(&map, 1);
+    let mut events = Vec::new();
+    for k in 0..250 {
+        frame.time = 0.01 * f64::from(k);
+        let share = (frame.time - 0.5) / 1.5;
+        let at = 0.05 + 0.0075 * (3.0 * std::f64::consts::TAU * share).sin();
+        let depth = 0.0015 * (share / 0.05).min((1.0 - share) / 0.05).min(1.0);
+        let positions = &map.patches[PatchId::new(0)].levels[0.into()].level.mesh.positions;
+        for (x, p) in frame.values[PatchId::new(0)][0].iter_mut().zip(positions) {
+            let around = (p.x - at).powi(2) + (p.y - 0.051).powi(2);
+            *x = (depth - around / 0.04).max(0.0) * 2.7e7;
+        }
+        tracker.track(&frame);
+        events.extend_from_slice(detector.see(frame.time, &tracker).unwrap());
+    }
+    let rub = events.iter().find(|event| event.phase == Phase::End).unwrap();
+    assert_eq!(rub.word, Word::Rub);
+    assert!((rub.begin - 0.5).abs() < 0.04 && (rub.begin + rub.duration - 2.0).abs() < 0.04, "{rub:?}");
+}
+
 /// A force above the limit is a hit if it is reached at once.
 #[test]
 fn sudden_forces_are_hits() {
@@ -204,7 +306,7 @@ fn gaps_in_time_are_reported() {
         let press = (Word::Press, Phase::End);
         let expected = [BEGINS, press, (Word::Gap, Phase::End), BEGINS, press];
         assert_eq!(words(&all), expected, "{jump} s");
-        assert!((all[2].duration - (jump + 0.01)).abs() < 1e-9);
+        assert!((all[2].duration - (jump + 0.01).max(0.0)).abs() < 1e-9 && all[2].begin <= all[2].time);
     }
     let error = detector(EventOptions::default()).see_contacts(f64::NAN, &[]).map(<[Event]>::len);
     assert_eq!(error, Err(SignalError::NoEventTime));
@@ -364,7 +466,7 @@ fn simulated_presses_have_their_words() {
     for (duration, roll, seed) in [(0.15, 0.0, 1), (1.0, 0.0, 2), (3.0, 0.0, 3), (1.0, 0.06, 4)] {
         let Judged { right, missed, wrong, off, .. } = judge(duration, roll, 3, 2000.0, seed);
         assert_eq!((right, missed, wrong), (3, 0, 0), "{duration} s, {roll} m");
-        assert!(duration != 1.0 || roll > 0.0 || off[5] <= 0.03, "{off:?}");
+        assert!(duration != 1.0 || roll > 0.0 || off[5] <= 0.03 + 1e-9, "{off:?}");
     }
 }
 

@@ -3,7 +3,7 @@
 
 use dermatome::{
     atlas::{Atlas, AtlasError, AtlasOptions, Resolution},
-    image::{Interpolation, RenderOptions, Renderer, TactileImage},
+    image::{Renderer, TactileImage},
     map::SkinMap,
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, build},
@@ -14,7 +14,6 @@ use dermatome::{
 
 use crate::maps;
 
-const ALL: [Interpolation; 2] = [Interpolation::Linear, Interpolation::Nearest];
 const QUANTITIES: [Quantity; 2] = [Quantity::Intensive, Quantity::Extensive];
 
 fn patch() -> PatchId {
@@ -35,7 +34,7 @@ fn frame(map: &SkinMap, reading: impl Fn(usize) -> f64) -> Frame {
 }
 
 /// Every step on a stream of frames. Each image is that of a renderer that has seen nothing else, bit by
-/// bit but for the kind of NaN. Passes on the last images of each interpolation.
+/// bit but for the kind of NaN. Passes on the last images of each quantity.
 fn every_step(
     map: &SkinMap,
     resolution: Resolution,
@@ -43,10 +42,9 @@ fn every_step(
     mut look: impl FnMut(&[TactileImage]),
 ) {
     let atlas = Atlas::new(map, &AtlasOptions { resolution, ..AtlasOptions::default() }).unwrap();
-    for (quantity, interpolation) in QUANTITIES.into_iter().flat_map(|q| ALL.map(|how| (q, how))) {
+    for quantity in QUANTITIES {
         let channels = [Channel { quantity, ..Channel::default() }];
-        let options = RenderOptions { interpolation, level: None };
-        let new = || Renderer::new(map, &atlas, &channels, &options).unwrap();
+        let new = || Renderer::new(map, &atlas, &channels, None).unwrap();
         let (mut restrictor, mut renderer) = (Restrictor::new(map, &channels), new());
         let (mut contrast, mut edges) = (Contrast::new(map, &channels), Edges::new(map, &channels));
         let given = TrackerOptions { threshold: Some(1.0), least: 1, ..TrackerOptions::default() };
@@ -59,7 +57,7 @@ fn every_step(
                 images.iter().flat_map(|image| &image.values).map(bits).collect()
             };
             let whole = bits(new().render(levels));
-            assert!(bits(renderer.render(levels)) == whole, "{interpolation:?} {quantity:?}");
+            assert!(bits(renderer.render(levels)) == whole, "{quantity:?}");
             assert!(!renderer.images().iter().any(|image| image.values.iter().any(|x| x.is_infinite())));
             for of in [levels, contrast.of(levels), edges.of(levels)] {
                 let mut values = of.values.iter().flatten().flatten().flatten();

@@ -4,7 +4,7 @@
 use crate::maps::{self, level_id};
 use dermatome::atlas::{Atlas, AtlasOptions, Chart, Pack, Resolution};
 use dermatome::id::{IdVec, VertexId};
-use dermatome::image::{BatchRenderer, ImageError, Interpolation, RenderOptions, Renderer, TactileImage};
+use dermatome::image::{BatchRenderer, ImageError, Renderer, TactileImage};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
@@ -12,8 +12,6 @@ use dermatome::signal::{Channel, Frame, LevelFrame, Quantity, Restrictor};
 use dermatome::skin::{LinkId, Patch, PatchId, Skin};
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
-
-const ALL: [Interpolation; 2] = [Interpolation::Linear, Interpolation::Nearest];
 
 /// A curved cover of a few hundred taxels on several levels, a small one, and a sleeve that is mapped
 /// cut open.
@@ -67,9 +65,8 @@ fn atlas(map: &SkinMap, resolution: Resolution, packed: bool) -> Atlas {
     Atlas::new(map, &AtlasOptions { resolution, pack: packed.then_some(Pack::Tight) }).unwrap()
 }
 
-fn renderer(map: &SkinMap, atlas: &Atlas, quantity: Quantity, how: Interpolation) -> Renderer {
-    let options = RenderOptions { interpolation: how, level: None };
-    Renderer::new(map, atlas, &[channel(quantity)], &options).unwrap()
+fn renderer(map: &SkinMap, atlas: &Atlas, quantity: Quantity) -> Renderer {
+    Renderer::new(map, atlas, &[channel(quantity)], None).unwrap()
 }
 
 /// The values of covered pixels.
@@ -92,14 +89,14 @@ fn bits(images: &[TactileImage]) -> Vec<u32> {
 #[test]
 fn a_constant_pressure_is_a_constant_image() {
     let map = cover();
-    for (how, packed) in ALL.into_iter().flat_map(|how| [(how, false), (how, true)]) {
+    for packed in [false, true] {
         let atlas = atlas(&map, Resolution::Map, packed);
-        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, how);
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive);
         let images = renderer.render(&on_levels(&map, |_, _| 2.5));
         assert_eq!(images.len(), atlas.parts.len());
         for (image, part) in images.iter().zip(&atlas.parts) {
             assert_eq!(image.name, part.name);
-            assert!(covered(image).all(|x| (x - 2.5).abs() < 1e-6), "{how:?} {}", image.name);
+            assert!(covered(image).all(|x| (x - 2.5).abs() < 1e-6), "{}", image.name);
             let known = image.values.iter().filter(|x| !x.is_nan()).count();
             assert!(known > 0 && known == covered(image).count(), "values off the skin are NaN");
         }
@@ -132,7 +129,7 @@ fn linear_images_are_what_barycentric_weights_say() {
         if dead > 0 {
             kill(&mut frame, dead);
         }
-        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Linear);
+        let mut renderer = renderer(&map, &atlas, Quantity::Intensive);
         for (part, image) in renderer.render(&frame).iter().enumerate() {
             let width = image.frame.size_px[0];
             for (k, &value) in (0_u32..).zip(&image.values).filter(|(k, _)| image.coverage[*k as usize] == 1)
@@ -151,54 +148,50 @@ fn linear_images_are_what_barycentric_weights_say() {
     }
 }
 
-/// The nearest taxel is the nearest of all, on level 0 and above, in images and in the ids that go with them.
+/// The nearest taxel is the nearest of all, on level 0 and above.
 #[test]
 fn nearest_is_the_nearest_vertex_of_the_level() {
     let map = cover();
     let atlas = atlas(&map, Resolution::Map, false);
-    let mut renderer = renderer(&map, &atlas, Quantity::Intensive, Interpolation::Nearest);
-    let images = renderer.render(&on_levels(&map, |_, k| f64::from(k)));
     let (mut seen, mut beyond) = (0, 0);
-    for (image, part) in images.iter().zip(&atlas.parts) {
-        let (chart, width) = (&part.charts[0], image.frame.size_px[0]);
+    for part in &atlas.parts {
+        let (chart, width) = (&part.charts[0], part.frame.size_px[0]);
         let patch = &map.patches[chart.patch];
         let mesh = &patch.levels[chart.level].level.mesh;
-        for ((k, &value), id) in (0_u32..).zip(&image.values).zip(part.taxel_ids(&map)) {
+        let ids = &patch.taxels.ids;
+        for (k, id) in (0_u32..).zip(part.taxel_ids(&map)) {
             let Some(at) = chart.point(&map, k % width, k / width) else { continue };
             let corners = mesh.triangles[at.face];
             let p: DVec3 = (0..3).map(|k| at.barycentric[k] * mesh.positions[corners[k]]).sum();
             let nearest = mesh.positions.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
-            let shown = VertexId::new(value as usize);
+            let of_id = || ids.ids().find(|&v| ids[v].0 == id).unwrap();
+            let shown = if chart.level == level_id(0) { of_id() } else { VertexId::new(id as usize) };
             let distance = p.distance(mesh.positions[shown]);
-            assert!(distance <= nearest + 1e-9, "pixel {k} of {}: {distance} for {nearest} m", image.name);
-            let of_level_0 = chart.level == level_id(0);
-            assert_eq!(id, if of_level_0 { patch.taxels.ids[shown].0 } else { shown.raw() });
+            assert!(distance <= nearest + 1e-9, "pixel {k} of {}: {distance} for {nearest} m", part.name);
             (seen, beyond) = (seen + 1, beyond + usize::from(!corners.contains(&shown)));
         }
     }
     assert!(seen > 1000 && beyond > 0, "of {seen} pixels {beyond} are nearest to no corner of their face");
 }
 
-/// The total is kept by every interpolation, at any size of the pixels, with dead taxels.
+/// The total is kept at any size of the pixels, with dead taxels.
 #[test]
 fn the_matrix_of_an_image_draws_it() {
     let map = cover();
     let atlas = atlas(&map, Resolution::Map, true);
     let frame = on_levels(&map, |_, k| hash(k));
-    for how in ALL {
-        let mut renderer = renderer(&map, &atlas, Quantity::Intensive, how);
-        renderer.render(&frame);
-        for (part, image) in renderer.images().iter().enumerate() {
-            let mut drawn = vec![f32::NAN; image.values.len()];
-            renderer.each_pixel(part, |patch, pixel, row| {
-                let values = &frame.values[patch][0][map.patches[patch].nearest_level(image.level)];
-                let sum: f64 = row.iter().map(|&(v, w)| w * values[VertexId::from(v)]).sum();
-                drawn[pixel as usize] = sum as f32;
-            });
-            for (drawn, shown) in drawn.iter().zip(&image.values) {
-                let is_same = (drawn - shown).abs() < 1e-5 || drawn.is_nan() && shown.is_nan();
-                assert!(is_same, "{drawn}, not {shown}, on {} with {how:?}", image.name);
-            }
+    let mut renderer = renderer(&map, &atlas, Quantity::Intensive);
+    renderer.render(&frame);
+    for (part, image) in renderer.images().iter().enumerate() {
+        let mut drawn = vec![f32::NAN; image.values.len()];
+        renderer.each_pixel(part, |patch, pixel, row| {
+            let values = &frame.values[patch][0][map.patches[patch].nearest_level(image.level)];
+            let sum: f64 = row.iter().map(|&(v, w)| w * values[VertexId::from(v)]).sum();
+            drawn[pixel as usize] = sum as f32;
+        });
+        for (drawn, shown) in drawn.iter().zip(&image.values) {
+            let is_same = (drawn - shown).abs() < 1e-5 || drawn.is_nan() && shown.is_nan();
+            assert!(is_same, "{drawn}, not {shown}, on {}", image.name);
         }
     }
 }
@@ -208,14 +201,14 @@ fn amounts_keep_their_total() {
     let map = cover();
     let sizes =
         [Resolution::Map, Resolution::Pixel(0.004), Resolution::Pixel(0.011), Resolution::Canvas([40, 30])];
-    for (how, resolution) in ALL.into_iter().flat_map(|how| sizes.map(|size| (how, size))) {
+    for resolution in sizes {
         for (dead, packed) in [(0, false), (4, false), (10, true)] {
             let atlas = atlas(&map, resolution, packed);
             let mut frame = on_levels(&map, |_, k| 1.5 + hash(k));
             if dead > 0 {
                 kill(&mut frame, dead);
             }
-            let mut renderer = renderer(&map, &atlas, Quantity::Extensive, how);
+            let mut renderer = renderer(&map, &atlas, Quantity::Extensive);
             for image in renderer.render(&frame) {
                 let drawn: f64 =
                     covered(image).filter(|x| !x.is_nan()).map(f64::from).sum::<f64>() * pixel_area(image);
@@ -228,7 +221,7 @@ fn amounts_keep_their_total() {
                 let total: f64 = values.filter(|x| !x.is_nan()).sum();
                 assert!(
                     (drawn / total - 1.0).abs() < 1e-6,
-                    "{how:?} {resolution:?} {}, one in {dead} dead: {drawn} of {total}",
+                    "{resolution:?} {}, one in {dead} dead: {drawn} of {total}",
                     image.name
                 );
             }
@@ -240,15 +233,13 @@ fn amounts_keep_their_total() {
 fn the_steady_state_keeps_its_buffers() {
     let map = cover();
     let atlas = atlas(&map, Resolution::Map, false);
-    for how in ALL {
-        let mut renderer = renderer(&map, &atlas, Quantity::Extensive, how);
-        let place = |images: &[TactileImage]| -> Vec<_> {
-            images.iter().map(|image| (image.values.as_ptr(), image.values.capacity())).collect()
-        };
-        let before = place(renderer.images());
-        for k in 0..5 {
-            assert_eq!(place(renderer.render(&on_levels(&map, |p, v| p.x * f64::from(k) + hash(v)))), before);
-        }
+    let mut renderer = renderer(&map, &atlas, Quantity::Extensive);
+    let place = |images: &[TactileImage]| -> Vec<_> {
+        images.iter().map(|image| (image.values.as_ptr(), image.values.capacity())).collect()
+    };
+    let before = place(renderer.images());
+    for k in 0..5 {
+        assert_eq!(place(renderer.render(&on_levels(&map, |p, v| p.x * f64::from(k) + hash(v)))), before);
     }
 }
 
@@ -268,16 +259,13 @@ fn a_batch_has_the_bits_of_the_stream() {
             }
         }
     };
-    for (how, packed, level, resolution) in ALL.into_iter().flat_map(|how| {
-        [
-            (how, true, 0, Resolution::Canvas([60, 50])),
-            (how, true, 1, Resolution::Canvas([16, 16])),
-            (how, false, 0, Resolution::Map),
-        ]
-    }) {
+    for (packed, level, resolution) in [
+        (true, 0, Resolution::Canvas([60, 50])),
+        (true, 1, Resolution::Canvas([16, 16])),
+        (false, 0, Resolution::Map),
+    ] {
         let atlas = atlas(&map, resolution, packed);
-        let options = RenderOptions { interpolation: how, level: Some(level_id(level)) };
-        let mut renderer = Renderer::new(&map, &atlas, &channels, &options).unwrap();
+        let mut renderer = Renderer::new(&map, &atlas, &channels, Some(level_id(level))).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);
         let mut frame = Frame::new(&map, 2);
         let mut batch = BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone());
@@ -288,7 +276,7 @@ fn a_batch_has_the_bits_of_the_stream() {
             read(k, &mut frame);
             let one = &renderer.render(restrictor.restrict(&frame))[0];
             let batched = TactileImage { values: image.to_vec(), ..one.clone() };
-            assert_eq!(bits(&[batched]), bits(std::slice::from_ref(one)), "{how:?}, {level}, frame {k}");
+            assert_eq!(bits(&[batched]), bits(std::slice::from_ref(one)), "{level}, frame {k}");
         }
     }
 }
@@ -301,7 +289,7 @@ fn any_number_of_threads_draws_the_same() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let atlas = atlas(&map, Resolution::Map, true);
-            ALL.map(|how| bits(renderer(&map, &atlas, Quantity::Extensive, how).render(&frame)))
+            bits(renderer(&map, &atlas, Quantity::Extensive).render(&frame))
         })
     };
     assert_eq!(draw(1), draw(3));
@@ -313,12 +301,11 @@ fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let other = SkinMap::flat(shapes::square(), 0.1);
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let channels = [Channel::default()];
-    let error = Renderer::new(&other, &atlas, &channels, &RenderOptions::default()).unwrap_err();
+    let error = Renderer::new(&other, &atlas, &channels, None).unwrap_err();
     assert!(matches!(error, ImageError::Atlas { .. }), "{error}");
-    let deep = RenderOptions { level: Some(level_id(40)), ..RenderOptions::default() };
-    assert!(matches!(Renderer::new(&map, &atlas, &channels, &deep).unwrap_err(), ImageError::Level { .. }));
-    let one = RenderOptions { level: Some(level_id(1)), ..RenderOptions::default() };
-    let renderer = Renderer::new(&map, &atlas, &channels, &one).unwrap();
+    let deep = Some(level_id(40));
+    assert!(matches!(Renderer::new(&map, &atlas, &channels, deep).unwrap_err(), ImageError::Level { .. }));
+    let renderer = Renderer::new(&map, &atlas, &channels, Some(level_id(1))).unwrap();
     assert!(renderer.images().iter().all(|image| image.level == level_id(1)));
     // A triangle between the centres of four pixels.
     let mut point = shapes::triangle();
@@ -328,13 +315,13 @@ fn other_maps_unknown_levels_and_charts_without_pixel_are_refused() {
     let atlas = Atlas::new(&point, &options).unwrap();
     let force = [channel(Quantity::Extensive)];
     assert_eq!(atlas.parts[0].charts[0].covered(), 1, "one pixel stands for it");
-    Renderer::new(&point, &atlas, &force, &RenderOptions::default()).unwrap();
+    Renderer::new(&point, &atlas, &force, None).unwrap();
     // Without an area there is no place for it.
     let mut line = shapes::triangle();
     line.positions.iter_mut().for_each(|p| p.y = 0.0);
     let line = SkinMap::flat(line, 1.0);
     let atlas = Atlas::new(&line, &AtlasOptions::default()).unwrap();
-    let error = Renderer::new(&line, &atlas, &force, &RenderOptions::default()).unwrap_err();
+    let error = Renderer::new(&line, &atlas, &force, None).unwrap_err();
     assert!(matches!(error, ImageError::NoPixel { .. }), "{error}");
 }
 
@@ -364,7 +351,7 @@ fn every_patch_has_a_pixel_of_a_packed_image() {
                 );
             }
             let channels = [channel(Quantity::Extensive)];
-            Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
+            Renderer::new(&map, &atlas, &channels, None).unwrap();
         }
     }
 }
@@ -382,7 +369,7 @@ proptest! {
     /// What is drawn does not depend on the frames before, bit by bit.
     #[test]
     fn partial_updates_draw_what_a_whole_frame_draws(
-        changes in prop::collection::vec(change(), 1..6), how in prop::sample::select(&ALL[..]),
+        changes in prop::collection::vec(change(), 1..6),
         extensive in any::<bool>(), packed in any::<bool>(), coarse in any::<bool>(),
     ) {
         let map = maps::skin(vec![
@@ -392,7 +379,7 @@ proptest! {
         let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
         let atlas = atlas(&map, Resolution::Pixel(if coarse { 0.006 } else { 0.0011 }), packed);
         let mut frame = on_levels(&map, |_, k| hash(k));
-        let mut stream = renderer(&map, &atlas, quantity, how);
+        let mut stream = renderer(&map, &atlas, quantity);
         stream.render(&frame);
         for step in changes {
             for values in frame.values.iter_mut().flatten().flat_map(|levels| levels.iter_mut()) {
@@ -402,8 +389,8 @@ proptest! {
                     values[VertexId::new(k)] = value.unwrap_or(f64::NAN);
                 }
             }
-            let whole = bits(renderer(&map, &atlas, quantity, how).render(&frame));
-            prop_assert!(bits(stream.render(&frame)) == whole, "{how:?}");
+            let whole = bits(renderer(&map, &atlas, quantity).render(&frame));
+            prop_assert!(bits(stream.render(&frame)) == whole);
         }
     }
 }

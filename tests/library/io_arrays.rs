@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fs, io::Read, path::Path, sync::Arc};
 
 use crate::maps::images::WholeImage;
 use dermatome::atlas::{Atlas, AtlasOptions, Label};
-use dermatome::image::{RenderOptions, Renderer, TactileImage};
+use dermatome::image::{Renderer, TactileImage};
 use dermatome::io::{
     FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
     write_touches,
@@ -13,7 +13,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::plot::{ImageOptions, image_png};
-use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
+use dermatome::signal::{Channel, LevelFrame, Restrictor, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Presence, Skin};
 use glam::DVec2;
 use npyz::NpyFile;
@@ -27,9 +27,7 @@ fn map() -> SkinMap {
 }
 
 fn channels() -> Vec<Channel> {
-    let channel =
-        |name: &str, unit: &str, quantity| Channel { name: name.into(), unit: unit.into(), quantity };
-    vec![channel("force.N", "N", Quantity::Extensive), channel("A", "m/s^2", Quantity::Intensive)]
+    [("force.N", "N"), ("A", "m/s^2")].map(|(name, unit)| Channel::new(name, unit).unwrap()).to_vec()
 }
 
 /// The `.npy` files of an `.npz`.
@@ -58,8 +56,7 @@ fn ids(bytes: &[u8]) -> (Vec<u64>, Vec<u32>) {
 /// Images whose pixels say where they are, with a hole.
 fn images(map: &SkinMap, atlas: &Atlas, count: usize, frame: f32) -> Vec<TactileImage> {
     let channels = vec![Channel::default(); count];
-    let mut images =
-        Renderer::new(map, atlas, &channels, &RenderOptions::default()).unwrap().images().to_vec();
+    let mut images = Renderer::new(map, atlas, &channels, None).unwrap().images().to_vec();
     for image in &mut images {
         let pixels = image.coverage.len();
         for (at, value) in image.values.iter_mut().enumerate() {

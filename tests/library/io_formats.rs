@@ -174,14 +174,19 @@ fn tables_keep_covariances_in_the_world() {
     let mut skin = robot();
     let told = DMat3::from_diagonal(DVec3::new(1e-6, 4e-6, 9e-6));
     for patch in skin.patches.iter_mut() {
-        patch.taxels.covariances =
-            Some(patch.taxels.ids.map(|_| Covariance::from([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
+        let mut covariances =
+            patch.taxels.ids.map(|_| Some(Covariance::from([1e-6, 0.0, 0.0, 4e-6, 0.0, 9e-6])));
+        // One that is exact and one that is not known.
+        (covariances[VertexId::new(1)], covariances[VertexId::new(2)]) = (Some(Covariance::default()), None);
+        patch.taxels.covariances = Some(covariances);
     }
     let draft = write_and_read(&folder, "csv", &skin);
     for (sheet, patch) in draft.sheets.iter().zip(&skin.patches) {
         let matrix = world_pose(&skin.links, patch.link).matrix3;
         let expected = matrix * told * matrix.transpose();
-        let [xx, xy, xz, yy, yz, zz] = sheet.covariances.as_ref().unwrap()[0].into();
+        let covariances = sheet.covariances.as_ref().unwrap();
+        assert_eq!(covariances[1..3], [Some(Covariance::default()), None], "{}", patch.name);
+        let [xx, xy, xz, yy, yz, zz] = covariances[0].unwrap().into();
         let found = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
         assert!(found.abs_diff_eq(expected, 1e-18), "{}: {found} is not {expected}", patch.name);
     }
@@ -497,6 +502,18 @@ fn properties_of_ply_faces_are_passed_over() {
     let sheet = read_text("ply", text).unwrap().sheets.remove(0);
     assert_eq!(sheet.triangles.len(), 1);
     assert!(sheet.normals.is_none() && sheet.areas.is_none() && sheet.ids.is_none());
+}
+
+/// Numbers of Fortran and of hands: no digit on one side of the point, or a plus.
+#[test]
+fn numbers_of_ply_need_no_digit_on_both_sides_of_the_point() {
+    let text = "ply\nformat ascii 1.0\ncomment .5\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        .25 -.5 1.\n+1 2.e-1 +.5\n0 1 0.\n3 0 1 2\n";
+    let sheet = read_text("ply", text).unwrap().sheets.remove(0);
+    let found: Vec<[f64; 3]> =
+        sheet.positions.iter().map(|p| p.to_array().map(|x| (1e6 * x).round() / 1e6)).collect();
+    assert_eq!(found, [[0.25, -0.5, 1.0], [1.0, 0.2, 0.5], [0.0, 1.0, 0.0]]);
 }
 
 fn read_bytes(kind: &str, bytes: &[u8]) -> Result<Draft, IoError> {

@@ -15,6 +15,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::{CoarsenOptions, coarsen};
+use dermatome::run::Run;
 use dermatome::skin::{
     AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin, TaxelId,
     Taxels, assemble,
@@ -42,7 +43,10 @@ fn robot() -> Skin {
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     // Exact in `f32`.
     let covariance = [4.0, -1.0, 0.5, 2.0, 0.25, 1.0].map(|x: f64| x / f64::from(1 << 20));
-    palm.taxels.covariances = Some(palm.taxels.areas.map(|_| Covariance::from(covariance)));
+    let mut covariances = palm.taxels.areas.map(|_| Some(Covariance::from(covariance)));
+    // One that is exact and one that is not known.
+    (covariances[VertexId::new(5)], covariances[VertexId::new(6)]) = (Some(Covariance::default()), None);
+    palm.taxels.covariances = Some(covariances);
     skin.patches.push(palm);
     skin.patches.push(Patch::from_mesh("back", other, shapes::lattice(5, 4, 0.0078125)));
     skin
@@ -119,7 +123,8 @@ fn what_is_written_is_read_by_the_gltf_crate() {
     write_skin(&at("skin.gltf"), &robot()).unwrap();
     write_map(&at("map.glb"), &map()).unwrap();
     let skin = robot();
-    let pyramid = |p: &Patch| coarsen(&p.mesh, &p.taxels, &CoarsenOptions::default()).unwrap();
+    let pyramid =
+        |p: &Patch| coarsen(&p.mesh, &p.taxels, &CoarsenOptions::default(), Run::default()).unwrap();
     let pyramids: Vec<_> = skin.patches.iter().map(pyramid).collect();
     write_pyramids(&at("levels.glb"), &skin, &pyramids).unwrap();
     for name in ["skin.glb", "skin.gltf", "map.glb", "levels.glb"] {

@@ -80,6 +80,15 @@ fn layouts_with_wrong_keys_are_refused() {
         (vec![("taxels", json!({"ids": [1, -1]}))], "taxels, ids: found"),
         (vec![("taxels", json!({"shape": [2, 3], "rotate": 45}))], "taxels, rotate: found 45"),
         (vec![("taxels", json!({"shape": [2, 3], "mirror": true}))], "unknown field `mirror`"),
+        (
+            vec![("taxels", json!({"shape": [2, 3], "flip": ["row", "row"]}))],
+            "taxels, flip: found \"row\" again",
+        ),
+        (vec![("taxels", json!({"columns": ""}))], "taxels, columns: found"),
+        (vec![("taxels", json!({"columns": []}))], "needed: the name of a column with {id}"),
+        (vec![("taxels", json!({"columns": ["a{id}", "b"]}))], "taxels, columns: found"),
+        (vec![("taxels", json!({"columns": "{id}", "shape": [6]}))], "taxels, columns: found"),
+        (vec![("episode", json!(-1))], "episode: found"),
     ] {
         let error = parse(&with(&changes)).unwrap_err().to_string();
         assert!(error.starts_with("l.json: ") && error.contains(expected), "{changes:?}: {error}");
@@ -129,6 +138,22 @@ fn files_that_state_something_else_are_refused() {
             "3 components; needed: component 3",
         ),
         (vec![], of(|f| f.sensors = vec![false; 6]), "taxels: found none"),
+        (
+            vec![],
+            of(|f| f.ids = Some([1, 2, 4, 3, 5, 6].map(TaxelId).to_vec())),
+            "ids, column 3: found taxel 4; needed: taxel 3, as l.json states",
+        ),
+        (
+            vec![("taxels", json!({"ids": [1, 2, 3, 4, 5, 7]}))],
+            of(|f| f.ids = Some([1, 2, 3, 4, 5, 6].map(TaxelId).to_vec())),
+            "ids, column 6: found taxel 6; needed: taxel 7",
+        ),
+        (
+            vec![("taxels", json!({"columns": "a{id}"}))],
+            of(|_| ()),
+            "needed: a table with columns called a{id}",
+        ),
+        (vec![], of(|f| f.cells = vec![5, 2, 3]), "an axis of trials is called \"episode\""),
     ] {
         let error = decoder(&with(&changes), &facts).unwrap_err().to_string();
         assert!(error.contains(expected), "{changes:?}: {error}");
@@ -265,7 +290,7 @@ fn times_become_seconds_or_are_refused() {
     let (seconds, _) = times("ns", Times::Whole(&[at, at + 10_000_000, at + 20_000_000])).unwrap();
     assert_eq!(seconds, [0.0, 0.01, 0.02], "the first is subtracted as an integer");
     assert_eq!(times("ms", Times::Real(&[5.0, 15.5])).unwrap().0, [0.005, 0.0155]);
-    let (_, stated) = times("s", Times::Real(&[0.0, 0.1, 0.2, 0.9, 1.0])).unwrap();
+    let (_, stated) = times("s", Times::Real(&[0.0, 0.1, 0.2, 2.9, 3.0])).unwrap();
     assert!(stated.iter().any(|s| s.what == "gap" && s.value.contains("before frame 3")), "{stated:?}");
     let nan = f64::NAN;
     for (unit, given, expected) in [
@@ -280,6 +305,30 @@ fn times_become_seconds_or_are_refused() {
         let error = times(unit, given).unwrap_err().to_string();
         assert!(error.starts_with("file: ") && error.contains(expected), "{unit}: {error}");
     }
+    // A file that has times and a rate states one thing twice, and so do its times and the rate of a layout.
+    let with_rate = |rate: f64, unit: Option<TimeUnit>, changes: &[(&str, Value)], given: &[f64]| {
+        let facts = StreamFacts { rate_hz: Some(rate), time_unit: unit, ..facts(&[2, 3]) };
+        let mut decoder = decoder(&with(changes), &facts).unwrap();
+        let found = decode(&mut decoder, &vec![0.0; 6 * given.len()], Times::Real(given));
+        found.map(|(_, seconds)| (seconds, decoder.statements())).map_err(|e| e.to_string())
+    };
+    let times = ("time", json!({"stream": "t", "unit": "s"}));
+    let late = [0.0, 0.101, 0.202, 0.303];
+    assert_eq!(with_rate(10.0, None, std::slice::from_ref(&times), &late).unwrap().0, late);
+    let error = with_rate(20.0, None, &[times], &late).unwrap_err();
+    assert!(error.contains("found frames 0.101000 s apart; needed: 0.050000 s, as the 20 frames"), "{error}");
+    let seconds = Some(TimeUnit::Seconds);
+    assert_eq!(with_rate(10.0, seconds, &[], &[5.0, 5.101, 5.202]).unwrap().0, [0.0, 0.1, 0.2]);
+    let error = with_rate(10.0, seconds, &[], &[5.0, 5.02]).unwrap_err();
+    assert!(
+        error.contains("frame 1: found 0.020000 s after the first in the file; needed: 0.100000 s"),
+        "{error}"
+    );
+    let (_, stated) = with_rate(10.0, None, &[], &[5.0, 5.02]).unwrap();
+    assert!(
+        stated.iter().any(|s| s.value.contains("in a unit that it does not state, are not read")),
+        "{stated:?}"
+    );
     let mut episodes = decoder(&of_unit("ms"), &facts(&[2, 3])).unwrap();
     let mut run = |times: &[i64], episode| {
         let (mut values, mut seconds) = (Vec::new(), Vec::new());
@@ -359,6 +408,25 @@ fn first_frames_that_contradict_the_layout_are_refused() {
         let error = run(json, &raw).unwrap_err().to_string();
         assert!(error.contains(expected), "{expected}: {error}");
     }
+    // A table may name cells that move and are no taxels; where there is one axis of cells, none can be swapped.
+    let others: String = (18..36).map(|k| format!("{},{},\n", k / 6, k % 6)).collect();
+    let table = |rows: String| std::fs::write(folder.path().join("half.csv"), rows).unwrap();
+    table(format!("row,col,taxel_id\n{rows}{others}"));
+    run(of("raises", 1000.0), &pad(300.0, true)).unwrap();
+    table(format!("row,col,taxel_id\n{rows}0,0,\n"));
+    let layout = Layout::parse(&folder.path().join("l.json"), &of("raises", 1000.0).to_string()).unwrap();
+    let error =
+        Decoder::new(&layout, Path::new("file"), &facts(&[6, 6])).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("rows: found cell 0 with a taxel and without one"), "{error}");
+    table(format!("taxel,taxel_id\n{}", (0..18).map(|k| format!("{k},{k}\n")).collect::<String>()));
+    let mut json = of("raises", 1000.0);
+    json["axes"] = json!(["frame", "taxel"]);
+    let layout = Layout::parse(&folder.path().join("l.json"), &json.to_string()).unwrap();
+    let mut decoder = Decoder::new(&layout, Path::new("file"), &facts(&[36])).unwrap();
+    decode(&mut decoder, &pad(300.0, true), Times::None).unwrap();
+    let stated = decoder.statements();
+    assert!(stated.iter().any(|s| s.value.starts_with("9 cells that move are none in")), "{stated:?}");
+    table(format!("row,col,taxel_id\n{rows}"));
     // Without a stated zero the sign is only a remark: a recording may begin under load.
     let stated = run(of("lowers", 0.0), &pad(300.0, false)).unwrap();
     assert!(stated.iter().any(|s| s.what == "press" && s.source == StatementSource::Checked), "{stated:?}");

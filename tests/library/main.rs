@@ -5,6 +5,8 @@ mod altered;
 mod atlas;
 mod bodies;
 mod calib;
+mod channels;
+mod clock;
 #[path = "../common/mod.rs"]
 mod common;
 mod contact;

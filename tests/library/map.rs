@@ -22,7 +22,7 @@ fn map() -> SkinMap {
     let palm = patch(&mut map);
     palm.taxels.densities = Some(palm.taxels.areas.map(|a| 1.0 / a));
     palm.taxels.covariances =
-        Some(palm.taxels.areas.map(|_| Covariance::from([1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0])));
+        Some(palm.taxels.areas.map(|_| Some(Covariance::from([1e-6, 0.0, 0.0, 1e-6, 0.0, 0.0]))));
     map
 }
 
@@ -131,7 +131,7 @@ fn every_broken_field_is_refused_by_name() {
     });
     for wrong in [[f64::NAN; 6], [-1e-6, 0.0, 0.0, 0.0, 0.0, 0.0], [1e-6, 2e-6, 0.0, 1e-6, 0.0, 0.0]] {
         refused(&["\"palm\"", "vertex 6", "covariance"], &|m| {
-            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = Covariance::from(wrong);
+            patch(m).taxels.covariances.as_mut().unwrap()[v(6)] = Some(Covariance::from(wrong));
         });
     }
     // Levels.

@@ -97,8 +97,8 @@ fn calibrated_cap(faces: usize) -> Skin {
     let mut skin = Skin::from_mesh("cap", shapes::cap(faces, 0.1, 1.2));
     for patch in skin.patches.iter_mut() {
         let variance = |p: &DVec3| 1e-6 * (1.0 + 200.0 * p.truncate().length_squared());
-        patch.taxels.covariances =
-            Some(patch.mesh.positions.map(|p| Covariance::from([variance(p) / 3.0; 6])));
+        let covariance = |p: &DVec3| Some(Covariance::from([variance(p) / 3.0; 6]));
+        patch.taxels.covariances = Some(patch.mesh.positions.map(covariance));
     }
     skin
 }

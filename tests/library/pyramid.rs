@@ -9,6 +9,7 @@ use dermatome::mesh::{Adjacency, MeshError, TriMesh, mean_edge_length, shapes};
 use dermatome::pyramid::{
     CoarsenOptions, Level, LevelId, Prolongation, Pyramid, PyramidError, Removal, RemovalLog, coarsen,
 };
+use dermatome::run::Run;
 use dermatome::skin::{LinkId, Patch, Presence, TaxelError, TaxelId};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -18,7 +19,7 @@ fn patch(mesh: TriMesh) -> Patch {
 }
 
 fn coarsen_patch(patch: &Patch, options: &CoarsenOptions) -> Result<Pyramid, PyramidError> {
-    coarsen(&patch.mesh, &patch.taxels, options)
+    coarsen(&patch.mesh, &patch.taxels, options, Run::default())
 }
 
 fn pyramid(mesh: TriMesh) -> Pyramid {

@@ -6,7 +6,7 @@ use crate::maps::{skin, square_pyramid};
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::id::VertexId;
-use dermatome::image::{Interpolation, RenderOptions, Renderer};
+use dermatome::image::Renderer;
 use dermatome::io::{Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Carried, Fill, FrameRange, Recording, RecordingOptions};
@@ -53,7 +53,7 @@ fn a_recording_is_its_stages_one_after_the_other() {
     let mut recording =
         open(&map, &RecordingOptions { condition: condition.clone(), fill, ..RecordingOptions::default() });
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    recording.draw(&atlas, Interpolation::Linear).unwrap();
+    recording.draw(&atlas).unwrap();
     let tracking = recording.tracker_options(1);
     recording.follow_contacts(&tracking).unwrap();
 
@@ -62,7 +62,7 @@ fn a_recording_is_its_stages_one_after_the_other() {
     let channels = conditioner.channels().to_vec();
     let mut filler = Filler::new(&map, channels.len());
     let mut restrictor = Restrictor::new(&map, &channels);
-    let mut renderer = Renderer::new(&map, &atlas, &channels, &RenderOptions::default()).unwrap();
+    let mut renderer = Renderer::new(&map, &atlas, &channels, None).unwrap();
     let mut tracker = ContactTracker::new(&map, &channels[1], &tracking).unwrap();
     let frame = |(values, &time): (&[f64], &f64)| {
         let mut frame = Frame { time, ..Frame::new(&map, 2) };

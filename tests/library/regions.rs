@@ -11,6 +11,7 @@ use dermatome::{
     mesh::{TriMesh, shapes},
     pipeline::{BuildOptions, MagnifyOver, build},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
+    run::Run,
     skin::{AssembleOptions, Link, Patch, PatchId, Skin, SkinError, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::{DAffine3, DVec2, DVec3};
@@ -34,7 +35,8 @@ fn sharp(mesh: &TriMesh, acuities: &IdVec<VertexId, f64>) -> Taxels {
 fn acuity_halves_the_spacing_of_fields() {
     let (mesh, acuities) = halves(90, 2.0);
     let middle = 0.5 * mesh.positions.iter().map(|p| p.x).fold(0.0, f64::max);
-    let pyramid = |taxels: &Taxels| coarsen(&mesh, taxels, &CoarsenOptions::default()).unwrap();
+    let pyramid =
+        |taxels: &Taxels| coarsen(&mesh, taxels, &CoarsenOptions::default(), Run::default()).unwrap();
     let counts = |pyramid: &Pyramid, level: usize| {
         let level = &pyramid.levels[LevelId::new(level)].mesh;
         let left = level.positions.iter().filter(|p| p.x < middle).count();
@@ -90,12 +92,13 @@ fn weights_move_distortion_to_where_it_counts_less() {
     let mesh = shapes::cap(900, 0.1, 1.9);
     let top = mesh.positions.iter().map(|p| p.z).fold(f64::MIN, f64::max);
     let is_near = |v: VertexId| mesh.positions[v].z > top - 0.05;
-    let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default()).unwrap();
+    let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &CoarsenOptions::default(), Run::default()).unwrap();
     let flat = |near: f64, far: f64| {
         let weights = mesh.positions.ids().map(|v| if is_near(v) { near } else { far }).collect();
         let taxels = Taxels { weights: Some(weights), ..Taxels::from(&mesh) };
-        let mut maps =
-            flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default()).unwrap().into_iter();
+        let mut maps = flatten_pyramid(&pyramid, Some(&taxels), &FlattenOptions::default(), Run::default())
+            .unwrap()
+            .into_iter();
         maps.next().unwrap().uv
     };
     // Angle distortion and area distortion there, each 0 at an isometry.

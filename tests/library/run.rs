@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use dermatome::Error;
 use dermatome::calib::{CalibOptions, SimulateOptions, calibrate_with, simulate};
-use dermatome::flatten::{FlattenOptions, flatten_pyramid_with, flatten_with};
+use dermatome::flatten::{FlattenOptions, flatten, flatten_pyramid};
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build, build_finest, build_with};
-use dermatome::pyramid::{CoarsenOptions, coarsen, coarsen_with};
+use dermatome::pyramid::{CoarsenOptions, coarsen};
 use dermatome::remesh::remesh_skin;
 use dermatome::run::{Progress, Run, Stage};
 use dermatome::skin::{Skin, Taxels};
@@ -22,18 +22,15 @@ fn tube() -> Skin {
 fn every_job_that_is_cancelled_ends_with_that_error() {
     let (skin, cap, flag) = (tube(), shapes::cap(800, 0.1, 1.9), AtomicBool::new(true));
     let run = Run::default().cancelled_by(&flag);
-    let (taxels, flatten) = (Taxels::from(&cap), FlattenOptions::default());
-    let pyramid = coarsen(&cap, &taxels, &CoarsenOptions::default()).unwrap();
+    let (taxels, options) = (Taxels::from(&cap), FlattenOptions::default());
+    let pyramid = coarsen(&cap, &taxels, &CoarsenOptions::default(), Run::default()).unwrap();
     let observed =
         simulate(&SimulateOptions { taxels: 20, ..SimulateOptions::default() }).unwrap().observations;
     let keep_going = BuildOptions { keep_going: true, ..BuildOptions::default() };
     let jobs: [(&str, Result<(), Error>); 7] = [
-        ("flatten", flatten_with(&cap, None, &flatten, run).map(drop).map_err(Into::into)),
-        ("pyramid", flatten_pyramid_with(&pyramid, None, &flatten, run).map(drop).map_err(Into::into)),
-        (
-            "coarsen",
-            coarsen_with(&cap, &taxels, &CoarsenOptions::default(), run).map(drop).map_err(Into::into),
-        ),
+        ("flatten", flatten(&cap, None, &options, run).map(drop).map_err(Into::into)),
+        ("pyramid", flatten_pyramid(&pyramid, None, &options, run).map(drop).map_err(Into::into)),
+        ("coarsen", coarsen(&cap, &taxels, &CoarsenOptions::default(), run).map(drop).map_err(Into::into)),
         ("build", build_with(&skin, &keep_going, run).map(drop)),
         ("finest", build_finest(&skin, &keep_going, run).map(drop)),
         ("calibrate", calibrate_with(&observed, &CalibOptions::default(), run).map(drop).map_err(Into::into)),

@@ -206,7 +206,7 @@ fn each_kind_is_known_by_its_content_and_read() {
     );
     let found = read_text(folder, "a.lst", emed(), None).unwrap();
     assert_eq!((&found.values[1], found.times), (&p(1, &[0, 1, 2, 3]), vec![0.0, 0.01, 0.02]));
-    assert!(found.values[2][0].is_nan() && found.values[2][3] == pressure(2, 3), "cropped cells are missing");
+    assert_eq!(found.values[2], [0.0, 0.0, pressure(2, 2), pressure(2, 3)], "what is cropped is not loaded");
     assert_eq!(found.statements.iter().find(|s| s.what == "unit").unwrap().source, StatementSource::Checked);
     let found = read_text(folder, "pedar.asc", pedar(), None).unwrap();
     assert_eq!(
@@ -217,7 +217,17 @@ fn each_kind_is_known_by_its_content_and_read() {
         .replace("right insole: 1,2,\n", "")
         .replace("\t1\t2\t1\t2\n", "\t1\t2\t3\t4\n")
         .replace("left insole: 1,2,", "left insole: 1,2,3,4");
-    assert_eq!(read_text(folder, "one.asc", one_foot, None).unwrap().ids, [1, 2, 3, 4]);
+    let left = read_text(folder, "one.asc", &one_foot, None).unwrap();
+    assert_eq!(
+        (left.ids.as_slice(), left.states("foot", StatementSource::File)),
+        (&[1, 2, 3, 4][..], Some("left, by its list of sensors"))
+    );
+    let right = read_text(folder, "one.asc", one_foot.replace("left", "right"), None).unwrap();
+    assert_eq!(
+        (right.ids, right.values),
+        (vec![5, 6, 7, 8], left.values),
+        "taxels of a right foot follow those of a left one"
+    );
     let found = read_text(folder, "pliance.asc", pliance(), None).unwrap();
     assert_eq!((&found.ids, &found.values[2]), (&vec![4, 9], &p(2, &[1, 2])));
     assert!(found.states("forces", StatementSource::Checked).unwrap().contains("3 frames"));
@@ -310,6 +320,10 @@ fn damaged_files_are_refused_or_stated() {
             ("5.08 mm", "5.08 ells", "a number above 0 and mm"),
             ("Raw Sum=,,7.5", "Raw Sum=,,9", "frame 7: found cells of the sum 7.5; needed: 9, the Raw Sum"),
             ("END_FRAME 9", "END_FRAME 10", "found 3 frames; needed: 4"),
+            ("START_", "SENSEL_AREA 10 mm2\nSTART_", "found SENSEL_AREA 10 mm2; needed: 25.806400 mm2"),
+            ("START_", "SENSEL_AREA 0.258064 cm2\nSTART_", "+sums: the Raw Sum of 3 frames"),
+            ("SENSOR_TYPE F", "SENSOR_TYPE F\nTIME 3 d\u{e9}c.", "+recorded: 3 d\u{e9}c."),
+            ("FRAME 0.1", "FRAME 0.2", "found frames 0.100000 s apart; needed: 0.200000 s, as the 5 frames"),
             ("Frame 8", "Frame 9", "needed: frame 8: none is left out"),
             ("MIRROR_COL 0", "MIRROR_COL 1", "needed: `flip` in `taxels`"),
             (&half(&tekscan()), "", "found the end of the file"),
@@ -344,6 +358,7 @@ fn damaged_files_are_refused_or_stated() {
             ("  0.02000", "x 0.02000", "needed: frames without other lines between them"),
             ("  0.03000", "? 0.03000", "needed: frames without other lines between them"),
             ("0.02000", "0.01000", "frame 1: found 0.01 s after 0.01 s"),
+            ("[Hz]: 100", "[Hz]: 50", "found frames 0.010000 s apart; needed: 0.020000 s, as the 50 frames"),
             ("0.5", "0,5", "needed: a number with a decimal point"),
         ],
     );
@@ -381,6 +396,14 @@ fn damaged_files_are_refused_or_stated() {
             ("1768494979584", "1768494979500", "frame 1: found"),
             ("350,474,0", "350,474", "found 5 cells; needed: 6"),
             ("350,474,0", ",474,0", "+missing: 3 readings"),
+            ("accel_x,", "pressure_sum,", "+columns not read: pressure_sum"),
+            ("pressure_01", "pressure_02", "column 5: found sensor 2 again"),
+            ("pressure_01", "pressure_09", "+taxels: 2 of 2 cells"),
+            (
+                "1,1768494979584",
+                "sole_id,timestamp,a,b,c,d\n1,1768494979584",
+                "line 3: found the names of the columns again",
+            ),
         ],
     );
     check(
@@ -393,6 +416,13 @@ fn damaged_files_are_refused_or_stated() {
             ("\"taxels\": 2", "\"taxels\": 3", "cells of a frame: found [3]"),
             ("8000,FFFF", "8000", "found 5 numbers; needed: 6"),
             ("FFFF", "FFFFF", "needed: four hexadecimal digits"),
+            ("FFFF", "FFF", "found \"FFF\"; needed: four hexadecimal digits"),
+            ("FFFF", "+80F", "needed: four hexadecimal digits"),
+            (
+                "781, \"time\": 1600000000.01, \"sensors\": 1, \"1\": {\"data\": \"0100,8000,FFFF,0001,0002,0003\", \"taxels\": 2",
+                "781, \"time\": 1600000000.01, \"sensors\": 1, \"1\": {\"data\": \"0100,8000,FFFF\", \"taxels\": 1",
+                "found 1 taxels of the sensor XR; needed: 2 taxels of the sensor XR, as in the messages before",
+            ),
             ("\"XR\"", "\"XR\", \"calibrated\": [1]", "+sensor: XR"),
             ("}\n{\"message\": 781", "\n{\"message\": 781", "needed: a message as one JSON object"),
             ("\"1\": {", "\"2\": {", "streams: found no stream \"1\"; needed: one of \"2\""),
@@ -422,6 +452,22 @@ fn damaged_files_are_refused_or_stated() {
             ("0,0.5,,", "0,0.5,1,", "more than 2 cells in row 0"),
             ("0,0.5,,", ",0.5,,", "+missing: 1 readings"),
             ("23:59:59.3", "23.59", "needed: a time as"),
+            (
+                "Rows,2",
+                "Total Area (cm\u{b2}),3\nRows,2",
+                "+cells without a sensor: 1 of 4 cells are no sensors",
+            ),
+            (
+                "Rows,2",
+                "Total Area (cm\u{b2}),5\nRows,2",
+                "found a Total Area of 5 cm2 of left; needed: at most 4.00 cm2",
+            ),
+            (
+                "Jan 31\nTime, 23:59:59.5",
+                "Feb 1\nTime, 23:59:59.5",
+                "+gap: 86400.200000 s without frames before frame 2; not filled",
+            ),
+            ("Jan 31\nTime, 23:59:59.3", "f\u{e9}v. 1\nTime, 23:59:59.3", "needed: dates as 2026 Jan 31"),
         ],
     );
     let failed = failed.into_inner();
@@ -490,6 +536,40 @@ fn arrays_of_any_axes_are_read_by_a_layout() {
         let error = read_with(&path, Some(layout(axes)), None).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(wanted), "{shape}: {error}");
     }
+    // An axis of episodes: each after the other with its own times, or one of them.
+    let episodes = |axes: [&str; 3], episode: Option<u64>| {
+        let mut json: Value = serde_json::from_str(layout(["frame", "pad", "cell"]).text()).unwrap();
+        (json["axes"], json["taxels"]) = (json!(axes), json!({"shape": [3]}));
+        episode.into_iter().for_each(|k| json["episode"] = k.into());
+        let layout = Layout::parse(Path::new("l.json"), &json.to_string()).unwrap();
+        read_with(&path, Some(layout), None)
+    };
+    for (shape, axes, order) in [
+        ("(2, 4, 3)", ["episode", "frame", "cell"], [1, 0, 2]),
+        ("(4, 3, 2)", ["frame", "cell", "episode"], [0, 2, 1]),
+    ] {
+        write(shape, "False", "<", &all(&order, [4, 2, 3]));
+        let rows =
+            |p: usize| (0..4).map(move |f| (0..3).map(|c| f64::from(number(f, p, c))).collect::<Vec<_>>());
+        let found = episodes(axes, None).unwrap();
+        assert_eq!(found.values, rows(0).chain(rows(1)).collect::<Vec<_>>(), "{axes:?}");
+        assert_eq!(found.times, [0.0, 0.5, 1.0, 1.5, 0.0, 0.5, 1.0, 1.5]);
+        assert!(
+            found.states("episodes", StatementSource::File).unwrap().starts_with("2, one after the other")
+        );
+        assert_eq!(episodes(axes, Some(1)).unwrap().values, rows(1).collect::<Vec<_>>());
+        let error = episodes(axes, Some(2)).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("episode: found 2; needed: 0 to 1"), "{error}");
+    }
+    fs::write(&path, {
+        let header = "{'descr': '|O', 'fortran_order': False, 'shape': (1,), }";
+        [b"\x93NUMPY\x01\x00", &u16::try_from(header.len()).unwrap().to_le_bytes()[..], header.as_bytes()]
+            .concat()
+    })
+    .unwrap();
+    let error =
+        read_with(&path, Some(layout(["frame", "pad", "cell"])), None).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("arrays: found the array (1,) objects; needed: an array of numbers"), "{error}");
     write("(4, 2, 3)", "False", "<", &[0; 24]);
     let draft: Value = serde_json::from_str(&ReadingsReader::draft_layout(&path, None).unwrap()).unwrap();
     assert_eq!((&draft["axes"], &draft["time"]["rate"]), (&json!(["frame", null, null]), &Value::Null));
@@ -668,6 +748,275 @@ fn spoiled_samples_are_refused_or_stated() {
     let error = layout("no_press.json").unwrap_err().to_string();
     assert!(error.contains("press: found none"), "{error}");
     assert_eq!(TimeUnit::named("ms"), Some(TimeUnit::Milliseconds));
+}
+
+/// A layout of frames and taxels at 10 Hz with another rule for taxels, axes and time.
+fn layout_by(taxels: Value, axes: Value, time: Value) -> Layout {
+    let json = json!({"dermatome_layout": 1, "axes": axes, "time": time, "channels": [{"name": "p", "unit": "count"}],
+        "press": "raises", "zero": 0, "taxels": taxels});
+    Layout::parse(Path::new("l.json"), &json.to_string()).unwrap()
+}
+
+/// Numbers in a first line are ids where a layout says so; else they are a frame, and no frame is lost.
+#[test]
+fn a_first_line_of_numbers_is_a_frame_or_ids() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, text: &str, taxels: Value, axes: Value| {
+        let layout = layout_by(taxels, axes, json!({"rate": 10}));
+        read_text(folder.path(), name, text, Some(layout)).map(|found| (found.ids, found.values))
+    };
+    let flat = || json!(["frame", "taxel"]);
+    let grid = |shape: &[usize]| json!({"shape": shape, "first_id": 1});
+    let all = |rows: &[[f64; 4]]| rows.iter().map(|row| row.to_vec()).collect::<Vec<_>>();
+    let ids = vec![1, 2, 3, 4];
+    for (name, text, rows) in [
+        ("a.csv", "2,1,1,0\n0,7,9,5\n", all(&[[2.0, 1.0, 1.0, 0.0], [0.0, 7.0, 9.0, 5.0]])),
+        ("a.csv", "7,8,9,6,\n0,7,9,5,\n", all(&[[7.0, 8.0, 9.0, 6.0], [0.0, 7.0, 9.0, 5.0]])),
+        ("a.txt", "7 8 9 6\n0 7 9 5\n", all(&[[7.0, 8.0, 9.0, 6.0], [0.0, 7.0, 9.0, 5.0]])),
+        ("a.csv", "0.5,8,9,6\n0,7,9,5\n", all(&[[0.5, 8.0, 9.0, 6.0], [0.0, 7.0, 9.0, 5.0]])),
+        // The ids that the layout states.
+        ("a.csv", "1,2,3,4\n0,7,9,5\n", all(&[[0.0, 7.0, 9.0, 5.0]])),
+    ] {
+        assert_eq!(read(name, text, grid(&[4]), flat()).unwrap(), (ids.clone(), rows), "{text}");
+    }
+    let by_file = read("a.csv", "7,8,9,6\n0,7,9,5\n", json!({"ids": "file"}), flat()).unwrap();
+    assert_eq!(
+        by_file,
+        (vec![6, 7, 8, 9], vec![vec![5.0, 0.0, 7.0, 9.0]]),
+        "the layout says that they are ids"
+    );
+    // Cells of a line have the shape of the layout, or lines are the rows of a frame.
+    let square = || json!(["frame", "row", "col"]);
+    let text = "2,1,1,0\n0,7,9,5\n";
+    assert_eq!(read("a.csv", text, grid(&[2, 2]), square()).unwrap().1.len(), 2);
+    let (_, rows) = read("a.csv", text, grid(&[2, 4]), square()).unwrap();
+    assert_eq!(rows, [[2.0, 1.0, 1.0, 0.0, 0.0, 7.0, 9.0, 5.0]]);
+    for (name, text, shape, axes, expected) in [
+        ("a.csv", "4,3,2,1\n0,7,9,5\n", &[4][..], flat(), "ids, column 1: found taxel 4; needed: taxel 1"),
+        ("a.csv", "2,1\n0,7\n2,3\n", &[2, 2], square(), "found the end after 1 lines of a frame; needed: 2"),
+        ("a.csv", "2,1,1,\n0,7,9,5\n", &[3], flat(), "line 2, column 4: found \"5\"; needed: nothing"),
+        (
+            "a.csv",
+            "2,1,1\n0,7,9\n",
+            &[3],
+            json!(["taxel", "frame"]),
+            "found \"frame\" as axis 2; needed: \"frame\" first",
+        ),
+        (
+            "a.csv",
+            "2,1,1\n",
+            &[1, 3],
+            json!(["episode", "frame", "row", "col"]),
+            "only an array of numpy has one",
+        ),
+    ] {
+        let error = read(name, text, grid(shape), axes).unwrap_err().to_string();
+        assert!(error.contains(expected), "{text}: {error}");
+    }
+    // Without a layout a skin says what they are.
+    let open = |text: &str| {
+        fs::write(folder.path().join("b.csv"), text).unwrap();
+        ReadingsReader::open(&folder.path().join("b.csv"), ReadOptions::default()).unwrap()
+    };
+    for (text, frames, ids) in [
+        ("7,9\n1,2\n", 1, Some(vec![7, 9])),
+        ("9,8\n1,2\n", 2, None),
+        ("0.5,9\n1,2\n", 2, None),
+        ("9,9\n1,2\n", 2, None),
+    ] {
+        let mut reader = open(text);
+        reader.settle_first_line([9, 7].map(dermatome::skin::TaxelId));
+        let (mut values, mut time, mut count) = (Vec::new(), 0.0, 0);
+        while reader.read(&mut values, &mut time).unwrap() {
+            count += 1;
+        }
+        let found = reader.ids.as_ref().map(|ids| ids.iter().map(|id| id.0).collect::<Vec<_>>());
+        assert_eq!((count, reader.frames, found), (frames, Some(frames), ids), "{text}");
+    }
+    let error = open("7,9\n1,2\n").read(&mut Vec::new(), &mut 0.0).unwrap_err().to_string();
+    assert!(error.contains("line 1: found numbers alone, which may be ids"), "{error}");
+}
+
+/// A table of another program: columns are taxels by their names, and others are not read.
+#[test]
+fn columns_are_found_by_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let read = |text: &str, taxels: Value, axes: Value, time: Value| {
+        let json = layout_by(taxels, axes, time).text().to_owned();
+        let layout = Layout::parse(&at.join("l.json"), &json).unwrap();
+        read_text(at, "a.csv", text, Some(layout))
+    };
+    let (flat, rate) = (|| json!(["frame", "taxel"]), || json!({"rate": 10}));
+    let text = "stamp,temp,ele2,ele10,ele1\n5.5,100,2,3,1\n5.6,101,20,30,10\n";
+    let times = json!({"stream": "stamp", "unit": "s"});
+    let by_name = read(text, json!({"columns": "ele{id}"}), flat(), times.clone()).unwrap();
+    assert_eq!((by_name.ids.as_slice(), &by_name.times), (&[1, 2, 10][..], &vec![5.5, 5.6]));
+    assert_eq!(by_name.values, [[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]]);
+    assert_eq!(by_name.states("columns not read", StatementSource::File), Some("temp"));
+    fs::write(at.join("c.csv"), "column,taxel_id\nele10,7\nele1,\nele2,9\n").unwrap();
+    let by_table = read(text, json!("c.csv"), flat(), times).unwrap();
+    assert_eq!((by_table.ids.as_slice(), &by_table.values[0]), (&[7, 9][..], &vec![3.0, 2.0]));
+    assert_eq!(by_table.states("columns not read", StatementSource::File), Some("temp, ele1"));
+    let ms = json!({"stream": "timestamp", "unit": "ms"});
+    assert_eq!(
+        read("timestamp,a1[count]\n1500,1\n1600,1\n", json!({"columns": "a{id}"}), flat(), ms).unwrap().times,
+        [1.5, 1.6]
+    );
+    // Several numbers of a taxel.
+    let json = json!({"dermatome_layout": 1, "axes": ["frame", "taxel", "component"], "time": {"rate": 10},
+        "channels": [{"name": "x", "unit": "N", "component": 0, "signed": true}, {"name": "z", "unit": "N", "component": 1}],
+        "press": "raises", "zero": 0, "taxels": {"columns": ["p{id}_x", "p{id}_z"]}});
+    let layout = Layout::parse(Path::new("l.json"), &json.to_string()).unwrap();
+    let text = "p0_x,p0_z,p1_x,p1_z\n1,2,3,4\n";
+    assert_eq!(read_text(at, "a.csv", text, Some(layout)).unwrap().values, [[1.0, 3.0, 2.0, 4.0]]);
+    for (text, taxels, time, expected) in [
+        (
+            "ele1,ele01\n1,2\n",
+            json!({"columns": "ele{id}"}),
+            rate(),
+            "column 2 (ele01): found taxel 1 again, which ele1 has",
+        ),
+        (
+            "ele1,temp\n1,2\n",
+            json!({"columns": "S{id}"}),
+            rate(),
+            "found columns ele1, temp; needed: columns called S{id}",
+        ),
+        (
+            "x1,x2,y1\n1,2,3\n",
+            json!({"columns": ["x{id}", "y{id}"]}),
+            rate(),
+            "no column of component 1 of taxel 2",
+        ),
+        (
+            "ele1,temp\n1,2\n",
+            json!({"columns": "ele{id}"}),
+            json!({"stream": "tdc", "unit": "s"}),
+            "needed: a column tdc",
+        ),
+        (
+            "ele1,b\n1,2\n",
+            json!("c.csv"),
+            rate(),
+            "c.csv: line 2, column `column`: found \"ele10\"; needed: a column of",
+        ),
+        (
+            "time,ele1\n0,2\n0.1,2\n0.2,2\n",
+            json!({"columns": "ele{id}"}),
+            json!({"unit": "ms"}),
+            "frames a second",
+        ),
+        (
+            "time[s],ele1\n0,2\n1,2\n",
+            json!({"columns": "ele{id}"}),
+            json!({"unit": "ms"}),
+            "found times in s; needed: ms",
+        ),
+        (
+            "time[s],ele1\n0,2\n0.02,2\n",
+            json!({"columns": "ele{id}"}),
+            rate(),
+            "frame 1: found 0.020000 s after the first",
+        ),
+        (
+            "ele1[kPa],ele2[N]\n1,2\n",
+            json!({"columns": "ele{id}"}),
+            rate(),
+            "needed: \"kPa\", the unit given first",
+        ),
+        ("ele1[kPa]\n1\n", json!({"columns": "ele{id}"}), rate(), "found the unit kPa of p; needed: count"),
+    ] {
+        let error = read(text, taxels, flat(), time).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{text}: {error}");
+    }
+    // A draft has the pattern of the header.
+    fs::write(at.join("a.csv"), "timestamp,temp,ele1,ele2\n1,2,3,4\n").unwrap();
+    let draft: Value =
+        serde_json::from_str(&ReadingsReader::draft_layout(&at.join("a.csv"), None).unwrap()).unwrap();
+    assert_eq!(
+        (&draft["taxels"], &draft["time"], &draft["axes"]),
+        (
+            &json!({"columns": "ele{id}"}),
+            &json!({"stream": "timestamp", "unit": null}),
+            &json!(["frame", "taxel"])
+        )
+    );
+}
+
+/// Ids, times and devices that a file states are compared with a layout, or noted.
+#[test]
+fn what_is_stated_twice_is_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, text: &str, layout: Option<Layout>| {
+        let found = read_text(folder.path(), name, text, layout);
+        found.map(|found| {
+            found.statements.iter().map(|s| format!("{}: {}", s.what, s.value)).collect::<Vec<_>>()
+        })
+    };
+    let by = |time| Some(layout_by(json!({"shape": [2], "first_id": 1}), json!(["frame", "taxel"]), time));
+    let long = |rows: &str| format!("time,device,taxel_id,value,quality\n{rows}");
+    for (name, text, layout, expected) in [
+        (
+            "a.csv",
+            "time,2,1\n0,1,1\n0.1,1,1\n".to_owned(),
+            by(json!({"unit": "s"})),
+            "ids, column 1: found taxel 2; needed: taxel 1",
+        ),
+        ("a.csv", "time,1,2\n0,1,1\n0.02,1,1\n".into(), by(json!({"rate": 99})), "frame 1: found 0.020000 s"),
+        ("a.csv", "time[ms],1,2\n0,1,1\n".into(), by(json!({"unit": "s"})), "found times in ms; needed: s"),
+        (
+            "a.csv",
+            long("0,A,1,5,1\n0.1,B,1,6,1\n"),
+            None,
+            "line 3, column 2: found taxel 1 of \"B\" after \"A\"",
+        ),
+        (
+            "a.log",
+            "1000 0.0 1 2\n1002 0.1 1 2\n1001 0.2 1 2\n".into(),
+            None,
+            "line 3, column 1: found packet 1001 after 1002",
+        ),
+    ] {
+        let error = read(name, &text, layout).unwrap_err().to_string();
+        assert!(error.contains(expected), "{text}: {error}");
+    }
+    for (name, text, layout, expected) in [
+        (
+            "a.csv",
+            "time,1,2\n0,1,1\n0.1,1,1\n".to_owned(),
+            by(json!({"rate": 10})),
+            "time: 10 frames a second",
+        ),
+        ("a.csv", "time[ms],1,2\n0,1,1\n100,1,1\n".into(), by(json!({"unit": "ms"})), "time: times in ms"),
+        ("a.csv", long("0,A,1,5,1\n0,B,2,6,1\n"), None, "columns not read: device, quality"),
+        ("a.log", "1000 0.0 1 2\n1003 0.1 1 2\n".into(), None, "lost packets: 2 packets"),
+    ] {
+        let stated = read(name, &text, layout).unwrap();
+        assert!(stated.iter().any(|s| s.contains(expected)), "{text}: {stated:?}");
+    }
+}
+
+#[test]
+fn files_that_stand_for_others_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let wide: Vec<u8> = tekscan().encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let mut marked = b"\xff\xfe".to_vec();
+    marked.extend_from_slice(&wide);
+    let array = format!("[{}]", xela().trim().replace('\n', ","));
+    let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n";
+    for (name, content, expected) in [
+        ("a.asf", wide, "file: found text in UTF-16"),
+        ("a.asf", marked, "file: found text in UTF-16"),
+        ("a.jsonl", array.into_bytes(), "file: found messages in one JSON array"),
+        ("a.h5", pointer.into(), "file: found a pointer of Git LFS"),
+    ] {
+        let error = read_text(folder.path(), name, content, None).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{name}: {error}");
+    }
+    let two = tekscan() + "\nDATA_TYPE MOVIE\n";
+    let error = read_text(folder.path(), "a.asf", two, None).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("found \"DATA_TYPE MOVIE\"; needed: the end of the file behind @@"), "{error}");
 }
 
 /// Damaged bytes of every kind: an answer or an error, and never more than the file can hold.

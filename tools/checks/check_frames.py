@@ -1,8 +1,7 @@
 """Reads every output of a rendered recording with numpy and the OpenEXR library and holds it against map.glb and the
 readings: exit 1 with a sentence if they disagree.
 
-    python check_frames.py map.glb readings.csv recording.npz [--extensive] [--interpolate HOW] [--frames FOLDER]
-                           [--npy FILE PATCH LEVEL]
+    python check_frames.py map.glb readings.csv recording.npz [--extensive] [--frames FOLDER] [--npy FILE PATCH LEVEL]
 
 The readings are a table with the columns `time` and `ID` or `ID.CHANNEL[UNIT]`. The values of every level, every pixel and
 the features are computed again from the matrices of map.glb alone: accessors `up` and `direct`, `_AREA` and `TEXCOORD_0`.
@@ -186,7 +185,7 @@ def vertices_named(shown, taxels, corners, weights):
 
 def check_level(key, levels, k, values, arrays, options):
     """The values and the image of level `k`; values[c] is (T, n)."""
-    extensive, how = options.extensive, options.interpolate
+    extensive = options.extensive
     shown = levels[k]
     found, valid = arrays[f"{key}.values"], arrays[f"{key}.valid"]
     wanted = np.stack(values, 1)
@@ -211,7 +210,7 @@ def check_level(key, levels, k, values, arrays, options):
     if not np.isnan(image[:, :, mask == 0]).all():
         return "the image has values off the skin"
     rows, columns, corners, weights = faces_of_pixels(shown, mask)
-    named = vertices_named(shown, taxels[rows, columns], corners, weights)
+    vertices_named(shown, taxels[rows, columns], corners, weights)
     size = shown.extras["map"]["size"]
     step = arrays.get("metres_per_pixel", arrays.get(f"{key}.metres_per_pixel"))
     if not np.allclose(np.array(size) / [width, height], step, rtol=1e-9):
@@ -223,16 +222,9 @@ def check_level(key, levels, k, values, arrays, options):
             totals = np.nansum(found, 1) * pixel
             if not np.allclose(totals, np.nansum(wanted[:, c], 1), rtol=1e-6, atol=1e-9 * max(scale, 1e-30) * wanted.shape[2]):
                 return "the image does not keep the total"
-        if how == "nearest":
-            if extensive or named is None:
-                continue
-            # Where a corner is dead, another than the nearest vertex may be shown.
-            clear = ~np.isnan(wanted[0, c][corners]).any(1)
-            found, drawn = found[:, clear], wanted[:, c][:, named[clear]]
-        else:
-            drawn = draw(wanted[:, c], corners, weights, pixel, extensive)
+        drawn = draw(wanted[:, c], corners, weights, pixel, extensive)
         if not close(found, drawn, np.nanmax(np.abs(drawn), initial=0)):
-            return f"the image differs from the {how} values by up to {np.nanmax(np.abs(found - drawn))}"
+            return f"the image differs from the linear values by up to {np.nanmax(np.abs(found - drawn))}"
     return None
 
 
@@ -375,7 +367,6 @@ if __name__ == "__main__":
     parser.add_argument("map")
     parser.add_argument("readings")
     parser.add_argument("recording", nargs="?")
-    parser.add_argument("--interpolate", default="linear", choices=["linear", "nearest"])
     parser.add_argument("--packed", action="store_true", help="the frames are packed and have static channels")
     parser.add_argument("--extensive", action="store_true", help="the readings are amounts, as forces")
     parser.add_argument("--frames", help="a folder with an EXR sequence of the same recording")

@@ -6,6 +6,7 @@ use dermatome::Error;
 use dermatome::io::{IoError, write_pyramids};
 use dermatome::mesh::Adjacency;
 use dermatome::pyramid::{Level, Pyramid, coarsen};
+use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, Patch, Skin};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.acuity.apply(&mut skin, common)?;
     let options = args.coarsen.options();
     let coarsen = |patch: &Patch| {
-        let coarsened = coarsen(&patch.mesh, &patch.taxels, &options).map_err(Error::from);
+        let coarsened = coarsen(&patch.mesh, &patch.taxels, &options, Run::default()).map_err(Error::from);
         coarsened.map_err(|source| Error::Patch { patch: patch.name.clone(), source: source.into() })
     };
     let made: Vec<_> = skin.patches.as_slice().par_iter().map(coarsen).collect();

@@ -5,13 +5,13 @@ use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::diff::{Change, ChangeKind, Diff, DiffOptions, diff};
-use dermatome::io::{IoError, read_modules, read_modules_if_any, write_diff};
+use dermatome::io::{IoError, modules_of_skin, read_modules, write_diff};
 use dermatome::plot::{Picture, PlotOptions, plot_diff};
 use dermatome::skin::{Draft, TaxelId};
 use serde_json::{Value, json};
 
 use crate::console::errors::INCOMPLETE;
-use crate::console::notes::{note, note_columns, note_count};
+use crate::console::notes::{note, note_columns};
 use crate::console::print::{line, print, print_json};
 use crate::files::input::{read_draft_of, read_map_if_any};
 use crate::files::outputs;
@@ -20,8 +20,9 @@ use crate::options::{Common, InPath, ModulesArg, OutFile, ReadArgs, length_mm, m
 
 /// List what changed between two files of one skin: exit code 1 if anything did.
 ///
-/// Taxels are matched by id; each link is aligned by the motion that most of its taxels follow. Modules and taxels are
-/// compared with their neighbours: moved, turned, swapped, mirrored, renumbered, missing and new ones are listed.
+/// Taxels are matched by id, links by name; each link is aligned by the motion that most of its taxels follow. Modules and
+/// taxels are compared with their neighbours: moved, turned, swapped, mirrored, renumbered, missing and new ones are
+/// listed, and other links, normals, areas and modules.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin before: any file that `build` or `calibrate` reads or writes
@@ -38,7 +39,7 @@ pub(crate) struct Args {
     /// The module of each taxel: a table with columns taxel_id,module, or N: the same id / N [default: as the files say]
     #[arg(long, value_name = "M.csv|N", value_parser = modules_arg)]
     modules: Option<ModulesArg>,
-    /// Standard deviation of a difference along each axis [default: estimated from the files]
+    /// Standard deviation of the difference of one taxel along each axis [default: estimated from the files]
     #[arg(long = "sigma-mm", value_name = "MM", value_parser = length_mm)]
     sigma: Option<f64>,
     /// Print the changes as JSON
@@ -58,18 +59,16 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let [before, after] = [&args.before, &args.after].map(|path| read_draft_of(path, &args.read, false));
     let (before, after) = (before?, after?);
     let modules = match &args.modules {
-        None if outputs::kind(&args.before) == "csv" => {
-            let table = read_modules_if_any(&args.before).map_err(Error::from)?;
-            table.map(|table| table.rows).unwrap_or_default()
-        }
-        None => Vec::new(),
-        Some(ModulesArg::Of(size)) => modules_of(&before, *size),
+        None => [&args.before, &args.after].map(|path| modules_of_skin(path).map(Option::unwrap_or_default)),
+        Some(ModulesArg::Of(size)) => [&before, &after].map(|draft| Ok(modules_of(draft, *size))),
         Some(ModulesArg::Table(path)) => {
             let table = read_modules(path).map_err(Error::from)?;
             note_columns(path, &table.unused, common);
-            table.rows
+            [Ok(table.rows.clone()), Ok(table.rows)]
         }
     };
+    let [of_before, of_after] = modules.map(|modules: Result<_, IoError>| modules.map_err(Error::from));
+    let modules = [of_before?, of_after?];
     let options = DiffOptions { modules, sigma: args.sigma, ..DiffOptions::default() };
     let found = diff(&before, &after, &options).map_err(Error::from)?;
     if let Some(path) = &args.output {
@@ -78,8 +77,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let picture = plot.map(|path| draw(args, &found, path, common)).transpose()?;
     outputs::publish(common)?;
     for (path, count) in [&args.before, &args.after].into_iter().zip(found.ambiguous) {
-        let why = format!("of {} whose id is not unique, left out", path.display());
-        note_count(common, count as u64, "taxels", &why);
+        if count > 0 {
+            note!(common, "{}: {count} taxels left out, since their ids are not unique", path.display());
+        }
     }
     for link in found.links.iter().filter(|link| 2 * link.unchanged < link.taxels) {
         let name = &link.name;
@@ -125,7 +125,7 @@ fn sentences(found: &Diff) -> String {
 
 /// `module 7 of palm moved by 3.1 mm, turned by 2.0 deg (12 sigma) [taxels 1, 2 and 8 more]`.
 fn sentence(change: &Change) -> String {
-    let Change { kind, subject, name, other, patch, distance, angle, sigmas, .. } = change;
+    let Change { kind, subject, name, other, link, patch, distance, angle, sigmas, .. } = change;
     let what = match name.as_str() {
         "" => format!("a {subject} without a name"),
         _ => format!("{subject} {name}"),
@@ -144,6 +144,12 @@ fn sentence(change: &Change) -> String {
         ChangeKind::Renumbered => format!("has other ids: {}", few(&change.others)),
         ChangeKind::Missing => "is missing in the second file".into(),
         ChangeKind::New => "is new in the second file".into(),
+        ChangeKind::Relinked => {
+            format!("is on the link {:?} in place of {link:?}", other.as_deref().unwrap_or_default())
+        }
+        ChangeKind::Tilted => format!("has other normals, turned by up to {degrees:.1} deg"),
+        ChangeKind::Resized => "has other areas".into(),
+        ChangeKind::Regrouped => format!("belongs to the module {}", other.as_deref().unwrap_or_default()),
     };
     let sure = if sigmas.is_nan() { String::new() } else { format!(" ({sigmas:.1} sigma)") };
     format!("{what}{of} {how}{sure} [taxels {}]", few(&change.taxels))

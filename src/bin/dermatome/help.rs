@@ -156,8 +156,8 @@ Words:
 const OF_COSTS: &str = "\
 Words:
   level    a mesh: level 0 is the skin, every further one is coarser
-  bound    what the error of an answer of the level alone cannot exceed; it comes with the answer
-  error    how far the distance from the level is from the distance from the skin
+  interval between which distances the skin is, as a reactive answer says
+  error    how far the middle of the interval is from the distance of the skin
   decides  share of the contacts for which the answer decides whether they are within 1, 2, 5
            or 10 mm of the skin";
 

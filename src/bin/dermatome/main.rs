@@ -55,7 +55,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Measure lookups on a map: time, error bound and true error on each level.
+    /// Measure lookups on a map: time, interval and true error, by distance and level.
     Bench(bench::Args),
     /// Build the maps of a skin: writes map.glb, map.exr and reports as JSON and HTML.
     Build(build::Args),
@@ -187,9 +187,14 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
 
 #[cfg(test)]
 mod tests {
+    use std::any::TypeId;
     use std::collections::BTreeSet;
 
+    use clap::error::ErrorKind;
+    use glob::Pattern;
+
     use super::*;
+    use crate::options::{CutArg, InPath, JointsArg, ModulesArg, OutFile, OutFolder};
 
     // clap checks this too, but not in a release.
     #[test]
@@ -206,5 +211,101 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Values of options that have no list of words and no default, by the name of their value.
+    const SOUND: [(&str, &str); 37] = [
+        ("AZIMUTH,ELEVATION", "-65,-45"),
+        ("D", "5"),
+        ("DEG", "10"),
+        ("DIR", "0,1,0"),
+        ("F", "0.5"),
+        ("GAMMA", "1"),
+        ("H", "64"),
+        ("HZ", "10"),
+        ("ID,...|F.csv", "3,17"),
+        ("K", "2"),
+        ("KIND=N", "dead=3"),
+        ("KPA", "5"),
+        ("KPA,...", "5,20"),
+        ("L.json|tnc|tcn", "tcn"),
+        ("LENGTH|NAME=LENGTH,...", "hand=2mm,5mm"),
+        ("LOW,HIGH", "0,1"),
+        ("MB", "50"),
+        ("MM", "5"),
+        ("MM,...", "5,10"),
+        ("MM[,MM]", "5,8"),
+        ("N", "3"),
+        ("NAME=DIR", "a=."),
+        ("PERCENT", "5"),
+        ("PX", "600"),
+        ("R", "3"),
+        ("R.csv|P.json|link", "link"),
+        ("S", "1"),
+        ("SHAPE|FILE.csv", "circle"),
+        ("SHARE", "5%"),
+        ("T,T,...", "0,1"),
+        ("UNIT", "mm"),
+        ("W", "1"),
+        ("X", "2"),
+        ("[LINK:]DIR[,DEG]", "0,1,0,20"),
+        ("[LINK:]X,Y,Z,X,Y,Z", "0,0,0,1,1,1"),
+        ("follow|stored|first=N|NUMBER", "first=3"),
+        ("uv", "uv"),
+    ];
+
+    /// Every value of every option is read to its end. Names are free, and so are files: one that does not exist is
+    /// refused when it is read.
+    #[test]
+    fn what_follows_a_sound_value_is_refused() {
+        let free = [
+            TypeId::of::<String>(),
+            TypeId::of::<Pattern>(),
+            TypeId::of::<InPath>(),
+            TypeId::of::<OutFile>(),
+            TypeId::of::<OutFolder>(),
+            TypeId::of::<CutArg>(),
+            TypeId::of::<JointsArg>(),
+            TypeId::of::<ModulesArg>(),
+        ];
+        let mut root = with_negative_numbers(Cli::command());
+        root.build();
+        let mut tried = 0;
+        for command in root.get_subcommands() {
+            for argument in command.get_arguments().filter(|argument| argument.get_action().takes_values()) {
+                if free.iter().any(|known| argument.get_value_parser().type_id() == *known) {
+                    continue;
+                }
+                let name = argument.get_value_names().map_or("", |names| names[0].as_str());
+                let words = argument.get_possible_values();
+                let word = words.first().map(|word| word.get_name().to_owned());
+                let given =
+                    argument.get_default_values().first().map(|word| word.to_string_lossy().into_owned());
+                let listed =
+                    SOUND.iter().find(|(other, _)| *other == name).map(|(_, value)| (*value).to_owned());
+                let sound = word.or(given).or(listed);
+                let sound =
+                    sound.unwrap_or_else(|| panic!("{} {argument}: give a value", command.get_name()));
+                let count = argument.get_num_args().map_or(1, |range| range.min_values().max(1));
+                let is_refused = |value: &str| {
+                    let mut line = vec!["dermatome".to_owned(), command.get_name().to_owned()];
+                    if let Some(long) = argument.get_long().filter(|_| argument.is_require_equals_set()) {
+                        line.push(format!("--{long}={value}"));
+                    } else {
+                        line.extend(argument.get_long().map(|long| format!("--{long}")));
+                        line.extend(std::iter::repeat_n(sound.clone(), count - 1));
+                        line.push(value.to_owned());
+                    }
+                    let error = root.clone().try_get_matches_from(line).err().map(|error| error.kind());
+                    matches!(error, Some(ErrorKind::InvalidValue | ErrorKind::ValueValidation))
+                };
+                assert!(!is_refused(&sound), "{} {argument} {sound}", command.get_name());
+                for rubbish in ["x", ",x", " x"].map(|rubbish| format!("{sound}{rubbish}")) {
+                    assert!(is_refused(&rubbish), "{} {argument} {rubbish:?} is taken", command.get_name());
+                }
+                tried += 1;
+            }
+        }
+        assert!(tried > 200, "{tried} options");
     }
 }

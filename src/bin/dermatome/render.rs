@@ -7,9 +7,9 @@ mod output;
 
 use std::{process::ExitCode, sync::Arc};
 
+use clap::builder::Resettable;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
-use dermatome::image::Interpolation;
 use dermatome::io::Statement;
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
@@ -22,7 +22,7 @@ use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
-use crate::files::outputs::{self, is_stream};
+use crate::files::outputs::{self, is_read_once, is_stream};
 use crate::files::signals;
 use crate::options::{Choice, Common, InPath, OutFolder, RegionsArgs, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
@@ -39,6 +39,7 @@ use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pict
 #[derive(Debug, clap::Args)]
 // `--unit` was the name of `--readings-unit`, and is the unit of lengths everywhere else.
 #[command(mut_arg("units", |arg| arg.alias("unit")))]
+#[command(mut_group("TouchArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("found")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
@@ -127,7 +128,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if !images.values_only {
         check_memory(&atlas, channels.len(), level, images.max_memory)?;
-        recording.draw(&atlas, args.pixels.interpolate)?;
+        recording.draw(&atlas)?;
     }
     remark_join(&recording, &args.readings, common);
     let content = Content {
@@ -194,17 +195,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     ended?;
     args.readings_args.remark(&recording, common);
     let found = found.map(|count| (count, threshold));
-    match found {
-        Some((count, Some(threshold))) => {
-            let contacts = if count == 1 { "contact" } else { "contacts" };
-            let digits =
-                if threshold < 1e-3 { format!("{threshold:.1e}") } else { format!("{threshold:.4}") };
-            note!(common, "{count} {contacts} above {digits}");
-        }
-        Some((_, None)) => {
-            note!(common, "no contacts: the noise cannot be estimated from one frame; give --threshold")
-        }
-        None => {}
+    if let Some((count, Some(threshold))) = found {
+        let contacts = if count == 1 { "contact" } else { "contacts" };
+        let digits = if threshold < 1e-3 { format!("{threshold:.1e}") } else { format!("{threshold:.4}") };
+        note!(common, "{count} {contacts} above {digits}");
+    }
+    if found.is_some() {
+        args.contacts.remark(&recording, common)?;
     }
     if args.json {
         let mut json = json_report(&report, &channels, &parts, found);
@@ -232,7 +229,7 @@ fn range_of_images(
     let common = Common { quiet: true, ..common.clone() };
     let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, map, &common)?;
     recording.carry(args.images.carried(), level);
-    recording.draw(atlas, args.pixels.interpolate)?;
+    recording.draw(atlas)?;
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     while let Some(step) = recording.next_step()? {
         for value in step.images.iter().flat_map(|image| &image.values).filter(|value| value.is_finite()) {
@@ -254,7 +251,7 @@ impl Args {
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
             ));
         }
-        self.colours.check(kind, is_stream(&self.readings))?;
+        self.colours.check(kind, is_read_once(&self.readings))?;
         self.events.check()?;
         self.frames.range()?;
         if self.images.values_only && kind != ImagesKind::Array(Array::Npz) {
@@ -388,9 +385,6 @@ fn check_memory(atlas: &Atlas, channels: usize, level: Option<LevelId>, max_mb: 
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Images")]
 pub(crate) struct PixelArgs {
-    /// How a pixel follows from the taxels around it
-    #[arg(long, value_parser = one_of(&INTERPOLATIONS), default_value = "linear")]
-    pub(super) interpolate: Interpolation,
     /// Side of a pixel [default: that of the map]
     #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, conflicts_with = "size")]
     pixel: Option<f64>,
@@ -409,11 +403,6 @@ const PACKINGS: [Choice<Pack>; 2] = [
         Pack::Body,
         "Distal ends up, distal links above proximal ones, neighbours near each other: for people",
     ),
-];
-
-const INTERPOLATIONS: [Choice<Interpolation>; 2] = [
-    ("linear", Interpolation::Linear, "Barycentric between the corners of each triangle"),
-    ("nearest", Interpolation::Nearest, "The nearest taxel"),
 ];
 
 impl PixelArgs {

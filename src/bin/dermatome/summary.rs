@@ -4,8 +4,11 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{LoadWriter, SummaryCell, summary_rows, write_summary};
-use dermatome::signal::{Group, Probe, TrackerOptions};
+use dermatome::io::{
+    LoadWriter, Statement, StatementSource, SummaryCell, SummaryRow, summary_rows, summary_step_rows,
+    write_summary, write_summary_steps,
+};
+use dermatome::signal::Group;
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
@@ -14,10 +17,11 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
-use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
+use crate::files::signals;
+use crate::options::{Choice, Common, InPath, OutFile, RegionsArgs, one_of};
+use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 
-/// Add up a recording by region, patch, link, contact and for the whole skin.
+/// Add up a recording by region, patch, link, contact and for the whole skin, or step by step.
 ///
 /// One row for each: peak and mean, force, impulse, contact area and contact time, and the path of the centre of
 /// pressure, as in pressure mapping; docs/terms.md defines the columns. SI units; readings are in the unit of the
@@ -33,17 +37,15 @@ pub(crate) struct Args {
     /// Table of the sums
     #[arg(short, long, value_name = "T.csv")]
     output: OutFile,
+    /// What has a row: each group with its sums, or each step
+    #[arg(long, value_name = "WHAT", value_parser = one_of(&ROWS), default_value = "group")]
+    by: Rows,
     /// Also write the loads of every frame: a table
     #[arg(long, value_name = "OUT.csv")]
     over_time: Option<OutFile>,
-    /// A taxel is loaded above this, in the unit of the channel; 0: above 0 [default: estimated from the first frames,
-    /// during which the skin must be untouched; their mean is then subtracted]
-    #[arg(long, value_name = "X", value_parser = threshold)]
-    threshold: Option<f64>,
-    /// What touches the skin, for contacts that are close to each other
-    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
-    probe: Probe,
-    /// The channel that is added up [default: the first]
+    #[command(flatten)]
+    touch: TouchArgs,
+    /// The channel that is added up [default: the first that measures touches]
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
     /// Print the sums as JSON
@@ -57,10 +59,20 @@ pub(crate) struct Args {
     frames: FramesArgs,
 }
 
-fn threshold(text: &str) -> Result<f64, String> {
-    // Contacts need a threshold above 0.
-    number(text, "a number of at least 0", |x| x >= 0.0).map(|x| x.max(f64::MIN_POSITIVE))
+/// What has a row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rows {
+    Groups,
+    Steps,
 }
+
+const ROWS: [Choice<Rows>; 2] = [
+    ("group", Rows::Groups, "The whole skin, each link, patch, region and contact"),
+    ("step", Rows::Steps, "Each loading of a patch or a region from begin to end, as the steps of a gait"),
+];
+
+/// What files call the names of their sensors, which may say left or right.
+const SENSORS: [&str; 3] = ["sensor", "sole", "side"];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check_table(&args.output)?;
@@ -71,59 +83,89 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let map = Arc::new(map);
     let mut recording = args.readings_args.open(frames, &args.readings, &map, common)?;
     let channel = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
-    let tracker = TrackerOptions {
-        probe: args.probe,
-        low: args.probe.low(),
-        threshold: args.threshold,
-        ..recording.tracker_options(channel)
-    };
-    recording.summarise(&tracker).map_err(Error::from)?;
+    let tracker = args.touch.options(&recording, channel);
+    match args.by {
+        Rows::Groups => recording.summarise(&tracker),
+        Rows::Steps => recording.summarise_steps(&tracker),
+    }
+    .map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
     let mut over_time = over_time.transpose().map_err(Error::from)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
-    loop {
-        let step = recording.next_step()?;
-        let Some((number, time)) = step.map(|step| (step.number as u64, step.frame.time)) else { break };
-        if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
-            writer.write(number, time, &map, summary).map_err(Error::from)?;
+    let mut added = 0;
+    let mut add_all = || -> anyhow::Result<()> {
+        while let Some(step) = recording.next_step()? {
+            let (number, time) = (step.number as u64, step.frame.time);
+            if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
+                writer.write(number, time, &map, summary).map_err(Error::from)?;
+            }
+            bar.inc(1);
+            added += 1;
         }
-        bar.inc(1);
-    }
+        Ok(())
+    };
+    let ended = add_all();
     bar.finish_and_clear();
+    // Of a stream that ends badly, what came before is kept: it will not come again.
+    if ended.is_err() && (added == 0 || !is_stream(&args.readings)) {
+        return ended.map(|()| ExitCode::SUCCESS);
+    }
     let report = recording.report();
-    args.frames.check_any(&report)?;
+    if ended.is_ok() {
+        args.frames.check_any(&report)?;
+    }
     let Some((summary, threshold)) = recording.summary().zip(recording.threshold()) else {
+        ended?;
         return Err(advise("the noise cannot be estimated from one frame", "give --threshold"));
     };
-    write_summary(common.outputs.file(&args.output), &map, summary).map_err(Error::from)?;
+    let is_name = |s: &Statement| s.source == StatementSource::File && SENSORS.contains(&&*s.what);
+    let names: Vec<String> = recording.statements().into_iter().filter(is_name).map(|s| s.value).collect();
+    let sensor = names.join(" ");
+    let output = common.outputs.file(&args.output);
+    match args.by {
+        Rows::Groups => write_summary(output, &map, summary),
+        Rows::Steps => write_summary_steps(output, &map, summary, &sensor),
+    }
+    .map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
     outputs::publish(common)?;
+    if ended.is_err() {
+        let how = if signals::stopped().is_some() { "was stopped" } else { "ended badly" };
+        note_count(common, added, "frames", &format!("added up; the stream {how}"));
+    }
+    ended?;
     args.readings_args.remark(&recording, common);
     if summary.channel.newtons().is_none() {
         let unit = &summary.channel.unit;
         note!(common, "forces are left out: the unit {unit:?} is neither one of force nor one of pressure");
     }
-    if args.threshold.is_none() {
-        note!(common, "loaded is above {threshold:.4}, estimated from the first frames; --threshold sets it");
-    }
+    args.touch.remark(&recording, channel, common);
     note_count(common, summary.gaps() as u64, "gaps", "in the times, over which nothing is added up");
+    if let Some((_, cut_off)) = summary.steps() {
+        let how = "left out: the recording begins, ends or has a gap within them";
+        note_count(common, cut_off as u64, "loadings", how);
+    }
     if args.json {
         let value = |cell: SummaryCell| match cell {
             SummaryCell::Text(text) => json!(text),
             SummaryCell::Number(number) => json!(number),
             SummaryCell::Count(count) => json!(count),
         };
-        let object = |row: Vec<(&str, SummaryCell)>| -> Map<String, Value> {
+        let object = |row: SummaryRow| -> Map<String, Value> {
             row.into_iter().map(|(name, cell)| (name.to_owned(), value(cell))).collect()
         };
         let groups: Vec<_> = summary_rows(&map, summary).into_iter().map(object).collect();
         let contacts = summary.totals().filter(|(group, _)| matches!(group, Group::Contact(_))).count();
-        let json = json!({
+        let mut json = json!({
             "frames": report.frames, "threshold": threshold, "contacts": contacts, "gaps": summary.gaps(),
             "at_once": recording.at_once(),
             "groups": groups,
         });
+        if let Some((_, cut_off)) = summary.steps() {
+            json["steps"] = summary_step_rows(&map, summary, &sensor).into_iter().map(object).collect();
+            json["cut_off"] = json!(cut_off);
+        }
         print_json("dermatome.summary/1", &json)?;
     }
     Ok(ExitCode::SUCCESS)

@@ -49,9 +49,6 @@ pub(crate) struct Args {
     /// Ellipsoids instead of spheres: the largest ratio of their two radii of curvature
     #[arg(long, value_name = "F", default_value_t = 1.0)]
     aspect: f64,
-    /// How unsteady the depth of a press is: the standard deviation of its logarithm
-    #[arg(long, value_name = "F", default_value_t = 0.0)]
-    wobble: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
     #[arg(long, value_name = "KPA", default_value_t = 20.0)]
     stiffness_kpa: f64,
@@ -76,9 +73,6 @@ pub(crate) struct Args {
     /// Response curve: pressure is the reading to this power, both relative to the pressure of a press
     #[arg(long, value_name = "F", default_value_t = 1.0)]
     exponent: f64,
-    /// Width of the loop that readings describe as pressure rises and falls, relative
-    #[arg(long, value_name = "F", default_value_t = 0.0)]
-    hysteresis: f64,
     /// A bag instead of spheres: it presses on all taxels with these pressures, up and down again in each press; the
     /// truth is a table time,pressure
     #[arg(long = "bag-kpa", value_name = "KPA,...", value_delimiter = ',')]
@@ -102,25 +96,13 @@ pub(crate) struct Args {
     /// Spread of the gains of the taxels: standard deviation of their logarithm
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     gain_spread: f64,
-    /// Spread of the exponents of their responses, whose median is 1
-    #[arg(long, value_name = "F", default_value_t = 0.0)]
-    exponent_spread: f64,
     /// Drift of all zeros with temperature, per second; each taxel has its own coefficient, 1 give or take 0.3
     #[arg(long, value_name = "KPA", default_value_t = 0.0)]
     warming_kpa: f64,
-    /// 1/f noise of each zero: standard deviation in each decade of time
-    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
-    flicker_kpa: f64,
-    /// Pressure lowers readings
-    #[arg(long)]
-    inverted: bool,
     /// Faulty taxels, as in dead=3,swapped=2: dead, silent, stuck, noisy, jumping, chattering or saturated ones,
     /// swapped or crosstalk pairs, module-step groups of 12, turned ones of a taxel and all around it
     #[arg(long, value_name = "KIND=N", value_delimiter = ',', value_parser = fault)]
     faults: Vec<(TaxelState, usize)>,
-    /// Share of the pressure on one taxel of a crosstalk pair that leaks into the other one
-    #[arg(long, value_name = "F", default_value_t = 0.5)]
-    leak: f64,
     /// File for what each taxel is: gain, exponent, drift and fault, a .csv as `response` writes
     #[arg(long, value_name = "OUT.csv")]
     true_response: Option<OutFile>,
@@ -230,7 +212,6 @@ impl Args {
             apart: self.apart,
             depths: self.depths,
             aspect: self.aspect,
-            wobble: self.wobble,
             stiffness: self.stiffness_kpa * 1e6,
             presses: self.presses,
             touches: self.touches,
@@ -241,7 +222,6 @@ impl Args {
             taxel_radius: self.taxel,
             blur: self.blur,
             exponent: self.exponent,
-            hysteresis: self.hysteresis,
             steps: self.bag.iter().map(|kpa| kpa * 1e3).collect(),
             uneven: self.uneven,
             quantity: self.reads,
@@ -250,14 +230,12 @@ impl Args {
             dead: self.dead,
             readout: ReadoutOptions {
                 gain_spread: self.gain_spread,
-                exponent_spread: self.exponent_spread,
                 warming: self.warming_kpa * 1e3,
-                flicker: self.flicker_kpa * 1e3,
-                is_inverted: self.inverted,
                 faults: self.faults.iter().fold(FaultCounts::default(), |all, &(kind, n)| all.with(kind, n)),
-                leak: self.leak,
+                ..ReadoutOptions::default()
             },
             seed: self.seed,
+            ..TouchOptions::default()
         }
     }
 }

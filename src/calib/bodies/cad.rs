@@ -5,8 +5,8 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use crate::calib::CalibError;
-use crate::calib::pose::is_within_reach;
 use crate::id::{IdVec, VertexId, define_id};
+use crate::mesh::is_within_reach;
 use crate::skin::{PatchId, TaxelId};
 
 define_id!(

@@ -9,6 +9,7 @@ use super::system::{BLOCK, BodySystem};
 use crate::calib::CalibError;
 use crate::calib::pose::hat;
 use crate::id::IdVec;
+use crate::least_squares::InverseColumns;
 use crate::numeric::{Covariance, Matrix6};
 use crate::sparse::BlockFactor;
 
@@ -22,34 +23,22 @@ pub(super) struct BodyCovariances {
     pub(super) probe: (DMat3, f64),
 }
 
-/// Columns of the inverse that belong to one block.
-struct InverseColumns(Vec<f64>);
-
-impl InverseColumns {
-    fn of(factor: &BlockFactor<'_>, blocks: usize, row: usize) -> Result<Self, CalibError> {
-        let mut columns = vec![0.0; BLOCK * BLOCK * blocks];
-        for k in 0..BLOCK {
-            columns[BLOCK * (k * blocks + row) + k] = 1.0;
-        }
-        factor.solve(&mut columns, BLOCK).map_err(CalibError::Sparse)?;
-        Ok(Self(columns))
-    }
-
-    /// The block of a row.
-    fn block(&self, row: usize) -> Matrix6 {
-        let unknowns = self.0.len() / BLOCK;
-        let entry = |a: usize, b: usize| self.0[b * unknowns + BLOCK * row + a];
-        Matrix6::from_rows(&std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b))))
-    }
+/// The block of a row among the columns of one block.
+fn block(columns: &InverseColumns, row: usize) -> Matrix6 {
+    let entry = |a: usize, b: usize| columns.entry(BLOCK * row + a, b);
+    Matrix6::from_rows(&std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b))))
 }
 
 pub(super) fn covariances(
     system: &BodySystem<'_>,
     factor: &BlockFactor<'_>,
-    hierarchy: &Hierarchy,
     at: &Placement,
 ) -> Result<BodyCovariances, CalibError> {
-    let columns = |row: usize| InverseColumns::of(factor, system.blocks(), row);
+    let hierarchy = system.hierarchy;
+    let columns = |row: usize| {
+        let wanted: [Option<usize>; BLOCK] = std::array::from_fn(|k| Some(BLOCK * row + k));
+        InverseColumns::of(factor, (system.unknowns(), 1), &wanted).map_err(CalibError::Sparse)
+    };
     let mut bodies = hierarchy.levels.map(|_| None);
     // The bodies that carry modules, which many modules need.
     let carriers: IdVec<BodyId, Option<InverseColumns>> = {
@@ -61,13 +50,13 @@ pub(super) fn covariances(
         hierarchy.levels.ids().map(of).collect::<Result<_, _>>()?
     };
     for (body, found) in carriers.enumerate() {
-        bodies[body] = found.as_ref().zip(system.row(body)).map(|(found, row)| found.block(row));
+        bodies[body] = found.as_ref().zip(system.row(body)).map(|(found, row)| block(found, row));
     }
     let mut modules = IdVec::default();
     for chain in &hierarchy.chains {
         let own = system.row(chain[2]).map(columns).transpose()?;
         if let (Some(own), Some(row)) = (&own, system.row(chain[2])) {
-            bodies[chain[2]] = Some(own.block(row));
+            bodies[chain[2]] = Some(block(own, row));
         }
         let derivatives = derivatives(hierarchy, at, *chain);
         let mut sum = Matrix6::ZERO;
@@ -77,13 +66,13 @@ pub(super) fn covariances(
             };
             for (i, &of_row) in chain.iter().enumerate() {
                 let Some(row) = system.row(of_row) else { continue };
-                let product = derivatives[i] * found.block(row) * derivatives[j].transpose();
+                let product = derivatives[i] * block(found, row) * derivatives[j].transpose();
                 sum = added(&sum, &product);
             }
         }
         modules.push(sum);
     }
-    let probe = system.probe_row().map(|row| columns(row).map(|found| found.block(row))).transpose()?;
+    let probe = system.probe_row().map(|row| columns(row).map(|found| block(&found, row))).transpose()?;
     let probe = probe.map_or((DMat3::ZERO, 0.0), |block| (block.0[0][0], block.entry(3, 3)));
     Ok(BodyCovariances { bodies, modules, probe })
 }

@@ -112,7 +112,8 @@ impl BodyCalibration {
         said
     }
 
-    /// Moves the taxels of a skin to where the fit places them, with their covariances.
+    /// Moves the taxels of a skin to where the fit places them, with their covariances. A taxel that is not in the fit
+    /// stays, and its covariance is unknown.
     pub fn move_taxels(&self, skin: &mut Skin) {
         let places: HashMap<TaxelId, &CalibratedTaxel> = self.taxels.iter().map(|t| (t.id, t)).collect();
         for patch in skin.patches.iter_mut() {
@@ -127,8 +128,7 @@ impl BodyCalibration {
             }
             // Tangents of the drawing are not perpendicular to normals that turned.
             patch.taxels.tangents = None;
-            patch.taxels.covariances =
-                Some(taxels.map(|taxel| taxel.map(|t| t.covariance).unwrap_or_default()));
+            patch.taxels.covariances = Some(taxels.map(|taxel| taxel.map(|t| t.covariance)));
         }
     }
 }

@@ -2,16 +2,15 @@
 //!
 //! Each fit begins at the drawing: its robust loss must find outliers among all touches so far.
 
-use std::collections::HashMap;
+use glam::DVec3;
 
 use super::cad::CadSkin;
 use super::options::{BodyOptions, TouchNoise};
 use super::result::BodyCalibration;
 use super::touches::Touches;
+use crate::calib::follow::TouchStream;
 use crate::calib::{CalibError, FollowedSolve, FollowedTouch, Observations, TouchRow, fit_bodies_with};
-use crate::id::VertexId;
 use crate::run::Run;
-use crate::skin::TaxelId;
 
 /// Fits the bodies of a drawn skin to a growing set of touches.
 ///
@@ -43,10 +42,7 @@ use crate::skin::TaxelId;
 pub struct BodyFollower {
     cad: CadSkin,
     options: BodyOptions,
-    every: usize,
-    observations: Observations,
-    vertices: HashMap<TaxelId, VertexId>,
-    touches: usize,
+    stream: TouchStream,
     /// Whether the noise is estimated from the next touch on.
     estimates: bool,
     solution: Option<Solution>,
@@ -72,10 +68,7 @@ impl BodyFollower {
         Ok(Self {
             cad,
             options: BodyOptions { folds: None, ..*options },
-            every: every.max(1),
-            observations: Observations::default(),
-            vertices: HashMap::new(),
-            touches: 0,
+            stream: TouchStream::new(every),
             estimates: false,
             solution: None,
         })
@@ -99,22 +92,28 @@ impl BodyFollower {
     /// all touches. As [`fit_bodies`](crate::calib::fit_bodies()).
     pub fn push(&mut self, touch: &Observations, run: Run<'_>) -> Result<FollowedTouch, CalibError> {
         let mut touch = touch.clone();
-        let number = self.touches as u64;
+        let number = self.stream.count as u64;
         let row = |contact| TouchRow { touch: Some(number), ..touch.touch_of(contact) };
         touch.touches = touch.contacts.ids().map(row).collect();
         touch.validate()?;
         let needs_orientation = self.options.probe.is_some();
-        Touches::of_rows(&touch, &self.cad, needs_orientation, self.observations.contacts.len())?;
+        Touches::of_rows(&touch, &self.cad, needs_orientation, self.stream.observations.contacts.len())?;
         if self.estimates {
             self.options.noise = TouchNoise::Estimated;
         }
-        self.observations.append(&touch, &mut self.vertices);
-        self.touches += 1;
-        let mut taxels: Vec<TaxelId> = touch.taxels.iter().map(|taxel| taxel.id).collect();
-        taxels.sort_unstable();
-        let is_due = self.touches.is_multiple_of(self.every);
-        let solved = is_due.then(|| self.solve(run)).transpose()?;
-        Ok(FollowedTouch { touch: self.touches, taxels, innovation: None, solved })
+        let (cad, options, last) = (&self.cad, &self.options, &mut self.solution);
+        self.stream.add(&touch, None, |stream| {
+            let found = fit_bodies_with(&stream.observations, cad, options, run)?;
+            let before: Vec<DVec3> = match last {
+                Some(last) => last.found.taxels.iter().map(|taxel| taxel.position).collect(),
+                None => cad.taxels.iter().map(|taxel| taxel.position).collect(),
+            };
+            let after = found.taxels.iter().map(|taxel| taxel.position);
+            let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
+            let solved = FollowedSolve::of(before.into_iter(), after, sigmas);
+            *last = Some(Solution { touches: stream.count, noise: options.noise, found });
+            Ok(solved)
+        })
     }
 
     /// The last fit.
@@ -127,24 +126,10 @@ impl BodyFollower {
     /// # Errors
     /// As [`fit_bodies`](crate::calib::fit_bodies()); without a touch there is nothing to fit.
     pub fn finish(mut self, run: Run<'_>) -> Result<BodyCalibration, CalibError> {
-        let is_last = |last: &Solution| last.touches == self.touches && last.noise == self.options.noise;
+        let is_last = |last: &Solution| last.touches == self.stream.count && last.noise == self.options.noise;
         match self.solution.take().filter(is_last) {
             Some(last) => Ok(last.found),
-            None => fit_bodies_with(&self.observations, &self.cad, &self.options, run),
+            None => fit_bodies_with(&self.stream.observations, &self.cad, &self.options, run),
         }
-    }
-
-    fn solve(&mut self, run: Run<'_>) -> Result<FollowedSolve, CalibError> {
-        let found = fit_bodies_with(&self.observations, &self.cad, &self.options, run)?;
-        let before: Vec<_> = match self.solution() {
-            Some(last) => last.taxels.iter().map(|taxel| taxel.position).collect(),
-            None => self.cad.taxels.iter().map(|taxel| taxel.position).collect(),
-        };
-        let moves = before.iter().zip(&found.taxels).map(|(before, taxel)| before.distance(taxel.position));
-        let moved = moves.fold(0.0, f64::max);
-        let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
-        let worst = sigmas.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        self.solution = Some(Solution { touches: self.touches, noise: self.options.noise, found });
-        Ok(FollowedSolve::Solved { moved, worst })
     }
 }

@@ -14,10 +14,10 @@ use super::options::{BodyLevel, BodyOptions, Misassembly};
 use super::placement::Hierarchy;
 use super::solve::{Solved, solve};
 use super::touches::Touches;
+use crate::calib::CalibError;
 use crate::calib::pose::{exp, hat, log};
-use crate::calib::solve::loss::LossFunction;
-use crate::calib::{CalibError, Loss};
 use crate::id::{IdVec, VertexId};
+use crate::least_squares::LossFunction;
 use crate::numeric::{solve_system, symmetric_eigen};
 use crate::run::Run;
 
@@ -230,7 +230,7 @@ fn cost(options: &BodyOptions, touches: &[OwnTouch], places: &[DVec3]) -> f64 {
         (patch.translation.powi(2) + module.translation.powi(2)).recip(),
         (patch.rotation.powi(2) + module.rotation.powi(2)).recip(),
     ];
-    let huber = LossFunction::new(Loss::Huber, 3);
+    let huber = LossFunction::huber(3);
     let (mut shift, mut rotation) = (DVec3::ZERO, DQuat::IDENTITY);
     for _ in 0..STEPS {
         let turn = log(rotation);

@@ -121,11 +121,11 @@ pub fn fit_bodies_with(
     let Assembled { hierarchy, misassembled } = Assembled::new(options, cad, &touches, run)?;
     let solved: Solved = solve(options, options.level, &hierarchy, &touches, run)?;
     let system = BodySystem::new(options, options.level, &hierarchy, &touches)?;
-    let (factor, _) = system.linearise(&hierarchy, &solved.placement, &touches, &solved.weights)?;
-    let covariances = covariances(&system, &factor, &hierarchy, &solved.placement)?;
+    let factor = system.factor(&system.linearise(&solved.placement, &solved.weights))?;
+    let covariances = covariances(&system, &factor, &solved.placement)?;
     let held_back =
         options.folds.map(|folds| folds::score(options, folds, cad, &touches, run)).transpose()?;
-    let prior = system.prior_chi2(&hierarchy, &solved.placement);
+    let prior = system.prior_chi2(&solved.placement);
     let fit = result::Fit { cad, options, hierarchy: &hierarchy, touches: &touches, solved: &solved, prior };
     Ok(fit.result(&covariances, misassembled, held_back))
 }

@@ -10,10 +10,13 @@ use super::options::{BodyLevel, BodyOptions, TouchNoise};
 use super::placement::{Hierarchy, Placement};
 use super::system::{BodySystem, Weighted};
 use super::touches::{Touch, TouchId, Touches};
-use crate::calib::solve::loss::LossFunction;
-use crate::calib::{CalibError, Loss};
+use crate::calib::CalibError;
 use crate::id::IdVec;
-use crate::numeric::{DEVIATION_OF_MEDIAN, median};
+use crate::least_squares::{
+    Descent, LossFunction, NormalEquations, Options, Problem, Schedule, Step, inlier_bound2, minimise,
+    share_left,
+};
+use crate::numeric::{DEVIATION_OF_MEDIAN, MEDIAN_OF_MAXWELL, MEDIAN_OF_RAYLEIGH, median};
 use crate::run::Run;
 
 /// First factor of the bound of Tukey's loss, which halves from stage to stage; larger where the drawing is farther from
@@ -84,75 +87,83 @@ fn information(options: &BodyOptions, noise: &EstimatedNoise, touch: &Touch, nor
     DMat3::from_diagonal(DVec3::splat(across)) + outer * (along - across)
 }
 
+/// The fit of a system whose noise and loss change from stage to stage.
 struct Fit<'f> {
-    options: &'f BodyOptions,
-    hierarchy: &'f Hierarchy,
-    touches: &'f Touches,
+    system: &'f BodySystem<'f>,
     noise: EstimatedNoise,
+    loss: LossFunction,
+    steps: usize,
+}
+
+/// A placement with the squared whitened errors and the information of all touches.
+struct At {
+    placement: Placement,
+    errors: IdVec<TouchId, (f64, DMat3)>,
 }
 
 impl Fit<'_> {
-    /// Squared whitened errors and information at a placement.
-    fn chi2(&self, at: &Placement) -> IdVec<TouchId, (f64, DMat3)> {
-        self.touches.all.map(|touch| {
-            let (error, normal) = at.error(self.hierarchy, touch);
-            let information = information(self.options, &self.noise, touch, normal);
+    fn at(&self, placement: Placement) -> At {
+        let errors = self.system.touches.all.map(|touch| {
+            let (error, normal) = placement.error(self.system.hierarchy, touch);
+            let information = information(self.system.options, &self.noise, touch, normal);
             (error.dot(information * error), information)
-        })
+        });
+        At { placement, errors }
     }
 
-    fn weights(&self, chi2: &IdVec<TouchId, (f64, DMat3)>, loss: LossFunction) -> IdVec<TouchId, Weighted> {
-        let weighed = chi2.iter().zip(&self.touches.all);
-        weighed.map(|(&(chi2, information), touch)| (touch.weight * loss.weight(chi2), information)).collect()
+    fn weights(&self, at: &At) -> IdVec<TouchId, Weighted> {
+        let weighed = at.errors.iter().zip(&self.system.touches.all);
+        weighed.map(|(&(chi2, info), touch)| (touch.weight * self.loss.weight(chi2), info)).collect()
     }
 
     /// The shares of the variance of the noise that the fit leaves in each residual, along the normal and in the tangent
-    /// plane: of a touch of weight `w` and information `R^-1` that of `R + (1 - 2w) J C J'`.
-    fn shares(
-        &self,
-        system: &BodySystem<'_>,
-        at: &Placement,
-        weights: &IdVec<TouchId, Weighted>,
-    ) -> Result<IdVec<TouchId, [f64; 2]>, CalibError> {
-        let (factor, _) = system.linearise(self.hierarchy, at, self.touches, weights)?;
+    /// plane.
+    fn shares(&self, at: &At) -> Result<IdVec<TouchId, [f64; 2]>, CalibError> {
+        let (weights, placement) = (self.weights(at), &at.placement);
+        let factor = self.system.factor(&self.system.linearise(placement, &weights))?;
         let share = |(touch, weighted): (&Touch, &Weighted)| {
-            let prediction = system.prediction(&factor, self.hierarchy, at, touch)?;
-            let normal = at.error(self.hierarchy, touch).1;
+            let prediction = self.system.prediction(&factor, placement, touch)?;
+            let normal = placement.error(self.system.hierarchy, touch).1;
             let trace = prediction.x_axis.x + prediction.y_axis.y + prediction.z_axis.z;
             let along = normal.dot(prediction * normal);
             let across = (trace - along) / if normal == DVec3::ZERO { 3.0 } else { 2.0 };
-            let noise = self.noise[class(touch)];
-            let change = 1.0 - 2.0 * weighted.0 / touch.weight;
-            Ok([(along, noise[0]), (across, noise[1])]
-                .map(|(variance, sigma)| (1.0 + change * variance / (sigma * sigma)).max(LEAST_SHARE)))
+            let noise = self.noise[class(touch)].map(|sigma| sigma * sigma);
+            let left = |k: usize, variance| share_left(weighted.0 / touch.weight, variance, noise[k]);
+            Ok([left(0, along), left(1, across)].map(|share| share.max(LEAST_SHARE)))
         };
-        self.touches.all.iter().zip(weights).map(share).collect()
+        self.system.touches.all.iter().zip(&weights).map(share).collect()
     }
 
     /// Standard deviations from medians, which half of the touches may spoil, of residuals that have `shares` of the
-    /// variance. Classes with few touches have those of all.
+    /// variance. Both follow from the touches with a normal; from the lengths of all errors where few have one. A class
+    /// of few touches takes the noise of all.
     fn estimate_noise(&mut self, at: &Placement, shares: Option<&IdVec<TouchId, [f64; 2]>>) {
         let error = |(number, touch): (TouchId, &Touch)| {
-            let (error, normal) = at.error(self.hierarchy, touch);
+            let (error, normal) = at.error(self.system.hierarchy, touch);
             let along = error.dot(normal);
             let [one, two] = shares.map_or([1.0; 2], |shares| shares[number]).map(f64::sqrt);
             let across = (error - along * normal).length();
-            (class(touch), along.abs() / one, across / two, normal == DVec3::ZERO)
+            (class(touch), normal != DVec3::ZERO, [along.abs() / one, across / two])
         };
-        let errors: IdVec<TouchId, _> = self.touches.all.enumerate().map(error).collect();
+        let errors: IdVec<TouchId, _> = self.system.touches.all.enumerate().map(error).collect();
         let sigmas = |takes: &dyn Fn(usize) -> bool| {
             let taken = || errors.iter().filter(|error| takes(error.0));
-            let across = median(taken().map(|error| error.2))?;
-            // Medians of a Rayleigh and of a Maxwell distribution of unit scale.
-            let is_flat = taken().all(|error| !error.3);
-            let across = across / if is_flat { 1.1774 } else { 1.5382 };
-            let along =
-                if is_flat { DEVIATION_OF_MEDIAN * median(taken().map(|error| error.1))? } else { across };
-            Some([along, across].map(|sigma| sigma.max(LEAST_SIGMA)))
+            let with_normal = || taken().filter(|error| error.1).map(|error| error.2);
+            let is_isotropic = with_normal().count() < LEAST_TOUCHES && taken().any(|error| !error.1);
+            let sigmas = if is_isotropic {
+                [median(taken().map(|error| error.2[0].hypot(error.2[1])))? / MEDIAN_OF_MAXWELL; 2]
+            } else {
+                let across = median(with_normal().map(|error| error[1]))? / MEDIAN_OF_RAYLEIGH;
+                [DEVIATION_OF_MEDIAN * median(with_normal().map(|error| error[0]))?, across]
+            };
+            Some(sigmas.map(|sigma| sigma.max(LEAST_SIGMA)))
         };
         let all = sigmas(&|_| true).unwrap_or([FIRST_SIGMA; 2]);
         for k in 0..CLASSES {
-            let count = errors.iter().filter(|error| error.0 == k).count();
+            let counts = [true, false].map(|has_normal| {
+                errors.iter().filter(|error| error.0 == k && error.1 == has_normal).count()
+            });
+            let count = if counts[0] > 0 { counts[0] } else { counts[1] };
             let own = (count >= LEAST_TOUCHES).then(|| sigmas(&|class| class == k)).flatten();
             self.noise[k] = own.unwrap_or(all);
         }
@@ -171,6 +182,57 @@ fn scales(farthest: f64) -> Vec<f64> {
     scales
 }
 
+impl<'f> Problem for Fit<'f> {
+    type Point = At;
+    type Linear = NormalEquations<'f>;
+    type Error = CalibError;
+
+    fn unknowns(&self) -> usize {
+        self.system.unknowns()
+    }
+
+    /// Weights and noise change too often for costs to be compared.
+    fn descent(&self) -> Descent {
+        Descent::Free
+    }
+
+    fn cost(&self, at: &At) -> f64 {
+        let losses = at.errors.iter().zip(&self.system.touches.all);
+        0.5 * losses.map(|((chi2, _), touch)| touch.weight * self.loss.cost(*chi2)).sum::<f64>()
+    }
+
+    fn linearise(&self, at: &At) -> Result<NormalEquations<'f>, CalibError> {
+        Ok(self.system.linearise(&at.placement, &self.weights(at)))
+    }
+
+    fn solve(
+        &self,
+        _at: &At,
+        linear: &NormalEquations<'f>,
+        damping: f64,
+    ) -> Result<Option<Vec<f64>>, CalibError> {
+        linear.step(damping).map(Some).map_err(BodySystem::explain)
+    }
+
+    fn predicted_decrease(&self, linear: &NormalEquations<'f>, step: &[f64], damping: f64) -> f64 {
+        linear.predicted_decrease(step, damping)
+    }
+
+    fn moved(&self, at: &At, _linear: &NormalEquations<'f>, step: &[f64]) -> At {
+        self.at(self.system.advanced(&at.placement, step))
+    }
+
+    fn after_step(
+        &mut self,
+        _at: &mut At,
+        _linear: NormalEquations<'f>,
+        _step: &Step,
+    ) -> Result<Schedule, CalibError> {
+        self.steps += 1;
+        Ok(Schedule::Settled)
+    }
+}
+
 /// Fits all bodies down to `level`.
 pub(super) fn solve(
     options: &BodyOptions,
@@ -180,46 +242,34 @@ pub(super) fn solve(
     run: Run<'_>,
 ) -> Result<Solved, CalibError> {
     let system = BodySystem::new(options, level, hierarchy, touches)?;
-    let mut fit = Fit { options, hierarchy, touches, noise: [[FIRST_SIGMA; 2]; CLASSES] };
-    let mut placement = Placement::drawn(hierarchy);
-    let (mut steps, mut converged) = (0, false);
-    let step = |fit: &Fit<'_>, at: &mut Placement, weights: &IdVec<TouchId, Weighted>| {
-        run.check()?;
-        let (factor, mut step) = system.linearise(fit.hierarchy, at, fit.touches, weights)?;
-        step.iter_mut().for_each(|x| *x = -*x);
-        factor.solve(&mut step, 1).map_err(CalibError::Sparse)?;
-        Ok::<f64, CalibError>(system.advance(at, &step))
-    };
-    let tukey = LossFunction::new(Loss::Tukey, 3);
-    let farthest = fit.chi2(&placement).iter().fold(0.0_f64, |most, (chi2, _)| most.max(*chi2));
+    let tukey = LossFunction::tukey(3);
+    let noise = [[FIRST_SIGMA; 2]; CLASSES];
+    let mut fit = Fit { system: &system, noise, loss: tukey, steps: 0 };
+    let limits = |max_iterations, small_step| Options { max_iterations, small_step, ..Options::default() };
+    let mut at = fit.at(Placement::drawn(hierarchy));
+    let farthest = at.errors.iter().fold(0.0_f64, |most, (chi2, _)| most.max(*chi2));
     for scale in scales((farthest / tukey.bound2()).sqrt()) {
-        for _ in 0..STEPS_PER_STAGE {
-            let weights = fit.weights(&fit.chi2(&placement), tukey.scaled(scale * scale));
-            steps += 1;
-            if step(&fit, &mut placement, &weights)? < SMALL_STEP {
-                break;
-            }
-        }
+        fit.loss = tukey.scaled(scale * scale);
+        at = minimise(&mut fit, at, &limits(STEPS_PER_STAGE, SMALL_STEP), run)?.0;
         if options.noise == TouchNoise::Estimated {
             // Before the last stages the bound is too wide for weights to mean something.
-            let weights = fit.weights(&fit.chi2(&placement), tukey);
-            let shares = (scale <= 1.0).then(|| fit.shares(&system, &placement, &weights)).transpose()?;
-            fit.estimate_noise(&placement, shares.as_ref());
+            fit.loss = tukey;
+            let shares = (scale <= 1.0).then(|| fit.shares(&at)).transpose()?;
+            fit.estimate_noise(&at.placement, shares.as_ref());
+            at = fit.at(at.placement);
         }
     }
-    let last =
-        LossFunction::new(if options.noise == TouchNoise::Stated { Loss::Truncated } else { Loss::Tukey }, 3);
-    for _ in 0..MOST_LAST_STEPS {
-        let weights = fit.weights(&fit.chi2(&placement), last);
-        steps += 1;
-        converged = step(&fit, &mut placement, &weights)? < LAST_STEP;
-        if converged {
-            break;
-        }
-    }
-    let chi2 = fit.chi2(&placement);
-    let weights = fit.weights(&chi2, last);
-    let inliers = chi2.map(|&(chi2, _)| last.is_inlier(chi2));
-    let chi2 = chi2.map(|&(chi2, _)| chi2);
-    Ok(Solved { placement, chi2, inliers, weights, noise: fit.noise, steps, converged })
+    let is_stated = options.noise == TouchNoise::Stated;
+    fit.loss = if is_stated { LossFunction::truncated(3) } else { tukey };
+    let (at, termination) = minimise(&mut fit, at, &limits(MOST_LAST_STEPS, LAST_STEP), run)?;
+    let outlier2 = inlier_bound2(3);
+    Ok(Solved {
+        chi2: at.errors.map(|error| error.0),
+        inliers: at.errors.map(|error| error.0 <= outlier2),
+        weights: fit.weights(&at),
+        placement: at.placement,
+        noise: fit.noise,
+        steps: fit.steps,
+        converged: termination.is_converged(),
+    })
 }

@@ -8,14 +8,17 @@ use super::touches::{Touch, TouchId, Touches};
 use crate::calib::CalibError;
 use crate::calib::pose::log;
 use crate::id::IdVec;
-use crate::sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError};
+use crate::least_squares::NormalEquations;
+use crate::sparse::{BlockFactor, BlockSystem, Pattern, SparseError};
 
 /// Unknowns of a block.
 pub(super) const BLOCK: usize = 6;
 
 /// The unknowns of a fit in blocks.
 pub(super) struct BodySystem<'o> {
-    options: &'o BodyOptions,
+    pub(super) options: &'o BodyOptions,
+    pub(super) hierarchy: &'o Hierarchy,
+    pub(super) touches: &'o Touches,
     level: BodyLevel,
     /// Block row of each body that moves.
     rows: IdVec<BodyId, Option<usize>>,
@@ -31,8 +34,8 @@ impl<'o> BodySystem<'o> {
     pub(super) fn new(
         options: &'o BodyOptions,
         level: BodyLevel,
-        hierarchy: &Hierarchy,
-        touches: &Touches,
+        hierarchy: &'o Hierarchy,
+        touches: &'o Touches,
     ) -> Result<Self, CalibError> {
         let mut count = 0;
         let mut number = |moves: bool| {
@@ -52,12 +55,11 @@ impl<'o> BodySystem<'o> {
             join(&mut pairs, bodies.filter_map(|body| rows[body]));
         }
         let system = BlockSystem::new(Pattern::new(count, pairs), BLOCK).map_err(CalibError::Sparse)?;
-        Ok(Self { options, level, rows, probe, system })
+        Ok(Self { options, hierarchy, touches, level, rows, probe, system })
     }
 
-    /// Number of block rows.
-    pub(super) fn blocks(&self) -> usize {
-        self.system.blocks()
+    pub(super) fn unknowns(&self) -> usize {
+        BLOCK * self.system.blocks()
     }
 
     pub(super) fn row(&self, body: BodyId) -> Option<usize> {
@@ -68,60 +70,55 @@ impl<'o> BodySystem<'o> {
         self.probe
     }
 
-    /// The factor of the Gauss-Newton matrix and the gradient at a placement.
+    /// The Gauss-Newton matrix and the gradient at a placement.
     pub(super) fn linearise(
         &self,
-        hierarchy: &Hierarchy,
         at: &Placement,
-        touches: &Touches,
         weights: &IdVec<TouchId, Weighted>,
-    ) -> Result<(BlockFactor<'_>, Vec<f64>), CalibError> {
-        let mut matrix = self.system.zero();
-        let mut gradient = vec![0.0; BLOCK * self.blocks()];
-        for (touch, &(weight, information)) in touches.all.iter().zip(weights) {
-            self.add(&mut matrix, &mut gradient, hierarchy, at, touch, information * weight);
-        }
-        self.add_priors(&mut matrix, &mut gradient, hierarchy, at);
-        // Tolerances determine every motion, so that only rounding makes the matrix singular.
-        let explain = |error| match error {
-            SparseError::NotPositiveDefinite { .. } => CalibError::UnlikeTolerances,
-            other => CalibError::Sparse(other),
-        };
-        Ok((matrix.factor().map_err(explain)?, gradient))
-    }
-
-    fn add(
-        &self,
-        matrix: &mut BlockMatrix<'_>,
-        gradient: &mut [f64],
-        hierarchy: &Hierarchy,
-        at: &Placement,
-        touch: &Touch,
-        information: DMat3,
-    ) {
-        let (error, blocks) = self.linearised(hierarchy, at, touch);
-        let weighted_error = information * error;
-        for (k, (row, columns)) in blocks.iter().enumerate() {
-            let weighted = columns.map(|column| information * column);
-            for (sum, column) in gradient[BLOCK * row..].iter_mut().zip(columns) {
-                *sum += column.dot(weighted_error);
-            }
-            for (below, others) in &blocks[k..] {
-                if let Some(slot) = self.system.slot(*below, *row) {
-                    matrix.add(slot, |a, b| others[a].dot(weighted[b]));
+    ) -> NormalEquations<'_> {
+        let (mut matrix, mut gradient) = (self.system.zero(), vec![0.0; self.unknowns()]);
+        for (touch, &(weight, information)) in self.touches.all.iter().zip(weights) {
+            let (error, blocks) = self.linearised(at, touch);
+            let information = information * weight;
+            let weighted_error = information * error;
+            for (k, (row, columns)) in blocks.iter().enumerate() {
+                let weighted = columns.map(|column| information * column);
+                for (sum, column) in gradient[BLOCK * row..].iter_mut().zip(columns) {
+                    *sum += column.dot(weighted_error);
+                }
+                for (below, others) in &blocks[k..] {
+                    if let Some(slot) = self.system.slot(*below, *row) {
+                        matrix.add(slot, |a, b| others[a].dot(weighted[b]));
+                    }
                 }
             }
+        }
+        for (row, precision, deviation) in self.priors(at) {
+            if let Some(slot) = self.system.slot(row, row) {
+                matrix.add(slot, |a, b| if a == b { precision[a] } else { 0.0 });
+            }
+            for (k, (p, d)) in precision.into_iter().zip(deviation).enumerate() {
+                gradient[BLOCK * row + k] += p * d;
+            }
+        }
+        NormalEquations { matrix, gradient, columns: 1 }
+    }
+
+    pub(super) fn factor<'m>(&self, equations: &NormalEquations<'m>) -> Result<BlockFactor<'m>, CalibError> {
+        equations.matrix.factor().map_err(Self::explain)
+    }
+
+    /// Tolerances determine every motion, so that only rounding makes the matrix singular.
+    pub(super) fn explain(error: SparseError) -> CalibError {
+        match error {
+            SparseError::NotPositiveDefinite { .. } => CalibError::UnlikeTolerances,
+            other => CalibError::Sparse(other),
         }
     }
 
     /// The error of a touch and its derivatives, by ascending block rows.
-    fn linearised(
-        &self,
-        hierarchy: &Hierarchy,
-        at: &Placement,
-        touch: &Touch,
-    ) -> (DVec3, Vec<(usize, Columns)>) {
-        let linear = at.linearised(hierarchy, touch, self.level);
+    fn linearised(&self, at: &Placement, touch: &Touch) -> (DVec3, Vec<(usize, Columns)>) {
+        let linear = at.linearised(self.hierarchy, touch, self.level);
         let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
         let mut blocks: Vec<_> =
             rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
@@ -133,13 +130,12 @@ impl<'o> BodySystem<'o> {
     pub(super) fn prediction(
         &self,
         factor: &BlockFactor<'_>,
-        hierarchy: &Hierarchy,
         at: &Placement,
         touch: &Touch,
     ) -> Result<DMat3, CalibError> {
-        let unknowns = BLOCK * self.blocks();
+        let unknowns = self.unknowns();
         let mut rows = vec![0.0; 3 * unknowns];
-        for (row, columns) in self.linearised(hierarchy, at, touch).1 {
+        for (row, columns) in self.linearised(at, touch).1 {
             for (k, column) in columns.into_iter().enumerate() {
                 (0..3).for_each(|axis| rows[axis * unknowns + BLOCK * row + k] += column[axis]);
             }
@@ -164,67 +160,43 @@ impl<'o> BodySystem<'o> {
         columns
     }
 
-    fn add_priors(
-        &self,
-        matrix: &mut BlockMatrix<'_>,
-        gradient: &mut [f64],
-        hierarchy: &Hierarchy,
-        at: &Placement,
-    ) {
-        let mut add = |row: usize, precision: [f64; BLOCK], deviation: [f64; BLOCK]| {
-            // Rows of a pattern are below 2^32.
-            if let Ok(block) = u32::try_from(row) {
-                matrix.add(BlockSlot::diagonal(block), |a, b| if a == b { precision[a] } else { 0.0 });
-            }
-            for (k, (p, d)) in precision.into_iter().zip(deviation).enumerate() {
-                gradient[BLOCK * row + k] += p * d;
-            }
+    /// Block row, inverse variances and deviations of every prior. What is not fitted has any precision: it stays 0.
+    fn priors(&self, at: &Placement) -> Vec<(usize, [f64; BLOCK], [f64; BLOCK])> {
+        let of_body = |(body, row): (BodyId, &Option<usize>)| {
+            let precision = precision(self.options, self.hierarchy.levels[body]);
+            row.map(|row| (row, precision, deviation(at, body)))
         };
-        for (body, row) in self.rows.enumerate() {
-            if let Some(row) = *row {
-                add(row, precision(self.options, hierarchy.levels[body]), deviation(at, body));
-            }
-        }
-        if let Some(row) = self.probe {
-            let (o, h) = (at.offset, at.standoff);
-            add(row, self.probe_precision(), [o.x, o.y, o.z, h, 0.0, 0.0]);
-        }
-    }
-
-    /// Inverse variances of the offset and the standoff. What is not fitted has any precision: it stays 0.
-    fn probe_precision(&self) -> [f64; BLOCK] {
-        let of = |sigma: Option<f64>| sigma.map_or(1.0, |sigma| sigma.powi(-2));
-        let (o, h) = (of(self.options.probe), of(self.options.standoff));
-        [o, o, o, h, 1.0, 1.0]
+        let precision = |sigma: Option<f64>| sigma.map_or(1.0, |sigma| sigma.powi(-2));
+        let (offset, standoff) = (precision(self.options.probe), precision(self.options.standoff));
+        let (o, h) = (at.offset, at.standoff);
+        let of_probe = self
+            .probe
+            .map(|row| (row, [offset, offset, offset, standoff, 1.0, 1.0], [o.x, o.y, o.z, h, 0.0, 0.0]));
+        self.rows.enumerate().filter_map(of_body).chain(of_probe).collect()
     }
 
     /// Twice the cost of the priors.
-    pub(super) fn prior_chi2(&self, hierarchy: &Hierarchy, at: &Placement) -> f64 {
-        let sum = |precision: [f64; BLOCK], deviation: [f64; BLOCK]| {
+    pub(super) fn prior_chi2(&self, at: &Placement) -> f64 {
+        let squares = |(_, precision, deviation): (usize, [f64; BLOCK], [f64; BLOCK])| {
             precision.into_iter().zip(deviation).map(|(p, d)| p * d * d).sum::<f64>()
         };
-        let moving = self.rows.enumerate().filter(|(_, row)| row.is_some());
-        let bodies = moving
-            .map(|(body, _)| sum(precision(self.options, hierarchy.levels[body]), deviation(at, body)))
-            .sum::<f64>();
-        let (o, h) = (at.offset, at.standoff);
-        let probe = self.probe.map_or(0.0, |_| sum(self.probe_precision(), [o.x, o.y, o.z, h, 0.0, 0.0]));
-        bodies + probe
+        self.priors(at).into_iter().map(squares).sum()
     }
 
-    /// Moves a placement by a step; returns its largest number.
-    pub(super) fn advance(&self, at: &mut Placement, step: &[f64]) -> f64 {
+    /// A placement moved by a step.
+    pub(super) fn advanced(&self, at: &Placement, step: &[f64]) -> Placement {
+        let mut next = at.clone();
         for (body, row) in self.rows.enumerate() {
             if let Some(row) = *row {
-                at.advance(body, &step[BLOCK * row..]);
+                next.advance(body, &step[BLOCK * row..]);
             }
         }
         if let Some(row) = self.probe {
             let step = &step[BLOCK * row..];
-            at.offset += DVec3::from_slice(step);
-            at.standoff += step[3];
+            next.offset += DVec3::from_slice(step);
+            next.standoff += step[3];
         }
-        step.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
+        next
     }
 }
 

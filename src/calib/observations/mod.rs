@@ -248,9 +248,16 @@ impl Observations {
         for contact in &touch.contacts {
             self.contacts.push(ContactObservation { taxel: place[contact.taxel], ..contact.clone() });
         }
-        touch.touches.iter().for_each(|row| {
-            self.touches.push(*row);
-        });
+        if !(self.touches.is_empty() && touch.touches.is_empty()) {
+            // Contacts without a row are touches of their own.
+            let before = self.contacts.len() - touch.contacts.len();
+            while self.touches.len() < before {
+                self.touches.push(TouchRow::default());
+            }
+            for contact in touch.contacts.ids() {
+                self.touches.push(touch.touch_of(contact));
+            }
+        }
     }
 
     /// Multiplies every length by `factor`, which is above 0: metres for a file in millimetres are

@@ -3,12 +3,12 @@
 
 use std::collections::HashSet;
 
-use crate::calib::pose::is_within_reach;
 use crate::calib::{
     CalibError, ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Information, Model, ObservationId, Observations,
 };
 use crate::id::VertexId;
+use crate::mesh::is_within_reach;
 use crate::skin::TaxelId;
 
 impl Observations {
@@ -93,12 +93,12 @@ impl Observations {
         let observation = ObservationId::Contact(contact);
         let id = self.check_index(observation, touched.taxel)?;
         let invalid = |reason| Err(CalibError::InvalidContact { contact, id, reason });
-        const NOT_A_POSE: &str = "it contains a number that is not finite, a length above 1e9 m or a quaternion not of unit length";
+        const NOT_A_POSE: &str = "it contains a number that is not finite, a length above 1e12 m or a quaternion not of unit length";
         let (symmetric, definite) = match &touched.measurement {
             ContactMeasurement::Position { position, information }
             | ContactMeasurement::PositionNormal { position, information, .. } => {
                 if !is_within_reach(*position) {
-                    return invalid("its position is not finite or not within 1e9 m");
+                    return invalid("its position is not finite or not within 1e12 m");
                 }
                 judged(information)
             }

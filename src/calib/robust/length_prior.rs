@@ -8,10 +8,10 @@
 //! as long as inliers, the odds are near zero.
 
 use crate::calib::{
-    DisplacementId, DisplacementMeasurement, INLIER_SHARE, LossFunctions, Observations, PerObservation,
-    Verdict,
+    DisplacementId, DisplacementMeasurement, LossFunctions, Observations, PerObservation, Verdict,
 };
 use crate::id::IdVec;
+use crate::least_squares::INLIER_SHARE;
 use crate::numeric::argsort;
 
 /// For each edge the logarithm of its odds of being an inlier over the odds of all edges.

@@ -10,8 +10,7 @@
 //!    one is too small; `goodness_of_fit` judges both.
 //!
 //! What each stage contributes: RMSE in mm after rigid alignment, mean of seeds 0 to 19, of the
-//! simulated skin of 500 taxels with 1 mm noise, by the share of wrong edges. From
-//! `cargo test --profile checked --lib calib::robust::ablation -- --ignored --nocapture`:
+//! simulated skin of 500 taxels with 1 mm noise, by the share of wrong edges:
 //!
 //! ```text
 //!                              noise stated right          noise understated twice
@@ -28,8 +27,6 @@
 //! coordinate descent over the poses that rejected edges predict, and a small weight for all edges of a taxel
 //! that contradict each other.
 
-#[cfg(test)]
-mod ablation;
 mod automatic;
 pub(super) mod goodness_of_fit;
 mod length_prior;

@@ -7,10 +7,10 @@
 use glam::{DMat3, DVec3};
 
 use crate::calib::{
-    Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem,
-    SMALLEST_WEIGHT, components,
+    Component, ContactObservationId, Model, Observations, PerObservation, Pose, Poses, Problem, components,
 };
 use crate::id::VertexId;
+use crate::least_squares::SMALLEST_WEIGHT;
 use crate::numeric::{Matrix6, Twist, argsort, symmetric_eigen};
 use crate::skin::TaxelId;
 use crate::sparse::{BlockMatrix, BlockSlot};

@@ -47,7 +47,6 @@ pub(crate) fn initial_poses(observations: &Observations, kind: Initialization) -
             }
             Err(other) => return Err(CalibError::Sparse(other)),
         },
-        Initialization::SpanningTree => spanning_tree(observations),
     };
     align_to_contacts(observations, &mut poses);
     Ok(poses)

@@ -1,14 +1,12 @@
-//! Loss functions: the cost of a squared residual, and the weight that follows from it.
+//! Which loss function each observation has, the weights that follow from it, and verdicts: whether noise explains an
+//! observation.
 //!
-//! A loss `rho(s)` of the squared whitened residual `s` is minimised by iteratively reweighted least squares
-//! with the weight `rho'(s)`. Bounds depend on the number of measured numbers, so that the same share of
-//! inliers is affected in every model. Sources: `(huber1964)`, Tukey's biweight `(beaton1974)`, the graduated
-//! truncated loss `(yang2020)`.
+//! Bounds depend on the number of measured numbers, so that the same share of inliers is affected in every model.
 
 use std::borrow::Cow;
 
 use crate::calib::{DisplacementId, PerObservation};
-use crate::numeric::quantile;
+use crate::least_squares::{LossFunction, inlier_bound2};
 
 /// A loss function of squared whitened residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,103 +32,41 @@ pub enum Verdict {
     Outlier,
 }
 
-/// Share of inliers below the bound of Huber's loss, which does not change their weight.
-const HUBER_SHARE: f64 = 0.95;
-
-/// Share of inliers below the outlier bound: three standard deviations of a normal variable. With 0.99 the
-/// lost inliers cost 2 % of the accuracy at 5 % outliers.
-pub(crate) const INLIER_SHARE: f64 = 0.997;
-
-/// Tukey's bound over Huber's: with 3 degrees of freedom, weights vanish at 6 standard deviations.
-const TUKEY_OVER_HUBER: f64 = 2.147;
-
-/// No weight falls below this: a taxel whose observations are all rejected keeps its pose instead
-/// of making the system singular.
-pub(crate) const SMALLEST_WEIGHT: f64 = 1e-8;
-
-/// A loss for residuals of some dimension, with the squares of its bounds.
+/// The loss of one observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LossFunction {
-    loss: Loss,
-    /// The square at which the loss departs from the square, or becomes constant.
-    bound2: f64,
+pub(crate) struct BoundedLoss {
+    pub(crate) function: LossFunction,
     /// Squared residuals above this are outliers.
     pub(crate) outlier2: f64,
 }
 
-impl LossFunction {
+impl BoundedLoss {
     /// The loss of an observation of `dimension` numbers; without numbers there is no residual, and any bound
     /// is valid.
-    pub(crate) fn new(loss: Loss, dimension: usize) -> Self {
-        let degrees = dimension.max(1) as f64;
-        let bound2 = match loss {
-            Loss::Squared => f64::INFINITY,
-            Loss::Huber => quantile(HUBER_SHARE, degrees),
-            Loss::Tukey => quantile(HUBER_SHARE, degrees) * TUKEY_OVER_HUBER * TUKEY_OVER_HUBER,
-            Loss::Truncated => quantile(INLIER_SHARE, degrees),
+    fn new(loss: Loss, dimension: usize) -> Self {
+        let (function, outlier2) = match loss {
+            Loss::Squared => (LossFunction::Squared, f64::INFINITY),
+            Loss::Huber => (LossFunction::huber(dimension), inlier_bound2(dimension)),
+            Loss::Tukey => (LossFunction::tukey(dimension), inlier_bound2(dimension)),
+            Loss::Truncated => (LossFunction::truncated(dimension), inlier_bound2(dimension)),
         };
-        let outlier2 = if bound2.is_finite() { quantile(INLIER_SHARE, degrees) } else { f64::INFINITY };
-        Self { loss, bound2, outlier2 }
+        Self { function, outlier2 }
     }
 
     pub(crate) fn is_inlier(&self, chi2: f64) -> bool {
         chi2 <= self.outlier2
     }
 
-    /// The square at which the loss departs from the square, or becomes constant.
-    pub(crate) fn bound2(&self) -> f64 {
-        self.bound2
-    }
-
     /// The loss with squared bounds that are larger by `factor`.
-    pub(crate) fn scaled(self, factor: f64) -> Self {
-        Self { bound2: self.bound2 * factor, outlier2: self.outlier2 * factor, ..self }
-    }
-
-    pub(crate) fn cost(&self, chi2: f64) -> f64 {
-        let c2 = self.bound2;
-        match self.loss {
-            Loss::Squared => chi2,
-            Loss::Huber if chi2 <= c2 => chi2,
-            Loss::Huber => 2.0 * (c2 * chi2).sqrt() - c2,
-            Loss::Tukey if chi2 >= c2 => c2 / 3.0,
-            Loss::Tukey => c2 / 3.0 * (1.0 - (1.0 - chi2 / c2).powi(3)),
-            Loss::Truncated => chi2.min(c2),
-        }
-    }
-
-    /// `rho'(chi2)`: the weight of the observation.
-    pub(crate) fn weight(&self, chi2: f64) -> f64 {
-        let c2 = self.bound2;
-        let weight = match self.loss {
-            Loss::Squared => 1.0,
-            Loss::Huber if chi2 <= c2 => 1.0,
-            Loss::Huber => (c2 / chi2).sqrt(),
-            Loss::Tukey => (1.0 - chi2 / c2).max(0.0).powi(2),
-            Loss::Truncated => f64::from(u8::from(chi2 <= c2)),
-        };
-        weight.max(SMALLEST_WEIGHT)
-    }
-
-    /// Weight of the graduated truncated loss at control `mu`: nearly convex for small `mu`, the
-    /// truncation itself as it grows (equation 14 of `(yang2020)`).
-    pub(crate) fn graduated_weight(&self, mu: f64, chi2: f64) -> f64 {
-        let c2 = self.bound2;
-        let weight = if chi2 <= mu / (mu + 1.0) * c2 {
-            1.0
-        } else if chi2 >= (mu + 1.0) / mu * c2 {
-            0.0
-        } else {
-            (c2 * mu * (mu + 1.0) / chi2).sqrt() - mu
-        };
-        weight.max(SMALLEST_WEIGHT)
+    fn scaled(self, factor: f64) -> Self {
+        Self { function: self.function.scaled(factor), outlier2: self.outlier2 * factor }
     }
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LossFunctions {
     pub(crate) loss: Loss,
-    pub(crate) of: PerObservation<LossFunction>,
+    pub(crate) of: PerObservation<BoundedLoss>,
 }
 
 impl LossFunctions {
@@ -138,7 +74,7 @@ impl LossFunctions {
     pub(crate) fn new(dimensions: &PerObservation<usize>, loss: Loss) -> Self {
         // Quantiles are slow, and there are few dimensions.
         let most = dimensions.iter().max().unwrap_or(0);
-        let of_dimension: Vec<LossFunction> = (0..=most).map(|n| LossFunction::new(loss, n)).collect();
+        let of_dimension: Vec<BoundedLoss> = (0..=most).map(|n| BoundedLoss::new(loss, n)).collect();
         Self { loss, of: dimensions.map(|n| of_dimension[n]) }
     }
 
@@ -150,25 +86,26 @@ impl LossFunctions {
     }
 
     pub(crate) fn cost(&self, chi2: &PerObservation) -> f64 {
-        0.5 * self.of.zip(chi2, |f, chi2| f.cost(chi2)).iter().sum::<f64>()
+        0.5 * self.of.zip(chi2, |f, chi2| f.function.cost(chi2)).iter().sum::<f64>()
     }
 
     pub(crate) fn weights(&self, chi2: &PerObservation) -> PerObservation {
-        self.of.zip(chi2, |f, chi2| f.weight(chi2))
+        self.of.zip(chi2, |f, chi2| f.function.weight(chi2))
     }
 
     pub(crate) fn verdicts(&self, chi2: &PerObservation) -> PerObservation<Verdict> {
         self.of.zip(chi2, |f, chi2| if f.is_inlier(chi2) { Verdict::Inlier } else { Verdict::Outlier })
     }
 
-    /// [`LossFunction::graduated_weight`] of every observation.
+    /// Weights of the graduated truncated loss at control `mu`.
     pub(crate) fn graduated_weights(&self, mu: f64, chi2: &PerObservation) -> PerObservation {
-        self.of.zip(chi2, |f, chi2| f.graduated_weight(mu, chi2))
+        let graduated = |f: BoundedLoss| LossFunction::Graduated { c2: f.function.bound2(), mu };
+        self.of.zip(chi2, |f, chi2| graduated(f).weight(chi2))
     }
 
     /// The largest squared residual over its squared bound.
     pub(crate) fn worst(&self, chi2: &PerObservation) -> f64 {
-        self.of.zip(chi2, |f, chi2| chi2 / f.bound2).iter().fold(0.0, f64::max)
+        self.of.zip(chi2, |f, chi2| chi2 / f.function.bound2()).iter().fold(0.0, f64::max)
     }
 }
 
@@ -202,44 +139,6 @@ impl Weighting<'_> {
                 let weights = self.weights(chi2);
                 0.5 * weights.iter().zip(chi2.iter()).map(|(w, s)| w * s).sum::<f64>()
             }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const ALL: [Loss; 4] = [Loss::Squared, Loss::Huber, Loss::Tukey, Loss::Truncated];
-
-    #[test]
-    fn weights_are_the_slopes_of_costs() {
-        for loss in ALL {
-            let function = LossFunction::new(loss, 3);
-            for square in [0.0, 0.1, 3.0, 7.0, 9.0, 20.0, 30.0, 50.0, 1e4] {
-                let h = 1e-4 * (1.0 + square);
-                let slope = (function.cost(square + h) - function.cost(square)) / h;
-                let weight = function.weight(square + 0.5 * h);
-                assert!((slope - weight).abs() < 1e-6, "{loss:?} at {square}: {slope} is not {weight}");
-            }
-        }
-    }
-
-    #[test]
-    fn small_errors_count_as_in_least_squares() {
-        for loss in ALL {
-            let function = LossFunction::new(loss, 6);
-            assert!((function.weight(1e-12) - 1.0).abs() < 1e-9, "{loss:?}");
-            assert!((function.cost(1e-6) - 1e-6).abs() < 1e-12, "{loss:?}");
-        }
-    }
-
-    #[test]
-    fn graduated_weights_end_in_truncation() {
-        let function = LossFunction::new(Loss::Truncated, 3);
-        for square in [0.5 * function.bound2, 2.0 * function.bound2] {
-            let late = function.graduated_weight(1e6, square);
-            assert!((late - function.weight(square)).abs() < 1e-6, "{late} at {square}");
         }
     }
 }

@@ -9,7 +9,8 @@ use glam::{DMat3, DVec3};
 use crate::calib::pose::outer;
 use crate::calib::solve::gauge::induced_motion;
 use crate::calib::{
-    BlockLayout, CalibError, FreeBody, LinearSystem, Model, PerObservation, Pose, Poses, Problem, RigidMotion,
+    BlockLayout, CalibError, FreeBody, Model, PerObservation, Pose, Poses, Problem, RigidMotion,
+    normal_equations,
 };
 use crate::id::{IdVec, VertexId};
 use crate::numeric::{Covariance, Twist, dot, symmetric_eigen};
@@ -43,7 +44,7 @@ pub(crate) fn marginals(
 ) -> Result<Marginals, CalibError> {
     let mut blocks: IdVec<VertexId, Block> = poses.map(|_| [DMat3::ZERO; 2]);
     if problem.moving() > 0 {
-        let system = LinearSystem::new(problem, free, poses, weights);
+        let system = normal_equations(problem, free, poses, weights);
         let factor = system.matrix.factor().map_err(|e| problem.explain(e))?;
         let inverse = factor.selected_inverse();
         for (block, row) in blocks.iter_mut().zip(&problem.rows) {

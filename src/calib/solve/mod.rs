@@ -2,8 +2,8 @@
 
 pub(super) mod gauge;
 pub(super) mod initial;
-pub(super) mod levenberg_marquardt;
 pub(super) mod loss;
 pub(super) mod marginals;
 pub(super) mod normal_equations;
 pub(super) mod residual;
+pub(super) mod solver;

@@ -149,6 +149,11 @@ impl<'o> Problem<'o> {
         self.system.blocks()
     }
 
+    /// The index of unknown `k` of a taxel in a vector of all; `None` if it is fixed.
+    pub(crate) fn unknown(&self, taxel: VertexId, k: usize) -> Option<usize> {
+        self.rows[taxel].map(|row| self.layout.index(self.moving(), row, k))
+    }
+
     /// Names the taxel that makes the system singular.
     pub(crate) fn explain(&self, error: SparseError) -> CalibError {
         match error {

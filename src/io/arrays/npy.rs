@@ -36,8 +36,8 @@ enum Scalar {
     Dates {
         per_second: u32,
     },
-    /// Objects, records, complex numbers: not read.
-    Other,
+    /// Not read: what it is called.
+    Other(&'static str),
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -92,7 +92,14 @@ impl NpyHeader {
         });
         field("descr").ok_or("a type of its elements, as 'descr': '<f4'")?;
         // Of an array that is not read the type does not matter.
-        let other = ElementType::little_endian(Scalar::Other, 0);
+        let name = match descriptor.and_then(|text| text.chars().nth(1)) {
+            Some('O') => "objects",
+            Some('c') => "complex numbers",
+            Some('f' | 'i' | 'u') => "numbers of a size that is not read",
+            None | Some('V') => "records",
+            Some(_) => "elements that are no numbers",
+        };
+        let other = ElementType::little_endian(Scalar::Other(name), 0);
         let elements = descriptor.and_then(ElementType::parse).unwrap_or(other);
         let order = field("fortran_order").ok_or("'fortran_order': False")?;
         let shape = field("shape").and_then(|t| t.strip_prefix('(')?.split_once(')'));
@@ -163,9 +170,14 @@ impl ElementType {
         matches!(self.kind, Scalar::Float | Scalar::Signed | Scalar::Unsigned | Scalar::Dates { .. })
     }
 
+    /// Whether its elements are numbers that need not be whole.
+    pub(in crate::io) const fn is_real(self) -> bool {
+        matches!(self.kind, Scalar::Float)
+    }
+
     /// Whether its elements are read at all.
     pub(in crate::io) const fn is_read(self) -> bool {
-        !matches!(self.kind, Scalar::Other)
+        !matches!(self.kind, Scalar::Other(_))
     }
 
     /// What numpy calls it, but for the order of its bytes.
@@ -177,7 +189,7 @@ impl ElementType {
             Scalar::Unicode => "str".into(),
             Scalar::Bytes => "bytes".into(),
             Scalar::Dates { .. } => "dates".into(),
-            Scalar::Other => "of a type that is not read".into(),
+            Scalar::Other(name) => name.into(),
         }
     }
 

@@ -102,8 +102,7 @@ fn canvas(path: &Path, map: &SkinMap, part: &ExportPart<'_>, pixel: f64, radius:
                 let mean =
                     |of: &dyn Fn(usize) -> DVec3| (0..3).map(|k| of(k) * point.barycentric[k]).sum::<DVec3>();
                 let normal = mean(&|k| normals[corners[k]]).normalize_or(normals[corners[0]]);
-                let nearest =
-                    nearest.find(corners, point.barycentric, |_| true, &mut seen).unwrap_or(corners[0]);
+                let nearest = nearest.find(corners, point.barycentric, &mut seen);
                 let position = mean(&|k| level.mesh.positions[corners[k]]);
                 (i64::from(nearest.raw()), narrowed(position), narrowed(normal), radius)
             })

@@ -34,13 +34,14 @@ pub(crate) fn seconds(word: &str, per_second: u32) -> Result<f64, &'static str> 
     }
 }
 
-/// Seconds from 1970 on of `2026-01-31T12:00:00.5+01:00`; without a zone, of UTC.
-fn date(word: &str) -> Option<f64> {
-    let (day, time) = word.split_once(['T', 't', ' '])?;
-    let whole = |text: &str, most: i64| -> Option<i64> {
-        let is_digits = !text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit());
-        text.parse().ok().filter(|&n| is_digits && n <= most)
-    };
+/// The number of these digits, at most `most`.
+fn whole(text: &str, most: i64) -> Option<i64> {
+    let is_digits = !text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit());
+    text.parse().ok().filter(|&n| is_digits && n <= most)
+}
+
+/// Days from 1970 on of `2026-01-31`.
+pub(crate) fn days(day: &str) -> Option<i64> {
     let mut parts = day.splitn(3, '-');
     let (year, month, day) =
         (whole(parts.next()?, 9999)?, whole(parts.next()?, 12)?, whole(parts.next()?, 31)?);
@@ -53,6 +54,16 @@ fn date(word: &str) -> Option<f64> {
     if month < 1 || !(1..=longest).contains(&day) {
         return None;
     }
+    // Days of the calendar, of years that begin in March.
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    let before = 365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
+    Some(before + (153 * month + 2) / 5 + day - 1 - 719_468)
+}
+
+/// Seconds from 1970 on of `2026-01-31T12:00:00.5+01:00`; without a zone, of UTC.
+fn date(word: &str) -> Option<f64> {
+    let (day, time) = word.split_once(['T', 't', ' '])?;
+    let days = days(day)?;
     let (time, zone) = match time.find(['+', '-']) {
         Some(at) => time.split_at(at),
         None => (time.strip_suffix(['Z', 'z']).unwrap_or(time), ""),
@@ -71,14 +82,6 @@ fn date(word: &str) -> Option<f64> {
     if hours == 24 && (minutes > 0 || seconds > 0.0) {
         return None;
     }
-    // Days of the calendar, of years that begin in March.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let days = 365 * year + year.div_euclid(4) - year.div_euclid(100)
-        + year.div_euclid(400)
-        + (153 * month + 2) / 5
-        + day
-        - 1
-        - 719_468;
     let minutes = 60 * hours + minutes - zone;
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let whole = (86_400 * days + 60 * minutes) as f64;

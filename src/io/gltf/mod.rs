@@ -47,6 +47,9 @@ pub(super) use write_skin::write_skin;
 /// What `asset.generator` of our files begins with.
 const GENERATOR: &str = "dermatome";
 
+/// Stands for all variances of a taxel whose covariance is not known, and for its `_SIGMA`: glTF has no empty cells.
+const UNKNOWN_VARIANCE: f32 = -1.0;
+
 /// The properties of a mesh besides its geometry: `extras.dermatome` of the mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LevelExtras {
@@ -76,13 +79,25 @@ pub(super) struct LevelExtras {
     /// On level 0 the names of the regions that `_REGION` counts from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub regions: Vec<String>,
+    /// On level 0 whether the ids only count the taxels.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub counted: bool,
 }
 
-/// `extras.dermatome` of a mesh of a skin: the names of the regions that `_REGION` counts from 1 on.
+/// `extras.dermatome` of a mesh of a skin.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct RegionExtras {
-    #[serde(default)]
+struct SheetExtras {
+    /// The names of the regions that `_REGION` counts from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     regions: Vec<String>,
+    /// Whether the ids only count the taxels.
+    #[serde(default, skip_serializing_if = "is_false")]
+    counted: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
+const fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
@@ -128,11 +143,12 @@ pub(super) enum NodeExtras {
 }
 
 impl LevelExtras {
-    /// The extras of a mesh; `None` without, or if they name regions alone.
+    /// The extras of a mesh; `None` without, or if they are those of a skin.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
         let content = content(&mesh.extras)?;
-        let is_of_skin =
-            content.as_object().is_some_and(|keys| keys.len() == 1 && keys.contains_key("regions"));
+        let is_of_skin = content
+            .as_object()
+            .is_some_and(|keys| keys.keys().all(|key| ["regions", "counted"].contains(&&**key)));
         (!is_of_skin).then(|| Self::deserialize(content))
     }
 }
@@ -144,9 +160,11 @@ impl SkinExtras {
     }
 }
 
-/// The regions that a mesh names.
-fn regions_of(mesh: &Mesh) -> Option<Vec<String>> {
-    Some(RegionExtras::deserialize(content(&mesh.extras)?).ok()?.regions)
+impl SheetExtras {
+    /// The extras of a mesh of a skin, or of level 0 of a map.
+    fn of(mesh: &Mesh) -> Option<Self> {
+        Self::deserialize(content(&mesh.extras)?).ok()
+    }
 }
 
 impl NodeExtras {

@@ -213,6 +213,7 @@ fn read_level(
         let joints = binding.map_or(Ok(None), |binding| binding.joints(&attributes))?;
         *taxels = Taxels {
             binds: binding.map(|binding| binding.binds.clone()).unwrap_or_default(),
+            are_counted: extras.counted,
             ids: read_ids(attributes.need("_TAXEL_ID")?)?.into(),
             normals,
             tangents,

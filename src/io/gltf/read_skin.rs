@@ -13,7 +13,7 @@ use crate::io::gltf::document::Document;
 use crate::io::gltf::joints::Binding;
 use crate::io::gltf::nodes::{Placement, read_node_tree};
 use crate::io::gltf::primitive::{Attributes, Shape, check_morphs};
-use crate::io::gltf::{LevelExtras, Notes, regions_of};
+use crate::io::gltf::{LevelExtras, Notes, SheetExtras, UNKNOWN_VARIANCE};
 use crate::io::{IoError, ReadParts};
 use crate::skin::{Covariance, Draft, Joints, Presence, RegionName, Remark, RemarkKind, Sheet, TaxelId};
 
@@ -22,7 +22,7 @@ use crate::skin::{Covariance, Draft, Joints, Presence, RegionName, Remark, Remar
 ///
 /// The primitives of a mesh become one sheet; points next to triangles, and lines, are passed over. `_TAXEL_ID` may be
 /// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2), `_WEIGHT`,
-/// `_PRESENT` (0 absent, 1 present, 2 thermal pad) and `_REGION` (0 none, else counted from 1 in
+/// `_ACUITY`, `_PRESENT` (0 absent, 1 present, 2 thermal pad) and `_REGION` (0 none, else counted from 1 in
 /// `extras.dermatome.regions` of the mesh) are scalars, and belong to every primitive
 /// of a mesh or to none, as do the joints of a mesh that is skinned. Materials and morph targets are
 /// not read; a `map.glb` reads as the skin it is a map of.
@@ -87,7 +87,8 @@ fn read_sheet(
     let mut starts = BTreeMap::new();
     let mut points = BTreeSet::new();
     let mut texture: Option<Vec<DVec2>> = None;
-    let regions = regions_of(mesh).unwrap_or_default();
+    let SheetExtras { regions, counted } = SheetExtras::of(mesh).unwrap_or_default();
+    sheet.are_counted = counted;
     for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, p)| Shape::of(p) == shape) {
         let attributes = Attributes::of(document, placement.mesh, p, primitive)?;
         let start = match starts.get(&primitive.attributes) {
@@ -175,6 +176,7 @@ fn append_vertices(
     all_or_none("_AREA", join(&mut sheet.areas, attributes.scalars("_AREA")?, first))?;
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
     all_or_none("_WEIGHT", join(&mut sheet.weights, attributes.scalars("_WEIGHT")?, first))?;
+    all_or_none("_ACUITY", join(&mut sheet.acuities, attributes.scalars("_ACUITY")?, first))?;
     all_or_none("_COVARIANCE_0", join(&mut sheet.covariances, read_covariances(attributes)?, first))?;
     let joints = binding.map_or(Ok(None), |binding| binding.joints(attributes))?;
     all_or_none("JOINTS_0", join(&mut sheet.joints, joints, first))?;
@@ -201,10 +203,13 @@ fn join<T>(all: &mut Option<Vec<T>>, part: Option<Vec<T>>, first: bool) -> Resul
     Ok(())
 }
 
-/// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there.
-pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Covariance>>> {
+/// Covariances of positions, `xx xy xz yy yz zz` in m^2, if both halves are there; [`UNKNOWN_VARIANCE`] is none.
+pub(super) fn read_covariances(attributes: &Attributes<'_>) -> Result<Option<Vec<Option<Covariance>>>> {
     let half = |name| attributes.read(name, |accessor| accessor.reals(|row: [f64; 3]| row));
-    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| Covariance { xx, xy, xz, yy, yz, zz };
+    let join = |([xx, xy, xz], [yy, yz, zz]): ([f64; 3], [f64; 3])| {
+        let is_known = [xx, yy, zz] != [f64::from(UNKNOWN_VARIANCE); 3];
+        is_known.then_some(Covariance { xx, xy, xz, yy, yz, zz })
+    };
     let halves = half("_COVARIANCE_0")?.zip(half("_COVARIANCE_1")?);
     Ok(halves.map(|(first, second)| first.into_iter().zip(second).map(join).collect()))
 }
@@ -275,6 +280,7 @@ fn bake(sheet: &mut Sheet, linear: impl Fn(usize) -> DMat3) {
         *t = (linear(v) * *t).normalize_or_zero();
     }
     for (v, c) in sheet.covariances.iter_mut().flatten().enumerate() {
+        let Some(c) = c else { continue };
         // The lower triangle: rounding makes it differ from the upper one in the last bits.
         let stretched = linear(v) * DMat3::from(*c) * linear(v).transpose();
         *c = stretched.transpose().into();

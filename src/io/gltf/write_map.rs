@@ -224,6 +224,7 @@ fn add_level(
             Some(_) if number.index() == 0 => regions.iter().map(ToString::to_string).collect(),
             _ => Vec::new(),
         },
+        counted: number.index() == 0 && patch.taxels.are_counted,
     };
     let mut mesh = mesh(name, primitive);
     mesh.extras = writer.extras(&content)?;

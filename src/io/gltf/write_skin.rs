@@ -15,8 +15,8 @@ use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{file_kind, unfit};
-use crate::io::gltf::RegionExtras;
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter, Stored};
+use crate::io::gltf::{SheetExtras, UNKNOWN_VARIANCE};
 use crate::mesh::TriMesh;
 use crate::numeric::narrow;
 use crate::skin::{
@@ -43,9 +43,10 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
         sheet.taxels(&patch.taxels, patch.mesh.positions.len(), &regions, Codes::Whole)?;
         let mut mesh = mesh(patch.name.clone(), sheet.finish());
-        if patch.taxels.regions.is_some() {
-            mesh.extras = writer
-                .extras(&RegionExtras { regions: regions.iter().map(ToString::to_string).collect() })?;
+        let (has_regions, counted) = (patch.taxels.regions.is_some(), patch.taxels.are_counted);
+        if has_regions || counted {
+            let regions = regions.iter().filter(|_| has_regions).map(ToString::to_string).collect();
+            mesh.extras = writer.extras(&SheetExtras { regions, counted })?;
         }
         let node = node(patch.name.clone(), writer.root.push(mesh));
         let (joints, binds) = (joints_of(&patch.taxels), patch.taxels.binds.clone());
@@ -254,15 +255,20 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         Ok(())
     }
 
-    /// Covariances of positions, and the standard deviation that stands for each.
-    fn covariances(&mut self, covariances: &IdVec<VertexId, Covariance>) -> Result<()> {
-        let fits = |c: &Covariance| <[f64; 6]>::from(*c).iter().all(|x| narrow(*x).is_finite());
-        if let Some((v, c)) = covariances.enumerate().find(|(_, c)| !fits(c)) {
+    /// Covariances of positions, and the standard deviation that stands for each; [`UNKNOWN_VARIANCE`] where unknown.
+    fn covariances(&mut self, covariances: &IdVec<VertexId, Option<Covariance>>) -> Result<()> {
+        let known = || covariances.enumerate().filter_map(|(v, c)| Some((v, (*c)?)));
+        let fits = |c: Covariance| <[f64; 6]>::from(c).iter().all(|x| narrow(*x).is_finite());
+        if let Some((v, c)) = known().find(|(_, c)| !fits(*c)) {
             return Err(self.unfit(format!("covariance {c:?} of vertex {v}"), "finite f32"));
         }
-        self.insert("_SIGMA", covariances.iter().map(|c| [narrow(c.sigma())]));
-        self.insert("_COVARIANCE_0", covariances.iter().map(|c| [c.xx, c.xy, c.xz].map(narrow)));
-        self.insert("_COVARIANCE_1", covariances.iter().map(|c| [c.yy, c.yz, c.zz].map(narrow)));
+        let none = f64::from(UNKNOWN_VARIANCE);
+        let unknown = Covariance { xx: none, yy: none, zz: none, ..Covariance::default() };
+        let sigma = |c: &Option<Covariance>| [c.map_or(UNKNOWN_VARIANCE, |c| narrow(c.sigma()))];
+        let all = || covariances.iter().map(|c| c.unwrap_or(unknown));
+        self.insert("_SIGMA", covariances.iter().map(sigma));
+        self.insert("_COVARIANCE_0", all().map(|c| [c.xx, c.xy, c.xz].map(narrow)));
+        self.insert("_COVARIANCE_1", all().map(|c| [c.yy, c.yz, c.zz].map(narrow)));
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Which cells of a frame each taxel has, and how much each of them counts.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
 use crate::io::file::{Source, invalid};
@@ -24,13 +24,14 @@ pub(super) struct Member {
 }
 
 impl Layout {
-    /// The cells of all taxels, sorted by id, then by cell.
+    /// The cells of all taxels, sorted by id, then by cell; and those that the table names and that are no taxels.
     pub(super) fn members(
         &self,
         file: &Path,
         facts: &StreamFacts,
         shape: &[usize],
-    ) -> Result<Vec<Member>, IoError> {
+    ) -> Result<(Vec<Member>, Vec<usize>), IoError> {
+        let mut no_taxels = Vec::new();
         let count = shape.iter().product::<usize>();
         let member = |(cell, id): (usize, TaxelId)| Member { id, cell, weight: 1.0, gain: 1.0 };
         let one_each = |ids: &[TaxelId], whose: &Path| match ids.len() == count {
@@ -41,7 +42,14 @@ impl Layout {
             }
         };
         let mut members: Vec<Member> = match &self.taxels {
-            TaxelRule::Table(table) => self.read_table(table, shape)?,
+            TaxelRule::Table(_) | TaxelRule::Columns(_) if facts.has_named_columns => {
+                one_each(facts.ids.as_deref().unwrap_or_default(), file)?
+            }
+            TaxelRule::Columns(_) => {
+                let needed = format!("a table with columns called {}", self.taxels.describe());
+                return Err(invalid(file, "taxels", "no columns with names", needed));
+            }
+            TaxelRule::Table(table) => self.read_table(table, shape, &mut no_taxels)?,
             TaxelRule::Ids(ids) => one_each(ids, &self.name)?,
             TaxelRule::File => match &facts.ids {
                 Some(ids) => one_each(ids, file)?,
@@ -58,6 +66,7 @@ impl Layout {
                 grid.ids(&self.name, &self.cell_axes())?.into_iter().enumerate().map(member).collect()
             }
         };
+        self.check_ids(file, facts, &members, count)?;
         let has_sensor = |member: &Member| facts.sensors.get(member.cell).copied().unwrap_or(true);
         match &self.taxels {
             TaxelRule::Table(table) => {
@@ -78,26 +87,84 @@ impl Layout {
             let found = format!("taxel {} in two cells", pair[0].id);
             return Err(invalid(&self.name, "taxels", found, "an id of its own for each cell"));
         }
-        Ok(members)
+        Ok((members, no_taxels))
+    }
+
+    /// Refuses ids that are not those that the file states.
+    fn check_ids(
+        &self,
+        file: &Path,
+        facts: &StreamFacts,
+        members: &[Member],
+        count: usize,
+    ) -> Result<(), IoError> {
+        // Those of one axis of several are not of each cell.
+        let Some(stated) = facts.ids.as_ref().filter(|ids| ids.len() == count) else { return Ok(()) };
+        let Some(other) = members.iter().find(|member| stated[member.cell] != member.id) else {
+            return Ok(());
+        };
+        let found = format!("taxel {}", stated[other.cell]);
+        let name = self.name.display();
+        let needed = format!("taxel {}, as {name} states; or {{\"ids\": \"file\"}} there", other.id);
+        Err(invalid(file, format!("ids, column {}", other.cell + 1), found, needed))
+    }
+
+    /// The ids that the layout itself states, in the order of the cells as far as it has one; `None` if it states none.
+    pub(in crate::io) fn own_ids(&self) -> Result<Option<Vec<TaxelId>>, IoError> {
+        Ok(match &self.taxels {
+            TaxelRule::Ids(ids) => Some(ids.clone()),
+            TaxelRule::Grid(grid) => {
+                let count = grid.shape.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
+                let is_countable = count.is_some_and(|count| count <= MAX_CELLS);
+                is_countable.then(|| grid.ids(&self.name, &self.cell_axes())).transpose()?
+            }
+            TaxelRule::Table(table) => {
+                let source = Source::open(&self.beside(table))?;
+                let table = Table::of(&source)?;
+                let (id, mut ids) = (table.columns.need("taxel_id")?, Vec::new());
+                table.each_row(&mut |row| {
+                    if !row.text(id).is_empty() {
+                        ids.push(row.taxel(id)?);
+                    }
+                    Ok(())
+                })?;
+                Some(ids)
+            }
+            TaxelRule::File | TaxelRule::Columns(_) => None,
+        })
+    }
+
+    /// A file in the folder of the layout.
+    pub(super) fn beside(&self, name: &str) -> PathBuf {
+        self.name.parent().unwrap_or(Path::new("")).join(name)
     }
 
     /// Whether it states which axes are flipped, or names each cell.
     pub(super) fn states_flips(&self) -> bool {
         match &self.taxels {
             TaxelRule::Grid(grid) => grid.flip.is_some(),
-            TaxelRule::Table(_) | TaxelRule::Ids(_) => true,
+            TaxelRule::Table(_) | TaxelRule::Ids(_) | TaxelRule::Columns(_) => true,
             TaxelRule::File => false,
         }
     }
 
-    /// The axes that are neither frames nor components.
+    /// The axes that are neither frames, episodes nor components.
     pub(super) fn cell_axes(&self) -> Vec<&str> {
-        let axes = self.axes.iter().map(String::as_str);
-        axes.filter(|axis| !["frame", "component"].contains(axis)).collect()
+        self.frame_axes().filter(|axis| *axis != "component").collect()
     }
 
-    fn read_table(&self, name: &str, shape: &[usize]) -> Result<Vec<Member>, IoError> {
-        let path = self.name.parent().unwrap_or(Path::new("")).join(name);
+    /// The axes of one frame.
+    pub(super) fn frame_axes(&self) -> impl Iterator<Item = &str> {
+        self.axes.iter().map(String::as_str).filter(|axis| !["frame", "episode"].contains(axis))
+    }
+
+    fn read_table(
+        &self,
+        name: &str,
+        shape: &[usize],
+        no_taxels: &mut Vec<usize>,
+    ) -> Result<Vec<Member>, IoError> {
+        let path = self.beside(name);
         let source = Source::open(&path)?;
         let table = Table::of(&source)?;
         let axes = self.cell_axes();
@@ -117,6 +184,10 @@ impl Layout {
                 let needed = || format!("0 to {}, as the file has", size.saturating_sub(1));
                 cell = cell * size + index.ok_or_else(|| row.invalid(column, needed()))?;
             }
+            if row.text(id).is_empty() {
+                no_taxels.push(cell);
+                return Ok(());
+            }
             let factor =
                 |row: &Row<'_>, column: Option<usize>| match column.map(|c| (c, row.number_if_any(c))) {
                     Some((c, Ok(Some(x)))) if x <= 0.0 => Err(row.invalid(c, "a number above 0")),
@@ -132,6 +203,10 @@ impl Layout {
         if let Some(pair) = pairs.windows(2).find(|pair| pair[0] == pair[1]) {
             let found = format!("cell {} of taxel {} again", pair[0].0, pair[0].1);
             return Err(invalid(&path, "rows", found, "one row for each cell of a taxel"));
+        }
+        if let Some(cell) = no_taxels.iter().find(|cell| pairs.iter().any(|pair| pair.0 == **cell)) {
+            let found = format!("cell {cell} with a taxel and without one");
+            return Err(invalid(&path, "rows", found, "rows with a `taxel_id`, or one row without"));
         }
         Ok(members)
     }

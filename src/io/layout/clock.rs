@@ -1,44 +1,57 @@
 //! The seconds of frames, from times of a file or from a rate.
 
 use crate::io::file::times::LATEST;
-use crate::io::layout::facts::{Statement, StatementSource, TimeUnit, Times};
+use crate::io::layout::facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 use crate::io::layout::rules::TimeRule;
+use crate::signal::{self, Tick};
 
 /// What is wrong with the times: element, found, needed.
 pub(super) type Fault = [String; 3];
 
-/// A step longer than this many usual ones is a gap.
-const GAP_STEPS: f64 = 3.0;
+/// The usual step, over that of a stated rate, lies between these: clocks of sensors are off by some percent, and a rate that
+/// is another one by a fourth or more.
+const OF_RATE: [f64; 2] = [0.8, 1.25];
 
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
     rule: TimeRule,
+    /// What the file states: frames per second, and the unit of its times.
+    stated_hz: Option<f64>,
+    stated_unit: Option<TimeUnit>,
+    /// The first time of an episode in the file, where the layout states a rate; and how many times were not compared.
+    began: Option<f64>,
+    unread: u64,
     episode: u64,
     /// Frames of all episodes, and where this one began.
     frames: u64,
     start: u64,
     first: Option<i64>,
     last: f64,
-    /// The usual step, in s, once it is known.
-    step: Option<f64>,
-    /// The first times of the episode, until they show the usual step.
+    clock: signal::Clock,
+    /// The first times of an episode, until they show the rate.
     early: Vec<f64>,
+    is_rate_checked: bool,
     gaps: u64,
     /// The longest step, in s, and the frame after it.
     longest: (f64, u64),
 }
 
 impl Clock {
-    pub(super) fn new(rule: TimeRule) -> Self {
+    pub(super) fn new(rule: TimeRule, facts: &StreamFacts) -> Self {
         Self {
             rule,
+            stated_hz: facts.rate_hz,
+            stated_unit: facts.time_unit,
+            began: None,
+            unread: 0,
             episode: 0,
             frames: 0,
             start: 0,
             first: None,
             last: f64::NEG_INFINITY,
-            step: None,
+            clock: signal::Clock::new(),
             early: Vec::new(),
+            is_rate_checked: false,
             gaps: 0,
             longest: (0.0, 0),
         }
@@ -67,9 +80,12 @@ impl Clock {
             (self.episode, self.start, self.first, self.last) =
                 (episode, self.frames, None, f64::NEG_INFINITY);
             self.early.clear();
+            self.clock.settle();
+            self.began = None;
         }
         let (unit, between) = match &self.rule {
-            TimeRule::Rate(rate) => {
+            &TimeRule::Rate(rate) => {
+                self.compare(rate, times)?;
                 let start = self.frames - self.start;
                 seconds.extend((0..count as u64).map(|k| (start + k) as f64 / rate));
                 self.frames += count as u64;
@@ -114,42 +130,91 @@ impl Clock {
             let found = format!("a time of {latest:e} s with times in {}", unit.name());
             return Err(fault("times", found, "finite times, and the unit that they have in the file"));
         }
-        if self.step.is_none() {
-            self.early.extend_from_slice(new);
-        }
-        if self.early.len() > 2 {
-            let early = std::mem::take(&mut self.early);
-            let mut steps: Vec<f64> = early.windows(2).map(|pair| pair[1] - pair[0]).collect();
-            let middle = steps.len() / 2;
-            let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-            if step > 0.0 && !(between[0]..=between[1]).contains(&(1.0 / step)) {
-                let found = format!("{:.6} frames a second with times in {}", 1.0 / step, unit.name());
-                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
-                return Err(fault("times", found, &needed));
-            }
-            self.step = Some(step);
-        }
         for (k, &time) in new.iter().enumerate() {
-            let frame = self.frames + k as u64;
             if time <= self.last {
                 let found = format!("{time} s after {} s", self.last);
+                let frame = self.frames + k as u64;
                 return Err(fault(&format!("frame {frame}"), found, "ascending times, or one episode alone"));
-            }
-            let length = time - self.last;
-            if length.is_finite() && self.step.is_some_and(|step| length > GAP_STEPS * step) {
-                self.gaps += 1;
-                if length > self.longest.0 {
-                    self.longest = (length, frame);
-                }
             }
             self.last = time;
         }
         self.frames += count as u64;
+        self.early.extend_from_slice(new);
+        if !self.is_rate_checked && self.early.len() > 2 {
+            self.is_rate_checked = true;
+            self.early.iter().for_each(|&time| self.clock.learn(time));
+            self.clock.settle();
+            let rate = self.clock.usual().map_or(between[0], f64::recip);
+            if !(between[0]..=between[1]).contains(&rate) {
+                let found = format!("{rate:.6} frames a second with times in {}", unit.name());
+                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
+                return Err(fault("times", found, &needed));
+            }
+            if let Some((hz, step)) =
+                self.stated_hz.zip(self.clock.usual()).filter(|&(hz, step)| !is_of_rate(step, hz))
+            {
+                let found = format!("frames {step:.6} s apart");
+                let needed = format!("{:.6} s, as the {hz} frames a second that the file states", 1.0 / hz);
+                return Err(fault("times", found, &needed));
+            }
+        }
+        if self.is_rate_checked {
+            let first = self.frames - self.early.len() as u64;
+            for (time, frame) in self.early.drain(..).zip(first..) {
+                if let Tick::Gap(length) = self.clock.see(time) {
+                    self.gaps += 1;
+                    if length > self.longest.0 {
+                        self.longest = (length, frame);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses times of the file that are not those of the rate that is stated.
+    fn compare(&mut self, rate: f64, times: Times<'_>) -> Result<(), Fault> {
+        let Some(unit) = self.stated_unit else {
+            self.unread += match times {
+                Times::None => 0,
+                Times::Whole(times) => times.len() as u64,
+                Times::Real(times) => times.len() as u64,
+            };
+            return Ok(());
+        };
+        let seconds: Vec<f64> = match times {
+            Times::None => return Ok(()),
+            Times::Whole(times) => {
+                let first = *self.first.get_or_insert(times.first().copied().unwrap_or_default());
+                let since = |t: &i64| t.saturating_sub(first) as f64 / unit.per_second() as f64;
+                times.iter().map(since).collect()
+            }
+            Times::Real(times) => times.iter().map(|t| t / unit.per_second() as f64).collect(),
+        };
+        for (k, time) in (self.frames - self.start..).zip(seconds) {
+            let since = time - *self.began.get_or_insert(time);
+            let expected = k as f64 / rate;
+            // Measured times may be late by half a frame. NaN is no time.
+            if time.is_finite() && (since - expected).abs() > 0.5 / rate + 1e-6 * expected {
+                let found = format!("{since:.6} s after the first in the file");
+                let needed = format!(
+                    "{expected:.6} s, by the rate {rate} of the layout; or a `unit` for `time` there, which reads the times \
+                     of the file"
+                );
+                return Err([format!("frame {}", self.start + k), found, needed]);
+            }
+        }
         Ok(())
     }
 
     /// What was noticed.
-    pub(super) fn statement(&self) -> Option<Statement> {
+    pub(super) fn statements(&self) -> Vec<Statement> {
+        let value = "times in the file, in a unit that it does not state, are not read: a rate is stated";
+        let unread = (self.unread > 0).then(|| Statement::new("times", value, StatementSource::Checked));
+        unread.into_iter().chain(self.gap_statement()).collect()
+    }
+
+    fn gap_statement(&self) -> Option<Statement> {
         let (length, frame) = self.longest;
         let value = match self.gaps {
             0 => return None,
@@ -158,4 +223,9 @@ impl Clock {
         };
         Some(Statement::new("gap", value, StatementSource::Checked))
     }
+}
+
+/// Whether a step in s is that of a rate.
+fn is_of_rate(step: f64, hz: f64) -> bool {
+    (OF_RATE[0]..=OF_RATE[1]).contains(&(step * hz))
 }

@@ -81,13 +81,19 @@ fn of_facts(facts: &StreamFacts) -> Value {
             Some(name) => json!({"stream": name, "unit": unit.name()}),
             None => json!({"unit": unit.name()}),
         },
-        (None, rate) => json!({"rate": rate}),
+        (None, Some(rate)) => json!({"rate": rate}),
+        (None, None) => match facts.time_names.first() {
+            Some(name) => json!({"stream": name, "unit": null}),
+            None => json!({"rate": null}),
+        },
     };
     let (press, zero) =
         if facts.has_pressures { (json!("raises"), json!(0)) } else { (Value::Null, Value::Null) };
-    let taxels = match facts.ids {
-        Some(_) => json!({"ids": "file"}),
-        None => json!({"shape": shape, "first_id": 1}),
+    let taxels = match (&facts.ids, facts.columns.as_slice()) {
+        (Some(_), _) => json!({"ids": "file"}),
+        (None, []) => json!({"shape": shape, "first_id": facts.first_id.unwrap_or(1)}),
+        (None, [one]) => json!({"columns": one}),
+        (None, several) => json!({"columns": several}),
     };
     let mut json = json!({
         "dermatome_layout": 1,

@@ -60,16 +60,33 @@ pub struct StreamFacts {
     pub time_unit: Option<TimeUnit>,
     /// The taxel of each cell.
     pub ids: Option<Vec<TaxelId>>,
+    /// Whether these are of columns that a layout found by their names.
+    pub has_named_columns: bool,
+    /// What names of columns are alike, for drafts, with `{id}` for a number.
+    pub columns: Vec<String>,
+    /// The id of the first cell, for drafts; none: 1.
+    pub first_id: Option<u32>,
     /// Whether there is a sensor in each cell; none: in all.
     pub sensors: Vec<bool>,
     /// The level of each number of a frame at rest, where a layout takes it from another stream.
     pub zero: Option<Vec<f64>>,
+    /// The number above which a cell is loaded.
+    pub threshold: Option<f64>,
     /// Whether its numbers are pressures, so that pressing raises the numbers and zero is no pressure.
     pub has_pressures: bool,
     /// Whether rows or columns may be stored mirrored: a layout has to state which are flipped.
     pub may_be_mirrored: bool,
     /// What else the file states.
     pub notes: Vec<Statement>,
+}
+
+/// What is known of readings where nothing touches.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KnownRest {
+    /// Whether they are about 0: the zero of a pressure or force is stated, or one is subtracted already.
+    pub is_zero: bool,
+    /// The reading above which a taxel is loaded, in the unit of the first channel that is of touch.
+    pub threshold: Option<f64>,
 }
 
 /// What times are counted in.
@@ -108,6 +125,11 @@ impl TimeUnit {
     pub(in crate::io) fn of(per_second: u32) -> Option<Self> {
         let all = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
         all.into_iter().find(|unit| unit.per_second() == i64::from(per_second))
+    }
+
+    /// How many of them are a second.
+    pub(in crate::io) fn in_a_second(self) -> u32 {
+        u32::try_from(self.per_second()).unwrap_or(u32::MAX)
     }
 
     pub(super) const fn per_second(self) -> i64 {

@@ -8,13 +8,14 @@ use crate::io::IoError;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::layout::facts::{StatementSource, TimeUnit};
 use crate::io::layout::rules::{ChannelRule, Press, TaxelRule, TimeRule, Zero, typed};
-use crate::signal::Channel;
+use crate::signal::{Channel, ChannelKind};
+use crate::skin::TaxelId;
 
 /// The longest layout, in bytes.
 const LONGEST_LAYOUT: usize = 1 << 22;
 
 const REQUIRED: [&str; 6] = ["axes", "time", "channels", "press", "zero", "taxels"];
-const OPTIONAL: [&str; 5] = ["dermatome_layout", "about", "note", "stream", "missing"];
+const OPTIONAL: [&str; 6] = ["dermatome_layout", "about", "note", "stream", "missing", "episode"];
 
 /// What the numbers of a recording mean.
 ///
@@ -47,6 +48,7 @@ pub struct Layout {
     pub(super) zero: Zero,
     pub(super) missing: Vec<f64>,
     pub(super) taxels: TaxelRule,
+    episode: Option<u64>,
     /// Who states what is in it.
     pub(super) origin: StatementSource,
 }
@@ -89,7 +91,12 @@ impl Layout {
             let wrong =
                 |found: String, needed: String| invalid(name, format!("channels, {k}"), found, needed);
             let channel = Channel::new(&rule.name, &rule.unit);
-            channels.push(channel.map_err(|e| wrong(rule.unit.clone(), e.to_string()))?);
+            let channel = channel.map_err(|e| wrong(rule.unit.clone(), e.to_string()))?;
+            let kind = match channel.kind {
+                ChannelKind::Touch if rule.signed => ChannelKind::Tangential,
+                kind => kind,
+            };
+            channels.push(Channel { kind: rule.kind.unwrap_or(kind), ..channel });
             if rules[..k].iter().any(|other| other.name == rule.name) {
                 return Err(wrong(format!("the name {:?} again", rule.name), "a name of its own".into()));
             }
@@ -122,6 +129,10 @@ impl Layout {
                 None => Vec::new(),
             },
             taxels: TaxelRule::of(name, part("taxels"))?,
+            episode: keys
+                .get("episode")
+                .map(|v| typed(name, "episode", v, "the number of an episode, counted from 0"))
+                .transpose()?,
             origin,
         };
         layout.check_axes()?;
@@ -158,6 +169,49 @@ impl Layout {
         self.stream.as_deref()
     }
 
+    /// What errors call it.
+    pub(in crate::io) fn name(&self) -> &Path {
+        &self.name
+    }
+
+    /// The component of each channel.
+    pub(in crate::io) fn components(&self) -> Vec<usize> {
+        self.rules.iter().map(|rule| rule.component.unwrap_or(0)).collect()
+    }
+
+    /// Whether numbers in the first line of a text are ids: the layout says so, or they are those that it states itself.
+    pub(in crate::io) fn calls_ids(&self, numbers: &[TaxelId]) -> Result<bool, IoError> {
+        if self.taxels == TaxelRule::File {
+            return Ok(true);
+        }
+        let mut line = numbers.to_vec();
+        line.sort_unstable();
+        let Some(own) = self.own_ids()?.filter(|_| line.windows(2).all(|pair| pair[0] != pair[1])) else {
+            return Ok(false);
+        };
+        // A table may leave columns out.
+        let has_all = !own.is_empty() && own.iter().all(|id| line.binary_search(id).is_ok());
+        Ok(has_all && (own.len() == line.len() || matches!(self.taxels, TaxelRule::Table(_))))
+    }
+
+    /// The frames of a text: the shape of their cells where the layout has one for the `width` numbers of a line, and how
+    /// many lines each of them has.
+    pub(in crate::io) fn folded(&self, width: usize) -> Option<(Vec<usize>, usize)> {
+        let TaxelRule::Grid(grid) = &self.taxels else { return None };
+        let count = grid.shape.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
+        let count = count.filter(|count| *count > 0 && grid.shape.len() < self.axes.len())?;
+        let mut shape = grid.shape.clone();
+        let cells = self.axes.iter().filter(|axis| *axis != "frame");
+        if let Some(axis) = cells.clone().position(|axis| axis == "component") {
+            (width.is_multiple_of(count) && axis <= shape.len())
+                .then(|| shape.insert(axis, width / count))?;
+            return Some((shape, 1));
+        }
+        let rests = (0..shape.len()).map(|k| shape[k..].iter().product::<usize>());
+        let hit = rests.into_iter().position(|rest| rest == width)?;
+        Some((shape.clone(), shape[..hit].iter().product()))
+    }
+
     /// The names of the axes of the array, in its order.
     pub fn axes(&self) -> &[String] {
         &self.axes
@@ -166,6 +220,16 @@ impl Layout {
     /// Which axis is that of the frames.
     pub fn frame_axis(&self) -> usize {
         self.axes.iter().position(|axis| axis == "frame").unwrap_or(0)
+    }
+
+    /// Which axis is that of episodes, if the array has several.
+    pub fn episode_axis(&self) -> Option<usize> {
+        self.axes.iter().position(|axis| axis == "episode")
+    }
+
+    /// The episode that is read, if the layout chooses one.
+    pub fn episode(&self) -> Option<u64> {
+        self.episode
     }
 
     /// The channels of the readings.

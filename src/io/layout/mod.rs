@@ -4,15 +4,12 @@
 //! lowers the number, the zero, and which cell is which taxel. [`Layout::draft`] makes one of what a file states
 //! ([`StreamFacts`]), with null where a value is unknown. A [`Decoder`] turns the numbers of one stream into readings. Every
 //! [`Statement`] about them has a source; what a file and a layout state differently is refused, not converted.
-//!
-//! In reading order: `facts` is what is known and by whom, `rules` are the values of the keys, `keys` reads a layout,
-//! `draft` writes one, `cells` joins cells to taxels, `clock` makes seconds of times, `checks` compares the first frames
-//! with what the layout states.
 
 mod cells;
 mod checks;
 mod agree;
 mod clock;
+pub(in crate::io) mod columns;
 mod draft;
 mod facts;
 mod keys;
@@ -30,7 +27,8 @@ use crate::numeric::Csr;
 use crate::signal::{Channel, Quantity};
 use crate::skin::TaxelId;
 
-pub use facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
+pub use columns::NamedColumns;
+pub use facts::{KnownRest, Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use keys::Layout;
 
 /// Most numbers that are kept to learn from.
@@ -59,6 +57,8 @@ pub struct Decoder {
     zero: Zero,
     missing: Vec<f64>,
     clock: Clock,
+    /// Axes of cells: of several, two may be swapped.
+    cell_axes: usize,
     has_learned: bool,
     statements: Vec<Statement>,
     /// Readings without a number, and the first frame that has one.
@@ -84,10 +84,16 @@ impl Decoder {
         let of_layout = |what: String| format!("{what}, as {} states", layout.name.display());
         let refuse =
             |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
-        let axes: Vec<&String> = layout.axes.iter().filter(|axis| *axis != "frame").collect();
-        let stated: Vec<&String> = facts.axes.iter().filter(|axis| *axis != "frame").collect();
+        let axes: Vec<&str> = layout.frame_axes().collect();
+        let is_of_frame = |axis: &&str| !["frame", "episode"].contains(axis);
+        let stated: Vec<&str> = facts.axes.iter().map(String::as_str).filter(is_of_frame).collect();
         if axes.len() != facts.cells.len() {
-            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len()));
+            let more = if axes.len() < facts.cells.len() && layout.episode_axis().is_none() {
+                "; an axis of trials is called \"episode\""
+            } else {
+                ""
+            };
+            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len())) + more;
             return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
         }
         if !stated.is_empty() && stated != axes {
@@ -109,7 +115,7 @@ impl Decoder {
         let component = axes.iter().position(|axis| *axis == "component");
         let shape = facts.cells.iter().enumerate().filter(|(k, _)| Some(*k) != component);
         let shape: Vec<usize> = shape.map(|(_, size)| *size).collect();
-        let members = layout.members(file, facts, &shape)?;
+        let (members, no_taxels) = layout.members(file, facts, &shape)?;
         let mut ids: Vec<TaxelId> = members.iter().map(|member| member.id).collect();
         ids.dedup();
         // Where the first component of a cell is among the numbers of a frame, and how far apart components are.
@@ -140,6 +146,8 @@ impl Decoder {
             None => {
                 let mut is_taxel = vec![false; width];
                 members.iter().for_each(|member| is_taxel[member.cell] = true);
+                // The table says of these that they are none.
+                no_taxels.iter().for_each(|&cell| is_taxel[cell] = true);
                 (0..width).filter(|&cell| !is_taxel[cell]).collect()
             }
         };
@@ -157,7 +165,8 @@ impl Decoder {
             press: layout.press,
             zero: layout.zero.clone(),
             missing: layout.missing.clone(),
-            clock: Clock::new(layout.time.clone()),
+            clock: Clock::new(layout.time.clone(), facts),
+            cell_axes: shape.len(),
             has_learned: false,
             statements,
             lost: 0,
@@ -181,6 +190,15 @@ impl Decoder {
         &self.channels
     }
 
+    /// What is known of readings where nothing touches: pressures and forces are about 0 there, since their zero is stated,
+    /// and the threshold is that of the file. Nothing is known of counts, whose zero differs from taxel to taxel.
+    pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
+        let (channel, scale) = self.pressed;
+        let is_zero = self.channels[channel].newtons().is_some();
+        let threshold = facts.threshold.map(|x| x * scale.abs()).filter(|x| *x > 0.0 && is_zero);
+        KnownRest { is_zero, threshold }
+    }
+
     /// How many frames it has to see at first.
     pub fn frames_to_learn(&self) -> usize {
         let checked = CHECKED_FRAMES.min(MAX_LEARNED / self.width).max(1);
@@ -197,7 +215,7 @@ impl Decoder {
             let value = format!("{} readings, the first in frame {frame}; they stay missing", self.lost);
             all.push(Statement::new("missing", value, StatementSource::Checked));
         }
-        all.extend(self.clock.statement());
+        all.extend(self.clock.statements());
         all
     }
 
@@ -352,14 +370,16 @@ impl Decoder {
         }
         let others: Vec<_> = self.others.iter().map(|&place| series(raw, self.width, place)).collect();
         let moving = moves.moving(&others, scale);
+        let name = self.layout_name.display();
+        if Moves::is_enough(moving) && self.cell_axes > 1 {
+            let found = format!("{moving} cells that move and are no taxels in {name}");
+            let needed = "the axes in the order in which the file has them, or a row without `taxel_id` in the table for \
+                          each cell that moves and is no taxel";
+            return Err(self.invalid("axes", found, needed.into()));
+        }
         if Moves::is_enough(moving) {
-            let found =
-                format!("{moving} cells that move and are no taxels in {}", self.layout_name.display());
-            return Err(self.invalid(
-                "axes",
-                found,
-                "the axes in the order in which the file has them".into(),
-            ));
+            let value = format!("{moving} cells that move are none in {name}, and are not read");
+            self.statements.push(Statement::new("taxels", value, StatementSource::Checked));
         }
         let press = self.press.name();
         let remark = moves.sign_remark(press).filter(|_| self.origin == StatementSource::Layout);

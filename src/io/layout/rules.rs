@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::io::IoError;
 use crate::io::file::{excerpt, invalid};
 use crate::io::layout::facts::TimeUnit;
+use crate::signal::ChannelKind;
 use crate::skin::TaxelId;
 
 /// A channel, and where its numbers are.
@@ -21,13 +22,22 @@ pub(super) struct ChannelRule {
     /// Whether it has both signs, as a shear; what pressing does to the number does not concern it.
     #[serde(default)]
     pub(super) signed: bool,
+    /// What it measures, where name and unit do not tell.
+    #[serde(default, deserialize_with = "channel_kind")]
+    pub(super) kind: Option<ChannelKind>,
     /// What the numbers are multiplied by to be in its unit.
     pub(super) scale: Option<f64>,
 }
 
 impl ChannelRule {
-    pub(super) const KEYS: &'static str =
-        "a list of channels with `name` and `unit`, and if needed `component`, `signed` and `scale`";
+    pub(super) const KEYS: &'static str = "a list of channels with `name` and `unit`, and if needed `component`, `signed`, `scale` and `kind` \
+         (touch, tangential or other)";
+}
+
+fn channel_kind<'de, D: Deserializer<'de>>(text: D) -> Result<Option<ChannelKind>, D::Error> {
+    let found = String::deserialize(text)?;
+    let needed = || D::Error::custom(format!("found {found:?}; needed: touch, tangential or other"));
+    found.parse().map(Some).map_err(|_| needed())
 }
 
 /// What pressing does to the number.
@@ -138,7 +148,37 @@ pub(super) enum TaxelRule {
     File,
     /// Ids of the cells in their order.
     Ids(Vec<TaxelId>),
+    /// The name of a column has the id of its taxel: a pattern for each component.
+    Columns(Vec<Pattern>),
     Grid(Grid),
+}
+
+/// A name of columns with the id of a taxel in it, as `ele{id}`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Pattern {
+    before: String,
+    after: String,
+}
+
+impl Pattern {
+    fn parse(text: &str) -> Option<Self> {
+        let (before, after) = text.split_once("{id}")?;
+        let is_plain = !after.contains(['{', '}']) && !before.contains(['{', '}']);
+        is_plain.then(|| Self { before: before.trim_start().into(), after: after.trim_end().into() })
+    }
+
+    /// The id in a name.
+    pub(super) fn id_in(&self, name: &str) -> Option<TaxelId> {
+        let digits = name.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
+        digits.bytes().all(|b| b.is_ascii_digit()).then_some(())?;
+        digits.parse().ok().map(TaxelId)
+    }
+}
+
+impl std::fmt::Display for Pattern {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}{{id}}{}", self.before, self.after)
+    }
 }
 
 /// Ids that count through a grid of cells.
@@ -164,9 +204,20 @@ fn one() -> u32 {
 }
 
 impl TaxelRule {
+    /// What it calls columns.
+    pub(super) fn describe(&self) -> String {
+        match self {
+            Self::Columns(patterns) => {
+                patterns.iter().map(ToString::to_string).collect::<Vec<_>>().join(" or ")
+            }
+            Self::Table(table) => format!("as in {table}"),
+            _ => "by the ids of taxels".into(),
+        }
+    }
+
     pub(super) fn of(name: &Path, value: &Value) -> Result<Self, IoError> {
-        let needed = "the name of a table (.csv), {\"ids\": \"file\"}, {\"ids\": [...]}, or {\"shape\": [...]} and if needed \
-                      `first_id`, `flip`, `transpose` and `rotate` (90, 180 or 270)";
+        let needed = "the name of a table (.csv), {\"ids\": \"file\"}, {\"ids\": [...]}, {\"columns\": \"NAME{id}\"}, or \
+                      {\"shape\": [...]} and if needed `first_id`, `flip`, `transpose` and `rotate` (90, 180 or 270)";
         if let Value::String(table) = value {
             return Ok(Self::Table(table.clone()));
         }
@@ -181,7 +232,26 @@ impl TaxelRule {
                 _ => Err(invalid(name, "taxels", value.to_string(), needed)),
             };
         }
+        if let Some(columns) = value.get("columns") {
+            let texts = match columns {
+                Value::String(one) => vec![one.as_str()],
+                Value::Array(all) => all.iter().map(|text| text.as_str().unwrap_or_default()).collect(),
+                _ => Vec::new(),
+            };
+            let patterns: Option<Vec<Pattern>> = texts.iter().map(|text| Pattern::parse(text)).collect();
+            let is_alone = value.as_object().is_some_and(|keys| keys.len() == 1);
+            let patterns = patterns.filter(|patterns| is_alone && !patterns.is_empty());
+            return patterns.map(Self::Columns).ok_or_else(|| {
+                let needed = "the name of a column with {id} for the number of its taxel, as \"ele{id}\"; for several \
+                              components a list, as [\"p{id}_x\", \"p{id}_y\"]";
+                invalid(name, "taxels, columns", excerpt(&value.to_string()), needed)
+            });
+        }
         let grid: Grid = typed(name, "taxels", value, needed)?;
+        let flips = grid.flip.as_deref().unwrap_or_default();
+        if let Some((_, axis)) = flips.iter().enumerate().find(|(k, axis)| flips[..*k].contains(axis)) {
+            return Err(invalid(name, "taxels, flip", format!("{axis:?} again"), "each axis once"));
+        }
         match grid.rotate {
             0 | 90 | 180 | 270 => Ok(Self::Grid(grid)),
             other => Err(invalid(name, "taxels, rotate", other.to_string(), needed)),

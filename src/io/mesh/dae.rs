@@ -9,7 +9,7 @@ use crate::io::error::Result;
 use crate::io::file::xml::{Xml, child, children, text_of};
 use crate::io::file::{Source, excerpt, finite};
 use crate::io::mesh::polygon::{POLYGON_NEEDED, cut_polygon};
-use crate::skin::{Draft, Sheet};
+use crate::skin::{Draft, Remark, RemarkKind, Sheet};
 
 /// Nodes in nodes, and nodes that nodes use.
 const DEEPEST: usize = 1000;
@@ -36,6 +36,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         triangles: 0,
         uses: 0,
         transforms: HashMap::new(),
+        miscounted: None,
     };
     let instance = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
     let first = || child(child(root, "library_visual_scenes")?, "visual_scene");
@@ -48,7 +49,9 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
             }
         }
     }
-    Ok(Draft { sheets: scene.sheets, ..Draft::default() })
+    let remark = |what| Remark { patch: source.stem(), kind: RemarkKind::PassedOver { what } };
+    let remarks = scene.miscounted.into_iter().map(remark).collect();
+    Ok(Draft { sheets: scene.sheets, remarks, ..Draft::default() })
 }
 
 /// The unit of length, in m.
@@ -71,6 +74,8 @@ struct Scene<'a, 'i> {
     /// Elements of nodes that were visited, each as often as its node is used.
     uses: usize,
     transforms: HashMap<NodeId, DAffine3>,
+    /// The first element of polygons that has another number of them than it states, or corners left over.
+    miscounted: Option<String>,
 }
 
 impl<'a, 'i> Scene<'a, 'i> {
@@ -142,7 +147,16 @@ impl<'a, 'i> Scene<'a, 'i> {
         for part in mesh.children().filter(Node::is_element) {
             let kind = part.tag_name().name();
             let Some(shape) = Primitive::named(kind) else { continue };
-            let chains = self.chains(part)?;
+            let (chains, left_over) = self.chains(part)?;
+            let stated = part.attribute("count").and_then(|count| count.trim().parse::<usize>().ok());
+            if left_over > 0 || stated.is_some_and(|count| count != chains.len()) {
+                let (line, stated) =
+                    (self.xml.line(part), stated.map_or("no number".into(), |count| count.to_string()));
+                self.miscounted.get_or_insert_with(|| {
+                    let found = chains.len();
+                    format!("line {line}: <{kind}> states {stated} of them, has {found}, and {left_over} corners more, which are not read")
+                });
+            }
             let known = match positions.take() {
                 Some(known) => known,
                 None => self.positions(mesh)?,
@@ -200,16 +214,27 @@ impl<'a, 'i> Scene<'a, 'i> {
             text.map_or(Ok(default), |text| text.trim().parse().map_err(|_| refuse(text)))
         };
         let (stride, offset) = (count("stride", 3)?, count("offset", 0)?);
-        if stride < 3 {
+        // The numbers whose parameter has no name are skipped, unless none has one.
+        let params = accessor.into_iter().flat_map(|accessor| children(accessor, "param"));
+        let named = params.enumerate().filter(|(_, param)| param.attribute("name").is_some());
+        let mut axes: Vec<usize> = named.map(|(at, _)| at).collect();
+        if axes.is_empty() {
+            axes = vec![0, 1, 2];
+        }
+        let &[x, y, z, ..] = &axes[..] else {
+            let found = format!("{} named elements <param>", axes.len());
+            return Err(self.xml.invalid(source, found, "three, or none"));
+        };
+        if stride <= z {
             return Err(self.xml.invalid(source, format!("stride={stride}"), "positions of three numbers"));
         }
         let numbers = numbers(self.xml, array, finite, "finite numbers")?;
-        let of = |p: &[f64]| p.first_chunk().map(|p| DVec3::from_array(*p));
+        let of = |p: &[f64]| Some(DVec3::new(*p.get(x)?, *p.get(y)?, *p.get(z)?));
         Ok(numbers.get(offset..).unwrap_or_default().chunks(stride).filter_map(of).collect())
     }
 
-    /// The vertices of each polygon, strip or fan of an element.
-    fn chains(&self, part: Node<'a, 'i>) -> Result<Vec<Chain>> {
+    /// The vertices of each polygon, strip or fan of an element, and how many numbers are left over.
+    fn chains(&self, part: Node<'a, 'i>) -> Result<(Vec<Chain>, usize)> {
         let offset = |input: Node<'_, '_>| {
             let text = input.attribute("offset").unwrap_or("0");
             let refuse =
@@ -242,11 +267,12 @@ impl<'a, 'i> Scene<'a, 'i> {
                 }
                 _ => Ok(None),
             };
-            return part.children().map(chain).filter_map(Result::transpose).collect();
+            let chains: Result<Vec<_>> = part.children().map(chain).filter_map(Result::transpose).collect();
+            return Ok((chains?, 0));
         }
         let list = children(part, "p").map(list).collect::<Result<Vec<_>>>()?.concat();
         let counts = match kind {
-            _ if list.is_empty() => return Ok(Vec::new()),
+            _ if list.is_empty() => return Ok((Vec::new(), 0)),
             "triangles" => vec![3; list.len() / 3],
             _ => match (child(part, "vcount"), part.attribute("count").and_then(|n| n.trim().parse().ok())) {
                 // Some programs leave it out where all polygons are alike.
@@ -266,10 +292,11 @@ impl<'a, 'i> Scene<'a, 'i> {
             Some(Chain { corners: corners.to_vec(), holes: Vec::new() })
         };
         let chains: Option<Vec<_>> = counts.iter().map(|&count| cut(count)).collect();
-        chains.ok_or_else(|| {
+        let chains = chains.ok_or_else(|| {
             let found = format!("{} corners", list.len());
             self.xml.invalid(part, found, "as many corners as its <vcount> states")
-        })
+        })?;
+        Ok((chains, rest.len()))
     }
 }
 

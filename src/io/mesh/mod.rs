@@ -4,8 +4,6 @@
 #[cfg(feature = "robots")]
 mod dae;
 mod icub;
-#[cfg(feature = "robots")]
-mod msh;
 mod npz;
 mod obj;
 mod off;
@@ -19,7 +17,7 @@ mod stl;
 
 use std::{io::Write, path::Path};
 
-use glam::DVec2;
+use glam::{DAffine3, DVec2};
 
 use crate::id::{IdVec, VertexId};
 use crate::io::arrays::npy::Elements;
@@ -28,7 +26,7 @@ use crate::io::file::{OutPath, Source, file_kind, replace_file, unfit, write_fil
 use crate::io::mesh::parts::ReadParts;
 use crate::io::{IoError, gltf};
 use crate::mesh::TriMesh;
-use crate::skin::{Draft, Skin};
+use crate::skin::{Draft, Skin, Taxels};
 
 pub(super) type MeshReader = fn(Source, ReadParts) -> Result<Draft, IoError>;
 
@@ -45,12 +43,10 @@ pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
         #[cfg(feature = "robots")]
         "ply" => |source, _| ply::read(&source),
         "stl" => |source, _| stl::read(&source),
-        #[cfg(feature = "robots")]
-        "msh" => |source, _| msh::read(&source),
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let robots = "glb, gltf, json, obj, off, ply, stl, dae, msh, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
             let known = if cfg!(feature = "robots") {
                 robots
             } else {
@@ -106,6 +102,44 @@ pub fn skin_to_bytes(name: &Path, skin: &Skin) -> Result<Vec<u8>, IoError> {
     let mut bytes = Vec::new();
     write(&mut bytes, name, skin)?;
     Ok(bytes)
+}
+
+/// What a skin loses in a file of the kind of `path`, a sentence each: frames and names, and what is known of its taxels
+/// and links. `.glb` keeps everything.
+pub fn lost_in(path: &Path, skin: &Skin) -> Vec<&'static str> {
+    let kind = file_kind(path);
+    let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
+    let is_other = is_plain || kind == "csv";
+    let has = |known: fn(&Taxels) -> bool| skin.patches.iter().any(|patch| known(&patch.taxels));
+    let lost = [
+        (is_plain && has(|taxels| taxels.tangents.is_some()), "the tangents of the taxels are lost"),
+        (is_plain && has(|taxels| taxels.covariances.is_some()), "the covariances of the taxels are lost"),
+        (is_plain && has(|taxels| taxels.weights.is_some()), "the weights of the taxels are lost"),
+        (is_plain && has(|taxels| taxels.regions.is_some()), "the regions of the taxels are lost"),
+        (is_other && has(|taxels| taxels.acuities.is_some()), "the acuities of the taxels are lost"),
+        (is_other && has(|taxels| taxels.joints.is_some()), "which links the taxels follow is lost"),
+        (is_other && !skin.animations.is_empty(), "the animations of the links are lost"),
+    ];
+    let lost = lost.into_iter().filter(|(is_lost, _)| *is_lost).map(|(_, what)| what);
+    lost_frames(&kind, skin).into_iter().chain(lost).collect()
+}
+
+fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {
+    let is_one_body = skin.patches.iter().all(|patch| patch.link == skin.patches[0.into()].link);
+    let is_bare = skin.links.len() <= 1
+        && skin.links.iter().all(|l| l.name.is_empty() && l.pose.abs_diff_eq(DAffine3::IDENTITY, 0.0));
+    match kind {
+        "json" if !is_one_body => Some("robotskinlib has one link: positions are in the world"),
+        "json" if skin.patches.len() > 1 => Some("robotskinlib has one patch: its pieces lose their names"),
+        "obj" => Some("OBJ keeps no taxel ids and no link frames: positions are in the world"),
+        "off" => Some("OFF keeps positions and triangles alone, in the world"),
+        "ply" if !is_bare || skin.patches.len() > 1 => {
+            Some("PLY keeps no names and no link frames: positions are in the world")
+        }
+        "stl" => Some("STL keeps positions alone, in the world and rounded to f32"),
+        "csv" if !is_bare => Some("tables keep no link frames: positions are in the world"),
+        _ => None,
+    }
 }
 
 type Writer = fn(&mut dyn Write, &Path, &Skin) -> Result<(), IoError>;

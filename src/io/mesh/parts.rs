@@ -1,10 +1,5 @@
-//! Which parts of a file are read beyond what a skin needs, which of its faces are taken, and the faces of
-//! a whole skin.
+//! Which parts of a file are read beyond what a skin needs, and the faces of a whole skin.
 
-use std::path::Path;
-
-use crate::io::IoError;
-use crate::io::file::{Source, excerpt};
 use crate::skin::Skin;
 
 /// The corners of the triangles of all patches, numbered through the vertices of all.
@@ -26,23 +21,4 @@ pub struct ReadParts {
     pub texture: bool,
     /// [`Sheet::materials`](crate::skin::Sheet::materials), of OBJ and glTF.
     pub materials: bool,
-}
-
-/// Reads a list of faces: a number on each line, counted from 0 through all triangles of a file; a
-/// first line `face` may stand before them.
-///
-/// # Errors
-/// If the file cannot be read, or a line is not such a number.
-pub fn read_faces(path: &Path) -> Result<Vec<usize>, IoError> {
-    let source = Source::open(path)?;
-    let mut faces = Vec::new();
-    for (at, line) in source.lines()? {
-        let line = line.trim();
-        if line.is_empty() || (faces.is_empty() && line.eq_ignore_ascii_case("face")) {
-            continue;
-        }
-        let face = line.parse().map_err(|_| at.invalid(excerpt(line), "the number of a face, from 0"))?;
-        faces.push(face);
-    }
-    Ok(faces)
 }

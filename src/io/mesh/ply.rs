@@ -101,6 +101,12 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
     let header = Parser::<PlyRow>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
     check_header(source, &header, header_len)?;
+    let whole;
+    if header.encoding == Encoding::Ascii {
+        whole = with_digits(&bytes, header_len);
+        reader = Reader::new(&*whole);
+        Parser::<PlyRow>::new().read_header(&mut reader).map_err(broken)?;
+    }
     let mut sheet = Sheet { name: source.stem(), ..Sheet::default() };
     let (mut corners, mut strips) = (Vec::new(), Vec::new());
     for element in header.elements.values() {
@@ -120,6 +126,28 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         read_strips(source, k, row, &mut sheet)?;
     }
     Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+}
+
+/// A text whose numbers have digits on both sides of their point and no plus, as the crate needs them: `.5`, `1.` and `+1`
+/// are numbers, too.
+fn with_digits(text: &[u8], header_len: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(text.len() + text.len() / 8);
+    out.extend_from_slice(&text[..header_len]);
+    let is_digit = |k: usize| text.get(k).is_some_and(u8::is_ascii_digit);
+    for (k, &byte) in text.iter().enumerate().skip(header_len) {
+        let starts = text[k - 1].is_ascii_whitespace();
+        match byte {
+            b'+' if starts => {}
+            b'.' => {
+                out.extend_from_slice(if is_digit(k - 1) { b"." } else { b"0." });
+                if !is_digit(k + 1) {
+                    out.push(b'0');
+                }
+            }
+            _ => out.push(byte),
+        }
+    }
+    out
 }
 
 fn parse_error(source: &Source, error: &ParseError) -> IoError {

@@ -62,7 +62,7 @@ struct ColumnIndices {
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `weight`, `present` (0
 /// absent, 1 present, 2 thermal pad, or `presence` in words), `tx,ty,tz` (tangent), `patch` and `on_link` or `link` (names; every patch becomes a
-/// sheet), `region` (a name, or nothing), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2), in any order; other columns are not
+/// sheet), `region` (a name, or nothing), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2; empty cells where it is not known), in any order; other columns are not
 /// read. The id -1 is the placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
@@ -133,6 +133,7 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     for sheet in &mut sheets.draft.sheets {
         drop_placeholders(sheet, indices.normal.is_some());
+        sheet.covariances.take_if(|all| all.iter().all(Option::is_none));
     }
     remark_unused(&mut sheets.draft, source, unused);
     Ok((sheets.draft, sheets.homes))
@@ -190,7 +191,7 @@ impl Sheets {
         }
         if let Some(columns) = indices.covariance {
             let covariance = row.numbers_if_any(columns)?.map(Covariance::from);
-            push((row, columns[0], place), &mut sheet.covariances, covariance)?;
+            sheet.covariances.get_or_insert_default().push(covariance);
         }
         if let Some(column) = indices.sigma {
             row.number_if_any(column)?;
@@ -321,8 +322,8 @@ fn write_taxels<W: Write>(table: &mut TableWriter<W>, patch: &Patch, link: &str)
         table.whole(taxels.presence[v].code());
         table.cell(&patch.name);
         table.cell(link);
-        match &taxels.covariances {
-            Some(c) => table.numbers(<[f64; 6]>::from(c[v])),
+        match taxels.covariances.as_ref().and_then(|covariances| covariances[v]) {
+            Some(c) => table.numbers(<[f64; 6]>::from(c)),
             None => table.empty(6),
         }
         table.cell(taxels.regions.as_ref().and_then(|regions| regions[v].as_deref()).unwrap_or_default());

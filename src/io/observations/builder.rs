@@ -8,16 +8,17 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, FARTHEST, Information,
-    Model, Observations, Pose, TaxelVariable, TouchRow,
+    ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
+    Observations, Pose, TaxelVariable, TouchRow,
 };
 use crate::id::VertexId;
 use crate::io::error::Result;
 use crate::io::file::{LineLocation, invalid};
+use crate::mesh::FARTHEST;
 use crate::skin::TaxelId;
 
 /// Largest entry of an information matrix, in 1/m^2 or 1/rad^2: a standard deviation of 1 nm. With
-/// [`FARTHEST`] a squared error stays below 1e38, so that sums are finite.
+/// [`FARTHEST`] a squared error stays below 1e43, so that sums are finite.
 const MOST_INFORMATION: f64 = 1e18;
 
 /// Standard deviations in m or rad: the smallest gives [`MOST_INFORMATION`], the largest means

@@ -11,7 +11,7 @@ use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SI
 use crate::io::observations::touch_columns::{self, TOUCH, TOUCH_COLUMNS, TouchColumns};
 use crate::io::table::cells::{Cells, Separator};
 use crate::io::table::writer::write_table;
-use crate::io::table::{Columns, Row, Table};
+use crate::io::table::{Columns, Row, Table, TimeColumn};
 
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
 const DEFAULT_SIGMA: f64 = 1e-3;
@@ -29,7 +29,7 @@ const NORMAL_SIGMA: &str = "sigma_n";
 // of the upper triangle, in 1/m^2.
 const SIGMA: &str = "sigma";
 const SIGMAS: [&str; 3] = ["sx", "sy", "sz"];
-/// When a row was observed, in s.
+/// When a row was observed.
 const TIME: &str = "time";
 const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
@@ -59,7 +59,7 @@ pub(super) struct ColumnIndices {
     /// The number of the touch of a row.
     pub(super) group: Option<usize>,
     /// The time of a row.
-    pub(super) time: Option<usize>,
+    pub(super) time: Option<TimeColumn>,
 }
 
 #[derive(Clone, Copy)]
@@ -112,13 +112,13 @@ impl ColumnIndices {
             Uncertainty::Assumed
         };
         // Unknown columns are an error, so that a misspelt name is not silently ignored.
-        used.retain(|name| columns.find(name).is_some());
+        let time = columns.find_time()?;
+        used.retain(|name| if *name == TIME { time.is_some() } else { columns.find(name).is_some() });
         if let Some((_, name)) = columns.unknown(&used).next() {
             let found = format!("a column {}, which is redundant next to {}", excerpt(name), used.join(","));
             return Err(columns.at().invalid(found, TABLES));
         }
-        let (group, time) = (columns.find(TOUCH), columns.find(TIME));
-        Ok(Self { taxel, subject, uncertainty, touch, group, time })
+        Ok(Self { taxel, subject, uncertainty, touch, group: columns.find(TOUCH), time })
     }
 
     /// The standard deviation that is assumed, if the table gives none.

@@ -43,7 +43,7 @@ const KINDS: &str = ".g2o, .csv";
 ///
 /// # Errors
 /// The first line that breaks a rule of its format, with its number; a further file that observes
-/// or fixes a taxel the first one does not have, or has another model. Lengths above 1e9 m,
+/// or fixes a taxel the first one does not have, or has another model. Lengths above 1e12 m,
 /// information above 1e18 and standard deviations outside 1e-9 to 1e9 are refused: their squares
 /// are redundant then.
 pub fn read_observations(

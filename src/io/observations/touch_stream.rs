@@ -95,7 +95,7 @@ impl TouchStream {
                 self.is_held = true;
                 break;
             }
-            let time = self.columns.time.map(|column| row.number(column)).transpose()?;
+            let time = self.columns.time.map(|column| row.time(column)).transpose()?;
             csv::read_row(row, &self.columns, builder)?;
             self.time = time;
             first = number;

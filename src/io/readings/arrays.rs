@@ -74,7 +74,7 @@ impl ArrayReadings {
             channels: channels.len(),
             row: Vec::new(),
         };
-        Ok((readings, About { ids, channels, width, frames: Some(frames), has_times }))
+        Ok((readings, About { ids, channels, width, frames: Some(frames), has_times, ..About::default() }))
     }
 
     /// Reads the next row; false after the last one.

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 
 use crate::io::IoError;
-use crate::io::file::excerpt;
 use crate::io::file::lines::LineLocation;
 use crate::io::file::times::time_column;
-use crate::signal::{Channel, SignalError};
+use crate::io::file::{excerpt, invalid};
+use crate::io::layout::columns::{listed, name_and_unit};
+use crate::io::layout::{Layout, NamedColumns, Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::signal::{Channel, SignalError, unit_ratio};
 use crate::skin::TaxelId;
 
 /// What the first line of a text of readings may be, for messages.
@@ -24,17 +26,161 @@ pub(super) enum Cell {
     Time { per_second: u32 },
     /// A frame number, or another cell that is not read.
     Unused,
+    /// What stands behind the separator at the end of a line: nothing.
+    Empty,
+    /// The number of a packet, which ascends.
+    Packet,
     /// A reading, and its index in the frame: `channel * width + column`.
     Reading(usize),
 }
 
 /// The header of a file of readings.
+#[derive(Default)]
 pub(super) struct About {
     pub(super) ids: Option<Vec<TaxelId>>,
     pub(super) channels: Vec<Channel>,
     pub(super) width: usize,
     pub(super) frames: Option<u64>,
     pub(super) has_times: bool,
+    /// How many of the units of the times in the file are a second.
+    pub(super) per_second: u32,
+    /// The ids that a first line of numbers alone may be; it is a frame if they are not those of a layout or a skin.
+    pub(super) first_line: Option<Vec<TaxelId>>,
+    /// What else is known.
+    pub(super) notes: Vec<Statement>,
+    /// What a layout needs, where columns have names that are no ids.
+    pub(super) named: Option<StreamFacts>,
+}
+
+impl About {
+    /// What the file states, for a layout.
+    pub(super) fn facts(&self) -> StreamFacts {
+        if let Some(named) = &self.named {
+            return named.clone();
+        }
+        let count = self.channels.len();
+        let units: Vec<String> = self.channels.iter().map(|channel| channel.unit.clone()).collect();
+        StreamFacts {
+            cells: if count == 1 { vec![self.width] } else { vec![count, self.width] },
+            usual_axes: if count == 1 { vec!["taxel"] } else { vec!["component", "taxel"] },
+            units: if units.iter().all(String::is_empty) { Vec::new() } else { units },
+            time_unit: if self.has_times { TimeUnit::of(self.per_second) } else { None },
+            ids: self.ids.clone(),
+            notes: self.notes.clone(),
+            ..StreamFacts::default()
+        }
+    }
+}
+
+/// Columns whose names a layout joins to taxels; `None` if it does not.
+pub(super) fn named_header(
+    words: &[&str],
+    layout: &Layout,
+    at: LineLocation<'_>,
+) -> Result<Option<(Vec<Cell>, About)>, IoError> {
+    let names: Vec<&str> = words.iter().map(|word| name_and_unit(word).0).collect();
+    let Some(NamedColumns { ids, components, places }) = layout.named_columns(at.path, &names)? else {
+        return Ok(None);
+    };
+    let (width, axes) = (ids.len(), layout.axes());
+    let component = axes.iter().position(|axis| axis == "component");
+    if axes.len() != 2 + usize::from(component.is_some()) {
+        let needed = "\"frame\", an axis of taxels, and if they have several numbers \"component\"";
+        return Err(invalid(layout.name(), "axes", format!("{axes:?}"), needed));
+    }
+    if component.is_none() && components > 1 {
+        return Err(invalid(layout.name(), "axes", format!("{axes:?}"), "an axis \"component\" for them"));
+    }
+    let is_taxel_first = component == Some(2);
+    let time = time_place(words, layout, at)?;
+    let per_second = match (time.and_then(|(_, unit)| unit), layout.time_unit()) {
+        (Some(unit), _) | (None, Some(unit)) => unit.in_a_second(),
+        (None, None) => 1,
+    };
+    let mut units = vec![None; components];
+    let (mut cells, mut unread) = (Vec::new(), Vec::new());
+    for (k, place) in places.iter().enumerate() {
+        let unit = name_and_unit(words[k]).1;
+        cells.push(match *place {
+            _ if time.is_some_and(|(at, _)| at == k) => Cell::Time { per_second },
+            Some([component, taxel]) => {
+                let first = *units[component].get_or_insert(unit);
+                if first != unit {
+                    let needed = format!("{first:?}, the unit given first");
+                    return Err(at.invalid_part(format!("column {}", k + 1), excerpt(words[k]), needed));
+                }
+                Cell::Reading(if is_taxel_first {
+                    taxel * components + component
+                } else {
+                    component * width + taxel
+                })
+            }
+            None => {
+                unread.push(words[k]);
+                Cell::Unused
+            }
+        });
+    }
+    let note = || Statement::new("columns not read", listed(&unread), StatementSource::File);
+    let notes = if unread.is_empty() { Vec::new() } else { vec![note()] };
+    let chosen =
+        layout.components().into_iter().filter_map(|at| Some(units.get(at)?.unwrap_or_default().to_owned()));
+    let units: Vec<String> = chosen.collect();
+    let facts = StreamFacts {
+        cells: match component {
+            None => vec![width],
+            Some(_) if is_taxel_first => vec![width, components],
+            Some(_) => vec![components, width],
+        },
+        units: if units.iter().all(String::is_empty) { Vec::new() } else { units },
+        time_names: time.map(|(k, _)| names[k].to_owned()).into_iter().collect(),
+        time_unit: time.and_then(|(_, unit)| unit),
+        ids: Some(ids.clone()),
+        has_named_columns: true,
+        notes,
+        ..StreamFacts::default()
+    };
+    let about = About {
+        ids: Some(ids),
+        width: width * components,
+        has_times: time.is_some(),
+        per_second,
+        named: Some(facts),
+        ..About::default()
+    };
+    Ok(Some((cells, about)))
+}
+
+/// The column of the times that a layout names, or that is called a time; and the unit in its name.
+fn time_place(
+    words: &[&str],
+    layout: &Layout,
+    at: LineLocation<'_>,
+) -> Result<Option<(usize, Option<TimeUnit>)>, IoError> {
+    let unit_of = |k: usize| TimeUnit::named(name_and_unit(words[k]).1);
+    let place = match layout.time() {
+        (Some(name), _) => {
+            let place = words.iter().position(|word| *word == name || name_and_unit(word).0 == name);
+            let needed = || format!("a column {name}, the times that {} names", layout.name().display());
+            Some(place.ok_or_else(|| at.invalid(format!("columns {}", listed(words)), needed()))?)
+        }
+        (None, _) => words.iter().position(|word| time_column(word).is_some()),
+    };
+    Ok(place.map(|place| (place, unit_of(place))))
+}
+
+/// The columns of a first line of numbers alone, and the ids that they may be; empty cells are missing readings, but the
+/// first, which is the name of a column of row numbers.
+pub(super) fn bare_header(words: &[&str]) -> Option<(Header, Option<Vec<TaxelId>>)> {
+    let numbers = words.strip_suffix(&[""]).unwrap_or(words);
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    let is_bare = numbers.first().is_some_and(|word| is_number(word))
+        && numbers.iter().all(|word| word.is_empty() || is_number(word));
+    is_bare.then_some(())?;
+    let ids = numbers.iter().map(|word| word.parse().ok().map(TaxelId)).collect();
+    let cells = (0..numbers.len()).map(Cell::Reading);
+    let cells = cells.chain((numbers.len()..words.len()).map(|_| Cell::Empty)).collect();
+    Some((Header { width: numbers.len(), ids: None, channels: vec![Channel::default()], cells }, ids))
 }
 
 /// The columns of a text of readings.
@@ -163,13 +309,14 @@ impl HeaderColumns {
 
     /// The channel that `NAME` or `NAME[UNIT]` means; without a name the default one.
     fn channel(&mut self, text: &str) -> Result<usize, Broken> {
-        let (name, unit) = match text.strip_suffix(']').and_then(|t| t.split_once('[')) {
-            Some((name, unit)) => (name.trim(), unit.trim()),
-            None => (text, ""),
-        };
+        let (name, unit) = name_and_unit(text);
         if let Some(&known) = self.channel_of.get(name) {
             let first = &self.channels[known].unit;
-            return if first == unit { Ok(known) } else { Err(Broken::Unit { first: first.clone() }) };
+            return if unit_ratio(first, unit) == Some(1.0) {
+                Ok(known)
+            } else {
+                Err(Broken::Unit { first: first.clone() })
+            };
         }
         self.channels.push(Channel::new(name, unit).map_err(Broken::Channel)?);
         self.channel_of.insert(name.into(), self.channels.len() - 1);

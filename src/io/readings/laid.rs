@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::io::IoError;
-use crate::io::layout::{Decoder, Layout, Statement, StreamFacts, Times};
+use crate::io::layout::{Decoder, KnownRest, Layout, Statement, StreamFacts, Times};
 use crate::io::readings::header::About;
 use crate::io::streams::{Frames, OpenStream, Tick, layout_of};
 
@@ -25,6 +25,10 @@ pub(super) struct LaidReadings {
     has_ended: bool,
     raw: Vec<f64>,
     cells: Vec<f64>,
+    /// The episode and the time of the frame in `cells`, if it comes next.
+    ahead: Option<(u64, Tick)>,
+    /// The episode of the frames that were decoded.
+    pub(super) episode: u64,
 }
 
 impl LaidReadings {
@@ -42,6 +46,7 @@ impl LaidReadings {
             width: decoder.ids().len(),
             frames: stream.frames,
             has_times: true,
+            ..About::default()
         };
         let laid = Self {
             frames: stream.source,
@@ -55,6 +60,8 @@ impl LaidReadings {
             has_ended: false,
             raw: Vec::new(),
             cells: Vec::new(),
+            ahead: None,
+            episode: 0,
         };
         Ok((laid, about))
     }
@@ -80,11 +87,21 @@ impl LaidReadings {
         self.raw.clear();
         let (mut whole, mut real, mut count) = (Vec::new(), Vec::new(), 0);
         let mut tick = Tick::None;
+        let mut episode = self.episode;
         while count < wanted && !self.has_ended {
-            if !self.frames.read(&mut self.cells, &mut tick)? {
-                self.has_ended = true;
+            if self.ahead.is_none() {
+                if !self.frames.read(&mut self.cells, &mut tick)? {
+                    self.has_ended = true;
+                    break;
+                }
+                self.ahead = Some((self.frames.episode(), tick));
+            }
+            // A frame of another episode waits for the next call.
+            let (of, at) = self.ahead.unwrap_or_default();
+            if of != episode && count > 0 {
                 break;
             }
+            (self.ahead, episode, tick) = (None, of, at);
             self.raw.extend_from_slice(&self.cells);
             match tick {
                 Tick::None => {}
@@ -103,9 +120,20 @@ impl LaidReadings {
         };
         self.values.clear();
         self.seconds.clear();
-        self.decoder.decode(&self.raw, times, 0, &mut self.values, &mut self.seconds)?;
+        self.episode = episode;
+        self.decoder.decode(&self.raw, times, episode, &mut self.values, &mut self.seconds)?;
         (self.next, self.has_begun) = (0, true);
         Ok(true)
+    }
+
+    /// What is known of readings where nothing touches.
+    pub(super) fn rest(&self) -> KnownRest {
+        self.decoder.rest(&self.facts)
+    }
+
+    /// How many episodes are read.
+    pub(super) fn episodes(&self) -> u64 {
+        self.frames.episodes()
     }
 
     /// What is known so far.

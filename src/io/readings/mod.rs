@@ -1,10 +1,5 @@
 //! Recordings and live streams of readings, frame by frame, in memory that does not depend on their
 //! length.
-//!
-//! In reading order: `text` reads lines of numbers (CySkin's text and CSV, from a file or a pipe),
-//! `header` finds what their columns are; `arrays` reads recordings of numpy's arrays, `laid` those of any kind through a
-//! [`Layout`]; [`ReadingsReader`] is
-//! the one type for all of them, and for those in memory ([`Readings`]). `writer` writes recordings that it reads.
 
 pub(super) mod arrays;
 mod header;
@@ -14,15 +9,15 @@ pub(super) mod writer;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::io::IoError;
 use crate::io::file::{cannot_read, exists, file_kind, invalid};
-use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::io::layout::{KnownRest, Layout, Statement, StatementSource, StreamFacts};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
 use crate::io::readings::laid::LaidReadings;
-use crate::io::readings::text::{LongReadings, TextReadings, count_rows};
+use crate::io::readings::text::{FirstLine, LongReadings, TextReadings, count_rows, has_row_first};
 use crate::io::streams::{self, Frames, OpenStream, Tick, Wanted};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -68,8 +63,13 @@ pub struct ReadingsReader {
     pub frames: Option<u64>,
     /// Whether frames have a time.
     pub has_times: bool,
+    /// What is known of readings where nothing touches.
+    pub rest: KnownRest,
     source: Source,
     chosen: Option<Chosen>,
+    /// The ids that a first line of numbers alone may be, until a skin says whether it is.
+    first_line: Option<Vec<TaxelId>>,
+    notes: Vec<Statement>,
 }
 
 /// Columns of a source that are read, in their order.
@@ -97,6 +97,8 @@ pub struct ReadOptions {
     pub layout: Option<Layout>,
     /// Which stream of the file; by default that of the layout, or the only one.
     pub stream: Option<String>,
+    /// Which episode, where the layout has an axis of them; by default that of the layout, or one after the other.
+    pub episode: Option<u64>,
 }
 
 impl From<ReadingsLayout> for ReadOptions {
@@ -105,25 +107,9 @@ impl From<ReadingsLayout> for ReadOptions {
     }
 }
 
-impl About {
-    /// What the file states, for a layout.
-    fn facts(&self) -> StreamFacts {
-        let count = self.channels.len();
-        let units: Vec<String> = self.channels.iter().map(|channel| channel.unit.clone()).collect();
-        StreamFacts {
-            cells: if count == 1 { vec![self.width] } else { vec![count, self.width] },
-            usual_axes: if count == 1 { vec!["taxel"] } else { vec!["component", "taxel"] },
-            units: if units.iter().all(String::is_empty) { Vec::new() } else { units },
-            time_unit: self.has_times.then_some(TimeUnit::Seconds),
-            ids: self.ids.clone(),
-            ..StreamFacts::default()
-        }
-    }
-}
-
 impl Source {
     /// Opens a file by its extension.
-    fn open(path: &Path, axes: ReadingsLayout) -> Result<(Self, About), IoError> {
+    fn open(path: &Path, axes: ReadingsLayout, how: FirstLine<'_>) -> Result<(Self, About), IoError> {
         exists(path)?;
         match file_kind(path).as_str() {
             kind @ ("txt" | "csv") => {
@@ -132,10 +118,13 @@ impl Source {
                 if let Some((long, about)) = long {
                     return Ok((Self::Long(long), about));
                 }
+                let is_csv = kind == "csv";
+                let is_row = is_file && !is_csv && has_row_first(path, is_csv)?;
                 let file = File::open(path).map_err(cannot_read(path))?;
-                let (text, mut about) = TextReadings::open(path, Box::new(file), kind == "csv")?;
+                let how = FirstLine { is_csv, is_row, ..how };
+                let (text, mut about) = TextReadings::open(path, Box::new(file), how)?;
                 if is_file {
-                    about.frames = Some(count_rows(path)?.saturating_sub(1));
+                    about.frames = Some(count_rows(path)?.saturating_sub(u64::from(!text.is_ahead())));
                 }
                 Ok((Self::Text(text), about))
             }
@@ -153,6 +142,21 @@ impl Source {
                 Err(IoError::UnknownKind { path: path.into(), known })
             }
         }
+    }
+
+    /// Takes the first line for ids.
+    fn skip_first(&mut self) {
+        if let Self::Text(text) = self {
+            text.skip_first();
+        }
+    }
+
+    /// What reading has shown so far.
+    fn statements(&self) -> Vec<Statement> {
+        let lost = if let Self::Text(text) = self { text.lost() } else { 0 };
+        let value = format!("{lost} packets, by their numbers; not filled");
+        let stated = (lost > 0).then(|| Statement::new("lost packets", value, StatementSource::Checked));
+        stated.into_iter().collect()
     }
 
     fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
@@ -173,12 +177,75 @@ impl Source {
     }
 }
 
-impl Frames for Source {
+/// Frames of a text for a layout: rows, or matrices of some rows each.
+struct Rows {
+    path: PathBuf,
+    source: Source,
+    /// How many of the units of its times are a second.
+    per_second: f64,
+    /// Rows of a frame, and one of them.
+    count: usize,
+    row: Vec<f64>,
+}
+
+impl Rows {
+    /// Opens rows by a layout, which may fold their cells; `about` is what their text states.
+    fn open(
+        path: &Path,
+        layout: &Layout,
+        mut source: Source,
+        mut about: About,
+    ) -> Result<OpenStream, IoError> {
+        if layout.frame_axis() != 0 {
+            let found = format!("\"frame\" as axis {}", layout.frame_axis() + 1);
+            return Err(invalid(
+                layout.name(),
+                "axes",
+                found,
+                "\"frame\" first: a line of a text is a frame",
+            ));
+        }
+        if let Some(ids) = about.first_line.take()
+            && layout.calls_ids(&ids)?
+        {
+            source.skip_first();
+            about.frames = about.frames.map(|frames| frames.saturating_sub(1));
+            about.ids = Some(ids);
+        }
+        let mut facts = about.facts();
+        let mut count = 1;
+        if let &[width] = facts.cells.as_slice()
+            && layout.axes().len() > 2
+            && let Some((cells, rows)) = layout.folded(width)
+            && (rows == 1 || !about.has_times && facts.ids.is_none())
+        {
+            (facts.cells, count) = (cells, rows);
+        }
+        let frames = about.frames.map(|rows| rows / count as u64);
+        let per_second = f64::from(about.per_second.max(1));
+        let rows = Self { path: path.into(), source, per_second, count, row: Vec::new() };
+        Ok(OpenStream { facts, frames, sheet: None, source: Box::new(rows) })
+    }
+}
+
+impl Frames for Rows {
     fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
         let mut seconds = f64::NAN;
-        let is_frame = Self::read(self, cells, &mut seconds)?;
-        *time = if seconds.is_nan() { Tick::None } else { Tick::Real(seconds) };
+        let is_frame = self.source.read(cells, &mut seconds)?;
+        for row in 1..self.count {
+            if is_frame && !self.source.read(&mut self.row, &mut seconds)? {
+                let found = format!("the end after {row} lines of a frame");
+                let needed = format!("{}, as the shape in the layout has", self.count);
+                return Err(invalid(&self.path, "frames", found, needed));
+            }
+            cells.extend_from_slice(&self.row);
+        }
+        *time = if seconds.is_nan() { Tick::None } else { Tick::Real(seconds * self.per_second) };
         Ok(is_frame)
+    }
+
+    fn statements(&self) -> Vec<Statement> {
+        self.source.statements()
     }
 }
 
@@ -195,6 +262,8 @@ pub struct Readings {
     pub times: Vec<f64>,
     /// Frame after frame, channel after channel: one number per column.
     pub values: Vec<f64>,
+    /// What is known of readings where nothing touches.
+    pub rest: KnownRest,
 }
 
 impl Readings {
@@ -204,7 +273,7 @@ impl Readings {
     /// As [`ReadingsReader::read`].
     pub fn collect(mut reader: ReadingsReader, mut progress: impl FnMut()) -> Result<Self, IoError> {
         let (ids, channels, width) = (reader.ids.take(), std::mem::take(&mut reader.channels), reader.width);
-        let mut all = Self { ids, channels, width, ..Self::default() };
+        let mut all = Self { ids, channels, width, rest: reader.rest, ..Self::default() };
         let (mut values, mut time) = (Vec::new(), f64::NAN);
         while reader.read(&mut values, &mut time)? {
             all.values.extend_from_slice(&values);
@@ -223,21 +292,35 @@ impl ReadingsReader {
     /// arrays do not fit each other or the bytes that are there; if it has several streams and none is chosen, or states
     /// something else than the layout.
     pub fn open(path: &Path, options: impl Into<ReadOptions>) -> Result<Self, IoError> {
-        let ReadOptions { axes, layout, stream } = &options.into();
+        let ReadOptions { axes, layout, stream, episode } = &options.into();
+        exists(path)?;
+        streams::refuse_stand_in(path)?;
         let is_vendor = streams::is_vendor(path);
+        let axis = layout.as_ref().filter(|layout| layout.episode_axis().is_some());
+        if axis.is_some() && !streams::is_arrays(path) {
+            let needed = "axes without it: only an array of numpy has one";
+            return Err(invalid(path, "axes", "an axis \"episode\" in the layout", needed));
+        }
+        if let Some(number) = episode.filter(|number| *number > 0 && axis.is_none()) {
+            let needed = "0: this file is one episode; an array may have an axis of them";
+            return Err(invalid(path, "episode", number.to_string(), needed));
+        }
         if layout.is_none() && stream.is_none() && !is_vendor {
-            let (source, about) = Source::open(path, *axes)?;
+            let (source, about) = Source::open(path, *axes, FirstLine::default())?;
             return Ok(Self::of(source, about));
         }
-        let wanted = Wanted { stream: stream.as_deref(), layout: layout.as_ref() };
+        let wanted = Wanted { stream: stream.as_deref(), layout: layout.as_ref(), episode: *episode };
         let opened = if layout.is_some() || is_vendor { streams::open(path, wanted)? } else { None };
         let opened = match opened {
             Some(opened) => opened,
             None => {
-                let (source, about) = Source::open(path, *axes)?;
-                let facts = about.facts();
-                wanted.choose(path, &[(String::new(), facts.cells.clone())])?;
-                OpenStream { facts, frames: about.frames, sheet: None, source: Box::new(source) }
+                let how = FirstLine { layout: layout.as_ref(), ..FirstLine::default() };
+                let (source, about) = Source::open(path, *axes, how)?;
+                wanted.choose(path, &[(String::new(), about.facts().cells)])?;
+                match layout {
+                    Some(layout) => Rows::open(path, layout, source, about)?,
+                    None => return Ok(Self::of(source, about)),
+                }
             }
         };
         Self::laid(path, opened, layout.as_ref())
@@ -245,7 +328,18 @@ impl ReadingsReader {
 
     fn laid(path: &Path, opened: OpenStream, layout: Option<&Layout>) -> Result<Self, IoError> {
         let (laid, about) = LaidReadings::open(path, opened, layout)?;
-        Ok(Self::of(Source::Laid(Box::new(laid)), about))
+        let rest = laid.rest();
+        Ok(Self { rest, ..Self::of(Source::Laid(Box::new(laid)), about) })
+    }
+
+    /// How many episodes are read, one after the other; each has as many frames.
+    pub fn episodes(&self) -> u64 {
+        if let Source::Laid(laid) = &self.source { laid.episodes() } else { 1 }
+    }
+
+    /// The episode of the frame that was read last.
+    pub fn episode(&self) -> u64 {
+        if let Source::Laid(laid) = &self.source { laid.episode } else { 0 }
     }
 
     /// Whether a file is of a kind that is read here, by its content or its extension.
@@ -263,9 +357,14 @@ impl ReadingsReader {
     /// # Errors
     /// As [`Self::open`].
     pub fn draft_layout(path: &Path, stream: Option<&str>) -> Result<String, IoError> {
-        let facts = match streams::open(path, Wanted { stream, layout: None })? {
+        exists(path)?;
+        streams::refuse_stand_in(path)?;
+        let facts = match streams::open(path, Wanted { stream, ..Wanted::default() })? {
             Some(opened) => opened.facts,
-            None => Source::open(path, ReadingsLayout::default())?.1.facts(),
+            None => {
+                let how = FirstLine { is_draft: true, ..FirstLine::default() };
+                Source::open(path, ReadingsLayout::default(), how)?.1.facts()
+            }
         };
         Ok(Layout::draft(path, &facts))
     }
@@ -291,11 +390,36 @@ impl ReadingsReader {
             (None, None) => "in the order of the map",
         };
         all.push(state("taxels", ids));
+        all.extend(self.notes.iter().cloned());
+        all.extend(self.source.statements());
         all
     }
 
-    fn of(source: Source, About { ids, channels, width, frames, has_times }: About) -> Self {
-        Self { ids, channels, width, frames, has_times, source, chosen: None }
+    fn of(source: Source, about: About) -> Self {
+        let About { ids, channels, width, frames, has_times, first_line, notes, .. } = about;
+        let rest = KnownRest::default();
+        Self { ids, channels, width, frames, has_times, rest, source, chosen: None, first_line, notes }
+    }
+
+    /// Says which taxels there are, in any order: a first line of numbers alone has the ids of the columns if it has each of
+    /// these once, and is a frame otherwise. Readings with names in the first line stay as they are.
+    pub fn settle_first_line(&mut self, known: impl IntoIterator<Item = TaxelId>) {
+        let Some(ids) = self.first_line.take() else { return };
+        let [mut line, mut known]: [Vec<TaxelId>; 2] = [ids.clone(), known.into_iter().collect()];
+        line.sort_unstable();
+        known.sort_unstable();
+        let is_ids = line == known;
+        let value = if is_ids {
+            "ids: those of the skin"
+        } else {
+            "a frame: its numbers are not the ids of the skin"
+        };
+        self.notes.push(Statement::new("first line", value, StatementSource::Checked));
+        if is_ids {
+            self.source.skip_first();
+            self.frames = self.frames.map(|frames| frames.saturating_sub(1));
+            self.ids.get_or_insert(ids);
+        }
     }
 
     /// Reads a stream of text or CSV, which errors call `path`. A line is read as soon as it has
@@ -304,7 +428,7 @@ impl ReadingsReader {
     /// # Errors
     /// As [`Self::open`].
     pub fn stream(path: &Path, input: impl Read + Send + 'static) -> Result<Self, IoError> {
-        let (text, about) = TextReadings::open(path, Box::new(input), false)?;
+        let (text, about) = TextReadings::open(path, Box::new(input), FirstLine::default())?;
         Ok(Self::of(Source::Text(text), about))
     }
 
@@ -317,12 +441,11 @@ impl ReadingsReader {
         input: impl Read + Send + 'static,
         layout: &Layout,
     ) -> Result<Self, IoError> {
-        let (text, about) = TextReadings::open(path, Box::new(input), false)?;
-        let facts = about.facts();
-        Wanted { stream: None, layout: Some(layout) }
-            .choose(path, &[(String::new(), facts.cells.clone())])?;
-        let source: Box<dyn Frames> = Box::new(Source::Text(text));
-        Self::laid(path, OpenStream { facts, frames: None, sheet: None, source }, Some(layout))
+        let how = FirstLine { layout: Some(layout), ..FirstLine::default() };
+        let (text, about) = TextReadings::open(path, Box::new(input), how)?;
+        Wanted { layout: Some(layout), ..Wanted::default() }
+            .choose(path, &[(String::new(), about.facts().cells)])?;
+        Self::laid(path, Rows::open(path, layout, Source::Text(text), about)?, Some(layout))
     }
 
     /// Reads a recording in memory.
@@ -330,7 +453,7 @@ impl ReadingsReader {
     /// # Errors
     /// If there is not one number for each frame, channel and column.
     pub fn memory(readings: Readings) -> Result<Self, IoError> {
-        let Readings { ids, channels, width, times, values } = &readings;
+        let Readings { ids, channels, width, times, values, rest } = &readings;
         let needed = times.len().saturating_mul(channels.len()).saturating_mul(*width);
         if values.len() != needed {
             let needed = format!("{needed}, one for each frame, channel and column");
@@ -343,8 +466,9 @@ impl ReadingsReader {
             width: *width,
             frames: Some(times.len() as u64),
             has_times: times.iter().any(|time| time.is_finite()),
+            ..About::default()
         };
-        Ok(Self::of(Source::Memory(readings, 0), about))
+        Ok(Self { rest: *rest, ..Self::of(Source::Memory(readings, 0), about) })
     }
 
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,
@@ -354,6 +478,9 @@ impl ReadingsReader {
     /// If the row has another number of cells, a cell is not a number, the file has ended too early,
     /// or there is no row at all. After an error about a line the next one may be read.
     pub fn read(&mut self, values: &mut Vec<f64>, time: &mut f64) -> Result<bool, IoError> {
+        if let (Source::Text(text), Some(_), None) = (&self.source, &self.first_line, &self.chosen) {
+            return Err(text.ambiguous());
+        }
         let Some(Chosen { columns, width, values: all }) = &mut self.chosen else {
             return self.source.read(values, time);
         };

@@ -1,4 +1,4 @@
-//! Readings as lines of numbers: CySkin's text (`index time value...` below a line of ids), logs of YARP, CSV; and
+//! Readings as lines of numbers, with names in the first or without: CySkin's text (`index time value...` below a line of ids), logs of YARP, CSV; and
 //! as a long table, `time,taxel_id,value`, with a row for each reading, sorted by time. The rows of one time are a frame there.
 //!
 //! A row is read as soon as its line has ended, so that a pipe delivers frame by frame. Which taxels a
@@ -13,7 +13,11 @@ use crate::io::IoError;
 use crate::io::file::lines::{LineLocation, Lines, POINT_NEEDED, has_decimal_comma};
 use crate::io::file::times::{seconds, time_column};
 use crate::io::file::{cannot_read, excerpt};
-use crate::io::readings::header::{About, Cell, Header, MAX_NUMBERS, SHAPES, parse_header};
+use crate::io::layout::columns::listed;
+use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts};
+use crate::io::readings::header::{
+    About, Cell, Header, MAX_NUMBERS, SHAPES, bare_header, named_header, parse_header,
+};
 use crate::io::table::cells::{Cells, Separator};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -62,6 +66,14 @@ impl TextLines {
     }
 }
 
+/// Whether the second line of a file has as many words as the first: no line of ids, which are fewer.
+pub(super) fn has_row_first(path: &Path, is_csv: bool) -> Result<bool, IoError> {
+    let file = File::open(path).map_err(cannot_read(path))?;
+    let mut lines = TextLines::open(path, Box::new(file), is_csv)?;
+    let count = lines.words.len();
+    Ok(lines.advance()? && lines.words.len() == count)
+}
+
 /// Lines of a file that are neither blank nor comments.
 pub(super) fn count_rows(path: &Path) -> Result<u64, IoError> {
     let file = File::open(path).map_err(cannot_read(path))?;
@@ -84,6 +96,21 @@ pub(super) struct TextReadings {
     has_rows: bool,
     /// Whether the line read last is a row that is still to be taken.
     is_ahead: bool,
+    /// The number of the last packet, and how many are missing.
+    packet: Option<i64>,
+    lost: i64,
+}
+
+/// How the first line of a text is read.
+#[derive(Clone, Copy, Default)]
+pub(super) struct FirstLine<'a> {
+    /// Whether cells are between commas, whatever the line has.
+    pub(super) is_csv: bool,
+    /// Whether the first line has numbers as all others do, so that it may be a frame.
+    pub(super) is_row: bool,
+    pub(super) layout: Option<&'a Layout>,
+    /// Whether it is read for a draft of a layout.
+    pub(super) is_draft: bool,
 }
 
 impl TextReadings {
@@ -91,15 +118,64 @@ impl TextReadings {
     pub(super) fn open(
         path: &Path,
         input: Box<dyn Read + Send>,
-        is_csv: bool,
+        how: FirstLine<'_>,
     ) -> Result<(Self, About), IoError> {
-        let lines = TextLines::open(path, input, is_csv)?;
+        let lines = TextLines::open(path, input, how.is_csv)?;
+        let words: Vec<&str> = lines.words.iter().collect();
+        if let Some(layout) = how.layout
+            && let Some((cells, about)) = named_header(&words, layout, lines.at())?
+        {
+            let numbers = about.width;
+            return Ok((Self::of(lines, cells, numbers), about));
+        }
         let leading = lines.separator == Separator::Blanks;
-        let Header { width, ids, channels, cells } = parse_header(lines.words.iter(), leading, lines.at())?;
-        let has_times = cells.iter().any(|cell| matches!(cell, Cell::Time { .. }));
+        if let Some((Header { width, channels, cells, .. }, first_line)) =
+            bare_header(&words).filter(|_| how.is_row || !leading)
+        {
+            let about = About { channels, width, first_line, ..About::default() };
+            return Ok((Self { is_ahead: true, ..Self::of(lines, cells, width) }, about));
+        }
+        let header = parse_header(words.iter().copied(), leading, lines.at());
+        if header.is_err()
+            && how.is_draft
+            && let named @ Some(_) = StreamFacts::of_columns(&words)
+        {
+            return Ok((Self::of(lines, Vec::new(), 0), About { named, ..About::default() }));
+        }
+        let Header { width, ids, channels, cells } = header?;
+        let time = cells.iter().find_map(|cell| match cell {
+            Cell::Time { per_second } => Some(*per_second),
+            _ => None,
+        });
+        let (has_times, per_second) = (time.is_some(), time.unwrap_or(1));
         let numbers = width * channels.len();
-        let about = About { ids, channels, width, frames: None, has_times };
-        Ok((Self { lines, cells, numbers, has_rows: false, is_ahead: false }, about))
+        let about = About { ids, channels, width, has_times, per_second, ..About::default() };
+        Ok((Self::of(lines, cells, numbers), about))
+    }
+
+    fn of(lines: TextLines, cells: Vec<Cell>, numbers: usize) -> Self {
+        Self { lines, cells, numbers, has_rows: false, is_ahead: false, packet: None, lost: 0 }
+    }
+
+    /// Takes the first line for ids.
+    pub(super) fn skip_first(&mut self) {
+        self.is_ahead = false;
+    }
+
+    /// Whether the first line is a frame.
+    pub(super) fn is_ahead(&self) -> bool {
+        self.is_ahead
+    }
+
+    /// An error about a first line that may be ids or a frame.
+    pub(super) fn ambiguous(&self) -> IoError {
+        let needed = "a first line of names, as `time,7,9`; or a layout, whose `taxels` are {\"ids\": \"file\"} or a shape";
+        self.lines.at().invalid("numbers alone, which may be ids of taxels or a frame", needed)
+    }
+
+    /// How many packets are missing by their numbers.
+    pub(super) fn lost(&self) -> i64 {
+        self.lost
     }
 
     /// Reads the first row of a log of `yarpdatadumper`: rows of `number time value...`, the values of all taxels in
@@ -112,11 +188,11 @@ impl TextReadings {
             let words: Vec<&str> = lines.words.iter().collect();
             return Err(lines.at().invalid(excerpt(&words.join(" ")), needed));
         }
-        let cells = [Cell::Unused, Cell::Time { per_second: 1 }].into_iter();
+        let cells = [Cell::Packet, Cell::Time { per_second: 1 }].into_iter();
         let cells = cells.chain((0..width).map(Cell::Reading)).collect();
-        let about =
-            About { ids: None, channels: vec![Channel::default()], width, frames: None, has_times: true };
-        Ok((Self { lines, cells, numbers: width, has_rows: false, is_ahead: true }, about))
+        let channels = vec![Channel::default()];
+        let about = About { channels, width, has_times: true, per_second: 1, ..About::default() };
+        Ok((Self { is_ahead: true, ..Self::of(lines, cells, width) }, about))
     }
 
     /// Reads the next row; false after the last one.
@@ -133,19 +209,28 @@ impl TextReadings {
         values.clear();
         values.resize(self.numbers, f64::NAN);
         *time = f64::NAN;
-        take_row(&self.cells, self.lines.words.iter(), self.lines.at(), values, time)?;
+        let packet = take_row(&self.cells, self.lines.words.iter(), self.lines.at(), values, time)?;
+        if let (Some(number), Some(last)) = (packet, self.packet) {
+            if number <= last {
+                let found = format!("packet {number} after {last}");
+                return Err(self.lines.at().invalid_part("column 1", found, "ascending numbers of packets"));
+            }
+            self.lost = self.lost.saturating_add(number.saturating_sub(last).saturating_sub(1));
+        }
+        self.packet = packet.or(self.packet);
         Ok(true)
     }
 }
 
-/// Puts the cells of a row where they belong.
+/// Puts the cells of a row where they belong, and returns the number of its packet.
 fn take_row<'t>(
     cells: &[Cell],
     mut words: impl Iterator<Item = &'t str>,
     at: LineLocation<'_>,
     values: &mut [f64],
     time: &mut f64,
-) -> Result<(), IoError> {
+) -> Result<Option<i64>, IoError> {
+    let mut packet = None;
     let wrong =
         |found: usize| at.invalid(format!("{found} cells"), format!("{}, as in the first line", cells.len()));
     for (k, cell) in cells.iter().enumerate() {
@@ -153,6 +238,11 @@ fn take_row<'t>(
         let invalid = |needed: &str| at.invalid_part(format!("column {}", k + 1), excerpt(word), needed);
         match *cell {
             Cell::Unused => {}
+            Cell::Empty if word.is_empty() => {}
+            Cell::Empty => return Err(invalid("nothing, as behind the last separator of the first line")),
+            Cell::Packet => {
+                packet = Some(word.parse().map_err(|_| invalid("the number of a packet"))?);
+            }
             Cell::Time { per_second } => *time = seconds(word, per_second).map_err(invalid)?,
             Cell::Reading(place) => {
                 values[place] = reading(word).map_err(invalid)?;
@@ -160,7 +250,7 @@ fn take_row<'t>(
         }
     }
     match words.count() {
-        0 => Ok(()),
+        0 => Ok(packet),
         more => Err(wrong(cells.len() + more)),
     }
 }
@@ -194,7 +284,25 @@ struct TextRows {
     id: usize,
     value: usize,
     cells: usize,
+    /// The column that says of which device a taxel is, and the names of all that are not read.
+    device: Option<usize>,
+    unread: Vec<String>,
 }
+
+/// What a column of a long table is called that says of which device a reading is.
+const DEVICES: [&str; 11] = [
+    "device",
+    "device_id",
+    "sensor",
+    "sensor_id",
+    "board",
+    "board_id",
+    "node",
+    "port",
+    "side",
+    "hand",
+    "foot",
+];
 
 impl LongReadings {
     /// Opens a file if the names in its first line are those of a long table.
@@ -202,7 +310,21 @@ impl LongReadings {
         let Some((mut rows, channel)) = TextRows::open(path, is_csv)? else { return Ok(None) };
         // In the order in which they first come.
         let (mut ids, mut columns) = (Vec::new(), HashMap::new());
+        let mut devices: HashMap<TaxelId, String> = HashMap::new();
         while let Some(Reading { id, .. }) = rows.next()? {
+            if let Some(column) = rows.device {
+                let device = rows.lines.words.get(column).unwrap_or_default();
+                let first = devices.entry(id).or_insert_with(|| device.to_owned());
+                if first != device {
+                    let found = format!("taxel {id} of {} after {}", excerpt(device), excerpt(first));
+                    let needed = "taxels of one device, or ids of their own: write a table for each device";
+                    return Err(rows.lines.at().invalid_part(
+                        format!("column {}", column + 1),
+                        found,
+                        needed,
+                    ));
+                }
+            }
             columns.entry(id).or_insert_with(|| {
                 ids.push(id);
                 ids.len() - 1
@@ -218,7 +340,11 @@ impl LongReadings {
         let Some((mut rows, _)) = TextRows::open(path, is_csv)? else { return Ok(None) };
         let ahead = rows.next()?;
         let (width, ids, channels) = (ids.len(), Some(ids), vec![channel]);
-        let about = About { ids, channels, width, frames: None, has_times: true };
+        let unread: Vec<&str> = rows.unread.iter().map(String::as_str).collect();
+        let note = || Statement::new("columns not read", listed(&unread), StatementSource::File);
+        let notes = if unread.is_empty() { Vec::new() } else { vec![note()] };
+        let per_second = rows.per_second;
+        let about = About { ids, channels, width, has_times: true, per_second, notes, ..About::default() };
         Ok(Some((Self { rows, columns, ahead }, about)))
     }
 
@@ -270,7 +396,13 @@ impl TextRows {
         let name = lines.words.get(value).unwrap_or_default();
         let unit = name.split_once('[').map_or("", |(_, unit)| unit.trim_end_matches(']').trim());
         let channel = Channel::new("", unit).map_err(|e| lines.at().invalid(excerpt(name), e.to_string()))?;
-        Ok(Some((Self { time, per_second, id, value, cells: names.len(), lines }, channel)))
+        let is_read = |k: usize| [time, id, value].contains(&k);
+        let is_counter = |name: &str| ["", "frame", "index"].contains(&name);
+        let unread = lines.words.iter().zip(&names).enumerate();
+        let unread = unread.filter(|(k, (_, lower))| !is_read(*k) && !is_counter(lower));
+        let unread = unread.map(|(_, (name, _))| name.to_owned()).collect();
+        let device = find(&DEVICES).filter(|k| !is_read(*k));
+        Ok(Some((Self { time, per_second, id, value, cells: names.len(), device, unread, lines }, channel)))
     }
 
     fn next(&mut self) -> Result<Option<Reading>, IoError> {

@@ -35,7 +35,7 @@ const MOST_BYTES: u64 = 1 << 30;
 const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Kinds of meshes that are read.
-const KINDS: &str = "stl, obj, dae, msh, ply, off, glb, gltf";
+const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
 
 /// The skin of a robot that was read from the file `path`: a sheet for each shape of each link, with the vertices
 /// at one position as one. Shapes are called as their link, or, where it has several, with their number after it.
@@ -210,6 +210,7 @@ fn check(path: &Path, element: &str, file: &Path) -> Result<()> {
     if !KINDS.split(", ").any(|known| known == kind) {
         let found = match kind.as_str() {
             "mesh" => format!("{}, a binary mesh of OGRE", file.display()),
+            "msh" => format!("{}, an old binary mesh of MuJoCo or one of Gmsh", file.display()),
             _ => format!("{}, a mesh of another kind", file.display()),
         };
         return Err(invalid(path, element, found, format!("a mesh of one of: {KINDS}")));

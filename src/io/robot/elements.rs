@@ -232,8 +232,11 @@ fn lattice<'i>(xml: &Xml<'i>, node: Node<'_, 'i>, most: f64) -> Result<Vec<DVec2
         )
     })?;
     let at = |row: u32, column: u32| DVec2::new(f64::from(row), f64::from(column)) * spacing - offset;
-    Ok(match node.attribute("order").unwrap_or("row-major") {
-        "column-major" => (0..columns).flat_map(|c| (0..rows).map(move |r| at(r, c))).collect(),
-        _ => (0..rows).flat_map(|r| (0..columns).map(move |c| at(r, c))).collect(),
-    })
+    match node.attribute("order").unwrap_or("row-major") {
+        "row-major" => Ok((0..rows).flat_map(|r| (0..columns).map(move |c| at(r, c))).collect()),
+        "col-major" | "column-major" => {
+            Ok((0..columns).flat_map(|c| (0..rows).map(move |r| at(r, c))).collect())
+        }
+        other => Err(xml.invalid(node, format!("order={}", excerpt(other)), "row-major or col-major")),
+    }
 }

@@ -1,4 +1,5 @@
-//! Arrays of numpy with any axes: one `.npy`, or one of an `.npz` whose times and zero are other arrays of it.
+//! Arrays of numpy with any axes: one `.npy`, or one of an `.npz` whose times and zero are other arrays of it. One of the axes
+//! may count episodes, which are read one after the other, or one of them.
 
 use std::path::{Path, PathBuf};
 
@@ -15,16 +16,28 @@ use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
 struct Arrays {
     path: PathBuf,
     values: Values,
-    times: Option<ArrayRows>,
-    frame: usize,
+    times: ArrayTimes,
+    /// Frames of an episode, and the episodes that are read.
+    frames: usize,
+    episodes: std::ops::Range<usize>,
+    /// Frames that were read.
+    done: usize,
     bytes: Vec<u8>,
+}
+
+enum ArrayTimes {
+    /// As they come, of one episode.
+    Rows(ArrayRows),
+    /// Those of all episodes, or of each the same.
+    Whole(Vec<Tick>),
+    None,
 }
 
 enum Values {
     /// Frame after frame, as they are.
     Rows(ArrayRows),
     /// All bytes: the last index is not the fastest, or frames are not the first axis.
-    Whole { bytes: Vec<u8>, elements: ElementType, frames: usize, frame_stride: usize, cells: Vec<usize> },
+    Whole { bytes: Vec<u8>, elements: ElementType, strides: [usize; 2], cells: Vec<usize> },
 }
 
 pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
@@ -41,29 +54,45 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         // The decoder reports what is wrong with the axes.
         candidates = arrays.iter().filter(|array| array.header.elements.is_number()).collect();
     }
+    if candidates.is_empty() {
+        let found: Vec<String> =
+            arrays.iter().map(|array| format!("{} {}", array.element(), array.header.describe())).collect();
+        let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+        return Err(invalid(path, "arrays", found, "an array of numbers: numpy.stack makes one of objects"));
+    }
     let axis = wanted.layout.map_or(0, Layout::frame_axis);
+    let episode_axis = wanted.layout.and_then(Layout::episode_axis);
     let mut streams = Vec::new();
     for array in &candidates {
         let sides = array.header.shape.iter().map(|&side| usize::try_from(side).unwrap_or(usize::MAX));
-        let mut cells: Vec<usize> = sides.collect();
-        if axis < cells.len() {
-            cells.remove(axis);
-        }
-        streams.push((array.name.clone(), cells));
+        let cells = sides.enumerate().filter(|(k, _)| *k != axis && Some(*k) != episode_axis);
+        streams.push((array.name.clone(), cells.map(|(_, side)| side).collect::<Vec<_>>()));
     }
     let place = wanted.choose(path, &streams)?;
     let (array, (stream, cells)) = (candidates[place], streams.swap_remove(place));
     let mut facts = StreamFacts { stream, cells, ..StreamFacts::default() };
-    let frames = array.header.shape.get(axis).copied().unwrap_or(0);
+    let side = |axis: usize| array.header.shape.get(axis).copied().unwrap_or(0);
+    let frames = side(axis);
+    let count = usize::try_from(episode_axis.map_or(1, side)).unwrap_or(usize::MAX);
+    let episodes = wanted.episodes(path, count, &mut facts)?;
     let named = |name: &str| arrays.iter().find(|other| other.name == name && other.name != array.name);
     let times = times_of(path, &arrays, wanted.layout, array)?;
+    let has_rate = wanted.layout.is_some_and(|layout| layout.time().1.is_some());
+    let is_of_frames = |times: &StoredArray| {
+        times.header.shape == [frames]
+            || episode_axis.is_some() && times.header.shape == [count as u64, frames]
+    };
+    // Where a rate is stated, times are compared with it; other arrays may be called so, too.
+    let times = times.filter(|(times, _)| !has_rate || is_of_frames(times));
     if let Some((times, unit)) = times {
-        if times.header.shape != [frames] {
+        if !is_of_frames(times) {
             let needed = format!("the shape ({frames},): one for each frame of {}", array.element());
             return Err(invalid(path, times.element(), times.header.describe(), needed));
         }
         facts.time_names = vec![times.name.clone()];
-        facts.time_unit = unit;
+        // Numbers without a unit are s, but frame numbers are whole.
+        let usual = (has_rate && times.header.elements.is_real()).then_some(TimeUnit::Seconds);
+        facts.time_unit = unit.or(usual);
     }
     if let Some(name) = wanted.layout.and_then(Layout::zero_stream) {
         facts.zero = named(name).map(|array| read_zero(path, array, &facts.cells)).transpose()?;
@@ -81,14 +110,32 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
             facts.ids = Some(ids_of(path, ids, count)?);
         }
     }
+    let times = match times.map(|(times, _)| times) {
+        None => ArrayTimes::None,
+        Some(times) if episode_axis.is_none() => ArrayTimes::Rows(ArrayRows::open(path, times, 1)?),
+        Some(times) => ArrayTimes::Whole(read_ticks(path, times)?),
+    };
+    let total = frames.saturating_mul(episodes.len() as u64);
     let source = Arrays {
         path: path.into(),
-        values: Values::open(path, array, axis)?,
-        times: times.map(|(times, _)| ArrayRows::open(path, times, 1)).transpose()?,
-        frame: 0,
+        values: Values::open(path, array, axis, episode_axis)?,
+        times,
+        frames: usize::try_from(frames).unwrap_or(usize::MAX),
+        episodes,
+        done: 0,
         bytes: Vec::new(),
     };
-    Ok(OpenStream { facts, frames: Some(frames), sheet: None, source: Box::new(source) })
+    Ok(OpenStream { facts, frames: Some(total), sheet: None, source: Box::new(source) })
+}
+
+/// All times of an array.
+fn read_ticks(path: &Path, times: &StoredArray) -> Result<Vec<Tick>, IoError> {
+    let count: u64 = times.header.shape.iter().product();
+    if times.header.is_fortran && times.header.shape.len() > 1 {
+        return Err(invalid(path, times.element(), times.header.describe(), "times in C order"));
+    }
+    let mut rows = ArrayRows::open(path, times, 1)?;
+    (0..count).map(|_| Ok(rows.read_tick(path)?.map_or_else(Tick::Real, Tick::Whole))).collect()
 }
 
 fn is_npy(path: &Path) -> Result<bool, IoError> {
@@ -108,7 +155,6 @@ fn times_of<'a>(
     let others =
         || arrays.iter().filter(|array| array.name != values.name && array.header.elements.is_number());
     let found = match layout.map(Layout::time) {
-        Some((_, Some(_))) => return Ok(None),
         Some((Some(name), _)) => {
             let names: Vec<&str> = others().map(|array| array.name.as_str()).collect();
             let needed = || format!("one of {}, or a rate in the layout", names.join(", "));
@@ -144,7 +190,12 @@ fn read_zero(path: &Path, array: &StoredArray, cells: &[usize]) -> Result<Vec<f6
 }
 
 impl Values {
-    fn open(path: &Path, array: &StoredArray, axis: usize) -> Result<Self, IoError> {
+    fn open(
+        path: &Path,
+        array: &StoredArray,
+        axis: usize,
+        episode_axis: Option<usize>,
+    ) -> Result<Self, IoError> {
         let header = &array.header;
         let shape: Vec<usize> =
             header.shape.iter().map(|&side| usize::try_from(side).unwrap_or(usize::MAX)).collect();
@@ -154,7 +205,7 @@ impl Values {
         if count == 0 {
             return Err(invalid(path, array.element(), header.describe(), "at least one number"));
         }
-        if axis == 0 && !header.is_fortran {
+        if axis == 0 && episode_axis.is_none() && !header.is_fortran {
             return Ok(Self::Rows(ArrayRows::open(path, array, count / frames)?));
         }
         let total = header.total_bytes().unwrap_or(u64::MAX);
@@ -171,19 +222,22 @@ impl Values {
             strides[pair[1]] = strides[pair[0]] * shape[pair[0]];
         }
         let mut cells = vec![0];
-        for k in (0..shape.len()).filter(|&k| k != axis) {
+        for k in (0..shape.len()).filter(|&k| k != axis && Some(k) != episode_axis) {
             cells = cells
                 .iter()
                 .flat_map(|at| (0..shape[k]).map(move |i| (at, i)))
                 .map(|(at, i)| at + i * strides[k])
                 .collect();
         }
-        Ok(Self::Whole { bytes, elements: header.elements, frames, frame_stride: strides[axis], cells })
+        let strides = [episode_axis.map_or(0, |axis| strides[axis]), strides[axis]];
+        Ok(Self::Whole { bytes, elements: header.elements, strides, cells })
     }
 }
 
 impl Frames for Arrays {
     fn read(&mut self, out: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+        let (at, frame) = (self.done / self.frames.max(1), self.done % self.frames.max(1));
+        let episode = self.episodes.start + at;
         match &mut self.values {
             Values::Rows(rows) => {
                 out.resize(rows.width(), f64::NAN);
@@ -191,23 +245,34 @@ impl Frames for Arrays {
                     return Ok(false);
                 }
             }
-            Values::Whole { frames, .. } if self.frame == *frames => return Ok(false),
-            Values::Whole { bytes, elements, frame_stride, cells, .. } => {
+            Values::Whole { .. } if episode >= self.episodes.end => return Ok(false),
+            Values::Whole { bytes, elements, strides, cells } => {
                 let size = elements.size();
                 self.bytes.clear();
                 for cell in cells.iter() {
-                    let at = (cell + self.frame * *frame_stride) * size;
+                    let at = (cell + episode * strides[0] + frame * strides[1]) * size;
                     self.bytes.extend_from_slice(&bytes[at..at + size]);
                 }
                 out.resize(cells.len(), f64::NAN);
                 elements.numbers(&self.bytes, out);
             }
         }
-        self.frame += 1;
+        self.done += 1;
         *time = match &mut self.times {
-            Some(times) => times.read_tick(&self.path)?.map_or_else(Tick::Real, Tick::Whole),
-            None => Tick::None,
+            ArrayTimes::Rows(times) => times.read_tick(&self.path)?.map_or_else(Tick::Real, Tick::Whole),
+            // One row is that of each episode.
+            ArrayTimes::Whole(times) if times.len() == self.frames => times[frame],
+            ArrayTimes::Whole(times) => times.get(episode * self.frames + frame).copied().unwrap_or_default(),
+            ArrayTimes::None => Tick::None,
         };
         Ok(true)
+    }
+
+    fn episodes(&self) -> u64 {
+        self.episodes.len() as u64
+    }
+
+    fn episode(&self) -> u64 {
+        (self.episodes.start + self.done.saturating_sub(1) / self.frames.max(1)) as u64
     }
 }

@@ -237,6 +237,8 @@ impl Frames for Emed {
                 format!("{stated} N, the Force of the page"),
             );
         }
+        // Pages are cropped to what is loaded: the force proves that the other cells are not.
+        cells.iter_mut().filter(|x| x.is_nan()).for_each(|x| *x = 0.0);
         (self.picture, self.forces) = (Some(page.picture), self.forces + 1);
         *time = Tick::Real(self.frames as f64 * self.step);
         self.frames += 1;

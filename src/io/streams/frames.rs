@@ -1,11 +1,13 @@
 //! A stream of frames that is open, and what is known of it.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
 
 use crate::io::IoError;
-use crate::io::layout::{Layout, Statement, StreamFacts};
+use crate::io::file::invalid;
+use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts};
 use crate::skin::{Draft, Sheet as SkinSheet, TaxelId};
 
 /// When a frame was taken, as its file has it.
@@ -22,6 +24,16 @@ pub(in crate::io) trait Frames: Send {
     /// Reads the next frame; false after the last one. A cell without a reading is NaN.
     fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError>;
 
+    /// The episode of the frame that was read last.
+    fn episode(&self) -> u64 {
+        0
+    }
+
+    /// How many episodes are read.
+    fn episodes(&self) -> u64 {
+        1
+    }
+
     /// What reading has shown so far.
     fn statements(&self) -> Vec<Statement> {
         Vec::new()
@@ -34,12 +46,40 @@ pub(in crate::io) struct Wanted<'a> {
     /// Its name; without one that of the layout, or the only one.
     pub(in crate::io) stream: Option<&'a str>,
     pub(in crate::io) layout: Option<&'a Layout>,
+    /// The number of the episode that is read; without one that of the layout, or all.
+    pub(in crate::io) episode: Option<u64>,
 }
 
 /// What the only stream of a file may be called.
 const ONLY: [&str; 3] = ["frames", "values", "data.log"];
 
 impl Wanted<'_> {
+    /// The episodes that are read of `count`, which the facts state.
+    pub(in crate::io) fn episodes(
+        &self,
+        path: &Path,
+        count: usize,
+        facts: &mut StreamFacts,
+    ) -> Result<Range<usize>, IoError> {
+        let Some(wanted) = self.episode.or(self.layout.and_then(Layout::episode)) else {
+            if count > 1 {
+                let value = format!("{count}, one after the other; times are those of each");
+                facts.notes.push(Statement::new("episodes", value, StatementSource::File));
+            }
+            return Ok(0..count);
+        };
+        match usize::try_from(wanted).ok().filter(|wanted| *wanted < count) {
+            Some(wanted) => {
+                facts.notes.push(Statement::new("episode", wanted.to_string(), StatementSource::Argument));
+                Ok(wanted..wanted + 1)
+            }
+            None => {
+                let needed = format!("0 to {}, as the file has", count.saturating_sub(1));
+                Err(invalid(path, "episode", wanted.to_string(), needed))
+            }
+        }
+    }
+
     /// Chooses one of some streams, each with the shape of its frames.
     pub(in crate::io) fn choose(
         &self,

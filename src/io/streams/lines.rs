@@ -74,9 +74,12 @@ impl TextLines {
         &self.line
     }
 
-    /// The line as text; what is not UTF-8 is replaced.
+    /// The line as text; what is not UTF-8 is Latin-1.
     pub(super) fn text(&self) -> String {
-        String::from_utf8_lossy(&self.line).into_owned()
+        match std::str::from_utf8(&self.line) {
+            Ok(text) => text.into(),
+            Err(_) => self.line.iter().map(|&byte| char::from(byte)).collect(),
+        }
     }
 
     pub(super) fn at(&self) -> LineLocation<'_> {

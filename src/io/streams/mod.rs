@@ -2,8 +2,7 @@
 //! states itself makes readings of them.
 //!
 //! The kind of a file follows from its first bytes ([`KINDS`], the one list). Where a file has sums of its own (force, raw
-//! sum, load), they prove unit and parsing: a mismatch is an error with both numbers. In reading order: `lines` reads text,
-//! then one reader a file.
+//! sum, load), they prove unit and parsing: a mismatch is an error with both numbers.
 //!
 //! [`Layout`]: crate::io::layout::Layout
 
@@ -74,22 +73,50 @@ fn has(head: &[u8], word: &str) -> bool {
     head.windows(word.len()).any(|part| part == word.as_bytes())
 }
 
-fn kind_of(path: &Path) -> Result<Option<&'static Format>, IoError> {
+/// The first bytes of a regular file; none of another.
+fn head_of(path: &Path) -> Result<Vec<u8>, IoError> {
     let fail = cannot_read(path);
-    let about = std::fs::metadata(path).map_err(fail)?;
-    if !about.is_file() {
-        return Ok(None);
-    }
     let mut head = Vec::new();
-    File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head)).map_err(fail)?;
+    if std::fs::metadata(path).map_err(fail)?.is_file() {
+        File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head)).map_err(fail)?;
+    }
+    Ok(head)
+}
+
+fn kind_of(path: &Path) -> Result<Option<&'static Format>, IoError> {
+    let head = head_of(path)?;
     let head = head.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&head);
     let head = head.trim_ascii_start();
     Ok(KINDS.iter().find(|kind| (kind.is)(head)))
 }
 
+/// Refuses what takes the place of a recording: the pointer of another file, text of another encoding, messages in one array.
+pub(in crate::io) fn refuse_stand_in(path: &Path) -> Result<(), IoError> {
+    let head = head_of(path)?;
+    let is_wide = head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff");
+    // Letters of UTF-16 without a mark have a zero at each second byte.
+    let zeros =
+        |odd: usize| head.len() > 8 && head[..8].iter().enumerate().all(|(k, b)| (*b == 0) == (k % 2 == odd));
+    let is_array = head.trim_ascii_start().starts_with(b"[") && has(&head, "\"message\"");
+    let (found, needed) = match () {
+        () if head.starts_with(b"version https://git-lfs.github.com/") => {
+            ("a pointer of Git LFS", "the file that it stands for: git lfs pull")
+        }
+        () if is_wide || zeros(0) || zeros(1) => ("text in UTF-16", "text in UTF-8: save it so"),
+        () if is_array => ("messages in one JSON array", "a message a line, as `jq -c '.[]'` writes them"),
+        () => return Ok(()),
+    };
+    Err(invalid(path, "file", found, needed))
+}
+
 /// Whether a file is a recording of another program, which states what it has: all kinds but arrays.
 pub(in crate::io) fn is_vendor(path: &Path) -> bool {
     kind_of(path).is_ok_and(|kind| kind.is_some_and(|kind| kind.name != "numpy"))
+}
+
+/// Whether a file has arrays of numpy.
+pub(in crate::io) fn is_arrays(path: &Path) -> bool {
+    kind_of(path).is_ok_and(|kind| kind.is_some_and(|kind| kind.name == "numpy"))
 }
 
 /// Opens the stream that is wanted; `None` if the file is of no kind that is read here.

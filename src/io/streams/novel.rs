@@ -74,7 +74,17 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         centres: tail.x.iter().zip(&tail.y).map(|(x, y)| 1e-2 * DVec3::new(*x, *y, 0.0)).collect(),
         areas: tail.areas.iter().map(|area| 1e-4 * area).collect(),
     });
+    let mut notes = vec![Statement::new("sensor", head.sensor, StatementSource::File)];
+    let feet = match head.insoles {
+        _ if head.is_mat || cells.len() > 1 => None,
+        [Some(_), None] => Some(("left, by its list of sensors", StatementSource::File, 1)),
+        // Taxels of a right foot follow those of a left one.
+        [None, Some(count)] => Some(("right, by its list of sensors", StatementSource::File, count + 1)),
+        _ => Some(("not stated; taxels from 1 on, as of a left one", StatementSource::Checked, 1)),
+    };
+    notes.extend(feet.map(|(foot, source, _)| Statement::new("foot", foot, source)));
     let facts = StreamFacts {
+        first_id: feet.and_then(|(.., first)| u32::try_from(first).ok()),
         ids: head.is_mat.then(|| head.ids.iter().map(|&id| TaxelId(id)).collect()),
         cells,
         usual_axes,
@@ -83,7 +93,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         time_names: vec!["time[secs]".into(), "time".into(), "frames".into()],
         time_unit: Some(TimeUnit::Seconds),
         has_pressures: true,
-        notes: vec![Statement::new("sensor", head.sensor, StatementSource::File)],
+        notes,
         ..StreamFacts::default()
     };
     let mut lines = TextLines::open(path)?;

@@ -1,5 +1,5 @@
 //! Stappone `.csv`: a row for each frame of a sole, with times in ms, pressures in no stated unit, and a flag for rows that
-//! are corrupt, which have no readings.
+//! are corrupt, which have no readings. A sensor is the taxel whose number is in the name of its column.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,6 +9,7 @@ use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split};
+use crate::skin::TaxelId;
 
 struct Stappone {
     lines: TextLines,
@@ -21,8 +22,12 @@ struct Stappone {
 #[derive(Debug, Clone, Default)]
 struct StappColumns {
     count: usize,
+    /// In the order of the numbers in their names.
     pressures: Vec<usize>,
+    numbers: Vec<u32>,
     corrupt: Option<usize>,
+    /// Names that begin as those of pressures and have no number.
+    unread: Vec<String>,
 }
 
 /// The most soles of a file.
@@ -36,6 +41,10 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     while lines.advance_to_content()? {
         let sole =
             String::from_utf8_lossy(split(lines.bytes(), b',').next().unwrap_or_default()).into_owned();
+        if sole == "sole_id" {
+            let needed = "names in the first line alone: write a file for each recording";
+            return Err(lines.at().invalid("the names of the columns again", needed));
+        }
         *frames.entry(sole.clone()).or_default() += 1;
         if soles.insert(sole.clone()) {
             rows.push(sole);
@@ -53,14 +62,22 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let streams: Vec<_> = rows.iter().map(|sole| (format!("sole {sole}"), shape.clone())).collect();
     let place = wanted.choose(path, &streams)?;
     let sole = rows.swap_remove(place);
+    let mut notes = vec![Statement::new("sole", &sole, StatementSource::File)];
+    if !columns.unread.is_empty() {
+        notes.push(Statement::new("columns not read", columns.unread.join(", "), StatementSource::File));
+    }
+    let is_whole = columns.numbers.iter().zip(1..).all(|(number, k)| *number == k);
+    let ids = || columns.numbers.iter().map(|number| TaxelId(*number)).collect();
     let facts = StreamFacts {
+        // Without a gap ids may begin anywhere, as those of a right sole.
+        ids: (!is_whole).then(ids),
         stream: streams[place].0.clone(),
         cells: shape,
         usual_axes: vec!["taxel"],
         time_names: vec!["timestamp".into(), "time".into()],
         time_unit: Some(TimeUnit::Milliseconds),
         has_pressures: true,
-        notes: vec![Statement::new("sole", &sole, StatementSource::File)],
+        notes,
         ..StreamFacts::default()
     };
     let mut lines = TextLines::open(path)?;
@@ -74,15 +91,27 @@ fn read_columns(lines: &mut TextLines) -> Result<StappColumns, IoError> {
     lines.advance_to_content()?;
     let text = lines.text();
     let names: Vec<&str> = text.split(',').map(str::trim).collect();
-    let places = names.iter().enumerate();
-    let pressures: Vec<usize> =
-        places.filter(|(_, name)| name.starts_with("pressure_")).map(|(k, _)| k).collect();
-    if pressures.is_empty() {
+    let (mut numbered, mut unread) = (Vec::new(), Vec::new());
+    for (k, name) in names.iter().enumerate() {
+        let Some(number) = name.strip_prefix("pressure_") else { continue };
+        match number.parse::<u32>() {
+            Ok(number) if number > 0 => numbered.push((number, k)),
+            _ => unread.push((*name).to_owned()),
+        }
+    }
+    numbered.sort_unstable();
+    if numbered.is_empty() {
         return Err(lines.at().invalid(excerpt(&text), "columns pressure_01, pressure_02, ..."));
+    }
+    if let Some(pair) = numbered.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let part = format!("column {}", pair[1].1 + 1);
+        return Err(lines.at().invalid_part(part, format!("sensor {} again", pair[1].0), "each sensor once"));
     }
     Ok(StappColumns {
         count: names.len(),
-        pressures,
+        pressures: numbered.iter().map(|(_, k)| *k).collect(),
+        numbers: numbered.iter().map(|(number, _)| *number).collect(),
+        unread,
         corrupt: names.iter().position(|name| *name == "corrupt"),
     })
 }

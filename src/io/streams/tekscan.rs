@@ -1,5 +1,5 @@
 //! Tekscan `.asf` and `.csv`: a header of keys, then frames of rows of cells between commas; `B` is a cell without a sensor.
-//! A file of raw counts may have the sum of each frame, which is compared.
+//! A file of raw counts may have the sum of each frame and one of pressures its force, which are compared.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split, number};
-use crate::io::streams::numbers::{is_interval, is_sum, length, unit};
+use crate::io::streams::numbers::{is_interval, is_sum, length, pascals, unit};
 
 /// Keys of the header that are stated as they are.
 const NOTES: [(&str, &str); 6] = [
@@ -30,6 +30,8 @@ pub(super) struct Tekscan {
     /// Numbers of the first and the last frame, as the header has them.
     numbers: Option<[u64; 2]>,
     is_raw: bool,
+    /// The force of a cell with a pressure of 1, in N; `None` if the unit is none of pressure.
+    cell_newtons: Option<f64>,
     /// The first frame, which is read at once.
     first: Option<(Vec<f64>, Tick)>,
     last: Option<u64>,
@@ -55,6 +57,9 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let shape = [whole("ROWS", 1 << 12)?, whole("COLS", 1 << 12)?];
     wanted.choose(path, &[(String::new(), shape.to_vec())])?;
     let pitch = [length(&lines, need("ROW_SPACING")?)?, length(&lines, need("COL_SPACING")?)?];
+    if let Some(area) = header.get("SENSEL_AREA") {
+        check_area(&lines, area, pitch)?;
+    }
     let unit = unit(need("UNITS")?);
     let seconds_per_frame =
         lines.number(need("SECONDS_PER_FRAME")?.as_bytes(), || "SECONDS_PER_FRAME".into())?;
@@ -81,6 +86,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     ));
     let mut reader = Tekscan {
         is_raw: unit == "raw",
+        cell_newtons: pascals(&unit).map(|pascals| pascals * pitch[0] * pitch[1]),
         lines,
         shape,
         sensors: Vec::new(),
@@ -108,6 +114,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         time_names: vec!["frames".into(), "time".into()],
         time_unit: Some(TimeUnit::Seconds),
         sensors: reader.sensors.clone(),
+        threshold: header.get("NOISE_THRESHOLD").and_then(|text| text.parse().ok()),
         has_pressures: true,
         may_be_mirrored: is_mirrored("MIRROR_ROW") || is_mirrored("MIRROR_COL"),
         notes,
@@ -136,14 +143,38 @@ fn read_header(lines: &mut TextLines) -> Result<TekscanHeader, IoError> {
     Err(lines.ended("a line ASCII_DATA"))
 }
 
+/// Refuses an area of a cell that is not the product of its sides, in m.
+fn check_area(lines: &TextLines, text: &str, pitch: [f64; 2]) -> Result<(), IoError> {
+    /// Areas are printed with four digits at least.
+    const TOLERANCE: f64 = 2e-3;
+    let (number, unit) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+    let of_unit = match unit.trim() {
+        "mm2" | "mm\u{b2}" => 1e-6,
+        "cm2" | "cm\u{b2}" => 1e-4,
+        "in2" => 0.0254 * 0.0254,
+        "m2" => 1.0,
+        _ => return Ok(()),
+    };
+    let stated = lines.number(number.as_bytes(), || "SENSEL_AREA".into())? * of_unit;
+    let product = pitch[0] * pitch[1];
+    if is_sum(stated, product, 0.0, TOLERANCE) {
+        return Ok(());
+    }
+    let needed = format!("{:.6} mm2, the product of ROW_SPACING and COL_SPACING", 1e6 * product);
+    Err(lines.at().invalid(format!("SENSEL_AREA {text}"), needed))
+}
+
 impl Tekscan {
     /// Reads a frame from its title on; false at the end of the data.
     fn read_frame(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
         if self.has_ended || !self.lines.advance_to_content()? || self.lines.bytes().starts_with(b"@@") {
-            self.has_ended = true;
+            if !std::mem::replace(&mut self.has_ended, true) && self.lines.advance_to_content()? {
+                let needed = "the end of the file behind @@: write a file for each export";
+                return Err(self.lines.at().invalid(excerpt(&self.lines.text()), needed));
+            }
             return self.check_count().map(|()| false);
         }
-        let sum = self.read_title(time)?;
+        let [sum, force] = self.read_title(time)?;
         cells.clear();
         for row in 0..self.shape[0] {
             if !self.lines.advance()? {
@@ -164,12 +195,27 @@ impl Tekscan {
             }
             self.sums += 1;
         }
+        if let Some((stated, newtons)) = force.zip(self.cell_newtons) {
+            /// A force is printed with three digits at least.
+            const TOLERANCE: f64 = 5e-3;
+            let found = newtons * cells.iter().filter(|x| !x.is_nan()).sum::<f64>();
+            if !is_sum(found, stated, 0.05, TOLERANCE) {
+                let part = format!("frame {}", self.last.unwrap_or_default());
+                let needed = format!("{stated} N, the force in its title");
+                return Err(self.lines.at().invalid_part(
+                    part,
+                    format!("cells that are {found:.3} N"),
+                    needed,
+                ));
+            }
+            self.sums += 1;
+        }
         self.frames += 1;
         Ok(true)
     }
 
-    /// Reads `Frame 41, 4.04,, DATE,,,Raw Sum=,,823`, and gives the sum if there is one.
-    fn read_title(&mut self, time: &mut Tick) -> Result<Option<f64>, IoError> {
+    /// Reads `Frame 41, 4.04,, DATE,,,Raw Sum=,,823`, and gives the raw sum and the force, in N, that there are.
+    fn read_title(&mut self, time: &mut Tick) -> Result<[Option<f64>; 2], IoError> {
         let (lines, line) = (&self.lines, self.lines.bytes());
         let wrong = |needed: String| lines.at().invalid(excerpt(&String::from_utf8_lossy(line)), needed);
         let mut parts = split(line, b',');
@@ -183,12 +229,21 @@ impl Tekscan {
         self.last = Some(frame);
         let stated = parts.next().and_then(number);
         *time = Tick::Real(stated.unwrap_or(self.frames as f64 * self.seconds_per_frame));
-        let has_sum = line.windows(7).any(|part| part == b"Raw Sum");
-        let sum = split(line, b',').last().and_then(number);
-        if has_sum && sum.is_none() {
-            return Err(wrong("a number after Raw Sum".into()));
+        let of_name = |name: &[u8]| {
+            let mut cells = split(line, b',').skip_while(|cell| !cell.starts_with(name));
+            let (head, rest) = (cells.next()?, cells.find(|cell| !cell.is_empty()));
+            let own = head.iter().position(|&b| b == b'=').map(|at| head[at + 1..].trim_ascii());
+            Some(own.filter(|own| !own.is_empty()).or(rest).and_then(number))
+        };
+        let mut found = [None; 2];
+        for (found, name) in found.iter_mut().zip(["Raw Sum", "Force"]) {
+            *found = match of_name(name.as_bytes()) {
+                None => None,
+                Some(Some(number)) => Some(number),
+                Some(None) => return Err(wrong(format!("a number after {name}"))),
+            };
         }
-        Ok(sum.filter(|_| has_sum))
+        Ok(found)
     }
 
     fn read_row(&self, row: usize, cells: &mut Vec<f64>) -> Result<(), IoError> {
@@ -253,7 +308,8 @@ impl Frames for Tekscan {
     }
 
     fn statements(&self) -> Vec<Statement> {
-        let value = format!("the Raw Sum of {} frames is that of their cells", self.sums);
+        let what = if self.is_raw { "Raw Sum" } else { "force" };
+        let value = format!("the {what} of {} frames is that of their cells", self.sums);
         let stated = (self.sums > 0).then(|| Statement::new("sums", value, StatementSource::Checked));
         stated.into_iter().collect()
     }

@@ -75,6 +75,13 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     Ok(OpenStream { facts, frames: Some(frames), sheet: None, source: Box::new(source) })
 }
 
+impl XelaAbout {
+    fn describe(&self) -> String {
+        let model = if self.model.is_empty() { "without a model" } else { &self.model };
+        format!("{} taxels of the sensor {model}", self.taxels)
+    }
+}
+
 type Message = Map<String, Value>;
 
 fn next_message(lines: &mut TextLines) -> Result<Option<Message>, IoError> {
@@ -131,15 +138,21 @@ impl Frames for Xela {
             };
             let about = about_of(lines, name, block)?;
             if about != self.about {
-                return wrong(format!("{about:?}"), format!("{:?}, as in the messages before", self.about));
+                return wrong(
+                    about.describe(),
+                    format!("{}, as in the messages before", self.about.describe()),
+                );
             }
             let seconds = message.get("time").and_then(Value::as_f64);
             *time = Tick::Real(seconds.ok_or_else(|| lines.at().invalid("no time", "`time` in s"))?);
             let data = block.get("data").and_then(Value::as_str).unwrap_or_default();
             for word in data.split(',') {
-                let value = u16::from_str_radix(word.trim(), 16);
-                let value = value
-                    .map_err(|_| lines.at().invalid_part(part(), excerpt(word), "four hexadecimal digits"))?;
+                let digits = word.trim();
+                let is_whole = digits.len() == 4 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+                let value = u16::from_str_radix(digits, 16).ok().filter(|_| is_whole);
+                let value = value.ok_or_else(|| {
+                    lines.at().invalid_part(part(), excerpt(word), "four hexadecimal digits")
+                })?;
                 cells.push(f64::from(value));
             }
             return match cells.len() {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::io::IoError;
 use crate::io::file::excerpt;
+use crate::io::file::times::days;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split};
@@ -13,6 +14,9 @@ use crate::io::streams::numbers::{is_sum, pascals, unit};
 /// A load may differ from the sum of cells by this share of it, and by this many N.
 const LOAD_TOLERANCE: [f64; 2] = [0.01, 0.5];
 
+/// Areas are printed in cm^2 with two decimals.
+const AREA_TOLERANCE: [f64; 2] = [2e-3, 0.01];
+
 /// A sensor of the file.
 #[derive(Debug, Clone, PartialEq)]
 struct Sensor {
@@ -20,6 +24,28 @@ struct Sensor {
     shape: [usize; 2],
     /// Height and width of a cell, in m.
     pitch: [f64; 2],
+    /// The area of all its cells, in m^2.
+    area: Option<f64>,
+}
+
+impl Sensor {
+    /// Compares the area with that of the cells, of which some may be no sensors.
+    fn area_note(&self, lines: &TextLines) -> Result<Option<Statement>, IoError> {
+        let Some(area) = self.area else { return Ok(None) };
+        let (cell, count) = (self.pitch[0] * self.pitch[1], self.shape[0] * self.shape[1]);
+        let [stated, all] = [area, cell * count as f64].map(|area| 1e4 * area);
+        if stated > all && !is_sum(stated, all, AREA_TOLERANCE[1], AREA_TOLERANCE[0]) {
+            let needed = format!("at most {all:.2} cm2, that of {count} cells");
+            return Err(lines.at().invalid(format!("a Total Area of {stated} cm2 of {}", self.name), needed));
+        }
+        // Rounded to cells.
+        let none = count as f64 - (area / cell).round();
+        let value = format!(
+            "{none} of {count} cells are no sensors, by the Total Area of {stated:.2} cm2; the file does not state which: \
+             those that read 0 in all frames are among them"
+        );
+        Ok((none > 0.0).then(|| Statement::new("cells without a sensor", value, StatementSource::Checked)))
+    }
 }
 
 /// The reader, which stands before a frame.
@@ -28,7 +54,10 @@ struct Xsensor {
     sensor: Sensor,
     unit: String,
     frame: Option<u64>,
+    /// Midnights that have passed since the first frame.
     day: i64,
+    /// The text of the last date, and its days since 1970 if it has any.
+    date: Option<(String, Option<i64>)>,
     /// The first and the last time of day, in s.
     first: Option<f64>,
     last: f64,
@@ -46,14 +75,16 @@ struct Block {
 /// What a line is.
 enum Item {
     Frame(u64),
+    Date(String),
     Time(f64),
+    Threshold(f64),
     Block(Block),
     End,
 }
 
 pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
     let mut lines = TextLines::open(path)?;
-    let mut notes = Vec::new();
+    let (mut notes, mut threshold) = (Vec::new(), None);
     let unit = loop {
         if !lines.advance_to_content()? {
             return Err(lines.ended("a line Units:"));
@@ -70,12 +101,13 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let (mut sensors, mut frames): (Vec<Sensor>, u64) = (Vec::new(), 0);
     loop {
         match next_item(&mut lines, None)? {
+            Item::Threshold(stated) => threshold = Some(stated),
             Item::Frame(_) => frames += 1,
-            Item::Time(_) => {}
+            Item::Time(_) | Item::Date(_) => {}
             Item::End => break,
             Item::Block(Block { sensor, .. }) => match sensors.iter().find(|known| known.name == sensor.name)
             {
-                Some(known) if *known == sensor => {}
+                Some(known) if known.shape == sensor.shape && known.pitch == sensor.pitch => {}
                 Some(known) => {
                     let needed = format!("{:?} as in the frames before", known.shape);
                     return Err(lines
@@ -92,7 +124,10 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     }
     let sensor = sensors.swap_remove(wanted.choose(path, &streams)?);
     let [height, width] = sensor.pitch.map(|side| 1e3 * side);
+    notes.extend(sensor.area_note(&lines)?);
     notes.push(Statement::new("sensor", &sensor.name, StatementSource::File));
+    let stated = threshold.map(|x| Statement::new("threshold", format!("{x} {unit}"), StatementSource::File));
+    notes.extend(stated);
     notes.push(Statement::new("pitch", format!("{height} x {width} mm"), StatementSource::File));
     let facts = StreamFacts {
         stream: sensor.name.clone(),
@@ -101,14 +136,25 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         units: vec![unit.clone()],
         time_names: vec!["Time".into(), "time".into()],
         time_unit: Some(TimeUnit::Seconds),
+        threshold,
         has_pressures: true,
         notes,
         ..StreamFacts::default()
     };
     let sheet = Some(Sheet::grid(sensor.shape, sensor.pitch, &[]));
     let lines = TextLines::open(path)?;
-    let source =
-        Xsensor { lines, sensor, unit, frame: None, day: 0, first: None, last: 0.0, loads: 0, absent: 0 };
+    let source = Xsensor {
+        lines,
+        sensor,
+        unit,
+        frame: None,
+        day: 0,
+        date: None,
+        first: None,
+        last: 0.0,
+        loads: 0,
+        absent: 0,
+    };
     Ok(OpenStream { facts, frames: Some(frames), sheet, source: Box::new(source) })
 }
 
@@ -138,6 +184,10 @@ fn next_item(lines: &mut TextLines, wanted: Option<&str>) -> Result<Item, IoErro
                 let time = time_of_day(&value).ok_or_else(|| lines.at().invalid(excerpt(&value), needed))?;
                 return Ok(Item::Time(time));
             }
+            "Date" => return Ok(Item::Date(value)),
+            "Threshold:" => {
+                return lines.number(value.as_bytes(), || key.clone()).map(Item::Threshold);
+            }
             "SENSOR" => return read_block(lines, value, wanted).map(Item::Block),
             "Name" => is_region = true,
             "SENSELS" if !is_region => return Err(lines.at().invalid("cells", "a line SENSOR before them")),
@@ -145,6 +195,17 @@ fn next_item(lines: &mut TextLines, wanted: Option<&str>) -> Result<Item, IoErro
         }
     }
     Ok(Item::End)
+}
+
+/// Days since 1970 of `2026 Jan 31` or `2026-01-31`.
+fn days_of(text: &str) -> Option<i64> {
+    const MONTHS: [&str; 12] =
+        ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
+    let mut parts = text.split([' ', '-', '/']).filter(|part| !part.is_empty());
+    let (year, month, day) = (parts.next()?, parts.next()?.to_ascii_lowercase(), parts.next()?);
+    let named = MONTHS.iter().position(|name| month.starts_with(name)).map(|k| format!("{:02}", k + 1));
+    (year.len() == 4 && parts.next().is_none()).then_some(())?;
+    days(&format!("{year}-{}-{day}", named.unwrap_or(month)))
 }
 
 /// Seconds of `08:21:17.982`.
@@ -159,7 +220,7 @@ fn time_of_day(text: &str) -> Option<f64> {
 }
 
 fn read_block(lines: &mut TextLines, name: String, wanted: Option<&str>) -> Result<Block, IoError> {
-    let (mut shape, mut pitch, mut load) = ([0_usize; 2], [f64::NAN; 2], None);
+    let (mut shape, mut pitch, mut load, mut total) = ([0_usize; 2], [f64::NAN; 2], None, None);
     loop {
         if !lines.advance_to_content()? {
             return Err(lines.ended(&format!("the cells of {name}")));
@@ -177,6 +238,8 @@ fn read_block(lines: &mut TextLines, name: String, wanted: Option<&str>) -> Resu
             "Sensel Height (cm)" => pitch[0] = 1e-2 * number()?,
             "Sensel Width (cm)" => pitch[1] = 1e-2 * number()?,
             "Est. Load (N)" => load = Some(number()?),
+            // The square of cm is written in several encodings.
+            _ if key.starts_with("Total Area (cm") => total = Some(1e-4 * number()?),
             "SENSELS" => break,
             "FRAME" | "SENSOR" | "Name" => {
                 return Err(lines.at().invalid(excerpt(&key), format!("SENSELS, the cells of {name}")));
@@ -206,7 +269,7 @@ fn read_block(lines: &mut TextLines, name: String, wanted: Option<&str>) -> Resu
             return Err(lines.at().invalid(excerpt(&lines.text()), needed));
         }
     }
-    Ok(Block { sensor: Sensor { name, shape, pitch }, load, cells })
+    Ok(Block { sensor: Sensor { name, shape, pitch, area: total }, load, cells })
 }
 
 /// Reads a row; cells that are blank have no reading.
@@ -228,6 +291,25 @@ fn read_row(lines: &TextLines, row: usize, shape: [usize; 2], cells: &mut Vec<f6
 }
 
 impl Xsensor {
+    /// Counts the days from the last date to this one.
+    fn take_date(&mut self, text: String) -> Result<(), IoError> {
+        let days = days_of(&text);
+        match &self.date {
+            Some((last, _)) if *last == text => return Ok(()),
+            Some((_, Some(last))) if days.is_some() => self.day += days.unwrap_or_default() - last,
+            Some((last, _)) => {
+                let found = format!("the date {} after {}", excerpt(&text), excerpt(last));
+                return Err(self
+                    .lines
+                    .at()
+                    .invalid(found, "dates as 2026 Jan 31, whose days can be counted"));
+            }
+            None => {}
+        }
+        self.date = Some((text, days));
+        Ok(())
+    }
+
     /// Refuses a load that is not the sum of the cells.
     fn check_load(&mut self, block: &Block) -> Result<(), IoError> {
         let (Some(stated), Some(pascals)) = (block.load, pascals(&self.unit)) else { return Ok(()) };
@@ -262,9 +344,11 @@ impl Frames for Xsensor {
                     }
                     (self.frame, is_in) = (Some(frame), true);
                 }
+                Item::Date(text) => self.take_date(text)?,
                 Item::Time(seconds) => {
-                    // After midnight.
-                    if seconds + 43_200.0 < self.last {
+                    // After midnight, where dates do not say so.
+                    let has_days = matches!(self.date, Some((_, Some(_))));
+                    if seconds + 43_200.0 < self.last && !has_days {
                         self.day += 1;
                     }
                     self.last = seconds;
@@ -281,7 +365,7 @@ impl Frames for Xsensor {
                     self.check_load(&block)?;
                     (*cells, is_found) = (block.cells, true);
                 }
-                Item::Block(_) => {}
+                Item::Block(_) | Item::Threshold(_) => {}
                 Item::End if is_in => break,
                 Item::End => return Ok(false),
             }

@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId};
 use crate::io::IoError;
-use crate::io::file::Source;
+use crate::io::file::{Source, file_kind};
 use crate::io::table::{Row, Table, each_row_of};
 use crate::skin::{PatchId, Skin, TaxelId, Taxels};
 
@@ -112,13 +112,14 @@ pub fn read_modules(path: &Path) -> Result<TaxelTable<(TaxelId, String)>, IoErro
     Ok(TaxelTable { rows, unused })
 }
 
-/// Reads the modules of taxels as [`read_modules`], if the table has a column `module`.
+/// The modules that the table of a skin gives its taxels, in a column `module`; `None` without it.
 ///
 /// # Errors
 /// As [`read_modules`].
-pub fn read_modules_if_any(path: &Path) -> Result<Option<TaxelTable<(TaxelId, String)>>, IoError> {
-    let has_modules = Table::of(&Source::open(path)?)?.columns.find("module").is_some();
-    has_modules.then(|| read_modules(path)).transpose()
+pub fn modules_of_skin(path: &Path) -> Result<Option<Vec<(TaxelId, String)>>, IoError> {
+    let is_table = file_kind(path) == "csv";
+    let has_modules = is_table && Table::of(&Source::open(path)?)?.columns.find("module").is_some();
+    has_modules.then(|| Ok(read_modules(path)?.rows)).transpose()
 }
 
 /// Reads the places of boundary taxels: columns `taxel_id,u,v`, map positions in m.

@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use crate::{
-    io::{error::Result, file::Source, table::Table},
+    io::{
+        error::Result,
+        file::Source,
+        table::{Table, TimeColumn},
+    },
     robot::Robot,
 };
 
@@ -25,12 +29,14 @@ pub struct JointTable {
 pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
-    let time = table.columns.find_time()?;
     // What follows another joint or does not move has no value of its own.
     let is_own = |k: &usize| robot.joints[*k].kind.has_value() && robot.joints[*k].mimic.is_none();
     let joints: Vec<usize> = (0..robot.joints.len()).filter(is_own).collect();
     let columns = joints.iter().filter_map(|&k| Some((k, table.columns.find(&robot.joints[k].name)?)));
     let columns: Vec<(usize, usize)> = columns.collect();
+    // A joint may be called `t`.
+    let is_no_joint = |time: &TimeColumn| columns.iter().all(|(_, column)| *column != time.column);
+    let time = table.columns.find_time()?.filter(is_no_joint);
     if columns.is_empty() {
         let first = joints.first().map_or("none", |&k| &*robot.joints[k].name);
         let needed = format!("a column with the name of a joint that moves, as {first}");

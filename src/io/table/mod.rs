@@ -123,7 +123,7 @@ pub struct TableRows<R, T> {
 impl<R, T> TableRows<R, T> {
     /// Whether the table has a column of times; its cells may be empty.
     pub fn has_times(&self) -> bool {
-        self.table.columns.names.iter().any(|name| time_unit(name).is_some())
+        self.table.columns.time_place().is_some()
     }
 }
 
@@ -276,11 +276,6 @@ pub(crate) struct TimeColumn {
     per_second: u32,
 }
 
-/// How many of the units of a column of times are a second; names of tables are in lower case and whole.
-fn time_unit(name: &str) -> Option<std::result::Result<u32, &'static str>> {
-    time_column(name).filter(|_| name.starts_with("time"))
-}
-
 /// Names of the one column that has the ids of taxels.
 const IDS: [&str; 2] = ["id", "taxel_id"];
 
@@ -317,13 +312,13 @@ impl Columns {
 
     pub(crate) fn unknown<'a>(&'a self, known: &'a [&str]) -> impl Iterator<Item = (usize, &'a str)> {
         let has_ids = IDS.iter().any(|name| known.contains(name));
-        let has_times = known.contains(&"time");
-        let is_known = move |name: &str| {
+        let time = self.time_place().filter(|_| known.contains(&"time"));
+        let is_known = move |(k, name): &(usize, &str)| {
             known.iter().any(|known| *known != "time" && known.eq_ignore_ascii_case(name))
-                || has_ids && IDS.contains(&name)
-                || has_times && time_unit(name).is_some()
+                || has_ids && IDS.contains(name)
+                || time == Some(*k)
         };
-        self.names.iter().map(String::as_str).enumerate().filter(move |(_, name)| !is_known(name))
+        self.names.iter().map(String::as_str).enumerate().filter(move |column| !is_known(column))
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
@@ -335,12 +330,19 @@ impl Columns {
         find(name).or_else(|| find(other?))
     }
 
-    /// The column of times, `time` in s or as in `time[ms]`.
+    /// The place of the column of times: `time` before other names of times.
+    fn time_place(&self) -> Option<usize> {
+        let is_time = |name: &str| time_column(name).is_some();
+        let is_first =
+            |name: &str| is_time(name) && name.get(..4).is_some_and(|name| name.eq_ignore_ascii_case("time"));
+        let place = |is: &dyn Fn(&str) -> bool| self.names.iter().position(|name| is(name));
+        place(&is_first).or_else(|| place(&is_time))
+    }
+
+    /// The column of times, `time` or another name of times, in s or as in `time[ms]`.
     pub(crate) fn find_time(&self) -> Result<Option<TimeColumn>> {
-        let times = self.names.iter().enumerate();
-        let Some((column, unit)) = times.filter_map(|(k, name)| Some((k, time_unit(name)?))).next() else {
-            return Ok(None);
-        };
+        let unit = |k: usize| Some((k, time_column(&self.names[k])?));
+        let Some((column, unit)) = self.time_place().and_then(unit) else { return Ok(None) };
         let invalid = |needed| {
             self.at().invalid_part(format!("column {}", column + 1), excerpt(&self.names[column]), needed)
         };

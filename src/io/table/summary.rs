@@ -1,11 +1,13 @@
 //! Sums of a trial as a table, and the loads of every frame.
 
+use SummaryCell::{Count, Number, Text};
+
 use crate::io::IoError;
 use crate::io::file::OutPath;
 use crate::io::file::outputs::Replacement;
 use crate::io::table::writer::{TableWriter, write_table};
 use crate::map::SkinMap;
-use crate::signal::{Group, Summary, Totals};
+use crate::signal::{Group, LoadingStep, Summary, Totals};
 
 /// A cell of a summary.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,48 +31,105 @@ fn word(group: Group) -> &'static str {
     }
 }
 
-/// The rows of a summary, each with the names of its columns, which are the same in all: the whole skin, then links,
-/// patches, regions and contacts. docs/terms.md defines them.
+/// The cells of a row of a summary, each with the name of its column.
+pub type SummaryRow = Vec<(&'static str, SummaryCell)>;
+
+/// The rows of a summary, with the same columns: the whole skin, then links, patches, regions and contacts. docs/terms.md
+/// defines them.
 ///
 /// # Panics
 /// If the summary is of another map.
-pub fn summary_rows(map: &SkinMap, summary: &Summary) -> Vec<Vec<(&'static str, SummaryCell)>> {
-    use SummaryCell::{Count, Number, Text};
+pub fn summary_rows(map: &SkinMap, summary: &Summary) -> Vec<SummaryRow> {
     let row = |(group, totals): (Group, &Totals)| {
-        let [patch, link, name] = summary.names(map, group).map(|name| Text(name.into_owned()));
-        let peak_taxel = totals.peak_taxel.map(|(patch, taxel)| map.patches[patch].taxels.ids[taxel].0);
         let is_known = totals.taxels > 0;
-        vec![
-            ("group", Text(word(group).into())),
-            ("name", name),
-            ("patch", patch),
-            ("link", link),
-            ("channel", Text(summary.channel.name.clone())),
-            ("unit", Text(summary.channel.unit.clone())),
-            ("taxels", Number(is_known.then_some(totals.taxels as f64))),
-            ("area", Number(is_known.then_some(totals.area))),
-            ("frames", Count(totals.frames as u64)),
-            ("peak", Number(totals.peak)),
-            ("peak_time", Number(totals.peak_time)),
-            ("peak_taxel_id", peak_taxel.map_or(Number(None), |id| Count(id.into()))),
-            ("mean", Number(totals.mean())),
-            ("sum_peak", Number(totals.sum_peak)),
-            ("force_peak", Number(totals.force_peak)),
-            ("force_peak_time", Number(totals.force_peak_time)),
-            ("force_mean", Number(totals.force_mean())),
-            ("impulse", Number(totals.impulse)),
-            ("pressure_time_integral", Number(totals.pressure_time_integral)),
-            ("contact_area_peak", Number(Some(totals.contact_area_peak))),
-            ("contact_area_mean", Number(totals.contact_area_mean())),
+        let mut row = names_of(map, summary, group);
+        row.push(("taxels", Number(is_known.then_some(totals.taxels as f64))));
+        row.push(("area", Number(is_known.then_some(totals.area))));
+        row.push(("frames", Count(totals.frames as u64)));
+        row.extend(peaks(map, totals));
+        row.extend([
             ("contact_time", Number(totals.contact_time)),
             ("first_contact", Number(totals.first_contact)),
             ("last_contact", Number(totals.last_contact)),
-            ("path", Number(totals.path)),
-            ("speed_mean", Number(totals.speed_mean())),
-            ("speed_peak", Number(totals.speed_peak)),
-        ]
+        ]);
+        row.extend(motion(totals));
+        row
     };
     summary.totals().map(row).collect()
+}
+
+/// The rows of the steps of a summary, by their begin. `side` is `left` or `right` where the name of the region, the patch or
+/// the link has that word, or the name that a file gives its `sensor`.
+///
+/// # Panics
+/// If the summary is of another map.
+pub fn summary_step_rows(map: &SkinMap, summary: &Summary, sensor: &str) -> Vec<SummaryRow> {
+    let steps = summary.steps().map(|(steps, _)| steps).unwrap_or_default();
+    steps.iter().map(|step| step_row(map, summary, sensor, step)).collect()
+}
+
+fn step_row(map: &SkinMap, summary: &Summary, sensor: &str, step: &LoadingStep) -> SummaryRow {
+    let LoadingStep { group, number, totals } = step;
+    let [patch, link, name] = summary.names(map, *group);
+    let side = [&*name, &*patch, &*link, sensor].into_iter().find_map(side).unwrap_or_default();
+    let mut row = vec![("step", Count(*number as u64)), ("side", Text(side.into()))];
+    row.extend(names_of(map, summary, *group));
+    row.push(("begin", Number(totals.first_contact)));
+    row.push(("duration", Number(totals.contact_time)));
+    row.push(("frames", Count(totals.loaded_frames as u64)));
+    row.extend(peaks(map, totals));
+    row.extend(motion(totals));
+    row
+}
+
+/// `left` or `right`, if a name has one of these words.
+fn side(name: &str) -> Option<&'static str> {
+    let has =
+        |side: &str| name.split(|c: char| !c.is_alphabetic()).any(|word| word.eq_ignore_ascii_case(side));
+    match ["left", "right"].map(has) {
+        [true, false] => Some("left"),
+        [false, true] => Some("right"),
+        _ => None,
+    }
+}
+
+fn names_of(map: &SkinMap, summary: &Summary, group: Group) -> SummaryRow {
+    let [patch, link, name] = summary.names(map, group).map(|name| Text(name.into_owned()));
+    let channel = &summary.channel;
+    vec![
+        ("group", Text(word(group).into())),
+        ("name", name),
+        ("patch", patch),
+        ("link", link),
+        ("channel", Text(channel.name.clone())),
+        ("unit", Text(channel.unit.clone())),
+    ]
+}
+
+fn peaks(map: &SkinMap, totals: &Totals) -> [(&'static str, SummaryCell); 12] {
+    let peak_taxel = totals.peak_taxel.map(|(patch, taxel)| map.patches[patch].taxels.ids[taxel].0);
+    [
+        ("peak", Number(totals.peak)),
+        ("peak_time", Number(totals.peak_time)),
+        ("peak_taxel_id", peak_taxel.map_or(Number(None), |id| Count(id.into()))),
+        ("mean", Number(totals.mean())),
+        ("sum_peak", Number(totals.sum_peak)),
+        ("force_peak", Number(totals.force_peak)),
+        ("force_peak_time", Number(totals.force_peak_time)),
+        ("force_mean", Number(totals.force_mean())),
+        ("impulse", Number(totals.impulse)),
+        ("pressure_time_integral", Number(totals.pressure_time_integral)),
+        ("contact_area_peak", Number(Some(totals.contact_area_peak))),
+        ("contact_area_mean", Number(totals.contact_area_mean())),
+    ]
+}
+
+fn motion(totals: &Totals) -> [(&'static str, SummaryCell); 3] {
+    [
+        ("path", Number(totals.path)),
+        ("speed_mean", Number(totals.speed_mean())),
+        ("speed_peak", Number(totals.speed_peak)),
+    ]
 }
 
 /// Writes a summary as a table, a row for each group; what is not known is an empty cell.
@@ -82,14 +141,37 @@ pub fn summary_rows(map: &SkinMap, summary: &Summary) -> Vec<Vec<(&'static str, 
 /// If the summary is of another map.
 pub fn write_summary(path: impl Into<OutPath>, map: &SkinMap, summary: &Summary) -> Result<(), IoError> {
     let rows = summary_rows(map, summary);
-    let names: Vec<&str> = rows.iter().take(1).flatten().map(|(name, _)| *name).collect();
-    write_table(&path.into(), &names.join(","), |table| {
+    write_rows(&path.into(), &rows.first().cloned().unwrap_or_default(), rows)
+}
+
+/// Writes the [steps](summary_step_rows) of a summary as a table, a row for each.
+///
+/// # Errors
+/// As [`write_summary`].
+///
+/// # Panics
+/// As [`write_summary`].
+pub fn write_summary_steps(
+    path: impl Into<OutPath>,
+    map: &SkinMap,
+    summary: &Summary,
+    sensor: &str,
+) -> Result<(), IoError> {
+    let none = LoadingStep { group: Group::Whole, number: 0, totals: Totals::default() };
+    let like = step_row(map, summary, sensor, &none);
+    write_rows(&path.into(), &like, summary_step_rows(map, summary, sensor))
+}
+
+/// `like` has the names of the columns.
+fn write_rows(path: &OutPath, like: &SummaryRow, rows: Vec<SummaryRow>) -> Result<(), IoError> {
+    let names: Vec<&str> = like.iter().map(|(name, _)| *name).collect();
+    write_table(path, &names.join(","), |table| {
         for row in rows {
             for (_, cell) in row {
                 match cell {
-                    SummaryCell::Text(text) => table.cell(&text),
-                    SummaryCell::Number(number) => table.number_if_any(number),
-                    SummaryCell::Count(count) => table.whole(count),
+                    Text(text) => table.cell(&text),
+                    Number(number) => table.number_if_any(number),
+                    Count(count) => table.whole(count),
                 }
             }
             table.end_row()?;

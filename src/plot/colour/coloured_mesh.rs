@@ -151,8 +151,11 @@ impl<'a> ColouredMesh<'a> {
                 of_taxels(Fill::Cells { groups, colours })
             }
             Paint::Sigma => {
-                let groups = patch.sigmas()?.map(|&s| step(limits.place(paint, s)));
-                let colours = (0..=STEPS).map(|k| step_colour(k, SEQUENTIAL)).collect();
+                // Taxels of unknown covariance have the colour of skin.
+                let group = |&s: &f64| if s.is_nan() { STEPS + 1 } else { step(limits.place(paint, s)) };
+                let groups = patch.sigmas()?.map(group);
+                let known = (0..=STEPS).map(|k| step_colour(k, SEQUENTIAL));
+                let colours = known.chain([SKIN]).collect();
                 of_taxels(Fill::Cells { groups, colours })
             }
         }

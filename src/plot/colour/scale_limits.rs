@@ -58,7 +58,7 @@ impl ScaleLimits {
             Paint::Sigma => {
                 let mut sigmas = Vec::new();
                 for patch in patches {
-                    sigmas.extend(patch.sigmas()?);
+                    sigmas.extend(patch.sigmas()?.into_iter().filter(|sigma| !sigma.is_nan()));
                 }
                 let values = sorted(sigmas.into_iter());
                 // The scale of exactly known positions is a nanometre wide.

@@ -7,8 +7,8 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
+use crate::signal::Tick;
 use crate::signal::contacts::{ContactEvent, ContactRegion};
-use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::skin::{LinkId, PatchId};
 
 /// Readings that add up to the load.
@@ -22,7 +22,7 @@ const BIN_RATIO: f64 = 1.02;
 const MOST: usize = 31;
 
 /// How long nothing touches before a touch has ended, in s.
-const GAP_S: f64 = 0.15;
+const REST_S: f64 = 0.15;
 
 /// Counts the contacts of touches.
 #[derive(Debug, Clone)]
@@ -30,7 +30,6 @@ pub(super) struct AtOnce {
     touches: IdVec<LinkId, Touch>,
     links: IdVec<PatchId, LinkId>,
     now: f64,
-    time: f64,
     /// Load and count of the strongest touch that has ended.
     strongest: (f64, usize),
     values: Vec<f64>,
@@ -60,26 +59,28 @@ impl AtOnce {
             touches: map.links.map(|_| touch.clone()),
             links: map.patches.map(|patch: &PatchMap| patch.link),
             now: 0.0,
-            time: f64::NAN,
             strongest: (0.0, 0),
             values: Vec::new(),
         }
     }
 
-    /// Takes the contacts of a frame; the values are those of the taxels.
+    /// Takes the contacts of a frame, what its time says and how long the step to it was, in s; the values are those of
+    /// the taxels.
     pub(super) fn see<'v>(
         &mut self,
-        time: f64,
+        tick: Tick,
+        elapsed: f64,
         regions: &[ContactRegion],
         values: impl Fn(PatchId) -> &'v IdVec<VertexId, f64>,
     ) {
-        let interval = time - self.time;
-        self.now += if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
-        self.time = if time.is_finite() { time } else { self.time };
+        self.now += elapsed;
         for (link, touch) in self.touches.iter_mut().enumerate() {
             let is_here = |region: &&ContactRegion| {
                 region.event != ContactEvent::Release && self.links[region.patch].index() == link
             };
+            if tick.is_cut() {
+                touch.end(&mut self.strongest);
+            }
             self.values.clear();
             let mut count = 0;
             for region in regions.iter().filter(is_here) {
@@ -94,11 +95,8 @@ impl AtOnce {
                 }
                 touch.add(self.values[..place].iter().sum(), count.min(MOST));
                 touch.until = self.now;
-            } else if touch.frames > 0 && self.now - touch.until > GAP_S {
-                if touch.load > self.strongest.0 && touch.frames > 1 {
-                    self.strongest = (touch.load, touch.voted());
-                }
-                touch.clear();
+            } else if self.now - touch.until > REST_S {
+                touch.end(&mut self.strongest);
             }
         }
     }
@@ -141,7 +139,14 @@ impl Touch {
             .0
     }
 
-    fn clear(&mut self) {
+    /// Ends it, if it has begun.
+    fn end(&mut self, strongest: &mut (f64, usize)) {
+        if self.frames == 0 {
+            return;
+        }
+        if self.load > strongest.0 && self.frames > 1 {
+            *strongest = (self.load, self.voted());
+        }
         (self.frames, self.load, self.bin) = (0, 0.0, i32::MIN);
         self.votes.iter_mut().for_each(|bin| *bin = [0.0; MOST + 1]);
     }

@@ -5,23 +5,18 @@
 //! makes it flicker. Two taxels next to the same taxel without a reading are also connected, so that a dead
 //! taxel does not split a contact.
 //!
-//! In reading order: [`TrackerOptions`] has the thresholds, `noise` estimates them where none are given;
-//! `find` finds the taxels of the regions of a frame ([`ContactRegion`]), `split` splits regions with several
-//! peaks, `place` measures force, position and shape, `tracks` matches them with those of the last frame,
-//! `tracker` combines all steps ([`ContactTracker`]), and `at_once` counts the contacts of a touch. With
-//! [`Probe::Finger`], `fingers` prepares the readings and splits regions instead of `split`.
-//!
 //! Where the threshold is estimated, the noise is known: connected taxels above the lower threshold are a region too if
 //! their sum is above the upper one times the root of their number, as unlikely as one taxel above it; and a contact goes
-//! on while it is above the lower threshold.
+//! on while it is above the lower threshold. A contact that is not twice as strong is seen in its second frame.
 //!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
-//! same first frames is subtracted from each taxel; else subtract a baseline first
-//! ([`Conditioner`](crate::signal::Conditioner)).
+//! same first frames is subtracted from each taxel, unless [`TrackerOptions::rest`] says that it is 0; else subtract a
+//! baseline first ([`Conditioner`](crate::signal::Conditioner)).
 
 mod at_once;
 mod fingers;
 mod find;
+mod join;
 mod noise;
 mod place;
 mod split;
@@ -46,6 +41,19 @@ pub enum Probe {
     /// Fingers of a hand: zero and noise are followed, readings smoothed with a time constant of 0.15 s, and a region
     /// is split into straight ridges of the width of a finger; a palm stays one contact.
     Finger,
+    /// A foot, a seat, a lying body: regions of a patch at most 10 cm apart are one contact, as heel and ball of a foot with
+    /// a high arch; no region is split.
+    Foot,
+}
+
+/// What readings are where nothing touches the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rest {
+    /// Anything: their mean in the frames of which the threshold is estimated is subtracted, if it is estimated.
+    #[default]
+    Learned,
+    /// About 0: the sensor was tared, or a zero is subtracted already.
+    AtZero,
 }
 
 /// Criteria for a contact, and for the same contact in the next frame.
@@ -68,14 +76,11 @@ pub struct TrackerOptions {
     pub prominence: f64,
     /// A separate contact has at least this many taxels above the saddle.
     pub part: usize,
-    /// The threshold is estimated from this many first frames, at least 2, in which nothing should touch the
-    /// skin, or from all frames if there are fewer. Their mean is subtracted from each taxel.
-    ///
-    /// The noise is the standard deviation of the readings of the noisiest taxels, without the noisiest
-    /// twentieth. The threshold is the Gaussian quantile of this noise at which one taxel of the skin is
-    /// above it by chance in a million frames. For readings without any noise, such as simulated ones, the
-    /// threshold is a millionth of the largest reading of these frames: 0 if they are all 0, so that every
-    /// larger reading is a touch.
+    /// What readings are at rest.
+    pub rest: Rest,
+    /// The threshold is estimated from this many first frames, at least 2, in which nothing should touch the skin, or from
+    /// all frames if there are fewer. Their mean is subtracted from each taxel if readings at rest are to be
+    /// [learned](Rest::Learned).
     pub noise_frames: usize,
     /// How far the centre of a contact may move between frames, in m, if the two regions share no taxel.
     pub reach: f64,
@@ -96,6 +101,7 @@ impl Default for TrackerOptions {
             least: 2,
             prominence: 0.4,
             part: 4,
+            rest: Rest::Learned,
             noise_frames: 5,
             reach: 0.01,
             lasting: 1,
@@ -108,7 +114,7 @@ impl Probe {
     /// deviations of the noise.
     pub fn low(self) -> f64 {
         match self {
-            Self::Any => TrackerOptions::default().low,
+            Self::Any | Self::Foot => TrackerOptions::default().low,
             Self::Finger => 0.625,
         }
     }

@@ -2,19 +2,28 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
-use crate::mesh::VertexCorners;
-use crate::numeric::storable;
+use crate::mesh::{VertexCorners, neighbours};
+use crate::numeric::{Csr, storable};
 use crate::pyramid::LevelId;
+use crate::signal::clock::FRAMES_AHEAD;
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
 use crate::signal::contacts::fingers::{Fingers, HIGH, Limits};
+use crate::signal::contacts::join::join_near;
 use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
 use crate::signal::contacts::tracks::Tracks;
-use crate::signal::{Channel, ContactEvent, Frame, Probe, Quantity, SignalError, Stage, TrackerOptions};
+use crate::signal::{
+    Channel, Clock, ContactEvent, Frame, Probe, Quantity, Rest, SignalError, Stage, Tick, TrackerOptions,
+};
 use crate::skin::PatchId;
+
+/// Where the threshold is estimated, a contact is seen at once from this many times the limit of noise on, else in its second
+/// frame: electronics have spikes that neighbours share, to 1.4 times the limit in recordings of an untouched cover, half of which
+/// had a contact of one frame. A touch of a finger is over three times the limit.
+const SURE: f64 = 2.0;
 
 /// Finds contacts in frames of readings and tracks them from frame to frame.
 ///
@@ -54,6 +63,10 @@ pub struct ContactTracker {
     newtons: f64,
     options: TrackerOptions,
     noise: Threshold,
+    /// The taxels next to each one, patch after patch.
+    neighbours: Csr<u32>,
+    /// Whether taxels next to each other moved together while it was estimated.
+    is_moving: bool,
     /// The readings of untouched taxels, and the readings of this frame above them.
     rest: IdVec<PatchId, IdVec<VertexId, f64>>,
     values: IdVec<PatchId, IdVec<VertexId, f64>>,
@@ -61,9 +74,15 @@ pub struct ContactTracker {
     /// With [`Probe::Finger`].
     fingers: Option<Fingers>,
     at_once: AtOnce,
+    clock: Clock,
+    /// Frames that were learned from.
+    ahead: usize,
+    /// What the time of the last frame said.
+    tick: Tick,
     tracks: Tracks,
-    /// The regions of the last frame.
+    /// The regions of the last frame that may go on, and those that end because times jump.
     last: Vec<ContactRegion>,
+    ended: Vec<ContactRegion>,
     /// The regions of this frame: first `shown` reported ones, with the released ones last, then those that
     /// have not lasted long enough.
     found: Vec<ContactRegion>,
@@ -72,7 +91,12 @@ pub struct ContactTracker {
     next: u64,
     /// The threshold by now.
     high: Option<f64>,
+    /// Frames with several taxels far below the rest that was learned.
+    below: usize,
 }
+
+/// Taxels far below rest, from which on something touched the skin while it was learned. *Heuristic*: spikes come alone.
+const BELOW: usize = 3;
 
 impl ContactTracker {
     /// A tracker for frames of this map, which uses this channel.
@@ -81,7 +105,7 @@ impl ContactTracker {
     /// [`SignalError::Option`], or [`SignalError::NoTouch`] for fingers in a channel that does not measure touches.
     pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
-        if options.probe == Probe::Finger && !channel.is_of_touch() {
+        if options.probe == Probe::Finger && !channel.kind.is_of_touch() {
             return Err(SignalError::NoTouch { known: vec![channel.name.clone()] });
         }
         let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, channel, options));
@@ -97,17 +121,24 @@ impl ContactTracker {
             newtons: channel.newtons().unwrap_or(f64::NAN),
             options: *options,
             noise: Threshold::new(options),
+            neighbours: neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh)),
+            is_moving: false,
             rest: zeros.clone(),
             values: zeros,
             finder: Finder::new(map),
             fingers,
             at_once: AtOnce::new(map),
+            clock: Clock::new(),
+            ahead: 0,
+            tick: Tick::First,
             tracks: Tracks::default(),
             last: Vec::new(),
+            ended: Vec::new(),
             found: Vec::new(),
             shown: 0,
             next: 0,
             high: options.threshold,
+            below: 0,
         })
     }
 
@@ -117,6 +148,23 @@ impl ContactTracker {
         self.high
     }
 
+    /// Whether taxels next to each other moved together in the frames from which zero and noise were taken.
+    pub fn was_moving(&self) -> bool {
+        self.is_moving
+    }
+
+    /// Frames in which three taxels or more are as far below the rest that was learned as contacts are above it.
+    pub fn frames_below(&self) -> usize {
+        self.below
+    }
+
+    /// Keeps a frame from which zero and noise are learned; true once there are enough of them.
+    pub(crate) fn learn_from(&mut self, frame: &Frame) -> bool {
+        self.clock.learn(frame.time);
+        self.ahead += 1;
+        self.noise.learn(frame, &self.options, self.neighbours.len()) && self.ahead >= FRAMES_AHEAD
+    }
+
     /// How many contacts the strongest touch so far had at once. A touch is what happens on a link until nothing
     /// touches it for 0.15 s; its frames vote for their number of contacts with the sum of their twelve largest readings in
     /// contact, if that is at least 0.7 of the largest. 0 if no touch lasted two frames.
@@ -124,7 +172,8 @@ impl ContactTracker {
         self.at_once.strongest()
     }
 
-    /// The contacts of the next frame, by patch and first taxel, then those that have ended. If the threshold
+    /// The contacts of the next frame, by patch and first taxel, then those that have ended. All end where times go back
+    /// or frames are missing. If the threshold
     /// is estimated and the tracker has not [learned](Stage::learn) yet, it learns from the first frames,
     /// which have no contacts.
     ///
@@ -132,22 +181,34 @@ impl ContactTracker {
     /// If the frame does not have the patches, the channel and the taxels that the tracker was made for.
     pub fn track(&mut self, frame: &Frame) -> &[ContactRegion] {
         assert_eq!(frame.values.len(), self.patches.len(), "one entry per patch");
+        self.tick = self.clock.see(frame.time);
+        let elapsed = self.clock.elapsed(self.tick);
         self.keep_last();
         self.high = self.noise.known();
         if let Some(fingers) = &mut self.fingers {
-            self.high = fingers.see(frame, self.options.channel, self.high);
+            let time = (self.tick, elapsed);
+            self.high = fingers.see(frame, time, self.options.channel, self.high);
         }
         if let Some(high) = self.high {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
-        } else if self.noise.learn(frame, self.options.channel) >= self.options.noise_frames {
-            self.settle();
+        } else if self.noise.learn(frame, &self.options, self.neighbours.len()) {
+            self.settle_noise();
         }
         self.finder.number(&self.found);
         let reach = self.options.reach;
-        let goes_on = self.tracks.join(&self.last, &mut self.found, &self.finder, reach);
+        self.tracks.join(&self.last, &mut self.found, &self.finder, reach);
         self.finder.clear();
-        for region in &mut self.found {
+        let is_learned = self.options.threshold.is_none() && self.fingers.is_none();
+        for (k, region) in self.found.iter_mut().enumerate() {
+            let sure = SURE * self.high.unwrap_or_default();
+            let is_sure = || {
+                let sum: f64 = region.taxels.iter().map(|&taxel| self.values[region.patch][taxel]).sum();
+                region.peak > sure || sum > sure * (region.taxels.len() as f64).sqrt()
+            };
+            if is_learned && self.tracks.is_new(k) && !is_sure() {
+                continue;
+            }
             region.age += 1;
             if region.age == self.options.lasting.max(1) {
                 (region.track, self.next) = (self.next, self.next + 1);
@@ -155,7 +216,7 @@ impl ContactTracker {
                 region.event = ContactEvent::Move;
             }
         }
-        for (mut region, goes_on) in self.last.drain(..).zip(goes_on) {
+        for (mut region, goes_on) in self.last.drain(..).zip(self.tracks.goes_on()) {
             if *goes_on || region.age < self.options.lasting {
                 self.finder.recycle(region);
             } else {
@@ -163,6 +224,7 @@ impl ContactTracker {
                 self.found.push(region);
             }
         }
+        self.found.append(&mut self.ended);
         let lasting = self.options.lasting;
         let rank = |region: &ContactRegion| match region.event {
             _ if region.age < lasting => 2,
@@ -173,7 +235,7 @@ impl ContactTracker {
         self.shown = self.found.partition_point(|region| rank(region) < 2);
         let (fingers, values) = (&self.fingers, &self.values);
         let values = |patch| fingers.as_ref().map_or(&values[patch], |fingers| fingers.smooth(patch));
-        self.at_once.see(frame.time, &self.found[..self.shown], values);
+        self.at_once.see(self.tick, elapsed, &self.found[..self.shown], values);
         &self.found[..self.shown]
     }
 
@@ -182,16 +244,30 @@ impl ContactTracker {
         &self.found[..self.shown]
     }
 
+    /// What the time of the last frame said.
+    pub(in crate::signal) fn tick(&self) -> Tick {
+        self.tick
+    }
+
     /// The readings of the last frame above those at rest: what contacts are measured from.
     pub(in crate::signal) fn values(&self) -> &IdVec<PatchId, IdVec<VertexId, f64>> {
         &self.values
     }
 
-    /// Stores the found regions as those of the last frame.
+    fn settle_noise(&mut self) {
+        self.is_moving = self.noise.settle(&mut self.rest, &self.options, &self.neighbours);
+        self.high = self.noise.known();
+    }
+
+    /// Stores the found regions as those of the last frame, from which none goes on where times jump.
     fn keep_last(&mut self) {
-        for region in self.found.drain(..) {
-            if region.event == ContactEvent::Release {
+        for mut region in self.found.drain(..) {
+            let is_cut = self.tick.is_cut();
+            if region.event == ContactEvent::Release || (is_cut && region.age < self.options.lasting) {
                 self.finder.recycle(region);
+            } else if is_cut {
+                region.event = ContactEvent::Release;
+                self.ended.push(region);
             } else {
                 self.last.push(region);
             }
@@ -204,8 +280,8 @@ impl ContactTracker {
         let high = high.max(f64::from(f32::MIN_POSITIVE));
         let Self { patches, around, options, rest, values, finder, found, fingers, last, .. } = self;
         finder.follow(last);
-        // Fingers split regions themselves.
-        let prominence = if fingers.is_some() { 1.0 } else { options.prominence };
+        // Fingers split regions themselves, and the parts of a foot are one.
+        let prominence = if options.probe == Probe::Any { options.prominence } else { 1.0 };
         let options = &TrackerOptions { prominence, ..*options };
         for (id, patch) in patches.enumerate() {
             let (mesh, read) =
@@ -222,7 +298,15 @@ impl ContactTracker {
             let is_estimated = fingers.is_none() && options.threshold.is_none();
             let least_seed = if is_estimated { options.low * high } else { high };
             let readings = PatchReadings { mesh, around: &around[id], values, options, high, least_seed };
+            let first = found.len();
             finder.find(id, &readings, found);
+            if options.probe == Probe::Foot {
+                join_near(&mesh.positions, first, found, finder);
+            }
+        }
+        if options.rest == Rest::Learned && options.threshold.is_none() && fingers.is_none() {
+            let is_below = |values: &IdVec<VertexId, f64>| values.iter().filter(|x| **x < -high).count();
+            self.below += usize::from(values.iter().map(is_below).sum::<usize>() >= BELOW);
         }
         if let Some(fingers) = fingers {
             let sigma = high / HIGH;
@@ -314,18 +398,18 @@ impl ContactTracker {
 }
 
 impl Stage for ContactTracker {
-    /// The frames from which the threshold is estimated.
+    /// The frames from which the threshold is estimated, or the usual step of times is known.
     fn frames_to_learn(&self) -> usize {
-        if self.options.threshold.is_some() { 0 } else { self.options.noise_frames }
+        if self.options.threshold.is_some() { FRAMES_AHEAD } else { self.options.noise_frames }
     }
 
     fn learn(&mut self, frame: &Frame) {
-        self.noise.learn(frame, self.options.channel);
+        self.learn_from(frame);
     }
 
     fn settle(&mut self) {
-        self.noise.settle(&mut self.rest);
-        self.high = self.noise.known();
+        self.clock.settle();
+        self.settle_noise();
     }
 
     /// The unchanged frame; see [`ContactTracker::contacts`].

@@ -32,14 +32,14 @@ struct Pair {
 
 impl Tracks {
     /// Passes track and age of the regions of the last frame to the found regions of the same contact, whose
-    /// taxels are numbered in `finder`. Returns for each region of the last frame whether it continues.
+    /// taxels are numbered in `finder`.
     pub(super) fn join(
         &mut self,
         last: &[ContactRegion],
         found: &mut [ContactRegion],
         finder: &Finder,
         reach: f64,
-    ) -> &[bool] {
+    ) {
         self.list_pairs(last, found, finder, reach);
         self.pairs.sort_unstable_by(|a, b| {
             let order = |pair: &Pair| (Reverse(pair.shared), Reverse(last[pair.last].age));
@@ -62,7 +62,16 @@ impl Tracks {
                 found[pair.found].age = last[pair.last].age;
             }
         }
+    }
+
+    /// For each region of the last frame whether it continues, after [`Self::join`].
+    pub(super) fn goes_on(&self) -> &[bool] {
         &self.is_joined_last
+    }
+
+    /// Whether a found region is of no contact of the last frame, after [`Self::join`].
+    pub(super) fn is_new(&self, found: usize) -> bool {
+        !self.is_joined_found[found]
     }
 
     fn list_pairs(&mut self, last: &[ContactRegion], found: &[ContactRegion], finder: &Finder, reach: f64) {

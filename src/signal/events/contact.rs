@@ -31,11 +31,12 @@ pub(super) struct PatchLimits {
 #[derive(Debug, Clone)]
 pub(super) struct Followed {
     pub(super) number: u64,
-    /// The track that it is now; `None` after its end, until nothing can continue it.
-    pub(super) track: Option<u64>,
-    pub(super) patch: PatchId,
+    /// The track that it is now.
+    pub(super) track: u64,
     pub(super) link: LinkId,
     pub(super) onset: f64,
+    /// Before this time its first peak read nothing: it had not begun.
+    possible: f64,
     /// The last frame that had it.
     pub(super) last: f64,
     pub(super) centre: DVec3,
@@ -60,6 +61,8 @@ pub(super) struct Followed {
     force_peak_time: f64,
     impulse: f64,
     area: f64,
+    /// The patch, the taxels and the peak when it was largest.
+    patch: PatchId,
     taxels: Vec<VertexId>,
     peak: f64,
     peak_taxel: VertexId,
@@ -70,16 +73,17 @@ impl Followed {
     pub(super) fn new(
         number: u64,
         time: f64,
+        possible: f64,
         region: &ContactRegion,
         PatchLimits { stroke, taxels }: PatchLimits,
     ) -> Self {
         let stretch = || Stretch { taxels: Vec::with_capacity(taxels), ..Stretch::default() };
         Self {
             number,
-            track: Some(region.track),
-            patch: region.patch,
+            track: region.track,
             link: region.link,
             onset: time,
+            possible,
             last: time,
             centre: region.centre,
             normal: region.normal,
@@ -98,6 +102,7 @@ impl Followed {
             force_peak_time: time,
             impulse: 0.0,
             area: 0.0,
+            patch: region.patch,
             taxels: Vec::with_capacity(taxels),
             peak: f64::NEG_INFINITY,
             peak_taxel: region.peak_taxel,
@@ -109,7 +114,7 @@ impl Followed {
         if self.frames > 0 {
             self.impulse += 0.5 * (time - self.last) * (self.force + region.force);
         }
-        (self.patch, self.last, self.centre) = (region.patch, time, region.centre);
+        (self.last, self.centre) = (time, region.centre);
         (self.normal, self.force) = (region.normal, region.force);
         self.frames += 1;
         self.force_sum += region.force;
@@ -118,7 +123,7 @@ impl Followed {
         }
         self.area = self.area.max(region.area);
         if region.peak > self.peak {
-            (self.peak, self.peak_taxel) = (region.peak, region.peak_taxel);
+            (self.patch, self.peak, self.peak_taxel) = (region.patch, region.peak, region.peak_taxel);
             self.taxels.clear();
             self.taxels.extend_from_slice(&region.taxels);
         }
@@ -161,7 +166,7 @@ impl Followed {
             let span = [self.onset, self.last];
             let found =
                 history.date(Edge::Begin, *patch, taxels, span, self.last - self.onset).unwrap_or(self.onset);
-            self.begin = found.clamp(self.onset - DATED_MOST_S, self.onset);
+            self.begin = found.max(self.possible).clamp(self.onset - DATED_MOST_S, self.onset);
         }
     }
 
@@ -182,7 +187,8 @@ impl Followed {
         let found = history
             .date(Edge::End, *patch, taxels, [*begin, self.last], self.last - self.onset)
             .unwrap_or(self.last);
-        self.end = found.clamp(self.last, self.last + DATED_MOST_S);
+        let latest = history.latest().unwrap_or(self.last).max(self.last);
+        self.end = found.clamp(self.last, latest.min(self.last + DATED_MOST_S));
     }
 
     /// When it began, dated back to the noise.
@@ -248,7 +254,8 @@ impl Followed {
             from,
             to,
             length: self.path.length.max(net),
-            direction: is_moving.then(|| {
+            // Maps of two patches have no direction in common.
+            direction: (is_moving && from.patch == to.patch).then(|| {
                 let way = to.map - from.map;
                 way.y.atan2(way.x)
             }),
@@ -270,5 +277,48 @@ impl Followed {
             duration: until - begin,
             contact: Some(self.contact(word, options)),
         }
+    }
+}
+
+/// A contact whose track has ended: a new one may continue it for some time.
+#[derive(Debug, Clone)]
+pub(super) struct Waiting(Followed);
+
+impl Waiting {
+    pub(super) fn new(contact: Followed) -> Self {
+        Self(contact)
+    }
+
+    pub(super) fn contact(&self) -> &Followed {
+        &self.0
+    }
+
+    /// Whether a track that begins at this time may continue it.
+    pub(super) fn may_go_on(&self, time: f64, options: &EventOptions) -> bool {
+        time - self.0.last <= options.join_s + 1e-9
+    }
+
+    /// How far a region is that may continue it, in m, and its number.
+    pub(super) fn distance(
+        &self,
+        time: f64,
+        region: &ContactRegion,
+        options: &EventOptions,
+    ) -> Option<(f64, u64)> {
+        let distance = self.0.centre.distance(region.centre);
+        let is_near = self.0.link == region.link && distance <= options.join_m;
+        (is_near && self.may_go_on(time, options)).then_some((distance, self.0.number))
+    }
+
+    /// It, continued by a region.
+    pub(super) fn go_on(mut self, time: f64, region: &ContactRegion) -> Followed {
+        self.0.track = region.track;
+        self.0.see(time, region);
+        self.0
+    }
+
+    /// It, to be ended.
+    pub(super) fn end(&mut self) -> &mut Followed {
+        &mut self.0
     }
 }

@@ -4,19 +4,12 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::mesh::edges;
 use crate::pyramid::LevelId;
-use crate::signal::events::contact::{Followed, PatchLimits};
+use crate::signal::events::contact::{Followed, PatchLimits, Waiting};
 use crate::signal::events::groups::Groups;
 use crate::signal::events::history::History;
 use crate::signal::events::{Event, EventOptions, Phase, Word};
-use crate::signal::{ContactEvent, ContactRegion, ContactTracker, SignalError};
+use crate::signal::{Clock, ContactEvent, ContactRegion, ContactTracker, SignalError, Tick};
 use crate::skin::PatchId;
-
-/// Frames that are this many mean intervals apart, and this long in s, have a gap between them.
-const GAP_INTERVALS: f64 = 10.0;
-const GAP_S: f64 = 0.5;
-
-/// The mean interval is that of the latest frames: this many.
-const INTERVAL_FRAMES: f64 = 50.0;
 
 /// Finds events in the contacts of frames, which a [`ContactTracker`](crate::signal::ContactTracker) finds.
 ///
@@ -51,18 +44,20 @@ const INTERVAL_FRAMES: f64 = 50.0;
 pub struct EventDetector {
     options: EventOptions,
     limits: IdVec<PatchId, PatchLimits>,
+    /// Of the last frame.
     time: Option<f64>,
-    interval: f64,
-    frames: f64,
-    /// Contacts that go on or may be continued, in the order of their numbers.
+    /// Of contacts from elsewhere; a tracker has its own.
+    clock: Clock,
+    /// Contacts of the last frame, in the order of their numbers.
     open: Vec<Followed>,
+    /// Those that have ended, unless a new track continues them.
+    waiting: Vec<Waiting>,
     next: u64,
     groups: Groups,
     history: History,
     events: Vec<Event>,
     /// Regions without a contact, contacts that they may continue, and their distance.
-    pairs: Vec<(f64, usize, usize)>,
-    is_taken: Vec<bool>,
+    pairs: Vec<(f64, usize, u64)>,
 }
 
 impl EventDetector {
@@ -84,15 +79,14 @@ impl EventDetector {
             options,
             limits,
             time: None,
-            interval: 0.0,
-            frames: 0.0,
+            clock: Clock::new(),
             open: Vec::new(),
+            waiting: Vec::new(),
             next: 0,
             groups: Groups::default(),
             history: History::new(&map.patches.map(|patch| patch.taxels.ids.len())),
             events: Vec::new(),
             pairs: Vec::new(),
-            is_taken: Vec::new(),
         })
     }
 
@@ -106,7 +100,7 @@ impl EventDetector {
     /// # Errors
     /// [`SignalError::NoEventTime`] if the frame has no time.
     pub fn see(&mut self, time: f64, tracker: &ContactTracker) -> Result<&[Event], SignalError> {
-        self.start(time)?;
+        self.start(time, tracker.tick())?;
         self.follow(time, tracker.contacts());
         self.history.keep(time, tracker.values());
         Ok(self.report(time))
@@ -118,17 +112,28 @@ impl EventDetector {
     /// # Errors
     /// [`SignalError::NoEventTime`] if the frame has no time.
     pub fn see_contacts(&mut self, time: f64, regions: &[ContactRegion]) -> Result<&[Event], SignalError> {
-        self.start(time)?;
+        let tick = self.clock.see(time);
+        self.start(time, tick)?;
         self.follow(time, regions);
         Ok(self.report(time))
     }
 
-    fn start(&mut self, time: f64) -> Result<(), SignalError> {
+    /// Ends all contacts where times go back or frames are missing.
+    fn start(&mut self, time: f64, tick: Tick) -> Result<(), SignalError> {
         if !time.is_finite() {
             return Err(SignalError::NoEventTime);
         }
         self.events.clear();
-        self.check_gap(time);
+        if let Some(last) = self.time.replace(time).filter(|_| tick.is_cut()) {
+            self.end_contacts(last, true);
+            self.groups.finish(last, &self.options, &mut self.events);
+            self.history.clear();
+            // Where times go back nobody knows how long it was.
+            let begin = last.min(time);
+            let duration = time - begin;
+            let (word, phase, contacts) = (Word::Gap, Phase::End, Vec::new());
+            self.events.push(Event { word, phase, contacts, time, begin, duration, contact: None });
+        }
         Ok(())
     }
 
@@ -136,7 +141,8 @@ impl EventDetector {
         self.end_contacts(time, false);
         self.report_changes(time);
         self.groups.grasp(time, &mut self.open, &self.options, &mut self.events);
-        self.groups.end_pats(time, &self.open, &self.options, &mut self.events);
+        let going_on = || self.open.iter().chain(self.waiting.iter().map(Waiting::contact));
+        self.groups.end_pats(time, going_on, &self.options, &mut self.events);
         &self.events
     }
 
@@ -150,81 +156,57 @@ impl EventDetector {
         &self.events
     }
 
-    /// Ends all contacts where times jump back or frames are missing.
-    fn check_gap(&mut self, time: f64) {
-        let Some(last) = self.time.replace(time) else { return };
-        let step = time - last;
-        let is_gap = step < 0.0 || (self.frames > 0.0 && step > GAP_S.max(GAP_INTERVALS * self.interval));
-        if is_gap {
-            self.end_contacts(last, true);
-            self.groups.finish(last, &self.options, &mut self.events);
-            self.history.clear();
-            let [begin, duration] = [last, step];
-            let (word, phase, contacts) = (Word::Gap, Phase::End, Vec::new());
-            self.events.push(Event { word, phase, contacts, time, begin, duration, contact: None });
-        } else {
-            self.frames = (self.frames + 1.0).min(INTERVAL_FRAMES);
-            self.interval += (step - self.interval) / self.frames;
-        }
-    }
-
     /// Finds the contact of each region: that of its track, one that it continues, or a new one.
     fn follow(&mut self, time: f64, regions: &[ContactRegion]) {
-        let is_there = |region: &&ContactRegion| region.event != ContactEvent::Release;
-        let here = || regions.iter().filter(is_there);
-        let history = &mut self.history;
-        for contact in &mut self.open {
-            let region = here().find(|region| Some(region.track) == contact.track);
+        let here = || regions.iter().filter(|region| region.event != ContactEvent::Release);
+        let Self { open, waiting, options, limits, history, next, pairs, .. } = self;
+        let gone = open.extract_if(.., |contact| {
+            let region = here().find(|region| region.track == contact.track);
             // The history does not have this frame yet: it is that of the last frame of the contact.
             if region.is_none() || contact.is_risen(time) {
                 contact.date_begin(history);
             }
-            match region {
-                Some(region) => contact.see(time, region),
-                None => contact.track = None,
-            }
-        }
-        self.pairs.clear();
-        let open = &self.open;
-        let is_new = |region: &ContactRegion| open.iter().all(|contact| contact.track != Some(region.track));
+            region.inspect(|region| contact.see(time, region)).is_none()
+        });
+        waiting.extend(gone.map(Waiting::new));
+        let is_new = |region: &ContactRegion| open.iter().all(|contact| contact.track != region.track);
+        pairs.clear();
         for (k, region) in here().enumerate().filter(|(_, region)| is_new(region)) {
-            for (at, contact) in open.iter().enumerate().filter(|(_, contact)| contact.track.is_none()) {
-                let distance = contact.centre.distance(region.centre);
-                let is_soon = time - contact.last <= self.options.join_s + 1e-9;
-                if contact.link == region.link && is_soon && distance <= self.options.join_m {
-                    self.pairs.push((distance, k, at));
-                }
-            }
+            let near = waiting.iter().filter_map(|contact| contact.distance(time, region, options));
+            pairs.extend(near.map(|(distance, number)| (distance, k, number)));
         }
-        self.pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        self.is_taken.clear();
-        self.is_taken.resize(here().count(), false);
-        for &(_, k, at) in &self.pairs {
-            if let Some(region) = here().nth(k).filter(|_| !self.is_taken[k])
-                && self.open[at].track.is_none()
-            {
-                self.is_taken[k] = true;
-                self.open[at].track = Some(region.track);
-                self.open[at].see(time, region);
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        for &(_, k, number) in &*pairs {
+            let region = here().nth(k).filter(|region| open.iter().all(|other| other.track != region.track));
+            let place = waiting.iter().position(|contact| contact.contact().number == number);
+            if let (Some(region), Some(place)) = (region, place) {
+                open.push(waiting.remove(place).go_on(time, region));
             }
         }
         for region in here() {
-            if self.open.iter().all(|contact| contact.track != Some(region.track)) {
-                let mut contact = Followed::new(self.next, time, region, self.limits[region.patch]);
+            if open.iter().all(|contact| contact.track != region.track) {
+                let possible = history.possible(region, time);
+                let mut contact = Followed::new(*next, time, possible, region, limits[region.patch]);
                 contact.see(time, region);
-                self.next += 1;
-                self.open.push(contact);
+                *next += 1;
+                open.push(contact);
             }
         }
+        open.sort_unstable_by_key(|contact| contact.number);
     }
 
     /// Ends contacts that nothing can continue any more, or all.
     fn end_contacts(&mut self, time: f64, all: bool) {
-        let Self { open, options, events, groups, history, .. } = self;
-        open.retain_mut(|contact| {
-            if !all && (contact.track.is_some() || time - contact.last <= options.join_s + 1e-9) {
+        let Self { open, waiting, options, events, groups, history, .. } = self;
+        if all {
+            waiting.extend(open.drain(..).map(Waiting::new));
+        }
+        waiting.sort_unstable_by_key(|contact| contact.contact().number);
+        waiting.retain_mut(|contact| {
+            if !all && contact.may_go_on(time, options) {
                 return true;
             }
+            let contact = contact.end();
             if contact.is_lasting(options) {
                 contact.close();
                 contact.date_begin(history);
@@ -246,7 +228,7 @@ impl EventDetector {
     /// Reports contacts that have begun, and those that are something else by now.
     fn report_changes(&mut self, time: f64) {
         let Self { open, options, events, history, .. } = self;
-        for contact in open.iter_mut().filter(|contact| contact.track.is_some()) {
+        for contact in open {
             match contact.word {
                 None if contact.is_lasting(options) => {
                     contact.date_begin(history);

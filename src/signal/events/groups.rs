@@ -21,7 +21,9 @@ struct Series {
 struct Grasp {
     link: LinkId,
     since: f64,
+    /// The last frame with its contacts at once, and for how long they were so, in s.
     last: f64,
+    held: f64,
     is_reported: bool,
     contacts: Vec<u64>,
     force_peak: f64,
@@ -36,6 +38,8 @@ struct Grasp {
 pub(super) struct Groups {
     series: Vec<Series>,
     grasps: Vec<Grasp>,
+    /// Of the last frame.
+    time: f64,
 }
 
 impl Groups {
@@ -62,10 +66,10 @@ impl Groups {
     }
 
     /// Ends the pats that no tap can continue: those of contacts that go on may.
-    pub(super) fn end_pats(
+    pub(super) fn end_pats<'f, C: Iterator<Item = &'f Followed>>(
         &mut self,
         time: f64,
-        open: &[Followed],
+        going_on: impl Fn() -> C,
         options: &EventOptions,
         events: &mut Vec<Event>,
     ) {
@@ -76,7 +80,7 @@ impl Groups {
                     && contact.last - contact.onset < options.tap_s
                     && contact.centre.distance(series.centre) <= options.pat_m
             };
-            let goes_on = time - series.end < options.pat_s || open.iter().any(may_continue);
+            let goes_on = time - series.end < options.pat_s || going_on().any(may_continue);
             if !goes_on && series.contacts.len() >= options.pat_taps {
                 events.push(series.event(Phase::End, time));
             }
@@ -106,12 +110,14 @@ impl Groups {
                 self.grasps.push(Grasp::new(time, &mut open[k], options));
                 self.grasps.len() - 1
             });
-            self.grasps[place].add(time, open, options);
+            self.grasps[place].add(time, self.time, open, options);
         }
+        self.time = time;
         self.grasps.sort_by_key(|grasp| grasp.link);
         self.grasps.retain_mut(|grasp| {
-            let goes_on = grasp.last == time;
-            if goes_on && !grasp.is_reported && time - grasp.since >= options.grasp_s {
+            // One of its contacts may be continued.
+            let goes_on = time - grasp.last <= options.join_s + 1e-9;
+            if !grasp.is_reported && grasp.held >= options.grasp_s - 1e-9 {
                 grasp.is_reported = true;
                 events.push(grasp.event(Phase::Begin, time));
             } else if !goes_on && grasp.is_reported {
@@ -123,7 +129,7 @@ impl Groups {
 
     /// Ends all.
     pub(super) fn finish(&mut self, time: f64, options: &EventOptions, events: &mut Vec<Event>) {
-        self.end_pats(f64::INFINITY, &[], options, events);
+        self.end_pats(f64::INFINITY, std::iter::empty, options, events);
         events.iter_mut().filter(|event| event.time == f64::INFINITY).for_each(|event| event.time = time);
         for grasp in self.grasps.drain(..).filter(|grasp| grasp.is_reported) {
             events.push(grasp.event(Phase::End, time));
@@ -151,6 +157,7 @@ impl Grasp {
             link: first.link,
             since: time,
             last: time,
+            held: 0.0,
             is_reported: false,
             contacts: Vec::new(),
             force_peak: f64::NAN,
@@ -161,8 +168,8 @@ impl Grasp {
         }
     }
 
-    /// Takes those of these contacts that are on its link.
-    fn add(&mut self, time: f64, open: &mut [Followed], options: &EventOptions) {
+    /// Takes those of these contacts that are on its link, and the time of the frame before.
+    fn add(&mut self, time: f64, before: f64, open: &mut [Followed], options: &EventOptions) {
         let link = self.link;
         let of_link = || open.iter().filter(|contact| contact.link == link);
         let force: f64 = of_link().map(|contact| contact.force).sum();
@@ -171,12 +178,15 @@ impl Grasp {
                 self.contacts.insert(place, contact.number);
             }
         }
-        self.impulse += (time - self.last) * force;
+        if self.last == before {
+            self.impulse += (time - self.last) * force;
+            self.held += time - self.last;
+        }
         self.force_peak = self.force_peak.max(force);
         self.force_sum += force;
         self.frames += 1.0;
         self.last = time;
-        if !self.is_reported && time - self.since >= options.grasp_s {
+        if !self.is_reported && self.held >= options.grasp_s - 1e-9 {
             let of_link = open.iter_mut().filter(|contact| contact.link == link);
             let strongest = of_link.reduce(|a, b| if b.force > a.force { b } else { a });
             if let Some(strongest) = strongest {

@@ -63,6 +63,8 @@ pub(super) struct History {
     /// The place of the next frame, and how many there are.
     next: usize,
     count: usize,
+    /// The time of the first frame since times jumped.
+    first: f64,
     /// Sums over the taxels of a contact that is dated.
     sums: Vec<f64>,
 }
@@ -81,19 +83,31 @@ impl History {
             times: vec![0.0; FRAMES],
             next: 0,
             count: 0,
+            first: f64::INFINITY,
             sums: Vec::with_capacity(FRAMES),
         }
     }
 
+    /// The earliest time at which a contact that is first seen in this region and at this time may have begun: when its
+    /// peak read nothing for the last time, or the first frame. The latter, if there is no frame before.
+    pub(super) fn possible(&self, region: &ContactRegion, time: f64) -> f64 {
+        let taxel = self.starts[region.patch] + region.peak_taxel.index();
+        let reads = |k: usize| self.values[self.place(k) * self.taxels + taxel];
+        let at = (0..self.count).find(|&k| reads(k) <= 0.0);
+        at.map_or(self.first.min(time), |k| self.times[self.place(k)])
+    }
+
+    /// The time of the latest frame.
+    pub(super) fn latest(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.times[self.place(0)])
+    }
+
     /// Keeps a frame.
     pub(super) fn keep(&mut self, time: f64, values: &IdVec<PatchId, IdVec<VertexId, f64>>) {
-        if self.count > 0 {
-            let last = self.times[(self.next + FRAMES - 1) % FRAMES];
-            if time < last {
-                self.count = 0;
-            } else if time - last < INTERVAL_S {
-                return;
-            }
+        match self.latest() {
+            Some(last) if time - last < INTERVAL_S => return,
+            Some(_) => {}
+            None => self.first = time,
         }
         self.values.resize(FRAMES * self.taxels, 0.0);
         let frame = &mut self.values[self.next * self.taxels..][..self.taxels];

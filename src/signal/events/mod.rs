@@ -10,21 +10,19 @@
 //! | `rub` | a stroke with a path of more than 3 times its net, and two turns or more |
 //! | `hit` | the largest force reached in less than 50 ms and above a limit, which has no default |
 //! | `pat` | three taps or more within 15 mm, each less than 0.6 s after the one before |
-//! | `grasp` | two contacts or more on a link at once for 0.3 s, whose normals differ by more than 90 degrees |
-//! | `gap` | times that jump back, or frames that are missing: contacts end before it |
+//! | `grasp` | two contacts or more on a link at once for 0.3 s, breaks that a contact outlasts aside, whose normals differ by more than 90 degrees |
+//! | `gap` | times that go back, for 0 s, or frames that are missing (`clock`): contacts end before it |
 //!
 //! A contact here is one or several tracks of a [`ContactTracker`](crate::signal::ContactTracker): noise breaks one touch
 //! into many tracks. A track that begins at most 0.15 s after another has ended, and within 15 mm of its last centre,
 //! continues it; two at once are never one. Contacts of one frame, or of less than 30 ms, are dropped. Begin and end are
-//! dated back to where the readings of its taxels were zero (`history`).
+//! dated back to where the readings of its taxels were zero (`history`), but not to before the first frame, nor to where its first
+//! peak still read nothing.
 //!
 //! Of the centres of pressure in the frame of the link, those with less than a quarter of the largest force aside, *from*
-//! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the 95 % quantile of the
-//! distances from the median centre. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
+//! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the length along the
+//! direction in which they differ most, without the outermost 5 %. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
-//!
-//! In reading order: `history` keeps the latest readings, `path` the centres of one contact, `contact` follows it
-//! ([`Followed`](contact::Followed)), `groups` finds pats and grasps, `detector` combines them ([`EventDetector`]).
 
 mod contact;
 mod detector;
@@ -200,9 +198,11 @@ pub enum Phase {
 /// A place on the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EventPlace {
+    /// The patch.
+    pub patch: PatchId,
     /// In the frame of the link, in m.
     pub point: DVec3,
-    /// On the map, in m.
+    /// On the map of the patch, in m.
     pub map: DVec2,
 }
 
@@ -228,7 +228,7 @@ pub struct Event {
 /// Where a contact is, how strong, and how it moves; of a pat or a grasp its last or its strongest contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventContact {
-    /// The patch.
+    /// The patch of its taxels; its ends may be on others of the link.
     pub patch: PatchId,
     /// Its link.
     pub link: LinkId,
@@ -247,7 +247,7 @@ pub struct EventContact {
     pub to: EventPlace,
     /// Length of the path, in m.
     pub length: f64,
-    /// Angle of the way from begin to end on the map, in rad; of strokes and rubs.
+    /// Angle of the way from begin to end on the map, in rad; of strokes and rubs whose ends are on one patch.
     pub direction: Option<f64>,
     /// The name of the direction, as a number in [`EventOptions::words`]; of strokes.
     pub body_word: Option<usize>,

@@ -5,9 +5,10 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::numeric::median_of;
+use crate::numeric::{median_of, symmetric_eigen};
 use crate::signal::ContactRegion;
 use crate::signal::events::EventPlace;
+use crate::skin::PatchId;
 
 /// Centres of pressure are averaged over blocks of this time, in s; when there are more than [`BLOCKS`], of twice the time.
 const BLOCK_S: f64 = 0.02;
@@ -20,7 +21,8 @@ const LOADED: f64 = 0.25;
 const STEP: f64 = 0.004;
 const TURN_COSINE: f64 = -0.5;
 
-/// Share of the first and the last blocks whose median is an end of the path, and the quantile of its reach.
+/// Share of the first and the last blocks whose median is an end of the path, and of the places within its reach: a place
+/// beside the others does not count.
 const END: usize = 8;
 const REACH: f64 = 0.95;
 
@@ -29,6 +31,8 @@ const REACH: f64 = 0.95;
 struct Block {
     begin: f64,
     frames: f64,
+    /// All are on this patch.
+    patch: PatchId,
     /// Sums over the frames: the load, and centres times load.
     load: f64,
     point: DVec3,
@@ -89,10 +93,13 @@ impl Path {
     /// Takes the contact in a frame.
     pub(super) fn add(&mut self, time: f64, region: &ContactRegion) {
         let load = region.peak.max(f64::MIN_POSITIVE);
-        let is_new = self.blocks.last().is_none_or(|block| time - block.begin >= self.block_s - 1e-9);
+        let is_new = self
+            .blocks
+            .last()
+            .is_none_or(|block| time - block.begin >= self.block_s - 1e-9 || block.patch != region.patch);
         if is_new {
             self.complete_block();
-            self.blocks.push(Block { begin: time, ..Block::default() });
+            self.blocks.push(Block { begin: time, patch: region.patch, ..Block::default() });
         }
         if let Some(block) = self.blocks.last_mut() {
             block.frames += 1.0;
@@ -132,12 +139,17 @@ impl Path {
         self.motion();
         for k in 0..BLOCKS / 2 {
             let (a, b) = (self.blocks[2 * k], self.blocks[2 * k + 1]);
+            let load = a.load + b.load;
+            // Of two patches the one with the larger load.
+            let main = if b.load > a.load { b } else { a };
+            let is_on_one = a.patch == b.patch;
             self.blocks[k] = Block {
                 begin: a.begin,
                 frames: a.frames + b.frames,
-                load: a.load + b.load,
+                patch: main.patch,
+                load,
                 point: a.point + b.point,
-                map: a.map + b.map,
+                map: if is_on_one { a.map + b.map } else { main.map * (load / main.load) },
             };
         }
         self.blocks.truncate(BLOCKS / 2);
@@ -199,25 +211,51 @@ impl Path {
         let end = (count / END).max(1);
         let mut median = |places: &[EventPlace], of: &dyn Fn(&EventPlace) -> f64| {
             scratch.clear();
-            scratch.extend(places.iter().map(of));
+            scratch.extend(places.iter().map(of).filter(|x| !x.is_nan()));
             median_of(scratch).unwrap_or(0.0)
         };
-        let mut place = |places: &[EventPlace]| EventPlace {
-            point: DVec3::new(
-                median(places, &|p| p.point.x),
-                median(places, &|p| p.point.y),
-                median(places, &|p| p.point.z),
-            ),
-            map: DVec2::new(median(places, &|p| p.map.x), median(places, &|p| p.map.y)),
+        let mut place = |places: &[EventPlace]| {
+            let patch = places[places.len() / 2].patch;
+            // NaN, which has no place among the numbers, on the map of another patch.
+            let on_map = |p: &EventPlace, x: f64| if p.patch == patch { x } else { f64::NAN };
+            EventPlace {
+                point: DVec3::new(
+                    median(places, &|p| p.point.x),
+                    median(places, &|p| p.point.y),
+                    median(places, &|p| p.point.z),
+                ),
+                patch,
+                map: DVec2::new(
+                    median(places, &|p| on_map(p, p.map.x)),
+                    median(places, &|p| on_map(p, p.map.y)),
+                ),
+            }
         };
-        let (from, to, middle) = (place(&places[..end]), place(&places[count - end..]), place(places));
+        let (from, to) = (place(&places[..end]), place(&places[count - end..]));
+        let along = main_direction(places);
         scratch.clear();
-        scratch.extend(places.iter().map(|p| p.point.distance(middle.point)));
+        scratch.extend(places.iter().map(|p| p.point.dot(along)));
+        scratch.sort_unstable_by(f64::total_cmp);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
-        let at = (REACH * (count - 1) as f64) as usize;
-        let reach = *scratch.select_nth_unstable_by(at, f64::total_cmp).1;
+        let beside = (0.5 * (1.0 - REACH) * count as f64) as usize;
+        let reach = scratch[count - 1 - beside] - scratch[beside];
         self.motion = Motion { from, to, net: from.point.distance(to.point), reach };
     }
+}
+
+/// The direction in which places differ most.
+fn main_direction(places: &[EventPlace]) -> DVec3 {
+    let mean = places.iter().map(|p| p.point).sum::<DVec3>() / places.len().max(1) as f64;
+    let mut sums = [[0.0; 3]; 3];
+    for p in places {
+        let d = (p.point - mean).to_array();
+        for (row, x) in sums.iter_mut().zip(d) {
+            row.iter_mut().zip(d).for_each(|(sum, y)| *sum += x * y);
+        }
+    }
+    let (squares, axes) = symmetric_eigen(&sums);
+    let largest = (0..3).max_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+    DVec3::from_array(std::array::from_fn(|row| axes[row][largest]))
 }
 
 impl Block {
@@ -226,6 +264,6 @@ impl Block {
     }
 
     fn place(&self) -> EventPlace {
-        EventPlace { point: self.point / self.load, map: self.map / self.load }
+        EventPlace { point: self.point / self.load, patch: self.patch, map: self.map / self.load }
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! Every frame gives a [`Load`] for each group of taxels: its peak, mean, force, contact area and centre of pressure.
 //! [`Summary`] adds them up over the frames: peaks, means, integrals over time and the path of the centre of pressure
-//! (`totals`). A taxel is loaded if its reading is above the threshold; force and sum are of all readings.
+//! (`totals`), and each loading of a group by itself (`steps`). A taxel is loaded if its reading is above the threshold; force and sum are of all readings.
 //!
-//! Integrals follow the trapezoidal rule between consecutive frames. Between frames that are farther apart than
-//! [`GAP`] mean intervals, and where times do not rise, nothing is added; [`Summary::gaps`] counts both.
+//! Integrals follow the trapezoidal rule between consecutive frames; the load of a contact is 0 in the frames before it
+//! begins and after it has ended. Where times go back or frames are missing (`clock`) nothing is added, and contacts end;
+//! [`Summary::gaps`] counts both.
 
 mod load;
+mod steps;
 mod totals;
 
 use std::collections::BTreeMap;
@@ -17,14 +19,12 @@ use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactTracker;
 use crate::signal::summary::load::Adder;
+use crate::signal::summary::steps::Steps;
 use crate::signal::{Channel, ContactEvent};
 use crate::skin::{LinkId, PatchId};
 
 pub use load::Load;
 pub use totals::Totals;
-
-/// Frames that are this many mean intervals apart have a gap between them.
-const GAP: f64 = 10.0;
 
 /// What a sum is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -39,6 +39,17 @@ pub enum Group {
     Region(RegionId),
     /// The taxels of a contact, by its track; they differ from frame to frame.
     Contact(u64),
+}
+
+/// A loading of a group by itself.
+#[derive(Debug, Clone)]
+pub struct LoadingStep {
+    /// A patch or a region.
+    pub group: Group,
+    /// Its number among the steps of the group, from 0 on.
+    pub number: usize,
+    /// What the group felt meanwhile; [`Totals::first_contact`] is its begin, [`Totals::contact_time`] its duration.
+    pub totals: Totals,
 }
 
 /// Adds up a recording.
@@ -59,9 +70,8 @@ pub struct Summary {
     link_places: IdVec<LinkId, Option<usize>>,
     totals: Vec<Totals>,
     contacts: BTreeMap<u64, (PatchId, Totals)>,
-    /// Times of the first and of the last frame, and the number of frames.
-    times: [f64; 2],
-    frames: usize,
+    /// Of patches and regions, if they are asked for.
+    steps: Option<Steps>,
     gaps: usize,
 }
 
@@ -94,8 +104,7 @@ impl Summary {
             starts: [1, patches, first_region],
             link_places,
             contacts: BTreeMap::new(),
-            times: [f64::NAN; 2],
-            frames: 0,
+            steps: None,
             gaps: 0,
         };
         this.count_taxels(map);
@@ -130,11 +139,22 @@ impl Summary {
         self.loads[first_link..first_patch].iter().for_each(|(_, load)| whole.merge(load));
         self.loads[0].1 = whole;
 
-        let step = self.step(time);
+        let tick = tracker.tick();
+        self.gaps += usize::from(tick.is_cut());
+        let step = tick.step();
+        if let Some(steps) = &mut self.steps {
+            steps.add(time, tick, self.loads[first_patch..].iter().map(|(_, load)| load));
+        }
         for (totals, (_, load)) in self.totals.iter_mut().zip(&self.loads) {
             totals.add(time, step, load);
         }
-        for region in tracker.contacts().iter().filter(|region| region.event != ContactEvent::Release) {
+        for region in tracker.contacts() {
+            if region.event == ContactEvent::Release {
+                if let Some((_, totals)) = self.contacts.get_mut(&region.track) {
+                    totals.leave(step);
+                }
+                continue;
+            }
             let adder = &self.adder[region.patch];
             let mut load = Load::default();
             for &taxel in &region.taxels {
@@ -145,24 +165,24 @@ impl Summary {
                 }
             }
             let entry = self.contacts.entry(region.track);
-            entry.or_insert_with(|| (region.patch, Totals::default())).1.add(time, step, &load);
+            entry.or_insert_with(|| (region.patch, Totals::enter())).1.add(time, step, &load);
         }
     }
 
-    /// The time since the last frame, if it is known, rises and is no gap.
-    fn step(&mut self, time: f64) -> Option<f64> {
-        let [first, last] = self.times;
-        let mean = (last - first) / self.frames.saturating_sub(1) as f64;
-        self.frames += 1;
-        self.times = if self.frames == 1 { [time; 2] } else { [first, time] };
-        let step = time - last;
-        // False for NaN: no times, or no frame before.
-        let is_step = step > 0.0 && (self.frames == 2 || mean.is_nan() || step <= GAP * mean);
-        self.gaps += usize::from(!is_step && step.is_finite());
-        is_step.then_some(step)
+    /// From now on also follows each loading of a patch or a region.
+    pub fn follow_steps(&mut self) {
+        self.steps = Some(Steps::new(self.loads.len() - self.starts[1]));
     }
 
-    /// How often a time was not after the one before, or farther from it than ten mean intervals.
+    /// The steps so far, by their begin, and how many loadings are none because the recording has only a part of them; `None`
+    /// unless they are [followed](Self::follow_steps).
+    pub fn steps(&self) -> Option<(Vec<LoadingStep>, usize)> {
+        let groups = self.loads[self.starts[1]..].iter().map(|(group, _)| *group);
+        let step = |(group, number, totals)| LoadingStep { group, number, totals };
+        self.steps.as_ref().map(|steps| (steps.list(groups).into_iter().map(step).collect(), steps.cut_off()))
+    }
+
+    /// How often times went back or frames were missing.
     pub fn gaps(&self) -> usize {
         self.gaps
     }

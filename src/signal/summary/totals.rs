@@ -55,14 +55,40 @@ pub struct Totals {
 
 /// What is kept of a load for the next frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Kept {
+pub(super) struct Kept {
     force: f64,
     peak: f64,
     is_loaded: bool,
     centre: Option<DVec3>,
 }
 
+impl Kept {
+    pub(super) fn of(load: &Load) -> Self {
+        Self { force: load.force, peak: load.peak, is_loaded: load.loaded > 0, centre: load.centre() }
+    }
+}
+
+/// Nothing touches.
+const AT_REST: Kept = Kept { force: 0.0, peak: 0.0, is_loaded: false, centre: None };
+
 impl Totals {
+    /// Those of something that begins to touch in the next frame.
+    pub(super) fn enter() -> Self {
+        Self::after(Some(AT_REST))
+    }
+
+    /// Those from a frame on, before which there was this load.
+    pub(super) fn after(last: Option<Kept>) -> Self {
+        Self { last, ..Self::default() }
+    }
+
+    /// Adds that it does not touch any more in a frame, `step` s after the one before.
+    pub(super) fn leave(&mut self, step: Option<f64>) {
+        if let (Some(last), Some(step)) = (self.last.take(), step) {
+            self.integrate(&last, &AT_REST, step);
+        }
+    }
+
     /// Adds the load of a frame, `step` s after the frame before, if that is known and no gap.
     pub(super) fn add(&mut self, time: f64, step: Option<f64>, load: &Load) {
         if load.readings == 0 {
@@ -87,8 +113,7 @@ impl Totals {
             self.first_contact = self.first_contact.or(known);
             self.last_contact = known;
         }
-        let now =
-            Kept { force: load.force, peak: load.peak, is_loaded: load.loaded > 0, centre: load.centre() };
+        let now = Kept::of(load);
         if let (Some(last), Some(step)) = (self.last, step) {
             self.integrate(&last, &now, step);
         }
@@ -111,7 +136,9 @@ impl Totals {
             let length = from.distance(to);
             *self.path.get_or_insert(0.0) += length;
             self.path_time += step;
-            self.speed_peak = Some(self.speed_peak.unwrap_or(0.0).max(length / step));
+            if step > 0.0 {
+                self.speed_peak = Some(self.speed_peak.unwrap_or(0.0).max(length / step));
+            }
         }
     }
 

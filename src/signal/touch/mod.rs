@@ -2,10 +2,6 @@
 //! discs around them (`(cannata)`: spheres on skins with taxels of 2 mm radius that read exact forces). The
 //! recording, whose truth is known, is for tests, examples and comparisons.
 //!
-//! In reading order: [`TouchOptions`], `sphere` (the contact model), `probe` (ellipsoids, and taxels below a cover
-//! that blurs), `integral` (their forces), `path` (where the sphere rolls), `simulation` (frames and their truth),
-//! `readout` (how taxels are read) and `faults`; `spreader` turns contacts with a force into readings.
-//!
 //! Not modelled: friction, and the deformation of the skin next to its contact, but for the blur.
 
 mod faults;

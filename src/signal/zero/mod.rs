@@ -27,9 +27,8 @@ use crate::map::SkinMap;
 use crate::mesh::neighbours;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
-use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::signal::zero::track::Track;
-use crate::signal::{Channel, Frame, Stage};
+use crate::signal::{Channel, ChannelKind, Clock, Frame, Stage, main_channel};
 use crate::skin::PatchId;
 
 pub use track::ZeroReport;
@@ -61,7 +60,8 @@ pub struct ZeroTracker {
     /// The taxels next to each one, patch after patch.
     neighbours: Csr<u32>,
     tracks: Vec<Option<Track>>,
-    time: f64,
+    main: usize,
+    clock: Clock,
     out: Frame,
 }
 
@@ -77,12 +77,14 @@ impl ZeroTracker {
             neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh));
         let taxels = neighbours.len();
         let track = |channel: &Channel| {
-            channel.is_of_touch().then(|| Track::new(taxels, channel.is_tangential(), (seconds, frames)))
+            let is_signed = channel.kind == ChannelKind::Tangential;
+            channel.kind.is_of_touch().then(|| Track::new(taxels, is_signed, (seconds, frames)))
         };
         Self {
             neighbours,
             tracks: channels.iter().map(track).collect(),
-            time: f64::NAN,
+            main: main_channel(channels.iter().map(|channel| channel.kind)),
+            clock: Clock::new(),
             out: Frame::new(map, channels.len()),
         }
     }
@@ -92,17 +94,17 @@ impl ZeroTracker {
         &self.out
     }
 
-    /// The zero of each taxel in the first channel, patch after patch; NaN where it is not known.
+    /// The zero of each taxel in the main channel, patch after patch; NaN where it is not known.
     pub(crate) fn zeros(&self) -> Vec<f64> {
-        match self.tracks.first() {
+        match self.tracks.get(self.main) {
             Some(Some(track)) => track.zeros().collect(),
             _ => vec![f64::NAN; self.out.values.iter().map(|channels| channels[0].len()).sum()],
         }
     }
 
-    /// The noise of each untouched taxel in the first channel; NaN where it is not known.
+    /// The noise of each untouched taxel in the main channel; NaN where it is not known.
     pub(crate) fn noise(&self) -> impl Iterator<Item = f64> {
-        self.tracks.first().and_then(Option::as_ref).into_iter().flat_map(Track::noise)
+        self.tracks.get(self.main).and_then(Option::as_ref).into_iter().flat_map(Track::noise)
     }
 
     /// What happened so far, in all channels.
@@ -116,11 +118,11 @@ impl ZeroTracker {
 }
 
 impl Stage for ZeroTracker {
-    /// The frame less the zeros. Frames without times count as a tenth of a second.
+    /// The frame less the zeros. Frames without times, or whose time goes back, count as the usual step, or a tenth of a
+    /// second where none is known.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
-        let interval = frame.time - self.time;
-        let interval = if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
-        self.time = if frame.time.is_finite() { frame.time.max(self.time) } else { self.time };
+        let tick = self.clock.see(frame.time);
+        let interval = self.clock.elapsed(tick);
         self.out.time = frame.time;
         for (channel, track) in self.tracks.iter_mut().enumerate() {
             let read = |patch: PatchId| &frame.values[patch][channel];

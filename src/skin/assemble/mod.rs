@@ -16,7 +16,9 @@ use crate::skin::assemble::components::Components;
 use crate::skin::assemble::patch::patch_of;
 use crate::skin::triangulate::triangulate_taxels;
 use crate::skin::weld::{Weld, WeldOptions};
-use crate::skin::{Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, check_links};
+use crate::skin::{
+    Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, TaxelId, check_links,
+};
 
 /// How a draft is assembled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +72,7 @@ pub struct Assembled {
 /// Welds, splits into patches and orients. Everything that can be repaired without guessing is repaired, and
 /// every change is reported.
 ///
-/// - **Bare taxels**, a draft without any triangle, are joined first: by the triangles of the Delaunay
+/// - **Bare taxels**, a file without any triangle, are joined first: by the triangles of the Delaunay
 ///   triangulations in their tangent planes whose edges are no longer than the gap
 ///   ([`AssembleOptions::gap`]). Taxels closer than a fiftieth of the spacing become one. The result does not
 ///   depend on the order of the taxels, except for the diagonals of squares.
@@ -91,7 +93,7 @@ pub struct Assembled {
 /// - **Tangents** are projected to the tangent planes of the normals; an unusable one is replaced by the mean
 ///   of its neighbours', and if most are unusable the patch has none.
 /// - **Normals** that are missing or not reliable, and areas that are missing or not positive, come
-///   from the faces. Missing ids count from 1 through the skin. Sheets without a link get one at
+///   from the faces. Missing ids count through the skin, from 1 or after the largest of the file. Sheets without a link get one at
 ///   the origin.
 ///
 /// ```
@@ -115,7 +117,7 @@ pub struct Assembled {
 /// no face.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
     let triangulated =
-        if draft.is_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
+        if draft.has_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
     check_links(&draft.links)?;
     let mut assembly = Assembly::new(draft);
@@ -162,6 +164,8 @@ impl Assembly {
             patch: sheet.title().to_owned(),
             kind: RemarkKind::DoubtfulUnit { extent },
         }));
+        let ids = draft.sheets.iter().filter_map(|sheet| sheet.ids.as_ref()).flatten();
+        let largest = ids.filter(|id| !TaxelId::PLACEHOLDERS.contains(id)).max();
         Self {
             skin: Skin {
                 links: draft.links.clone(),
@@ -171,7 +175,7 @@ impl Assembly {
             remarks,
             errors: Vec::new(),
             names: Names::new(&draft.sheets),
-            next_id: 1,
+            next_id: largest.map_or(1, |id| id.0 + 1),
             origin: None,
         }
     }

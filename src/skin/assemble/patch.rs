@@ -47,13 +47,14 @@ pub(super) fn patch_of(
     let file = components.sheet.select(&in_file.iter().map(|v| v.index()).collect::<Vec<_>>());
     let taxels = Taxels {
         binds: file.binds,
+        are_counted: file.are_counted || file.ids.is_none(),
         ids: file.ids.unwrap_or_else(|| in_file.iter().map(|_| count_on(next_id)).collect()).into(),
         normals,
         tangents,
         areas: areas(file.areas.as_deref(), &in_file, &mesh, remarks),
         densities: file.densities.map(IdVec::from),
         weights: file.weights.map(IdVec::from),
-        acuities: None,
+        acuities: file.acuities.map(IdVec::from),
         presence: file.presence.unwrap_or_else(|| vec![Presence::Present; in_file.len()]).into(),
         covariances: file.covariances.map(IdVec::from),
         joints: file.joints.map(IdVec::from),
@@ -169,13 +170,6 @@ fn choose_normals(
 /// Volume inside a closed component, in m^3, negative if it is inside out; `None` for one with a
 /// boundary.
 fn enclosed_volume(mesh: &TriMesh) -> Option<f64> {
-    if Edges::new(&mesh.triangles, mesh.positions.len()).iter().any(|uses| uses.len() == 1) {
-        return None;
-    }
-    let origin = mesh.positions.iter().next().copied()?;
-    let volume = |face| {
-        let [a, b, c] = mesh.corners(face).map(|p| p - origin);
-        a.dot(b.cross(c)) / 6.0
-    };
-    Some(mesh.triangles.ids().map(volume).sum())
+    let is_closed = Edges::new(&mesh.triangles, mesh.positions.len()).iter().all(|uses| uses.len() > 1);
+    is_closed.then(|| mesh.enclosed_volume())
 }

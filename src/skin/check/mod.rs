@@ -1,7 +1,4 @@
 //! Checking: everything that is wrong with a draft, found without changing it.
-//!
-//! In reading order: `finding` (the result, as data; one sheet and the findings about it), then the checks:
-//! `taxels`, `topology`, `gaps`, `shape`.
 
 mod finding;
 mod gaps;

@@ -23,7 +23,7 @@
 //!
 //! `triangulate_taxels` takes these steps sheet by sheet. Taxels keep the order of the file, and so do
 //! arrays. The result does not depend on that order, up to numbering, nor on frame and unit, except for the
-//! diagonals of squares. Time and memory are near-linear.
+//! diagonals of squares, which each taxel decides by a small displacement of its own. Time and memory are near-linear.
 //!
 //! What each heuristic contributes, measured once with each switched off: pieces, holes and taxels left out,
 //! summed over the shapes of each kind of cover that changes without it, and in how many edges; the last four
@@ -87,7 +87,7 @@ const MAX_THICKNESS: f64 = 0.25;
 /// A smaller share of opposing normals than one in this many is not reported.
 const MIN_REPORTED: usize = 20;
 
-/// Joins the taxels of every sheet of a draft without triangles, and adds remarks on what was done. `gap` and
+/// Joins the taxels of every bare sheet of a draft, and adds remarks on what was done. `gap` and
 /// `outside` are those of [`crate::skin::AssembleOptions`]. Fails if the gap is out of range, or the taxels
 /// of every sheet have fewer than three positions, lie in a cloud rather than on a surface, or have no
 /// triangle within the gap. Such a sheet among others is left out, with a remark.
@@ -96,7 +96,7 @@ pub(super) fn triangulate_taxels(
     gap: f64,
     outside: Option<DVec3>,
 ) -> Result<Draft, SkinError> {
-    for sheet in &draft.sheets {
+    for sheet in draft.sheets.iter().filter(|sheet| draft.is_bare() || sheet.is_to_join()) {
         sheet.validate(draft.links.len())?;
     }
     if !GAPS.contains(&gap) {
@@ -106,7 +106,7 @@ pub(super) fn triangulate_taxels(
     let mut refused = None;
     for sheet in &draft.sheets {
         let mut kinds = Vec::new();
-        if sheet.positions.is_empty() {
+        if sheet.positions.is_empty() || !(draft.is_bare() || sheet.is_to_join()) {
             result.sheets.push(sheet.clone());
         } else {
             match triangulate_sheet(sheet, gap, outside, &mut kinds) {
@@ -147,7 +147,7 @@ fn triangulate_sheet(
     }
     orient_normals(&mut normals, positions, &neighbours);
     let cloud = PointCloud { positions, normals: &normals.normal, neighbours: &neighbours, gap };
-    let mut triangles = grow(&cloud);
+    let mut triangles = grow(&cloud, &points.hashes());
     if triangles.is_empty() {
         return Err(SkinError::NoFace { patch: patch(), places });
     }
@@ -169,20 +169,25 @@ fn triangulate_sheet(
 
 /// Joins the taxels: first by triangles with two or three votes, then by those of one vote in the gaps that
 /// are left, and last by triangles that attach isolated taxels.
-fn grow(cloud: &PointCloud<'_>) -> IdVec<FaceId, [VertexId; 3]> {
-    let candidates = candidates(cloud);
+fn grow(cloud: &PointCloud<'_>, hashes: &IdVec<VertexId, u64>) -> IdVec<FaceId, [VertexId; 3]> {
+    let candidates = candidates(cloud, hashes);
     let (agreed, doubtful) = candidates.split_at(candidates.partition_point(|c| c.votes > 1));
     let mut mesh = GrowingMesh::new(cloud);
     for candidate in agreed {
         mesh.try_insert(candidate.corners);
     }
-    for adjacent in [2, 1] {
-        for candidate in doubtful {
-            if mesh.adjacent_faces(candidate.corners) >= adjacent {
-                mesh.try_insert(candidate.corners);
-            }
-        }
-    }
+    // Passes repeat until none fits, those with two sides first. A face that does not fit never will.
+    let mut doubtful: Vec<[VertexId; 3]> = doubtful.iter().map(|candidate| candidate.corners).collect();
+    let mut pass = |adjacent: usize| {
+        let mut is_larger = false;
+        doubtful.retain(|&t| {
+            let is_next = mesh.adjacent_faces(t) >= adjacent;
+            is_larger |= is_next && mesh.try_insert(t);
+            !is_next
+        });
+        is_larger
+    };
+    while pass(2) || pass(1) {}
     fill_small_holes(&mut mesh, cloud);
     remove_extra_fans(&mut mesh, cloud);
     attach_isolated(&mut mesh, cloud);

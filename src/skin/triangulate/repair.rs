@@ -4,7 +4,8 @@
 
 use crate::id::{FaceId, VertexId};
 use crate::numeric::{argsort, chains, order_by};
-use crate::skin::triangulate::growing_mesh::GrowingMesh;
+use crate::skin::triangulate::candidates::size_class;
+use crate::skin::triangulate::growing_mesh::{GrowingMesh, Opening};
 use crate::skin::triangulate::neighbours::PointCloud;
 
 /// Smallest cosine between a face that fills a hole and the normals of its corners (73 degrees):
@@ -79,7 +80,8 @@ fn fill(mesh: &mut GrowingMesh<'_>, mut rim: Vec<VertexId>, cloud: &PointCloud<'
     }
 }
 
-/// Keeps one fan of faces around every taxel: the one with most faces.
+/// Keeps one fan of faces around every taxel: the one of smaller circles, of equal ones that with most faces. So a
+/// corner of a module keeps the faces of its module, not those across the gap to the next.
 pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'_>) {
     let mut non_manifold: Vec<VertexId> =
         cloud.positions.ids().filter(|&v| mesh.openings(v).len() > 1).collect();
@@ -88,9 +90,14 @@ pub(super) fn remove_extra_fans(mesh: &mut GrowingMesh<'_>, cloud: &PointCloud<'
         if fans.len() < 2 {
             continue;
         }
-        let faces: Vec<usize> = fans.iter().map(|o| mesh.fan(v, o.to).len()).collect();
-        let largest_first = order_by(fans.len(), &|a, b| faces[b].cmp(&faces[a]));
-        for to in largest_first[1..].iter().map(|&k| fans[k].to) {
+        let size = |o: &Opening| {
+            let fan = mesh.fan(v, o.to);
+            let radii = fan.iter().map(|&(_, a, b)| cloud.circumradius([v, a, b]));
+            (size_class(radii.sum::<f64>() / fan.len() as f64), usize::MAX - fan.len())
+        };
+        let sizes: Vec<(i64, usize)> = fans.iter().map(size).collect();
+        let smallest_first = order_by(fans.len(), &|a, b| sizes[a].cmp(&sizes[b]));
+        for to in smallest_first[1..].iter().map(|&k| fans[k].to) {
             for (face, a, b) in mesh.fan(v, to) {
                 mesh.remove(face);
                 non_manifold.extend([a, b]);

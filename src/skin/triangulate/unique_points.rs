@@ -3,13 +3,13 @@
 //! *Heuristic*: `SAME_PLACE` and `MOST_APART` separate rounded copies from neighbouring taxels on
 //! measured layouts.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{DisjointSets, median, morton};
+use crate::numeric::{DisjointSets, hash, median, morton, place_hash};
 use crate::parallel::{par_collect, par_map};
 use crate::skin::triangulate::neighbours::{Neighbour, distance_around, nearest_others, tree_of};
 use crate::skin::{Presence, Sheet};
@@ -77,6 +77,16 @@ impl<'a> UniquePoints<'a> {
             merged,
             distance: farthest * scaling.unit,
             absent,
+        }
+    }
+
+    /// A hash of each taxel: of its id where the file has one for each, else of its place.
+    pub(super) fn hashes(&self) -> IdVec<VertexId, u64> {
+        let ids = self.sheet.ids.as_ref().map(|ids| self.taxel.map(|&k| ids[k].0));
+        let is_unique = |ids: &IdVec<VertexId, u32>| ids.iter().collect::<HashSet<_>>().len() == ids.len();
+        match ids.filter(is_unique) {
+            Some(ids) => ids.map(|&id| hash(u64::from(id))),
+            None => self.positions.map(|&p| place_hash(p)),
         }
     }
 }

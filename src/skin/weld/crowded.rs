@@ -4,7 +4,6 @@
 
 use glam::DVec3;
 
-use crate::id::VertexId;
 use crate::mesh::{Edges, Halfedge, TriMesh};
 use crate::numeric::{argsort, order_by};
 
@@ -50,12 +49,7 @@ impl Content {
         if f64::from(open) > MAX_OPEN_SHARE * f64::from(alike + turned + open) {
             return Self::Sheets;
         }
-        let from = mesh.positions.iter().next().copied().unwrap_or_default();
-        let volume = |t: &[VertexId; 3]| {
-            let [a, b, c] = t.map(|v| mesh.positions[v] - from);
-            a.cross(b).dot(c)
-        };
-        Self::Solids { inward: mesh.triangles.iter().map(volume).sum::<f64>() < 0.0 }
+        Self::Solids { inward: mesh.enclosed_volume() < 0.0 }
     }
 }
 

@@ -1,9 +1,4 @@
 //! Welding: the vertices of a sheet that are one taxel, and how its faces are joined.
-//!
-//! In reading order: [`Weld`] selects the vertices to weld; `welded_mesh` makes the mesh for assembling and
-//! checking, with `opening` (which cuts of the file stay), `joined_faces` (which faces are joined at an
-//! edge), `crowded` (at an edge of more than two) and `fans` (a vertex for each fan of faces); `winding`
-//! orients its components.
 
 pub(super) mod crowded;
 pub(super) mod fans;

@@ -183,7 +183,7 @@ fn what_of_a_table_of_poses_is_not_used_is_named() {
         ("", "", None),
         (",scale", ",1", None),
         (",comment", ",2", Some("note: p.csv: column `comment` is not used\n")),
-        (",t,Time", ",2,3", Some("note: p.csv: columns `t`, `Time` are not used\n")),
+        (",speed,Timer", ",2,3", Some("note: p.csv: columns `speed`, `Timer` are not used\n")),
     ] {
         fixture.file("p.csv", &format!("link,x,y,z,qx,qy,qz,qw{columns}\narm,0,0,1,0,0,0,1{cells}\n"));
         let said = fixture.answers("x,y,z\n0,0,0.9\n", "--pose p.csv").said;

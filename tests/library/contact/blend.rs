@@ -6,6 +6,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::{TriMesh, shapes};
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
+use dermatome::run::Run;
 use dermatome::signal::{Press, Spreader};
 use dermatome::skin::{Link, LinkId, Motion, Patch, PatchId, Skin};
 use glam::{DAffine3, DQuat, DVec2, DVec3};
@@ -175,7 +176,7 @@ fn a_clone_moves_alone() {
         (0..40).map(|k| DVec3::new(0.01 * f64::from(k) - 0.2, 0.05, 0.1).into()).collect();
     let answers = |index: &ContactIndex| {
         let fields = index.nearest_fields(queries[7], 3, LevelId::new(1)).unwrap();
-        (index.locate_all(&queries).unwrap(), fields)
+        (index.locate_all(&queries, Run::default()).unwrap(), fields)
     };
     let (before, mut moved) = (answers(&still), still.clone());
     for angle in [0.3, -0.7] {

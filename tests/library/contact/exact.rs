@@ -9,6 +9,7 @@ use dermatome::map::{MapLevel, PatchMap, SkinMap};
 use dermatome::mesh::{TriMesh, shapes};
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::{LevelId, Prolongation};
+use dermatome::run::Run;
 use dermatome::skin::{Link, LinkId, PatchId, Skin, TaxelId, world_pose};
 use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
@@ -284,15 +285,15 @@ proptest! {
             }
         }).collect();
         let single: Vec<Hit> = contacts.iter().map(|c| index.locate(*c).unwrap()).collect();
-        let all = index.locate_all(&contacts).unwrap();
+        let all = index.locate_all(&contacts, Run::default()).unwrap();
         prop_assert!(all.iter().eq(single.iter().copied()));
         prop_assert_eq!(all.get(single.len()), None);
         let backwards: Vec<Query> = contacts.iter().rev().copied().collect();
-        let mut hits: Vec<Hit> = index.locate_all(&backwards).unwrap().iter().collect();
+        let mut hits: Vec<Hit> = index.locate_all(&backwards, Run::default()).unwrap().iter().collect();
         hits.reverse();
         prop_assert_eq!(&hits, &single, "the order of the contacts does not matter");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        prop_assert_eq!(pool.install(|| index.locate_all(&contacts)).unwrap(), all, "one thread");
+        prop_assert_eq!(pool.install(|| index.locate_all(&contacts, Run::default())).unwrap(), all, "one thread");
     }
 }
 
@@ -544,7 +545,7 @@ fn queries_that_are_not_finite_are_refused() {
             let mut point = DVec3::ZERO;
             point[axis] = bad;
             let batch = [good, good, Query::from(point), Query::from(DVec3::NAN)];
-            let error = index.locate_all(&batch).unwrap_err();
+            let error = index.locate_all(&batch, Run::default()).unwrap_err();
             assert!(matches!(error, ContactError::NotFinite { contact: 2, .. }), "{error}");
             assert!(index.locate(point).is_err());
             assert!(index.locate(Query::on_link(LinkId::new(1), point)).is_err());
@@ -558,7 +559,7 @@ fn queries_that_are_not_finite_are_refused() {
     );
     let error = index.locate(Query::on_link(LinkId::new(0), DVec3::ZERO)).unwrap_err();
     assert!(matches!(&error, ContactError::BareLink { name, .. } if name == "base"), "{error}");
-    assert_eq!(index.locate_all(&[]).unwrap().iter().count(), 0, "no contacts, no hits");
+    assert_eq!(index.locate_all(&[], Run::default()).unwrap().iter().count(), 0, "no contacts, no hits");
 }
 
 #[test]

@@ -76,7 +76,8 @@ proptest! {
                 prop_assert!(answer.is_within(distance).is_none_or(|within| within == (away <= distance)));
             }
             let [face, walk] = [Refine::Face, Refine::Walk].map(|refine| index.hit_of(query, &answer, refine).unwrap());
-            prop_assert!(face.point.face == answer.face && (walk.patch, walk.link) == (answer.patch, answer.link));
+            prop_assert!((walk.patch, walk.link) == (answer.patch, answer.link));
+            prop_assert!(face.distance.abs() <= answer.most + 1e-9 && walk.distance.abs() <= answer.most + 1e-9);
             prop_assert!(away <= walk.distance.abs() + 1e-12 && walk.distance.abs() <= face.distance.abs() + 1e-12);
             let narrowed = answer.narrowed(&walk);
             prop_assert!(narrowed.error() <= answer.error() + 1e-12 && away <= narrowed.most + 1e-12);

@@ -12,13 +12,14 @@ use dermatome::{
     io::read_draft,
     mesh::{Adjacency, TriMesh, shapes},
     pyramid::{CoarsenOptions, LevelId, Pyramid, coarsen},
+    run::Run,
     skin::{AssembleOptions, PatchId, TaxelError, TaxelId, Taxels, assemble},
 };
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
 fn flatten(mesh: &TriMesh, options: &FlattenOptions) -> Result<IdVec<VertexId, DVec2>, FlattenError> {
-    dermatome::flatten::flatten(mesh, None, options).map(|map| map.uv)
+    dermatome::flatten::flatten(mesh, None, options, Run::default()).map(|map| map.uv)
 }
 
 fn flatten_pyramid(
@@ -26,7 +27,7 @@ fn flatten_pyramid(
     taxels: Option<&Taxels>,
     options: &FlattenOptions,
 ) -> Result<IdVec<LevelId, IdVec<VertexId, DVec2>>, FlattenError> {
-    let maps = dermatome::flatten::flatten_pyramid(pyramid, taxels, options)?;
+    let maps = dermatome::flatten::flatten_pyramid(pyramid, taxels, options, Run::default())?;
     Ok(maps.map(|map| map.uv.clone()))
 }
 
@@ -84,7 +85,7 @@ fn measure(mesh: &TriMesh, options: &FlattenOptions) -> Distortion {
 }
 
 fn pyramid_of(mesh: &TriMesh) -> Pyramid {
-    coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default()).unwrap()
+    coarsen(mesh, &Taxels::from(mesh), &CoarsenOptions::default(), Run::default()).unwrap()
 }
 
 /// A sheet with a bump and a dent, of heights `a` and `b`.
@@ -356,7 +357,7 @@ fn magnification_does_not_depend_on_the_levels_above() {
         let options = magnified(energy, 1.0);
         let level_0 = |levels: Option<usize>| {
             let levels = CoarsenOptions { levels, ..CoarsenOptions::default() };
-            let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &levels).unwrap();
+            let pyramid = coarsen(&mesh, &Taxels::from(&mesh), &levels, Run::default()).unwrap();
             let maps = flatten_pyramid(&pyramid, Some(&dense(&mesh, densities.clone())), &options).unwrap();
             (pyramid.levels.len(), maps[LevelId::new(0)].clone())
         };
@@ -839,18 +840,6 @@ fn a_prescribed_circle_holds_the_outer_loop() {
     }
 }
 
-/// The corners of a sheet of squares are its most convex places, so that on its own rectangle it is
-/// its own map.
-#[test]
-fn a_flat_sheet_fits_its_own_rectangle() {
-    let mesh = shapes::sheet(13, 7, |column, row| 0.01 * DVec3::new(column.into(), row.into(), 0.0));
-    let own = Boundary::Rectangle { width: 12.0, height: 6.0 };
-    let error = rigid_distance(&mesh, &flatten(&mesh, &bounded(own)).unwrap());
-    let turned = Boundary::Rectangle { width: 6.0, height: 12.0 };
-    let other = rigid_distance(&mesh, &flatten(&mesh, &bounded(turned)).unwrap());
-    assert!(error.min(other) < 1e-9, "{error} and {other} m");
-}
-
 #[test]
 fn every_level_keeps_the_prescribed_places_of_its_taxels() {
     let pyramid = pyramid_of(&bumpy(40, 25, 0.4, 0.3));
@@ -1005,17 +994,6 @@ fn a_face_without_room_on_a_straight_side_is_named() {
     let boundary = Boundary::through(&ids, places).unwrap();
     let found = flatten(&mesh, &bounded(boundary));
     assert!(matches!(found, Err(FlattenError::NoRoom { .. })), "{found:?}");
-}
-
-#[test]
-fn invalid_rectangles_are_refused() {
-    let rectangle = |width| bounded(Boundary::Rectangle { width, height: 1.0 });
-    for width in [0.0, -1.0, f64::NAN] {
-        let found = flatten(&shapes::lattice(5, 4, 0.01), &rectangle(width));
-        assert!(matches!(found, Err(FlattenError::Option { name: "width", .. })), "{found:?}");
-    }
-    let found = flatten(&shapes::triangle(), &rectangle(1.0));
-    assert_eq!(found, Err(FlattenError::Corners { found: 3 }));
 }
 
 /// Forty radii long: on coarse levels a map inside a circle has faces without area in 64 bits.

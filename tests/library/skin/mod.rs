@@ -1,6 +1,7 @@
 //! Laws of the module `skin`: what is repaired, what is refused, what is found.
 
 mod drafts;
+mod frames;
 mod triangulate;
 
 use std::collections::BTreeSet;
@@ -531,7 +532,7 @@ fn two_squares() -> Sheet {
 #[test]
 fn check_finds_what_assemble_refuses() {
     let second = |bad: f64, good: f64| (0..8).map(|v| if v < 4 { good } else { bad }).collect::<Vec<_>>();
-    let variance = |x: f64| skin::Covariance::from([x, 0.0, 0.0, 1.0, 0.0, 1.0]);
+    let variance = |x: f64| Some(skin::Covariance::from([x, 0.0, 0.0, 1.0, 0.0, 1.0]));
     let follows = |x: f64| [0.0, x, 0.0, 0.0].map(|w| (if w > 0.0 { 7_u32 } else { 0 }.into(), w));
     type Change<'a> = &'a dyn Fn(&mut Sheet);
     let changes: [(Change<'_>, &str); 3] = [

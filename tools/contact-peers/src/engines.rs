@@ -8,6 +8,7 @@ use std::{
 use dermatome::{
     contact::{IndexOptions, Query},
     pyramid::LevelId,
+    run::Run,
 };
 use glam::{DVec3, Vec3, Vec3A};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -47,7 +48,7 @@ pub fn dermatome(mesh: &Mesh, scattered: &[[f32; 3]], path: &[[f32; 3]]) -> Resu
     let mut batch = f64::INFINITY;
     for _ in 0..9 {
         let start = Instant::now();
-        std::hint::black_box(index.locate_all(&queries)?);
+        std::hint::black_box(index.locate_all(&queries, Run::default())?);
         batch = batch.min(start.elapsed().as_secs_f64() * 1e9 / queries.len() as f64);
     }
     Ok([Some(single), Some(along), Some(batch), Some(build)])

@@ -306,7 +306,7 @@ fn check_skin(what: &str, skin: &Skin) -> Outcome {
 
 fn check_maps(skin: &Skin, options: &BuildOptions, random: &mut Random, counts: &mut Counts) -> Outcome {
     for patch in &skin.patches {
-        if let Ok(pyramid) = coarsen(&patch.mesh, &patch.taxels, &options.coarsen) {
+        if let Ok(pyramid) = coarsen(&patch.mesh, &patch.taxels, &options.coarsen, Run::default()) {
             pyramid.validate().map_err(|error| format!("a pyramid is not valid: {error}"))?;
         }
     }
@@ -438,7 +438,7 @@ fn check_lookups(map: &SkinMap, random: &mut Random) -> Outcome {
             return Err(format!("the nearest taxel is not at {nearest:e} from {p:?}: {fields:?}"));
         }
     }
-    let all = index.locate_all(&points.iter().map(|&p| Query::from(p)).collect::<Vec<_>>());
+    let all = index.locate_all(&points.iter().map(|&p| Query::from(p)).collect::<Vec<_>>(), Run::default());
     let all = all.map_err(text)?;
     if points.iter().enumerate().any(|(k, &p)| all.get(k) != index.locate(p).ok()) {
         return Err("a batch answers otherwise".into());

@@ -276,7 +276,6 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
         "gains" => io::read_gains(file).is_ok(),
         "boundary" => io::read_boundary(file).is_ok(),
         "seams" => io::read_seams(file).is_ok(),
-        "faces" => io::read_faces(file).is_ok(),
         "truth" => io::read_truth(file).is_ok(),
         "motion" => {
             let link = Link { name: "base".into(), parent: None, pose: DAffine3::IDENTITY };
@@ -290,7 +289,10 @@ pub(crate) fn check(name: &str, bytes: &[u8], random: &mut Random, counts: &mut 
         }),
         "graph" => match io::read_observations(file, &[]) {
             Ok((observations, _)) if observations.taxels.len() < 60 => {
-                let options = dermatome::calib::CalibOptions { max_iterations: 3, ..Default::default() };
+                let options = dermatome::calib::CalibOptions {
+                    limits: dermatome::least_squares::Options { max_iterations: 3, ..Default::default() },
+                    ..Default::default()
+                };
                 let found = calibrate(&observations, &options);
                 if found.as_ref().is_ok_and(|found| found.poses.iter().any(|pose| !pose.position.is_finite()))
                 {

@@ -11,12 +11,11 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 /// Files as they are. The beginning of a name says what reads it.
 #[rustfmt::skip]
-const TEXTS: [(&str, &str); 38] = [
+const TEXTS: [(&str, &str); 37] = [
     ("acuities.csv", "id,acuity\n1,2\n2,0.5\n"),
     ("boundary.csv", "id,x,y\n1,0,0\n2,1,0\n3,0,1\n"),
     ("contacts.csv", "x,y,z,nx,ny,nz,force,time\n0,0,0.01,0,0,1,2.5,0\n0.02,0,0,0,0,1,1,0.1\n"),
     ("contacts.link.csv", "link,x,y,z,radius\nbase,0,0,0.01,0.002\n,0.02,0,0,0\n"),
-    ("faces.txt", "0\n3\n7-9\n"),
     ("gains.csv", "id,gain\n1,2.5\n2,0.5\n"),
     ("joints.csv", "time[ms],shoulder,elbow\n0,0.1,0.2\n10,0.2,-0.3\n"),
     ("motion.csv", "link,time,x,y,z,qx,qy,qz,qw\nbase,0,0,0,0,0,0,0,1\nbase,1,0.1,0,0,0,0,0.6,0.8\n"),
@@ -106,10 +105,6 @@ pub(crate) fn make(folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     let mut all: Vec<_> =
         TEXTS.iter().map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec())).collect();
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../meshes");
-    let (counts, corners) = ([4_u32, 1, 0, 2], [0_u32, 1, 2, 0, 2, 3]);
-    let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.2, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let words = counts.into_iter().chain(numbers.map(f32::to_bits)).chain(corners);
-    all.push(("part.msh".into(), words.flat_map(u32::to_le_bytes).collect()));
     all.push(("arm.urdf".into(), fs::read(meshes.join("arm.urdf"))?));
     all.push(("robot.xml".into(), fs::read(meshes.join("../tools/checks/robot.xml"))?));
     let skin = Skin::from_mesh("cap", shapes::cap(24, 0.02, 1.0));

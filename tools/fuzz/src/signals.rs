@@ -10,8 +10,8 @@ use dermatome::calib::{
     Initialization, Loss, Model, Observations, Pose, PoseMeasurement, ResidualConvention, TaxelVariable,
 };
 use dermatome::id::VertexId;
-use dermatome::image::Interpolation;
 use dermatome::io::{Readings, ReadingsReader};
+use dermatome::least_squares::Options;
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::recording::{Carried, Fill, Recording, RecordingOptions};
@@ -62,7 +62,7 @@ pub(crate) fn check_signals(_: &str, bytes: &[u8], _: &mut Random, counts: &mut 
     let times =
         (0..count).map(|k| if random.chance(0.1) { value(random, 0.9) } else { 0.1 * k as f64 }).collect();
     let values = (0..width * channels.len() * count).map(|_| value(random, wild)).collect();
-    let readings = Readings { ids: None, channels, width, times, values };
+    let readings = Readings { channels, width, times, values, ..Readings::default() };
     let options = RecordingOptions {
         condition: ConditionOptions {
             zero: *random.pick(&[Zero::Taken, Zero::At(1.0), Zero::First(2), Zero::First(5), Zero::Follow]),
@@ -77,8 +77,7 @@ pub(crate) fn check_signals(_: &str, bytes: &[u8], _: &mut Random, counts: &mut 
     let reader = ReadingsReader::memory(readings).map_err(text)?;
     let Ok(mut recording) = Recording::open(map, reader, &options) else { return Ok(()) };
     recording.carry(*random.pick(&[Carried::Values, Carried::Contrast, Carried::Edges]), None);
-    let interpolation = *random.pick(&[Interpolation::Linear, Interpolation::Nearest]);
-    recording.draw(atlas, interpolation).map_err(text)?;
+    recording.draw(atlas).map_err(text)?;
     let tracked = TrackerOptions {
         channel: random.below(recording.channels().len()),
         threshold: random.chance(0.6).then(|| value(random, 0.1)),
@@ -189,12 +188,8 @@ fn graph(random: &mut Random) -> (Observations, CalibOptions) {
             Some(Loss::Tukey),
             Some(Loss::Truncated),
         ]),
-        initialization: *random.pick(&[
-            Initialization::Chordal,
-            Initialization::SpanningTree,
-            Initialization::InitialValues,
-        ]),
-        max_iterations: 1 + random.below(30),
+        initialization: *random.pick(&[Initialization::Chordal, Initialization::InitialValues]),
+        limits: Options { max_iterations: 1 + random.below(30), ..Options::default() },
         covariances: random.chance(0.7),
     };
     (found, options)

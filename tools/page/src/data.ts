@@ -21,7 +21,7 @@ export interface EventRow {
 }
 export interface RecordingHeader {
   channel: string; unit: string; is_amount: boolean; lo: number; hi: number; force: boolean;
-  times: number[]; totals: number[]; values: number[]; contacts: Contact[]; events: EventRow[]; threshold: number | null; is_live: boolean;
+  times: number[]; cuts: number[]; totals: number[]; values: number[]; contacts: Contact[]; events: EventRow[]; threshold: number | null; is_live: boolean;
 }
 export interface Header {
   version: string; title: string; links: { name: string; parent: number | null }[];

@@ -637,8 +637,9 @@ class Page {
   }
 
   private play(on: boolean): void {
-    const times = this.data.header.recording?.times;
-    if (!times || times.length < 2) return;
+    const { recording } = this.data.header;
+    if (!recording || recording.times.length < 2) return;
+    const { times, cuts } = recording;
     this.playing = on;
     byId('play').textContent = on ? '❚❚' : '▶';
     byId('play').setAttribute('aria-label', on ? 'pause' : 'play');
@@ -647,9 +648,11 @@ class Page {
     this.started = [performance.now(), times[this.frame]];
     const next = (): void => {
       if (!this.playing) return;
-      const at = this.started[1] + (performance.now() - this.started[0]) / 1000;
+      const now = performance.now(), at = this.started[1] + (now - this.started[0]) / 1000;
       let frame = this.frame;
-      while (frame < times.length - 1 && times[frame + 1] <= at) frame++;
+      while (frame < times.length - 1 && !cuts.includes(frame + 1) && times[frame + 1] <= at) frame++;
+      // A pause is not waited for, and after times that go back no frame is skipped: the clock is set anew.
+      if (frame === this.frame && cuts.includes(frame + 1)) this.started = [now, times[++frame]];
       if (frame !== this.frame) this.setFrame(frame);
       if (frame >= times.length - 1) this.play(false); else requestAnimationFrame(next);
     };

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use dermatome::{
     Skin,
     cut::Cut,
-    flatten::{Convergence, Distortion, distortion, flatten_with},
+    flatten::{Convergence, Distortion, distortion},
     id::VertexId,
     mesh::TriMesh,
     pipeline::{BuildOptions, build_finest},
-    pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid, coarsen_with},
+    pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid},
     skin::{PatchId, TaxelId, Taxels},
 };
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
-use pyo3::{prelude::*, types::PyList};
+use pyo3::{exceptions::PyUserWarning, prelude::*, types::PyList};
 
 use crate::{
     arrays::{Reduced, floats, matrix, one_each, one_number_each, points, reduced, rows, triangles, vector},
@@ -65,6 +65,7 @@ struct Flat {
     vertices: Vec<u32>,
     distortion: Distortion,
     convergence: Option<Convergence>,
+    by_dirichlet: bool,
 }
 
 fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<TriMesh> {
@@ -141,10 +142,11 @@ pub(crate) fn flatten(
         mesh.validate()?;
         if cut == Cut::None {
             let taxels = acuity.map(|acuity| Taxels { acuities: Some(acuity.into()), ..Taxels::from(&mesh) });
-            let map = flatten_with(&mesh, taxels.as_ref(), &options, stop.run())?;
+            let map = dermatome::flatten::flatten(&mesh, taxels.as_ref(), &options, stop.run())?;
             return Ok(Flat {
                 distortion: distortion(&mesh, &map.uv),
                 convergence: Some(map.convergence),
+                by_dirichlet: false,
                 uv: map.uv.iter().map(|at| at.to_array()).collect(),
                 faces: mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)).collect(),
                 vertices: mesh.positions.ids().map(VertexId::raw).collect(),
@@ -162,6 +164,7 @@ pub(crate) fn flatten(
         Ok(Flat {
             distortion: level.distortion,
             convergence: level.convergence,
+            by_dirichlet: built.by_dirichlet.iter().any(|by_dirichlet| *by_dirichlet),
             uv: level.uv.iter().map(|at| at.to_array()).collect(),
             faces: level
                 .level
@@ -174,6 +177,10 @@ pub(crate) fn flatten(
         })
     })?;
     let flat = flat.map_err(error)?;
+    if flat.by_dirichlet {
+        let text = c"no usable map by the default energy, so energy=\"symmetric-dirichlet\" was used";
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), text, 1)?;
+    }
     Ok(PyFlattening {
         uv: matrix(py, flat.uv)?.unbind(),
         faces: matrix(py, flat.faces)?.unbind(),
@@ -339,7 +346,7 @@ pub(crate) fn coarsen<'py>(
     let pyramid = run(py, count("threads", threads)?, move |stop| -> Result<Pyramid, dermatome::Error> {
         mesh.validate()?;
         let taxels = Taxels { acuities: acuity.map(Into::into), ..Taxels::from(&mesh) };
-        Ok(coarsen_with(&mesh, &taxels, &options, stop.run())?)
+        Ok(dermatome::pyramid::coarsen(&mesh, &taxels, &options, stop.run())?)
     })?;
     let levels = pyramid.map_err(error)?.levels.into_iter().enumerate();
     let levels = levels.map(|(number, level)| Py::new(py, PyMeshLevel { level: Arc::new(level), number }));

@@ -9,7 +9,7 @@ use dermatome::{
         ModuleId, ModuleNames, NamedTaxel, Tolerance, TouchNoise, fit_bodies_with,
     },
     id::{IdVec, VertexId},
-    io::{file_kind, read_draft, read_modules, read_modules_if_any, write_bodies},
+    io::{modules_of_skin, read_draft, read_modules, write_bodies},
     skin::{AssembleOptions, Covariance, TaxelId, assemble},
 };
 use glam::DVec3;
@@ -77,8 +77,8 @@ impl Drawing {
 
     fn of_file(path: &std::path::Path, mut names: Option<ModuleNames>) -> Result<Self, Error> {
         let draft = read_draft(path)?;
-        if names.is_none() && file_kind(path) == "csv" {
-            names = read_modules_if_any(path)?.map(|table| table.rows.into_iter().collect());
+        if names.is_none() {
+            names = modules_of_skin(path)?.map(|rows| rows.into_iter().collect());
         }
         let cad = CadSkin::of_draft(&draft, names.as_ref())?;
         let assembled = assemble(&draft, &AssembleOptions::default());

@@ -9,6 +9,7 @@ use dermatome::{
         SimulateOptions, calibrate_with, calibrated_skin, simulate_with,
     },
     id::VertexId,
+    least_squares::Options,
 };
 use glam::{DQuat, DVec3};
 use numpy::{PyArray1, PyArray2};
@@ -168,16 +169,12 @@ impl CalibArgs {
             ("log", ResidualConvention::Log),
             ("quaternion", ResidualConvention::Quaternion),
         ];
-        let starts = [
-            ("chordal", Initialization::Chordal),
-            ("tree", Initialization::SpanningTree),
-            ("file", Initialization::InitialValues),
-        ];
+        let starts = [("chordal", Initialization::Chordal), ("file", Initialization::InitialValues)];
         Ok(CalibOptions {
             robust: word("robust", &self.robust, &losses)?,
             residual: word("residual", &self.residual, &residuals)?,
             initialization: word("initial", &self.initial, &starts)?,
-            max_iterations: count("iterations", self.iterations)?,
+            limits: Options { max_iterations: count("iterations", self.iterations)?, ..Options::default() },
             covariances: self.covariances,
         })
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use dermatome::diff::{Change, DiffOptions};
-use dermatome::io::read_draft;
+use dermatome::io::{modules_of_skin, read_draft};
 use dermatome::signal::{
     BodyWord, Channel, ContactTracker, Duplicates, Event, EventContact, EventDetector, EventOptions,
     EventPlace, Frame, Join, TrackerOptions,
@@ -34,7 +34,7 @@ use crate::{
 /// unit : str
 ///     Unit of the readings, as "Pa" or "N"; forces are known for units of pressure and force.
 /// probe : str
-///     What touches the skin: "any" or "finger".
+///     What touches the skin: "any", "finger" or "foot".
 /// threshold : float, optional
 ///     A contact has a taxel above this; by default estimated from the first frames, in which nothing should touch the
 ///     skin.
@@ -213,10 +213,13 @@ impl PyEventDetector {
             found.set_item("impulse", contact.impulse)?;
         }
         found.set_item("area", contact.area)?;
-        for (name, EventPlace { point, map }) in [("from", contact.from), ("to", contact.to)] {
+        for (name, EventPlace { point, patch, map: at }) in [("from", contact.from), ("to", contact.to)] {
             let place = PyDict::new(py);
-            for (axis, x) in [("x", point.x), ("y", point.y), ("z", point.z), ("u", map.x), ("v", map.y)] {
+            for (axis, x) in [("x", point.x), ("y", point.y), ("z", point.z), ("u", at.x), ("v", at.y)] {
                 place.set_item(axis, x)?;
+            }
+            if patch != contact.patch {
+                place.set_item("patch", &map.patches[patch].name)?;
             }
             found.set_item(name, place)?;
         }
@@ -273,14 +276,15 @@ fn set(options: &mut EventOptions, name: &str, value: &Bound<'_, PyAny>) -> PyRe
 /// before, after : str or os.PathLike
 ///     The files: any that `Skin.read` reads.
 /// modules : dict of int to str, optional
-///     The module of each taxel by its id, where the files do not have it.
+///     The module of each taxel by its id, where the files do not have it in a column `module`.
 /// sigma : float, optional
-///     Standard deviation of a difference along each axis, in m; by default estimated from the files.
+///     Standard deviation of the difference of one taxel along each axis, in m; by default estimated from the files.
 ///
 /// Returns
 /// -------
 /// list of dict
-///     For each change its `kind` ("frame", "mirrored", "moved", "turned", "swapped", "renumbered", "missing" or "new"),
+///     For each change its `kind` ("frame", "relinked", "mirrored", "moved", "turned", "swapped", "renumbered", "missing", "new",
+///     "tilted", "resized" or "regrouped"),
 ///     `subject`, `name`, `other`, `link`, `patch`, `taxels` and `others` (ids), `distance` (m), `angle` (rad), `sigmas` and
 ///     `p`, NaN where nothing was measured.
 ///
@@ -297,9 +301,15 @@ pub(crate) fn diff<'py>(
     modules: Option<std::collections::BTreeMap<u32, String>>,
     sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyList>> {
-    let modules = modules.unwrap_or_default().into_iter().map(|(id, name)| (TaxelId(id), name)).collect();
-    let options = DiffOptions { modules, sigma, ..DiffOptions::default() };
+    let given: Option<Vec<_>> =
+        modules.map(|modules| modules.into_iter().map(|(id, name)| (TaxelId(id), name)).collect());
     let found = py.detach(|| {
+        let modules = |path| match &given {
+            Some(modules) => Ok(modules.clone()),
+            None => modules_of_skin(path).map(Option::unwrap_or_default),
+        };
+        let modules = [modules(&before)?, modules(&after)?];
+        let options = DiffOptions { modules, sigma, ..DiffOptions::default() };
         let [before, after] = [&before, &after].map(|path| read_draft(path));
         dermatome::diff::diff(&before?, &after?, &options).map_err(dermatome::Error::from)
     });

@@ -244,7 +244,7 @@ impl PyIndex {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
         self.hits(py, threads, level, move |index, stop| {
-            Ok(Answers { hits: index.locate_all_with(&queries, stop.run())?, ..Answers::default() })
+            Ok(Answers { hits: index.locate_all(&queries, stop.run())?, ..Answers::default() })
         })
     }
 

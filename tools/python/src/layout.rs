@@ -95,6 +95,56 @@ impl PyLayout {
         Ok(Layout::draft(&file, &facts(cells, stream, says)?))
     }
 
+    /// The text of a layout of columns whose names differ by a number; None if there are none.
+    ///
+    /// Parameters
+    /// ----------
+    /// file : str or os.PathLike
+    ///     The file, for its name.
+    /// names : sequence of str
+    ///     The names of columns.
+    /// says : dict, optional
+    ///     What the file states, as `decoder` takes it.
+    #[staticmethod]
+    #[pyo3(signature = (file, names, *, says=None))]
+    fn draft_columns(
+        file: PathBuf,
+        names: Vec<String>,
+        says: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Option<String>> {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let said = facts(Vec::new(), "", says)?;
+        let columns = StreamFacts::of_columns(&names);
+        let facts =
+            columns.map(|columns| StreamFacts { rate_hz: said.rate_hz, notes: said.notes, ..columns });
+        Ok(facts.map(|facts| Layout::draft(&file, &facts)))
+    }
+
+    /// Which columns are readings, where the layout joins columns to taxels by their names.
+    ///
+    /// Parameters
+    /// ----------
+    /// file : str or os.PathLike
+    ///     The file, for messages.
+    /// names : sequence of str
+    ///     The names of its columns.
+    ///
+    /// Returns
+    /// -------
+    /// tuple or None
+    ///     Ids in ascending order, the number of components, and for each column its component and the place of its
+    ///     taxel among the ids, None where it is not read; None if the layout does not join columns by their names.
+    #[expect(clippy::type_complexity, reason = "of each column, if it is read")]
+    fn named_columns(
+        &self,
+        file: PathBuf,
+        names: Vec<String>,
+    ) -> PyResult<Option<(Vec<u32>, usize, Vec<Option<[usize; 2]>>)>> {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let found = self.layout.named_columns(&file, &names).map_err(error)?;
+        Ok(found.map(|found| (found.ids.iter().map(|id| id.0).collect(), found.components, found.places)))
+    }
+
     /// What turns the numbers of a stream of a file into readings.
     ///
     /// Parameters
@@ -216,6 +266,7 @@ fn facts(cells: Vec<usize>, stream: &str, says: Option<&Bound<'_, PyDict>>) -> P
                 let ids = one_number_each("ids", &value, count)?;
                 facts.ids = Some(ids.into_iter().map(TaxelId).collect());
             }
+            "named_columns" => facts.has_named_columns = value.extract()?,
             "time_unit" => {
                 let name: String = value.extract()?;
                 let unit = TimeUnit::named(&name);
@@ -370,6 +421,13 @@ impl PyDecoder {
     #[getter]
     fn learn_frames(&self) -> usize {
         self.with(|decoder| decoder.frames_to_learn())
+    }
+
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    #[getter]
+    fn rest(&self) -> (bool, Option<f64>) {
+        let rest = self.with(|decoder| decoder.rest(&StreamFacts::default()));
+        (rest.is_zero, rest.threshold)
     }
 
     /// list of tuple of str: What is known about the readings: what, its value, and who states it (file, layout, argument

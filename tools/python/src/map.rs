@@ -325,18 +325,21 @@ impl PyMap {
     fn with_regions(&self, py: Python<'_>, regions: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut map = SkinMap::clone(&self.map);
         if let Ok(named) = regions.cast::<PyMapping>() {
-            let homes: HashMap<u32, (PatchId, VertexId)> = map
-                .patches
-                .enumerate()
-                .flat_map(|(id, patch)| {
-                    patch.taxels.ids.enumerate().map(move |(v, taxel)| (taxel.0, (id, v)))
-                })
-                .collect();
+            let mut homes: HashMap<u32, (PatchId, VertexId, usize)> = HashMap::new();
+            for (id, patch) in map.patches.enumerate() {
+                for (v, taxel) in patch.taxels.ids.enumerate() {
+                    homes.entry(taxel.0).or_insert((id, v, 0)).2 += 1;
+                }
+            }
             for item in named.items()?.iter() {
                 let (name, ids): (String, Bound<'_, PyAny>) = item.extract()?;
                 let ids: Vec<u32> = ids.try_iter()?.map(|id| id?.extract()).collect::<PyResult<_>>()?;
-                let home = |id: &u32| {
-                    homes.get(id).copied().ok_or_else(|| bad("regions", id, "the id of a taxel of the map"))
+                let home = |id: &u32| match homes.get(id) {
+                    Some(&(patch, v, 1)) => Ok((patch, v)),
+                    Some((.., count)) => {
+                        Err(bad("regions", id, format!("the id of one taxel, not of {count}")))
+                    }
+                    None => Err(bad("regions", id, "the id of a taxel of the map")),
                 };
                 let taxels: Vec<_> = ids.iter().map(home).collect::<PyResult<_>>()?;
                 map.set_regions(taxels, &name).map_err(error)?;
@@ -546,8 +549,6 @@ impl PyMap {
     ///     Number of channels of the readings, C; by default as many as `extensive` has, or any.
     /// extensive : bool, or a sequence of one for each channel
     ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
-    /// interpolate : {"linear", "nearest"}
-    ///     How values are drawn between the taxels.
     /// size : (2,) sequence of int, optional
     ///     Height and width of the images, in pixels.
     /// pixel : float, optional
@@ -563,7 +564,7 @@ impl PyMap {
     /// Returns
     /// -------
     /// Renderer
-    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, interpolate="linear", size=None,
+    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, size=None,
         pixel=None, pack=None, fill=None, mask=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
@@ -572,7 +573,6 @@ impl PyMap {
         patch: Option<String>,
         channels: Option<i64>,
         extensive: Option<&Bound<'_, PyAny>>,
-        interpolate: &str,
         size: Option<[u32; 2]>,
         pixel: Option<f64>,
         pack: Option<PackArg>,
@@ -580,9 +580,7 @@ impl PyMap {
         mask: bool,
     ) -> PyResult<PyRenderer> {
         let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
-        let interpolate = interpolate.to_owned();
-        let args =
-            RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill, mask };
+        let args = RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask };
         PyRenderer::new(slf, args)
     }
 
@@ -645,17 +643,6 @@ impl PyMap {
             ax.call_method1("axis", ("off",))?;
         }
         Ok(picture)
-    }
-
-    /// Measure lookups on this map and this machine, as `dermatome bench`: times, error bounds and true errors of each
-    /// level.
-    ///
-    /// Returns
-    /// -------
-    /// dict
-    fn bench<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let map = Arc::clone(&self.map);
-        json(py, &run(py, 0, move |_| dermatome::contact::measure(&map))?.map_err(error)?)
     }
 
     /// Find the points of the skin at places on the map of a patch.

@@ -62,7 +62,7 @@ pub(crate) fn level(argument: &str, found: i64, levels: usize) -> PyResult<Level
 
 /// What touches the skin, by its word.
 pub(crate) fn probe(found: &str) -> PyResult<Probe> {
-    word("probe", found, &[("any", Probe::Any), ("finger", Probe::Finger)])
+    word("probe", found, &[("any", Probe::Any), ("finger", Probe::Finger), ("foot", Probe::Foot)])
 }
 
 /// A unit of length, in m: a word or a number.
@@ -188,22 +188,8 @@ impl FlattenArgs<'_> {
         let method = word("method", self.method, &known)?;
         let overlap =
             word("overlap", self.overlap, &[("prevent", Overlap::Prevent), ("allow", Overlap::Allow)])?;
-        let boundary = match self.boundary.split(':').collect::<Vec<_>>()[..] {
-            ["rectangle", width, height] => {
-                let side = |text: &str| {
-                    let side = text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
-                    side.ok_or_else(|| {
-                        bad("boundary", format!("{:?}", self.boundary), "rectangle:WIDTH:HEIGHT")
-                    })
-                };
-                Boundary::Rectangle { width: side(width)?, height: side(height)? }
-            }
-            _ => {
-                let square = Boundary::Rectangle { width: 1.0, height: 1.0 };
-                let known = [("free", Boundary::Free), ("circle", Boundary::Circle), ("rectangle", square)];
-                word("boundary", self.boundary, &known)?
-            }
-        };
+        let boundary =
+            word("boundary", self.boundary, &[("free", Boundary::Free), ("circle", Boundary::Circle)])?;
         Ok(FlattenOptions { method, overlap, boundary })
     }
 }

@@ -29,9 +29,13 @@ use crate::{
 ///     One of several arrays or sensors.
 /// layout : Layout, optional
 ///     What the numbers mean, where the file does not state it.
+/// episode : int, optional
+///     The one episode that is read, where the layout has an axis of them.
 #[pyclass(frozen, module = "dermatome", name = "RecordingFile")]
 pub(crate) struct PyRecordingFile {
     reader: Mutex<ReadingsReader>,
+    /// The first frame of the episode that follows: its readings and time.
+    ahead: Mutex<Option<(Vec<f64>, f64)>>,
     path: PathBuf,
     stream: Option<String>,
 }
@@ -45,12 +49,17 @@ impl PyRecordingFile {
 #[pymethods]
 impl PyRecordingFile {
     #[new]
-    #[pyo3(signature = (path, stream=None, layout=None))]
-    fn new(path: PathBuf, stream: Option<String>, layout: Option<&Bound<'_, PyLayout>>) -> PyResult<Self> {
+    #[pyo3(signature = (path, stream=None, layout=None, episode=None))]
+    fn new(
+        path: PathBuf,
+        stream: Option<String>,
+        layout: Option<&Bound<'_, PyLayout>>,
+        episode: Option<u64>,
+    ) -> PyResult<Self> {
         let layout = layout.map(|layout| layout.get().layout.clone());
-        let options = ReadOptions { layout, stream: stream.clone(), ..ReadOptions::default() };
+        let options = ReadOptions { layout, stream: stream.clone(), episode, ..ReadOptions::default() };
         let reader = ReadingsReader::open(&path, options).map_err(error)?;
-        Ok(Self { reader: Mutex::new(reader), path, stream })
+        Ok(Self { reader: Mutex::new(reader), ahead: Mutex::new(None), path, stream })
     }
 
     /// Whether the library knows a file by its content or its name.
@@ -69,13 +78,13 @@ impl PyRecordingFile {
     /// Returns
     /// -------
     /// tuple or None
-    ///     Values (T, C, N) and seconds (T,), float64; None after the last frame.
-    #[expect(clippy::type_complexity, reason = "two arrays")]
+    ///     The number of the episode of these frames, values (T, C, N) and seconds (T,), float64; None after the last frame.
+    #[expect(clippy::type_complexity, reason = "a number and two arrays")]
     fn next<'py>(
         &self,
         py: Python<'py>,
         frames: i64,
-    ) -> PyResult<Option<(Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<f64>>)>> {
+    ) -> PyResult<Option<(u64, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<f64>>)>> {
         let frames = count("frames", frames)?;
         if frames == 0 {
             return Err(bad("frames", 0, "1 or more"));
@@ -85,19 +94,30 @@ impl PyRecordingFile {
         let shape = self.with(|reader| [reader.channels.len(), reader.width]);
         let read = py.detach(|| {
             self.with(|reader| {
+                let mut ahead = self.ahead.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut episode = reader.episode();
+                if let Some((first, time)) = ahead.take() {
+                    values.extend_from_slice(&first);
+                    seconds.push(time);
+                }
                 while seconds.len() < frames && reader.read(&mut frame, &mut time)? {
+                    if reader.episode() != episode && !seconds.is_empty() {
+                        *ahead = Some((frame.clone(), time));
+                        break;
+                    }
+                    episode = reader.episode();
                     values.extend_from_slice(&frame);
                     seconds.push(time);
                 }
-                Ok::<_, dermatome::io::IoError>(())
+                Ok::<_, dermatome::io::IoError>(episode)
             })
         });
-        read.map_err(error)?;
+        let episode = read.map_err(error)?;
         if seconds.is_empty() {
             return Ok(None);
         }
         let values = shaped(py, [seconds.len(), shape[0], shape[1]], values)?;
-        Ok(Some((values, vector(py, seconds))))
+        Ok(Some((episode, values, vector(py, seconds))))
     }
 
     /// The text of a layout of what the file states, with null where it states nothing.
@@ -124,6 +144,12 @@ impl PyRecordingFile {
         PyTuple::new(py, self.with(|r| r.channels.iter().map(|c| c.unit.clone()).collect::<Vec<_>>()))
     }
 
+    /// int: How many episodes are read, each of as many frames.
+    #[getter]
+    fn episodes(&self) -> u64 {
+        self.with(|reader| reader.episodes())
+    }
+
     /// int or None: How many frames there are, if that is known.
     #[getter]
     fn frames(&self) -> Option<u64> {
@@ -143,6 +169,12 @@ impl PyRecordingFile {
         let streams = PyDict::new(py);
         streams.set_item(name, PyTuple::new(py, shape)?)?;
         Ok(streams)
+    }
+
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    #[getter]
+    fn rest(&self) -> (bool, Option<f64>) {
+        self.with(|reader| (reader.rest.is_zero, reader.rest.threshold))
     }
 
     /// dict: What the file states of the stream: unit, rate in Hz, sensor, pitch and what else it has.

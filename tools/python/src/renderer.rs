@@ -10,7 +10,7 @@ use dermatome::{
     atlas::{Atlas, AtlasOptions, AtlasPart, Chart, Pack, Resolution},
     contact::{ContactError, MapPlace},
     id::VertexId,
-    image::{BatchRenderer, Interpolation, RenderOptions, Renderer},
+    image::{BatchRenderer, Renderer},
     pyramid::LevelId,
     signal::{Duplicates, Frame, Join, Restrictor},
     skin::PatchId,
@@ -30,7 +30,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::PyMap,
     matrix::{PyMatrix, Rows},
-    options::{Extensive, channels, count, level, positive, word},
+    options::{Extensive, channels, count, level, positive},
     pool::starts,
 };
 
@@ -146,7 +146,6 @@ pub(crate) struct RenderArgs {
     pub(crate) patch: Option<String>,
     pub(crate) channels: Option<i64>,
     pub(crate) extensive: Extensive,
-    pub(crate) interpolate: String,
     pub(crate) size: Option<[u32; 2]>,
     pub(crate) pixel: Option<f64>,
     pub(crate) pack: Option<Pack>,
@@ -188,8 +187,6 @@ impl PyRenderer {
         };
         let extensive = args.extensive.of_channels(args.channels()?)?;
         let count = extensive.len();
-        let known = [("linear", Interpolation::Linear), ("nearest", Interpolation::Nearest)];
-        let interpolation = word("interpolate", &args.interpolate, &known)?;
         let resolution = match (args.size, args.pixel) {
             (None, None) => Resolution::Map,
             (Some(size), None) => Resolution::Canvas(size),
@@ -209,11 +206,10 @@ impl PyRenderer {
                 return Ok(None);
             }
             let channels = channels(extensive);
-            let render = RenderOptions { interpolation, level: Some(level) };
             Ok(Some(Plan {
                 join: Join::new(&map, None, taxels, Duplicates::Refuse)?,
                 restrictor: Restrictor::to_level(&map, &channels, level),
-                renderer: Renderer::new(&map, &atlas, &channels, &render)?,
+                renderer: Renderer::new(&map, &atlas, &channels, Some(level))?,
                 frame: Frame::new(&map, channels.len()),
                 taxels,
                 channels: channels.len(),
@@ -557,8 +553,7 @@ impl PyRenderer {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        let RenderArgs { level, patch, channels, extensive, interpolate, size, pixel, pack, fill, mask } =
-            &self.args;
+        let RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask } = &self.args;
         let options = PyDict::new(py);
         options.set_item("level", level)?;
         options.set_item("patch", patch)?;
@@ -567,7 +562,6 @@ impl PyRenderer {
             Extensive::All(one) => options.set_item("extensive", one)?,
             Extensive::Each(all) => options.set_item("extensive", all)?,
         }
-        options.set_item("interpolate", interpolate)?;
         options.set_item("size", size)?;
         options.set_item("pixel", pixel)?;
         options.set_item("pack", pack.map(|pack| if pack == Pack::Body { "body" } else { "tight" }))?;

@@ -9,7 +9,9 @@ use std::{
 use dermatome::{
     Skin,
     id::IdVec,
-    io::{IoError, ReadParts, draft_from_bytes, is_robot, read_draft_with, skin_to_bytes, write_skin},
+    io::{
+        IoError, ReadParts, draft_from_bytes, is_robot, lost_in, read_draft_with, skin_to_bytes, write_skin,
+    },
     remesh::{drop_crumbs, keep_outer, remesh_skin},
     skin::{
         AssembleOptions, Draft, Link, LinkId, Patch, Presence, Remark, Sheet, TaxelId, assemble,
@@ -380,9 +382,15 @@ impl PySkin {
     }
 
     /// Write the skin to a file; its kind follows from its extension.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let skin = Arc::clone(&self.skin);
-        run(py, 0, move |_| write_skin(&path, &skin))?.map_err(error)
+    ///
+    /// Returns
+    /// -------
+    /// tuple of str
+    ///     What a file of this kind does not keep, a sentence each; .glb keeps everything.
+    fn write<'py>(&self, py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyTuple>> {
+        let (skin, to) = (Arc::clone(&self.skin), path.clone());
+        run(py, 0, move |_| write_skin(&to, &skin))?.map_err(error)?;
+        PyTuple::new(py, lost_in(&path, &self.skin))
     }
 
     /// The content of a file of this skin, of a kind that is one file.

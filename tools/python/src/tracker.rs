@@ -5,8 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use dermatome::{
     id::VertexId,
     signal::{
-        Channel, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join, Probe, TrackerOptions,
-        TrackerState,
+        Channel, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join, Probe, Rest,
+        TrackerOptions, TrackerState,
     },
 };
 use numpy::PyUntypedArrayMethods;
@@ -32,7 +32,7 @@ use crate::{
 /// unit : str
 ///     Unit of the readings, as "Pa" or "N"; forces are known for units of pressure and force.
 /// probe : str
-///     What touches the skin: "any", or "finger" for fingers side by side. A tracker of fingers cannot be pickled.
+///     What touches the skin: "any", "finger" for fingers side by side, or "foot" for one contact a foot. A tracker of fingers cannot be pickled.
 /// threshold : float, optional
 ///     A contact has a taxel above this, in the unit of the readings; by default estimated from the first frames,
 ///     in which nothing should touch the skin.
@@ -96,6 +96,7 @@ impl PyContactTracker {
             noise_frames: count("noise_frames", noise_frames)?,
             reach,
             lasting: count("lasting", lasting)?,
+            rest: Rest::Learned,
         };
         let channel = Channel::new("", unit).map_err(error)?;
         let tracker = ContactTracker::new(map, &channel, &options).map_err(error)?;
@@ -178,6 +179,7 @@ impl PyContactTracker {
             least,
             prominence,
             part,
+            rest: _,
             noise_frames,
             reach,
             lasting,

@@ -140,7 +140,7 @@ def test_options(a, b, c, count):
     palm = dermatome.Skin.from_arrays(*lattice(5, 5))
     for options in (
         {"ratio": a}, {"levels": count}, {"coarsest": count}, {"angle": a, "area": b, "perimeter": c}, {"magnify": a},
-        {"pixel": a}, {"seam_side": [a, b, c]}, {"max_area_ratio": a}, {"threads": count}, {"cut": [[count, 1]]}, {"boundary": f"rectangle:{a}:{b}"},
+        {"pixel": a}, {"seam_side": [a, b, c]}, {"max_area_ratio": a}, {"threads": count}, {"cut": [[count, 1]]},
         {"method": "linear", "angle": a, "area": b}, {"nonsense": 1},
     ):  # fmt: skip
         if options.get("threads") in (None, 1.5, "1") or options.get("threads", 0) < 5:

@@ -103,6 +103,9 @@ ZARRS = {
     "no JSON": ({ZARRAY: b'{"shape": [40'}, "no JSON"),
     "JSON without end": ({ZARRAY: b"[" * 100_000}, "no JSON"),
     "a chunk is gone": ({CHUNK: None}, "found 3 chunks; needed: all 4"),
+    "a chunk is gone, and one of fill values is stored": ({CHUNK: None, "data/tactile/3.0": bytes(200)}, "found 3 chunks; needed: all 4"),
+    "no chunk at all": ({f"data/tactile/{k}.0": None for k in range(4)}, "found 0 chunks; needed: all 4"),
+    "a chunk is gone, without a fill value": ({CHUNK: None, ZARRAY: about([40, 5], [10, 5]) | {"fill_value": None}}, "found 3 chunks; needed: all 4"),
     "a chunk has another number": ({CHUNK: None, "data/tactile/9.0": b"0"}, "no chunk data/tactile/0.0"),
     "no group": ({".zgroup": None}, "no .zgroup"),
     "a codec that is not there": ({ZARRAY: about([40, 5], [10, 5], codec={"id": "jpegxl"})}, "codec 'jpegxl'"),
@@ -153,9 +156,31 @@ def test_zarr_3(shards, tmp_path):
     refuse(tmp_path / "a.zarr", "checksum" if shards else "cannot be decoded|bytes", stream="tactile")
     first.write_bytes(data[:9])
     refuse(tmp_path / "a.zarr", "needed: an index" if shards else "cannot be decoded|bytes", stream="tactile")
-    if shards:
-        group["data/other"][:10] = 0
-        refuse(tmp_path / "a.zarr", r"found no chunk \(0, 0\)", stream="other")
+    # A chunk of fill values is not stored: it is one where another chunk has a frame of them, and may be lost otherwise.
+    group["data/other"][:10] = 0
+    refuse(tmp_path / "a.zarr", r"found no chunk \(0, 0\)" if shards else "found 3 chunks; needed: all 4", stream="other")
+    rows = (ROWS + 1).astype("int16")
+    rows[:12] = 0
+    rows[30:] = 0
+    group["data/other"][:] = rows
+    values, recording = read(tmp_path / "a.zarr", stream="other")
+    assert np.array_equal(values, rows)
+    assert ("chunks", "2 are not stored, as chunks of one value are not: readings there are 0", "checked") in recording.statements
+    alone = zarr.create_array(str(tmp_path / "alone.zarr"), shape=(40, 5), dtype="float32", chunks=(10, 5))
+    alone[:] = ROWS + 1
+    assert np.array_equal(read(tmp_path / "alone.zarr")[0], ROWS + 1) and list(Readings.open(tmp_path / "alone.zarr").streams) == ["values"]
+
+
+def test_zarr_areas_that_are_all_zero(tmp_path):
+    name = "data/right_tactile_area_hand"
+    areas = {f"{name}/.zarray": about([40, 1], [40, 1], "<i8")}
+    pads = {"data/right_tactile_data_hand/.zarray": about([40, 1, 5], [40, 1, 5]), "data/right_tactile_data_hand/0.0.0": ROWS.tobytes()}
+    gone = {ZARRAY: None, **{f"data/tactile/{k}.0": None for k in range(4)}}
+    layout = {**LAYOUT, "axes": ["frame", "pad", "taxel"], "taxels": {"shape": [1, 5], "first_id": 1}}
+    path = zarr_file(tmp_path / "a.zip", {**areas, **pads, **gone})
+    values, recording = read(path, layout=layout)
+    assert np.array_equal(values, ROWS) and recording.says["area"] == [0]
+    refuse(zarr_file(tmp_path / "b.zip", {**areas, **pads, **gone, f"{name}/.zarray": {**areas[f"{name}/.zarray"], "fill_value": None}}), "found 0 chunks", layout=layout)
 
 
 # ---- HDF5
@@ -255,6 +280,9 @@ def test_hdf5_of_other_kinds(h5, tmp_path):
     for episode in (-1, "0", True):
         with pytest.raises(dermatome.DataError, match="episode: found"):
             Readings.open(both, episode=episode)
+    times = np.arange(40) / 10
+    assert any("a rate is stated" in value for _, value, _ in read(h5("rated", times=times))[1].statements)
+    refuse(h5("episodes"), "an axis 'episode' in the layout", layout={**LAYOUT, "axes": ["episode", "frame", "taxel"]})
     frames_last = {**LAYOUT, "axes": ["taxel", "frame"]}
     assert np.array_equal(read(h5("turned", rows=np.ascontiguousarray(ROWS.T), times=np.arange(40) / 10), layout=frames_last)[0], ROWS)
 
@@ -324,6 +352,21 @@ def test_datasets_that_lie(what, robot):
     refuse(robot("a", info, **columns), match, stream=None if isinstance(info, bytes) else TACTILE)
 
 
+def test_datasets_with_a_column_a_taxel(robot):
+    names = [f"pressure_{k}" for k in (3, 0, 1, 10, 2)]
+    columns = {name: row for name, row in zip([*names, "battery"], [*ROWS.T, ROWS[:, 0]])}
+    info = {"features": {name: {**FEATURE, "shape": [1]} for name in columns}}
+    path = robot("columns", info, **{TACTILE: None}, **columns)
+    layout = {**LAYOUT, "taxels": {"columns": "pressure_{id}"}}
+    values, recording = read(path, layout=layout)
+    assert np.array_equal(values, ROWS[:, [1, 2, 4, 0, 3]]) and recording.read().ids.tolist() == [0, 1, 2, 3, 10]
+    assert ("columns not read", "battery", "file") in recording.statements
+    draft = json.loads(Readings.open(path).draft())
+    assert draft["taxels"] == {"columns": "pressure_{id}"} and draft["time"] == {"rate": 10.0}
+    refuse(path, "needed: columns called ele{id}", layout={**LAYOUT, "taxels": {"columns": "ele{id}"}})
+    refuse(robot("list"), "taxels: found", layout=layout)
+
+
 def test_datasets_of_other_kinds(robot):
     assert np.array_equal(read(robot("good"))[0], ROWS)
     valid = np.ones((40, 5), np.float32)
@@ -389,6 +432,11 @@ def test_bags_keep_their_times(bag):
     refuse(make("back", {"/a": (10**8, pressures(message, [*stamps[:9], stamps[3], *stamps[10:]]))}), "9|ascend", layout=HEADER_TIME)
     longer = [*ROWS[:9], np.zeros(6, np.float32), *ROWS[10:]]
     refuse(make("longer", {"/a": (10**8, pressures(message, stamps, longer))}), r"message 9 of /a: found the shape \(6,\)")
+    simulated = make("simulated", {"/a": (10**7, pressures(message, np.arange(40) * 10**7))})
+    assert np.allclose(Readings.open(simulated, layout=HEADER_TIME).read().timestamps, np.arange(40) / 100, rtol=0, atol=1e-12)
+    at_100 = {**LAYOUT, "time": {"rate": 100}}
+    assert np.array_equal(read(both, stream="/fast.pressure", layout=at_100)[0], ROWS)
+    refuse(both, "frame 1: found 0.100000 s after the first in the file; needed: 0.010000 s", stream="/slow.pressure", layout=at_100)
     refuse(both, "/slow.pressure.*/fast.pressure")
     refuse(both, "one of /slow.pressure, /fast.pressure", stream="/skin")
     refuse(both, "found 'heat'", stream="/slow.heat")
@@ -511,3 +559,43 @@ def test_a_missing_package_is_named(tmp_path, monkeypatch):
     for extra, path in paths.items():
         with pytest.raises(ImportError, match=rf"dermatome\[{extra}\]"):
             read(path)
+
+
+def test_episodes_of_an_array_and_pointers(tmp_path):
+    trials = np.stack([ROWS[:20], ROWS[20:]])
+    np.save(tmp_path / "trials.npy", trials)
+    layout = {**LAYOUT, "axes": ["episode", "frame", "taxel"]}
+    recording = Readings.open(tmp_path / "trials.npy", layout=layout)
+    parts = list(recording.chunks(frames=15))
+    assert [(part.episode, len(part)) for part in parts] == [(0, 15), (0, 5), (1, 15), (1, 5)] and recording.episodes == (20, 20)
+    assert np.array_equal(np.concatenate([part.values[:, 0] for part in parts]), ROWS) and parts[2].timestamps[0] == 0
+    second = Readings.open(tmp_path / "trials.npy", layout=layout, episode=1)
+    assert np.array_equal(second.read().values[:, 0], ROWS[20:])
+    with pytest.raises(dermatome.Error, match="episode: found 2; needed: 0 to 1"):
+        Readings.open(tmp_path / "trials.npy", layout=layout, episode=2)
+    with pytest.raises(dermatome.Error, match="episode: found 1; needed: 0"):
+        Readings.open(tmp_path / "trials.npy", layout={**LAYOUT, "axes": ["frame", "a", "taxel"]}, episode=1)
+    pointer = tmp_path / "a.h5"
+    pointer.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n")
+    refuse(pointer, "a pointer of Git LFS")
+
+
+def test_stamps_of_foxglove(tmp_path):
+    writer = pytest.importorskip("mcap.writer")
+
+    def write(name, stamp):
+        with open(tmp_path / name, "wb") as file:
+            to = writer.Writer(file)
+            to.start("", "")
+            schema = to.register_schema("Pressure", "jsonschema", b"{}")
+            channel = to.register_channel("/skin", "json", schema)
+            for k, row in enumerate(ROWS):
+                message = {"header": {"stamp": stamp(k)}, "pressure": row.tolist()}
+                to.add_message(channel, 10**18 + k, json.dumps(message).encode(), 10**18 + k)
+            to.finish()
+        return tmp_path / name
+
+    path = write("a.mcap", lambda k: {"sec": 5, "nsec": k * 10**7})
+    got = Readings.open(path, layout=HEADER_TIME).read()
+    assert np.array_equal(got.values[:, 0], ROWS) and np.allclose(got.timestamps, np.arange(40) / 100, rtol=0, atol=1e-12)
+    refuse(write("b.mcap", lambda k: {"secs": 5}), r"message 0 of /skin: found the stamp \[.*'secs'\]; needed: whole numbers", layout=HEADER_TIME)

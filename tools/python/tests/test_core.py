@@ -355,7 +355,7 @@ from conftest import dome, lattice
 map = dermatome.build(dermatome.Skin.from_arrays(*dome()))
 values = np.random.default_rng(0).random((3000, 256))
 values[values < 0.1] = np.nan
-renderer, index, points = map.renderer(interpolate="nearest"), map.index(), np.zeros((4_000_000, 3))
+renderer, index, points = map.renderer(), map.index(), np.zeros((4_000_000, 3))
 signal.signal(signal.SIGINT, signal.default_int_handler)
 print("begins", flush=True)
 try:

@@ -155,7 +155,7 @@ def test_every_result_is_pickled_and_copied(uneven_map, tmp_path):
         for again in copies(thing):
             assert type(again) is type(thing) and repr(again) == repr(thing) and same(thing, again)
     values = np.random.default_rng(0).random((3, 1, 592))
-    renderer = uneven_map.renderer(coarsest, pack=True, size=(40, 30), channels=1, interpolate="nearest")
+    renderer = uneven_map.renderer(coarsest, pack=True, size=(40, 30), channels=1)
     for again in copies(renderer):
         assert np.array_equal(again(values), renderer(values), equal_nan=True)
     for moved in copies(index.posed(turned)):

@@ -41,12 +41,11 @@ def test_images_of_a_batch_are_those_of_one_frame_and_of_the_command(dome_map, t
         dome_map.renderer(channels=2, extensive=[True, True, False])
 
 
-@pytest.mark.parametrize("interpolate", ["linear", "nearest"])
 @pytest.mark.parametrize("size", [None, (12, 12), (200, 200)])
 @pytest.mark.parametrize("level", [0, 1])
-def test_the_matrix_draws_the_images(dome_map, tube_map, interpolate, level, size):
+def test_the_matrix_draws_the_images(dome_map, tube_map, level, size):
     for map in (dome_map, tube_map):
-        renderer = map.renderer(level, interpolate=interpolate, size=size)
+        renderer = map.renderer(level, size=size)
         values = np.random.default_rng(4).random((3, map.n_taxels))
         drawn = renderer(values)[:, 0].reshape(3, -1)
         product = (renderer.matrix().scipy() @ map.pool(values, level).astype(float).T).T
@@ -76,14 +75,13 @@ def test_images_take_any_leading_axes(dome_map):
     # The last channel of a mask: 1 where all others are known.
     values[:, :, :, 100:130] = np.nan
     for fill in (None, -2.0):
-        for interpolate in ("linear", "nearest"):
-            bare = dome_map.renderer(size=(20, 16), interpolate=interpolate)(values)
-            for channels in (None, 3):
-                masked = dome_map.renderer(size=(20, 16), interpolate=interpolate, channels=channels, fill=fill, mask=True)(values)
-                assert masked.shape == (2, 5, 4, 20, 16)
-                assert np.array_equal(masked[:, :, 3], np.isfinite(bare).all(axis=2))
-                filled = bare if fill is None else np.nan_to_num(bare, nan=fill)
-                assert np.array_equal(masked[:, :, :3], filled, equal_nan=True)
+        bare = dome_map.renderer(size=(20, 16))(values)
+        for channels in (None, 3):
+            masked = dome_map.renderer(size=(20, 16), channels=channels, fill=fill, mask=True)(values)
+            assert masked.shape == (2, 5, 4, 20, 16)
+            assert np.array_equal(masked[:, :, 3], np.isfinite(bare).all(axis=2))
+            filled = bare if fill is None else np.nan_to_num(bare, nan=fill)
+            assert np.array_equal(masked[:, :, :3], filled, equal_nan=True)
 
 
 @pytest.mark.parametrize("options", [{"pack": "tight", "size": [90, 70]}, {"pack": "body"}, {"patch": 1, "size": [40, 60]}, {"patch": 0}])
@@ -148,7 +146,7 @@ def test_numbers_beyond_32_bits_are_missing(dome_map, kind):
             given[3:19, 70:90], given[:, 9] = huge, huge
         for level in (0, 1):
             assert np.array_equal(dome_map.pool(given, level), dome_map.pool(missing, level), equal_nan=True)
-            for options in ({}, {"interpolate": "nearest"}, {"extensive": True, "fill": -1.0}):
+            for options in ({}, {"extensive": True, "fill": -1.0}):
                 renderer = dome_map.renderer(level, size=(32, 32), **options)
                 assert np.array_equal(renderer(given), renderer(missing), equal_nan=True)
     most = np.full((17, 256), 3e38)
@@ -417,7 +415,6 @@ def test_images_have_the_colours_of_the_command(dome_map):
 def test_findings_of_bad_arguments_name_them(dome_map):
     for call, text in [
         (lambda: dome_map.renderer(9), "level: found 9"),
-        (lambda: dome_map.renderer(interpolate="cubic"), 'interpolate: found "cubic"'),
         (lambda: dome_map.renderer()(np.zeros((2, 9))), "values: found shape (2, 9)"),
         (lambda: dome_map.pool(np.zeros(9), 1), "values: found shape (9,)"),
         (lambda: dermatome.ContactTracker(dome_map, threshold=-1.0), "threshold"),

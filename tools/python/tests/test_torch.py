@@ -54,19 +54,17 @@ def test_taxels_that_are_not_present_are_left_out(extensive, holed_map, uneven_m
                 assert np.allclose((own @ part.T).sum(dim=0), (Pool(map, level, patch=name, extensive=extensive)(part)).nansum(dim=1), atol=1e-4)
 
 
-@pytest.mark.parametrize("interpolate", ["linear", "nearest"])
 @pytest.mark.parametrize("size", [None, (40, 48)])
 @pytest.mark.parametrize("level", [0, 1])
-def test_pixels_are_those_of_the_renderer(interpolate, size, level, holed_map):
+def test_pixels_are_those_of_the_renderer(size, level, holed_map):
     values = np.random.default_rng(3).random((3, 256)).astype(np.float32)
-    renderer = holed_map.renderer(level, interpolate=interpolate, size=size)
+    renderer = holed_map.renderer(level, size=size)
     fields = np.nan_to_num(holed_map.pool(values, level))
     drawn = (pixels(renderer) @ torch.from_numpy(fields).T).T.numpy()
     assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
-    if interpolate == "linear":
-        several = holed_map.renderer(level, size=size, channels=2)
-        drawn = (pixels(several, map=holed_map) @ torch.from_numpy(fields).T).T.numpy()
-        assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
+    several = holed_map.renderer(level, size=size, channels=2)
+    drawn = (pixels(several, map=holed_map) @ torch.from_numpy(fields).T).T.numpy()
+    assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])

@@ -40,7 +40,7 @@ MISTAKES = [
     'dermatome.build(skin, cut="maybe")',
     "dermatome.build(skin, progress=3)",
     "skin_map.renderer(0, size=64)",
-    "skin_map.renderer(0, interpolate='cubic')",
+    "skin_map.renderer(0, pack='loose')",
     "skin_map.pool(readings, 1)",
     "index.locate([[0, 0, 0]], levels=1)",
     'dermatome.calibrate(contacts, cad=skin, robust="gnc")',

@@ -1,6 +1,7 @@
 //! The arguments of `calibrate`.
 
 use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
+use dermatome::least_squares::Options;
 
 use crate::calibrate::cad_args::CadArgs;
 use crate::options::{Choice, InPath, OutFile, Unit, one_of};
@@ -47,7 +48,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = one_of(&STARTS), default_value = "chordal", help_heading = "Solver")]
     pub(super) initial: Initialization,
     /// Most iterations of one solve; robust estimation solves several times
-    #[arg(long, value_name = "N", default_value_t = CalibOptions::default().max_iterations, help_heading = "Solver")]
+    #[arg(long, value_name = "N", default_value_t = CalibOptions::default().limits.max_iterations, help_heading = "Solver")]
     pub(super) iterations: usize,
     /// Replace information that is not positive semi-definite by the nearest that is
     #[arg(long, help_heading = "Solver")]
@@ -90,9 +91,8 @@ const RESIDUALS: [Choice<ResidualConvention>; 3] = [
     ("quaternion", ResidualConvention::Quaternion, "Translation and half-angle quaternion, as g2o"),
 ];
 
-const STARTS: [Choice<Initialization>; 3] = [
+const STARTS: [Choice<Initialization>; 2] = [
     ("chordal", Initialization::Chordal, "Two linear systems"),
-    ("tree", Initialization::SpanningTree, "Chained along a spanning tree"),
     ("file", Initialization::InitialValues, "The values in the file"),
 ];
 
@@ -107,7 +107,7 @@ impl Args {
             robust: self.robust,
             residual: self.residual,
             initialization: self.initial,
-            max_iterations: self.iterations,
+            limits: Options { max_iterations: self.iterations, ..Options::default() },
             covariances: !self.no_covariance,
         }
     }

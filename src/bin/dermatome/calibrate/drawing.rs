@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dermatome::Error;
 use dermatome::calib::{BodyCalibration, CadSkin, CalibError, ModuleNames};
-use dermatome::io::{read_draft, read_modules, read_modules_if_any};
+use dermatome::io::{modules_of_skin, read_draft, read_modules};
 use dermatome::skin::{AssembleOptions, Draft, Skin, assemble};
 
 use crate::calibrate::cad_args::CadArgs;
@@ -65,9 +65,6 @@ fn module_names(path: &Path, args: &CadArgs, common: &Common) -> anyhow::Result<
         note_columns(path, &table.unused, common);
         return Ok(Some(table.rows.into_iter().collect()));
     }
-    if outputs::kind(path) != "csv" {
-        return Ok(None);
-    }
-    let table = read_modules_if_any(path).map_err(Error::from)?;
-    Ok(table.map(|table| table.rows.into_iter().collect()))
+    let rows = modules_of_skin(path).map_err(Error::from)?;
+    Ok(rows.map(|rows| rows.into_iter().collect()))
 }

@@ -213,6 +213,9 @@ fn option_help(error: &Error) -> &'static str {
                 "give each channel one name and one unit, as in --channels force.N,temperature --readings-unit N,K"
             }
             SignalError::NoChannel { .. } => "give --channel one of them, or leave it out to take the first",
+            SignalError::NoTouch { .. } => {
+                "leave out --zero, --gain and --response, or state the unit with --readings-unit, or `kind` in a layout"
+            }
             SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
             _ => "correct the readings",
@@ -390,7 +393,10 @@ fn converter(path: &Path) -> Option<&'static str> {
         "fbx" | "3ds" | "blend" => "convert it with Blender or `assimp export`",
         "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
         "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
-        "3mf" | "vtk" | "vtu" | "msh" => "convert it with `meshio convert`",
+        "3mf" | "vtk" | "vtu" => "convert it with `meshio convert`",
+        "msh" => {
+            "convert it, a mesh of Gmsh with `meshio convert` or an old one of MuJoCo with its msh2obj.py,"
+        }
         "bag" | "mcap" | "db3" => return Some(BAGS),
         "h5" | "hdf5" | "mat" | "parquet" | "xlsx" | "zarr" => return Some(ARRAYS),
         _ => return None,

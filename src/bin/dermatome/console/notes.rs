@@ -1,13 +1,13 @@
-//! Notes on standard error: what a kind of file loses of a skin, which maps overlap themselves.
+//! Notes on standard error: what was changed, what a file loses, which maps overlap themselves.
 
 use std::{collections::HashMap, fmt, mem, path::Path};
 
 use dermatome::cut::Cut;
 use dermatome::flatten::{FlattenOptions, Method, Overlap};
-use dermatome::io::rounding_in_gltf;
+use dermatome::io::{lost_in, rounding_in_gltf};
 use dermatome::pipeline::Built;
 use dermatome::report::PatchReport;
-use dermatome::skin::{Remark, Skin, TaxelId, Taxels};
+use dermatome::skin::{Remark, Skin, TaxelId};
 
 use crate::console::print::{line, plain, say};
 use crate::options::Common;
@@ -102,7 +102,7 @@ pub(crate) fn note_placeholders(skin: &Skin, common: &Common) {
 
 /// Prints what a skin loses in the kind of file that a path names.
 pub(crate) fn remark_lost(path: &Path, skin: &Skin, common: &Common) {
-    for lost in lost(path, skin) {
+    for lost in lost_in(path, skin) {
         note!(common, "{}: {lost}; .glb keeps everything", path.display());
     }
     if matches!(dermatome::io::file_kind(path).as_str(), "glb" | "gltf") {
@@ -121,37 +121,6 @@ pub(crate) fn note_rounding(skin: &Skin, common: &Common) {
                  which keeps seven digits: move the origin near"
             );
         }
-    }
-}
-
-/// What a skin loses there: its frames and names, its tangents, covariances and weights.
-fn lost(path: &Path, skin: &Skin) -> Vec<&'static str> {
-    let kind = dermatome::io::file_kind(path);
-    let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
-    let has = |known: fn(&Taxels) -> bool| is_plain && skin.patches.iter().any(|p| known(&p.taxels));
-    let tangents = has(|taxels| taxels.tangents.is_some()).then_some("the tangents of the taxels are lost");
-    let covariances =
-        has(|taxels| taxels.covariances.is_some()).then_some("the covariances of the taxels are lost");
-    // CSV and glTF keep them.
-    let weights = has(|taxels| taxels.weights.is_some()).then_some("the weights of the taxels are lost");
-    lost_frames(&kind, skin).into_iter().chain(tangents).chain(covariances).chain(weights).collect()
-}
-
-fn lost_frames(kind: &str, skin: &Skin) -> Option<&'static str> {
-    let is_one_body = skin.patches.iter().all(|patch| patch.link == skin.patches[0.into()].link);
-    let is_bare = skin.links.len() <= 1
-        && skin.links.iter().all(|l| l.name.is_empty() && l.pose.abs_diff_eq(glam::DAffine3::IDENTITY, 0.0));
-    match kind {
-        "json" if !is_one_body => Some("robotskinlib has one link: positions are in the world"),
-        "json" if skin.patches.len() > 1 => Some("robotskinlib has one patch: its pieces lose their names"),
-        "obj" => Some("OBJ keeps no taxel ids and no link frames: positions are in the world"),
-        "off" => Some("OFF keeps positions and triangles alone, in the world"),
-        "ply" if !is_bare || skin.patches.len() > 1 => {
-            Some("PLY keeps no names and no link frames: positions are in the world")
-        }
-        "stl" => Some("STL keeps positions alone, in the world and rounded to f32"),
-        "csv" if !is_bare => Some("tables keep no link frames: positions are in the world"),
-        _ => None,
     }
 }
 

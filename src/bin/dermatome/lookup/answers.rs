@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use dermatome::contact::{Cell, ContactError, ContactIndex, Hit, Hits, ON_SKIN_SPACINGS, Query, Refine};
 use dermatome::io::{IoError, LookupPlace, LookupRow, LookupWriter};
 use dermatome::pyramid::LevelId;
+use dermatome::run::Run;
 use dermatome::skin::{LinkId, PatchId, Presence};
 use glam::DVec3;
 
@@ -152,7 +153,7 @@ impl<'a> Answers<'a> {
         table: &mut LookupWriter<'_, impl Write>,
     ) -> Result<(), IoError> {
         let hits = match self.question {
-            Question::Nearest => self.index.locate_all(queries).map_err(unanswered)?,
+            Question::Nearest => self.index.locate_all(queries, Run::default()).map_err(unanswered)?,
             _ => Hits::default(),
         };
         // Contacts are checked as they are read: an error is one about all of them.

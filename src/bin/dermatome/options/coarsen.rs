@@ -3,17 +3,12 @@
 use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
 
 use crate::console::notes::note_columns;
-use crate::options::values::number;
 use crate::options::{Common, InPath};
 
 /// How to coarsen.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Pyramid")]
 pub(crate) struct CoarsenArgs {
-    /// Number of vertices of a level divided by that of the next coarser one [default: about 4, the
-    /// value that keeps the fields even]
-    #[arg(long, value_name = "R", value_parser = ratio, hide = true)]
-    ratio: Option<f64>,
     /// At most this many levels above level 0 [default: as many as --coarsest allows]
     #[arg(long, value_name = "N")]
     levels: Option<usize>,
@@ -47,7 +42,7 @@ impl AcuityArgs {
 
 impl CoarsenArgs {
     pub(crate) fn options(&self) -> CoarsenOptions {
-        CoarsenOptions { ratio: self.ratio, levels: self.levels, coarsest: self.coarsest }
+        CoarsenOptions { levels: self.levels, coarsest: self.coarsest, ..CoarsenOptions::default() }
     }
 
     pub(crate) fn fill_holes(&self) -> FillHoles {
@@ -63,8 +58,4 @@ fn hole(text: &str) -> Result<usize, String> {
         Ok(n) if n <= LARGEST_HOLE => Ok(n),
         _ => Err(format!("needed: a number of edges from 0 to {LARGEST_HOLE}")),
     }
-}
-
-fn ratio(text: &str) -> Result<f64, String> {
-    number(text, "a number from 1.6 to 1000", |x| (1.6..=1000.0).contains(&x))
 }

@@ -56,8 +56,8 @@ pub(crate) struct FlattenArgs {
     /// numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) seam_side: Option<DVec3>,
-    /// Where the outer boundary lies: free; circle, rectangle or rectangle:W:H, as large as the skin; or
-    /// a table with columns taxel_id,u,v (m), counter-clockwise [default: free]
+    /// Where the outer boundary lies: free; circle, as large as the skin; or a table with
+    /// columns taxel_id,u,v (m), counter-clockwise [default: free]
     #[arg(long, value_name = "SHAPE|FILE.csv", value_parser = boundary)]
     boundary: Option<BoundaryArg>,
 }
@@ -135,7 +135,7 @@ impl FlattenArgs {
             let found = skin.patches.len();
             return Err(advise(
                 format!("the taxels of --boundary need a skin with one patch, not {found}"),
-                "choose one with --patch NAME, or prescribe a shape: circle or rectangle",
+                "choose one with --patch NAME, or prescribe a circle",
             ));
         };
         let table = read_boundary(path).map_err(Error::from)?;
@@ -197,7 +197,7 @@ impl FlattenArgs {
                 return Ok(Cut::None);
             }
             let why = "a table of --boundary has no places for the copies of taxels along a cut";
-            return Err(advise(why, "use --cut none, or a circle or rectangle"));
+            return Err(advise(why, "use --cut none or --boundary circle"));
         }
         Ok(match &self.cut {
             CutArg::Auto => Cut::Auto,
@@ -231,19 +231,14 @@ impl FlattenArgs {
     }
 }
 
-/// The shape of the boundary: `rectangle:4:3` is a rectangle four wide and three high.
 fn boundary(text: &str) -> Result<BoundaryArg, String> {
-    let rectangle = |width, height| BoundaryArg::Shape(Boundary::Rectangle { width, height });
-    let side = |text: &str| number(text, "a width and a height above 0", |x| x > 0.0);
-    match *text.split(':').collect::<Vec<_>>() {
-        ["free"] => Ok(BoundaryArg::Shape(Boundary::Free)),
-        ["circle"] => Ok(BoundaryArg::Shape(Boundary::Circle)),
-        ["rectangle"] => Ok(rectangle(1.0, 1.0)),
-        ["rectangle", width, height] => Ok(rectangle(side(width)?, side(height)?)),
+    match text {
+        "free" => Ok(BoundaryArg::Shape(Boundary::Free)),
+        "circle" => Ok(BoundaryArg::Shape(Boundary::Circle)),
         _ if Path::new(text).extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) => {
             Ok(BoundaryArg::Table(text.into()))
         }
-        _ => Err("needed: free, circle, rectangle[:W:H] or a table FILE.csv".to_owned()),
+        _ => Err("needed: free, circle or a table FILE.csv".to_owned()),
     }
 }
 

@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use dermatome::Error;
 use dermatome::id::IdVec;
-use dermatome::io::read_faces;
 use dermatome::remesh::clip;
 use dermatome::skin::{Draft, LinkId, Sheet, world_pose};
 use glam::{DAffine3, DVec3};
@@ -12,8 +10,7 @@ use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::print::plain;
-use crate::options::InPath;
-use crate::options::values::direction;
+use crate::options::values::{direction, numbers};
 
 /// Which patches of a file to take.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -23,10 +20,6 @@ pub(crate) struct PatchArgs {
     /// more than once [default: all patches]
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
     pub(crate) patches: Vec<Pattern>,
-    /// Keep only the faces listed in FILE: a number on each line, counted from 0 through all triangles
-    /// of the mesh
-    #[arg(long, value_name = "FILE")]
-    faces: Option<InPath>,
     /// Take the faces of this material of a glTF or OBJ file only, in which * and ? stand for any
     /// characters; may be given more than once
     #[arg(long = "material", value_name = "NAME", value_parser = pattern)]
@@ -87,8 +80,7 @@ impl PatchArgs {
     }
 
     /// Keeps the faces that are chosen; where the surface is meshed anew, its rim along a box is straight.
-    /// Fails if the list of faces cannot be read or does not fit, a material is not there, or nothing is
-    /// left.
+    /// Fails if a material is not there, or nothing is left.
     pub(crate) fn keep_faces(
         &self,
         draft: &mut Draft,
@@ -96,19 +88,6 @@ impl PatchArgs {
         path: &Path,
     ) -> anyhow::Result<()> {
         let refuse = |what: String, help: &str| Err(advise(format!("{}: {what}", path.display()), help));
-        if let Some(list) = &self.faces {
-            let total: usize = draft.sheets.iter().map(|sheet| sheet.triangles.len()).sum();
-            let mut chosen = vec![false; total];
-            for face in read_faces(list).map_err(Error::from)? {
-                let Some(chosen) = chosen.get_mut(face) else {
-                    let what = format!("there is no face {face}, which {} lists", list.display());
-                    return refuse(what, &format!("the file has {total} triangles, counted from 0"));
-                };
-                *chosen = true;
-            }
-            let mut chosen = chosen.into_iter();
-            draft.retain(|sheet, _| !sheet.triangles.is_empty() && chosen.next().unwrap_or(false));
-        }
         if self.wants_materials() {
             let is_chosen = |name: &String| self.materials.iter().any(|pattern| pattern.matches(name));
             if !draft.materials.iter().any(is_chosen) {
@@ -156,12 +135,9 @@ impl PatchArgs {
             });
         }
         draft.sheets.retain(|sheet| !sheet.positions.is_empty());
-        let is_chosen = self.faces.is_some() || self.bounds.is_some() || self.facing.is_some();
-        if draft.sheets.is_empty() && (is_chosen || self.wants_materials()) {
-            return refuse(
-                "no face is left".into(),
-                "choose more with --faces, --material, --box or --facing",
-            );
+        let is_chosen = self.wants_materials() || self.bounds.is_some() || self.facing.is_some();
+        if draft.sheets.is_empty() && is_chosen {
+            return refuse("no face is left".into(), "choose more with --material, --box or --facing");
         }
         Ok(())
     }
@@ -180,10 +156,13 @@ fn pose_of(sheet: &Sheet, poses: &IdVec<LinkId, DAffine3>) -> DAffine3 {
 /// A direction and degrees, in a frame.
 fn facing(text: &str) -> Result<InFrame<Facing>, String> {
     InFrame::parse(text, |text| {
-        let degrees = |text: &str| text.trim().trim_end_matches("deg").parse::<f64>().ok();
-        let both =
-            text.rsplit_once(',').and_then(|(way, angle)| Some((direction(way).ok()?, degrees(angle)?)));
-        let (direction, degrees) = both.map_or_else(|| Ok::<_, String>((direction(text)?, 60.0)), Ok)?;
+        let (way, degrees) = match text.rsplit_once(',') {
+            Some((way, angle)) if direction(text).is_err() => {
+                (way, angle.trim().trim_end_matches("deg").trim_end().parse().unwrap_or(f64::NAN))
+            }
+            _ => (text, 60.0),
+        };
+        let direction = direction(way)?;
         if !(0.0..=180.0).contains(&degrees) {
             return Err("needed: degrees from 0 to 180, as in x,45deg".into());
         }
@@ -197,9 +176,8 @@ fn corners(text: &str) -> Result<InFrame<[DVec3; 2]>, String> {
 }
 
 fn box_corners(text: &str) -> Result<[DVec3; 2], String> {
-    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
-    match *numbers {
-        [a, b, c, d, e, f] if numbers.iter().all(|x| x.is_finite()) && text.matches(',').count() == 5 => {
+    match numbers(text) {
+        Some([a, b, c, d, e, f]) => {
             let (p, q) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
             Ok([p.min(q), p.max(q)])
         }

@@ -57,14 +57,25 @@ pub(crate) fn word_of<T: PartialEq>(choices: &[Choice<T>], value: &T) -> &'stati
 }
 
 /// What touches the skin.
-pub(crate) const PROBES: [Choice<Probe>; 2] = [
+pub(crate) const PROBES: [Choice<Probe>; 3] = [
     ("any", Probe::Any, "Anything: contacts are apart where a peak rises above the saddle to the next"),
     (
         "finger",
         Probe::Finger,
         "Fingers: zero and noise are followed, readings smoothed, and ridges as wide as fingers counted; a palm is one",
     ),
+    (
+        "foot",
+        Probe::Foot,
+        "A foot, a seat, a lying body: what is at most 10 cm apart on a patch is one contact",
+    ),
 ];
+
+/// The whole text as `N` finite numbers with commas between them.
+pub(crate) fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let finite = |word: &str| word.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    text.split(',').map(finite).collect::<Option<Vec<f64>>>()?.try_into().ok()
+}
 
 /// A direction: an axis, or three numbers.
 pub(crate) fn direction(text: &str) -> Result<DVec3, String> {
@@ -77,9 +88,7 @@ pub(crate) fn direction(text: &str) -> Result<DVec3, String> {
         "-z" => Some(DVec3::NEG_Z),
         _ => None,
     };
-    let numbers: Vec<f64> = text.split(',').map_while(|word| word.trim().parse().ok()).collect();
-    let given = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array);
-    let direction = axis.or(given).and_then(DVec3::try_normalize);
+    let direction = axis.or_else(|| numbers(text).map(DVec3::from_array)).and_then(DVec3::try_normalize);
     direction.ok_or_else(|| "needed: x, -x, y, -y, z, -z, or three numbers X,Y,Z".to_owned())
 }
 

@@ -15,10 +15,10 @@ use crate::console::errors::advise;
 use crate::console::notes::note_columns;
 use crate::console::print::{json_line, print};
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Common, InPath, OutFile, length_mm};
+use crate::options::{Common, InPath, OutFile};
 use crate::readings::positive;
 
-/// Which events are found: every limit of a word.
+/// Which events are found.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Events")]
 #[group(requires = "events")]
@@ -30,54 +30,9 @@ pub(super) struct EventsArgs {
     /// Names of directions on links, for strokes: a table with columns link,x,y,z,word
     #[arg(long, value_name = "B.csv")]
     body_words: Option<InPath>,
-    /// A tap is shorter than this
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().tap_s)]
-    tap_s: f64,
-    /// A press becomes a hold after this time
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().hold_s)]
-    hold_s: f64,
-    /// A stroke is longer than this
-    #[arg(long, value_name = "MM", default_value = "12", value_parser = length_mm)]
-    stroke_mm: f64,
-    /// And longer than this number of distances between taxels
-    #[arg(long, value_name = "F", default_value_t = EventOptions::default().stroke_spacings)]
-    stroke_spacings: f64,
-    /// The path of a rub is more than this many times the distance of its ends
-    #[arg(long, value_name = "F", default_value_t = EventOptions::default().rub_ratio)]
-    rub_ratio: f64,
-    /// Turns of a rub
-    #[arg(long, value_name = "N", default_value_t = EventOptions::default().rub_turns)]
-    rub_turns: usize,
-    /// Taps of a pat
-    #[arg(long, value_name = "N", default_value_t = EventOptions::default().pat_taps)]
-    pat_taps: usize,
-    /// They are less than this apart in time
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().pat_s)]
-    pat_s: f64,
-    /// And at most this in space
-    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
-    pat_mm: f64,
-    /// The contacts of a grasp are there at once for this time
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().grasp_s)]
-    grasp_s: f64,
-    /// And their normals differ by more than this
-    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
-    grasp_deg: f64,
     /// A contact whose force exceeds this at once is a hit; the readings must give forces [default: no hits]
     #[arg(long, value_name = "N", value_parser = positive)]
     hit_n: Option<f64>,
-    /// The time in which a hit reaches its force
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().hit_s)]
-    hit_s: f64,
-    /// Shorter contacts are dropped
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().least_s)]
-    least_s: f64,
-    /// A contact that begins at most this long after another has ended continues it
-    #[arg(long, value_name = "S", default_value_t = EventOptions::default().join_s)]
-    join_s: f64,
-    /// If it is at most this far away
-    #[arg(long, value_name = "MM", default_value = "15", value_parser = length_mm)]
-    join_mm: f64,
 }
 
 /// Finds and writes events.
@@ -115,25 +70,7 @@ impl EventsArgs {
             words = read;
             note_columns(path, &unused, common);
         }
-        let options = EventOptions {
-            least_s: self.least_s,
-            join_s: self.join_s,
-            join_m: self.join_mm,
-            tap_s: self.tap_s,
-            hold_s: self.hold_s,
-            stroke_m: self.stroke_mm,
-            stroke_spacings: self.stroke_spacings,
-            rub_ratio: self.rub_ratio,
-            rub_turns: self.rub_turns,
-            pat_taps: self.pat_taps,
-            pat_s: self.pat_s,
-            pat_m: self.pat_mm,
-            grasp_s: self.grasp_s,
-            grasp_rad: self.grasp_deg.to_radians(),
-            hit_n: self.hit_n,
-            hit_s: self.hit_s,
-            words: words.clone(),
-        };
+        let options = EventOptions { hit_n: self.hit_n, words: words.clone(), ..EventOptions::default() };
         let detector = EventDetector::new(map, options).map_err(Error::from)?;
         let (map, path) = (Arc::clone(map), path.clone());
         Ok(Some(Events { map, detector, words, path, lines: String::new(), count: 0 }))
@@ -223,7 +160,14 @@ fn describe(
         put("impulse", json!(contact.impulse));
     }
     put("area", json!(contact.area));
-    let place = |EventPlace { point, map }: EventPlace| json!({ "x": point.x, "y": point.y, "z": point.z, "u": map.x, "v": map.y });
+    let place = |place: EventPlace| {
+        let EventPlace { point, patch, map: at } = place;
+        let mut object = json!({ "x": point.x, "y": point.y, "z": point.z, "u": at.x, "v": at.y });
+        if patch != contact.patch {
+            object["patch"] = json!(map.patches[patch].name);
+        }
+        object
+    };
     put("from", place(contact.from));
     put("to", place(contact.to));
     put("length", json!(contact.length));

@@ -85,9 +85,6 @@ pub(super) struct ColourArgs {
     /// [default: those of the images; needed for a stream]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub(super) range: Option<[f64; 2]>,
-    /// Pixels of a picture for each pixel of an image
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
-    zoom: u32,
 }
 
 impl ColourArgs {
@@ -212,8 +209,10 @@ impl<'a> Output<'a> {
                 let range = colours.range.unwrap_or(ImageOptions::default().range);
                 let packed = atlas.and_then(|atlas| atlas.parts.first()).filter(|part| part.charts.len() > 1);
                 let labels = packed.map(|part| part.labels(map));
-                let options =
-                    ImageOptions { range, magnification: colours.zoom, labels: labels.unwrap_or_default() };
+                let sides = atlas.iter().flat_map(|atlas| &atlas.parts).flat_map(|part| part.frame.size_px);
+                // Four pixels for each, unless the picture were larger than a PNG may be here.
+                let magnification = (16384 / sides.max().unwrap_or(1).max(1)).clamp(1, 4);
+                let options = ImageOptions { range, magnification, labels: labels.unwrap_or_default() };
                 Self::Pictures { sequence: sequence("png"), options }
             }
         })

@@ -5,9 +5,8 @@ use crate::map::SkinMap;
 use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::pyramid::LevelId;
-use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::signal::noise::QUIETER_SHARE;
-use crate::signal::{Channel, Frame, Stage, ZeroTracker};
+use crate::signal::{Channel, Frame, Stage, Tick, ZeroTracker};
 use crate::skin::PatchId;
 
 /// The threshold over `sigma`.
@@ -37,7 +36,6 @@ pub(super) struct Live {
     pub(super) smooth: IdVec<PatchId, IdVec<VertexId, f64>>,
     /// Variance of smoothed noise over that of readings.
     variance: f64,
-    time: f64,
     /// Standard deviation of the noise of readings; 0 where it is not known.
     noise: f64,
     scratch: Vec<f64>,
@@ -57,14 +55,20 @@ impl Live {
             excess: zeros.clone(),
             smooth: zeros,
             variance: 0.0,
-            time: f64::NAN,
             noise: 0.0,
             scratch: Vec::with_capacity(taxels),
         }
     }
 
-    /// Takes the next frame. `threshold` is that of contacts by now, by which faults are found.
-    pub(super) fn see(&mut self, frame: &Frame, channel: usize, threshold: Option<f64>) {
+    /// Takes the next frame, what its time says, and the time in s by which smoothing moves on. `threshold` is that of
+    /// contacts by now, by which faults are found.
+    pub(super) fn see(
+        &mut self,
+        frame: &Frame,
+        (tick, elapsed): (Tick, f64),
+        channel: usize,
+        threshold: Option<f64>,
+    ) {
         for (patch, channels) in frame.values.enumerate() {
             self.input.values[patch][0].as_mut_slice().copy_from_slice(channels[channel].as_slice());
         }
@@ -74,10 +78,7 @@ impl Live {
             excess.as_mut_slice().copy_from_slice(channels[0].as_slice());
         }
         self.estimate_noise();
-        let interval = frame.time - self.time;
-        let interval = if interval.is_finite() { interval.max(0.0) } else { USUAL_INTERVAL_S };
-        self.time = if frame.time.is_finite() { frame.time } else { self.time };
-        let share = 1.0 - (-interval / SMOOTHING_S).exp();
+        let share = if tick.is_cut() { 1.0 } else { 1.0 - (-elapsed / SMOOTHING_S).exp() };
         self.variance = (1.0 - share).powi(2) * self.variance + share * share;
         let spike = self.sigma(threshold).map_or(f64::INFINITY, |sigma| SPIKE * sigma);
         for (patch, excess) in self.excess.enumerate() {

@@ -19,7 +19,7 @@ use crate::map::{PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::find::Finder;
-use crate::signal::{Channel, Frame, TrackerOptions};
+use crate::signal::{Channel, Frame, Tick, TrackerOptions};
 use crate::skin::{LinkId, PatchId};
 use fans::Places;
 pub(super) use live::HIGH;
@@ -103,8 +103,14 @@ impl Fingers {
     }
 
     /// Takes the next frame; returns the threshold by now, if it is known.
-    pub(super) fn see(&mut self, frame: &Frame, channel: usize, threshold: Option<f64>) -> Option<f64> {
-        self.live.see(frame, channel, threshold);
+    pub(super) fn see(
+        &mut self,
+        frame: &Frame,
+        time: (Tick, f64),
+        channel: usize,
+        threshold: Option<f64>,
+    ) -> Option<f64> {
+        self.live.see(frame, time, channel, threshold);
         threshold.and_then(|_| self.live.sigma(threshold)).map(|sigma| HIGH * sigma)
     }
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     _Path = str | os.PathLike[str]
     _Robust = Literal["auto", "none", "huber", "tukey", "gnc"]
     _Residual = Literal["split", "log", "quaternion"]
-    _Initial = Literal["chordal", "tree", "file"]
+    _Initial = Literal["chordal", "file"]
     _Level = Literal["mount", "patch", "module"]
 
 # What the options are without a drawing, and with one, unless they are given.
@@ -104,7 +104,7 @@ def calibrate(
         How outliers are treated.
     residual : {"split", "log", "quaternion"}
         How the error of a relative pose becomes six numbers.
-    initial : {"chordal", "tree", "file"}
+    initial : {"chordal", "file"}
         Where to start.
     iterations : int
         Most iterations of one solve.

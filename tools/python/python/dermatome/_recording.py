@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Layout, Map, Skin
@@ -80,8 +81,6 @@ class Recording:
                 self._decoder = self._new_decoder()
                 self._remember(self._decoder.statements if self._decoder else ())
             return
-        if episode not in (None, 0):
-            raise DataError(f"{path}: found episode={episode!r}; needed: 0: this file is one episode")
         self._text: Text | None = None
         self.streams = {}
         # An array without a layout can be drafted: what is missing is an error when it is read.
@@ -105,8 +104,8 @@ class Recording:
         """tuple of int: The number of frames of each episode; empty where that is not known before the end."""
         if self._container is not None:
             return self._of().episodes
-        frames = self._opened().frames
-        return () if frames is None else (frames,)
+        text = self._opened()
+        return () if text.frames is None else (text.frames // text.episodes,) * text.episodes
 
     @property
     def statements(self) -> list[tuple[str, str, str]]:
@@ -154,21 +153,24 @@ class Recording:
                 channels, units = tuple(source.channels), tuple(source.units)
             for start in range(0, len(values), frames):
                 part = slice(start, start + frames)
-                yield self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+                made = self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+                is_tared, threshold = source.rest
+                yield replace(made, is_tared=is_tared, threshold=threshold)
 
     def _decoded(self, frames: int) -> Iterator[tuple[int, Any, Any, Any]]:
         """The number of an episode, values (T, C, N) and times of some of its frames, and who decoded them."""
         if self._container is None:
             source = self._core()
             while (found := source.next(frames)) is not None:
-                yield 0, *found, source
+                yield *found, source
                 self._remember(source.statements)
             self._remember(source.statements)
             return
         layout, track = self._needed(), self._of()
         if not sum(track.episodes):
             raise DataError(f"{self.path}: found no frame of {track.stream}; needed: one or more")
-        time = None if "rate" in layout.time else layout.time.get("stream") or TIMES
+        # Times beside a stated rate are compared with it.
+        time = track.times_beside() if "rate" in layout.time else layout.time.get("stream") or TIMES
         blocks = track.blocks(max(frames, learn_frames(self._new_decoder())), self.episode, time, layout.zero_stream)
         zeros = Zeros(self.path, layout)
         decoder: Any = None
@@ -180,7 +182,8 @@ class Recording:
             times = block.times
             if times is not None and getattr(track, "ticks", None):
                 # The first is subtracted as an integer: 1e18 ns as a float is 0.2 us off.
-                times = (times - first.setdefault(block.episode, times[0])) * NANOSECONDS[layout.time["unit"]]
+                times = times - first.setdefault(block.episode, times[0])
+                times = times if "rate" in layout.time else times * NANOSECONDS[layout.time["unit"]]
             made, seconds = decoder.decode(values, times, block.episode)
             self._remember(decoder.statements)
             yield block.episode, made, seconds, decoder
@@ -201,7 +204,10 @@ class Recording:
         """
         import numpy as np
 
-        known = self.episodes if self.episode is None else self.episodes[self.episode : self.episode + 1]
+        # A file that the library reads has the chosen episode alone.
+        known = self.episodes
+        if self.episode is not None and self._container is not None:
+            known = known[self.episode : self.episode + 1]
         total, at = (sum(known) if known else None), 0
         made: tuple[Readings, Any, Any] | None = None
         kept: list[Readings] = []
@@ -228,7 +234,7 @@ class Recording:
         said = [f"{what}: {value}" for what, value, source in self.statements if source == "checked" or what == "episodes"]
         episode = first.episode if len(known) <= 1 else None
         remarks = (*first.remarks, *said)
-        return self._made(values[:at], first.ids, times[:at], first.channels, first.units, remarks=remarks, episode=episode)
+        return replace(first, values=values[:at], timestamps=times[:at], remarks=remarks, episode=episode)
 
     def skin(self) -> Skin:
         """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""
@@ -302,6 +308,11 @@ class Recording:
         """The text of a layout with what the file says, and null where nobody knows, for `Draft.write`."""
         if self._container is None:
             return Draft(self._text.draft() if self._text else draft_of_array(self.path))
+        if self._wanted is None and self._track is None and len(names := self._container.single_columns()) > 1:
+            rate = self._container.track(names[0]).says.get("rate")
+            drafted = Layout.draft_columns(self.path, names, says={} if rate is None else {"rate": rate})
+            if drafted is not None:
+                return Draft(drafted)
         track = self._of()
         return Draft(Layout.draft(self.path, track.cells, stream=track.stream, says=_stated(track, None)))
 
@@ -322,8 +333,10 @@ class Recording:
     def _core(self) -> Text:
         """A new reader of a file that the library reads itself."""
         if self._axes:
+            if self.episode not in (None, 0):
+                raise DataError(f"{self.path}: found episode={self.episode!r}; needed: 0: this file is one episode")
             return Arrays(self.path, self._made.read(self.path, layout=self._axes))
-        return Text(self.path, self._given, self.layout)
+        return Text(self.path, self._given, self.layout, self.episode)
 
     def _needed(self) -> Any:
         if self.layout is None:
@@ -335,7 +348,10 @@ class Recording:
         if self._track is None:
             container: Any = self._container
             axis = self.layout.frame_axis if self.layout else 0
-            self._track = container.track(container.choose(self._wanted), axis)
+            if self.layout and "episode" in self.layout.axes:
+                raise DataError(f"{self.path}: found an axis 'episode' in the layout; needed: axes without it: only an array of numpy has one")
+            self._track = container.joined(self.layout) if self.layout else None
+            self._track = self._track or container.track(container.choose(self._wanted), axis)
         return self._track
 
     def _new_decoder(self, zero: Any = None) -> Any:
@@ -352,6 +368,8 @@ class Recording:
 def _stated(track: Track, layout: Any) -> dict[str, Any]:
     """What a file says, with the units of the components that a layout takes."""
     says = dict(track.says)
+    if layout is not None and "rate" in layout.time and getattr(track, "ticks", None):
+        says["time_unit"] = "ns"
     units = says.pop("units", None)
     if units and len(set(units)) == 1:
         says["unit"] = units[0]

@@ -96,8 +96,7 @@ class Pool(_Gather):
 class Draw(_Gather):
     """Draws values of the fields of a level (..., fields), which are averages, as images (..., H, W).
 
-    Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. With
-    `interpolate="nearest"` it is missing if its value is. Fields are those of the whole map, as `Pool` without a patch and
+    Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. Fields are those of the whole map, as `Pool` without a patch and
     `Map.pool` give them, also where the renderer draws one patch. As with `Pool`, no buffer is in a `state_dict`.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from dermatome._errors import MissingFileError
+from dermatome._errors import FileError, MissingFileError
 from dermatome.recordings._track import Block, Container, Track
 from dermatome.recordings.areas import AREAS
 
@@ -27,7 +27,9 @@ def kind_of(path: str | os.PathLike[str]) -> str | None:
     if not where.is_file():
         return None
     with open(where, "rb") as file:
-        head = file.read(16)
+        head = file.read(40)
+    if head.startswith(b"version https://git-lfs.github.com/"):
+        raise FileError(f"{path}: found a pointer of Git LFS; needed: the file that it stands for: git lfs pull", "pointer")
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
         return None if where.suffix.lower() in (".npz", ".xlsx") else "zarr"
     if head.startswith((b"\x89MCAP0", b"#ROSBAG", b"SQLite format 3")):

@@ -17,6 +17,8 @@ from dermatome._errors import DataError, Error, FileError
 MOST_BYTES = 1 << 28
 # The most bytes of JSON that describes a file: that of a dataset of 10,000 features has about 1 MB.
 MOST_JSON = 1 << 25
+# What streams of times are called.
+TIME_NAMES = ("timestamps", "timestamp", "times", "time")
 # Names of streams that may have readings. Others are read when they are named.
 TOUCH = re.compile("tactile|touch|taxel|pressure|airskin|skin", re.IGNORECASE)
 
@@ -55,6 +57,10 @@ class Track(ABC):
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
         """At most `frames` frames at a time, of one episode or all, with the streams of times and zeros of these names."""
 
+    def times_beside(self) -> str | None:
+        """The stream of times that a file has beside the readings, if it has one."""
+        return None
+
     def state(self, what: str, value: str) -> None:
         """Adds a statement of the file, once."""
         if (what, value, "file") not in self.statements:
@@ -72,6 +78,14 @@ class Container(ABC):
     @abstractmethod
     def track(self, stream: str, frame_axis: int = 0) -> Track:
         """One of the streams."""
+
+    def single_columns(self) -> list[str]:
+        """The names of columns with one number a frame, of which several may be taxels."""
+        return []
+
+    def joined(self, layout: Any) -> Track | None:
+        """Columns that a layout joins to taxels by their names, as one stream; None if it does not."""
+        return None
 
     def choose(self, stream: str | None) -> str:
         """The name of a stream; without one the only stream that is named as touch is."""

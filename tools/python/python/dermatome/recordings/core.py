@@ -11,9 +11,10 @@ from dermatome._errors import DataError
 class Text:
     """A file that the library reads, from its first frame on."""
 
-    def __init__(self, path: str, stream: str | None, layout: Any) -> None:
+    def __init__(self, path: str, stream: str | None, layout: Any, episode: int | None = None) -> None:
         self.path = path
-        self.file = RecordingFile(path, stream, layout)
+        self.file = RecordingFile(path, stream, layout, episode)
+        self.episodes: int = self.file.episodes
         self.ids, self.channels, self.units, self.frames = self.file.ids, self.file.channels, self.file.units, self.file.frames
         # The number of frames is -1 where only reading all of them shows it.
         unknown = () if self.frames is not None else (-1,)
@@ -29,8 +30,13 @@ class Text:
         """What the file states."""
         return self.file.says
 
+    @property
+    def rest(self) -> tuple[bool, float | None]:
+        """Whether readings are about 0 where nothing touches, and the threshold that is stated."""
+        return self.file.rest
+
     def next(self, frames: int) -> Any:
-        """The next frames and their times, None at the end."""
+        """The number of an episode, the next of its frames and their times; None at the end."""
         return self.file.next(frames)
 
     def draft(self) -> str:
@@ -47,7 +53,7 @@ class Arrays(Text):
     """An array of three axes whose order is given by a word, "tnc" or "tcn"."""
 
     def __init__(self, path: str, read: Any) -> None:
-        self.path, self.at, self.read = path, 0, read
+        self.path, self.at, self.episodes, self.read = path, 0, 1, read
         self.ids, self.channels, self.units, self.frames = self.read.ids, self.read.channels, self.read.units, len(self.read)
         self.streams = {"values": self.read.values.shape}
 
@@ -59,6 +65,10 @@ class Arrays(Text):
     def says(self) -> dict[str, Any]:
         return {}
 
+    @property
+    def rest(self) -> tuple[bool, float | None]:
+        return self.read.is_tared, self.read.threshold
+
     def draft(self) -> str:
         return draft_of_array(self.path)
 
@@ -66,7 +76,7 @@ class Arrays(Text):
         part = slice(self.at, self.at + frames)
         self.at += frames
         values = self.read.values[part]
-        return (values, self.read.timestamps[part]) if len(values) else None
+        return (0, values, self.read.timestamps[part]) if len(values) else None
 
 
 def draft_of_array(path: str) -> str:

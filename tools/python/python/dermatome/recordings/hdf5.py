@@ -11,7 +11,7 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
-from dermatome.recordings._track import Block, Container, Track, chosen, matching, sizes, small_enough
+from dermatome.recordings._track import TIME_NAMES, Block, Container, Track, chosen, matching, sizes, small_enough
 
 # Names of numbers and attributes that say how many frames a second there are.
 RATES = ("rate", "fps", "frequency", "rate_hz")
@@ -222,6 +222,13 @@ class Hdf5Track(Track):
         except (OSError, RuntimeError, ValueError) as error:
             where = f"{self.path}: {dataset.name.strip('/')}"
             raise FileError(f"{where}: frames {part} cannot be read: {error}; needed: the file as it was written", "hdf5") from error
+
+    def times_beside(self) -> str | None:
+        for time in TIME_NAMES:
+            found = [self.container.datasets.get(f"{name.rpartition('/')[0]}/{time}".lstrip("/")) for name in self.names]
+            if all(each is not None and each.size == count and each.dtype.kind in "iuf" for each, count in zip(found, self.episodes)):
+                return time
+        return None
 
     def _beside(self, time: str, name: str, count: int) -> Any:
         dataset = self.container._checked(self.container.beside(time, name))

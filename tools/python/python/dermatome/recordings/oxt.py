@@ -8,12 +8,14 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
-from dermatome.recordings._track import Block, Container, Track, chosen
+from dermatome.recordings._track import TIME_NAMES, Block, Container, Track, chosen
 from dermatome.recordings.areas import AREAS
 from dermatome.recordings.zarr import Array, Store
 
 # What `type` of a group may be: `image` is a picture of a camera.
 STATES = ("state", "matrix", "binary")
+# What the stream of a store is called that is an array itself.
+ITSELF = "values"
 # Frames of the small arrays that are checked at a time.
 CHECKED = 4096
 
@@ -31,7 +33,7 @@ class Zarr(Container):
             except (DataError, FileError) as error:  # Pictures, and text without a length: an error when they are asked for.
                 self.unread[name] = error
         for name, array in self.arrays.items():
-            short = name.removeprefix("data/")
+            short = name.removeprefix("data/") or ITSELF
             about = any(f"_tactile_{kind}_" in short for kind in ("area", "sensor", "type"))
             if array.dtype.kind in "biuf" and len(array.shape) > 1 and not about and not name.startswith("meta/"):
                 self.streams[short] = array.shape
@@ -61,6 +63,8 @@ class Zarr(Container):
     def array(self, name: str, beside: str = "") -> Array:
         """An array by its name, which may stand beside another one."""
         folder = beside.rpartition("/")[0]
+        if name == ITSELF and "" in self.arrays:
+            return self.arrays[""]
         for each in (f"{folder}/{name}" if folder else name, f"data/{name}", name):
             if each in self.unread:
                 raise self.unread[each]
@@ -96,7 +100,7 @@ def constant(array: Array, frames: int) -> Any:
     np = need("numpy", "zarr")
     if not array.shape or array.shape[0] != frames:
         raise DataError(f"{array.where}: found the shape {array.shape}; needed: {frames} frames, as the readings have")
-    array.complete()
+    array.complete(constant=True)
     first: Any = None
     for start in range(0, frames, CHECKED):
         rows = array.read(start, min(start + CHECKED, frames))
@@ -139,7 +143,18 @@ class ZarrTrack(Track):
                 zero_rows = None
                 if zeros is not None:
                     zero_rows = zeros.whole() if zeros.shape == self.cells else zeros.read(start, stop)
-                yield Block(number, self.array.read(start, stop), None if times is None else times.read(start, stop), zero_rows)
+                values = self.array.read(start, stop)
+                if self.array.filled:
+                    count, fill = len(self.array.filled), self.array.fill
+                    self.statements = [each for each in self.statements if each[0] != "chunks"]
+                    self.statements.append(("chunks", f"{count} are not stored, as chunks of one value are not: readings there are {fill}", "checked"))
+                yield Block(number, values, None if times is None else times.read(start, stop), zero_rows)
+
+    def times_beside(self) -> str | None:
+        folder = self.array.name.rpartition("/")[0]
+        known = (self.container.arrays.get(f"{folder}/{name}" if folder else name) for name in TIME_NAMES)
+        fits = (each.dtype.kind in "iuf" and each.shape == (sum(self.episodes),) if each is not None else False for each in known)
+        return next((name for name, good in zip(TIME_NAMES, fits) if good), None)
 
     def _beside(self, time: str) -> Array:
         array: Array = self.container.array(time, self.array.name)

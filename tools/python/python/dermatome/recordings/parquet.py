@@ -69,6 +69,28 @@ class LeRobot(Container):
                 return named[0]
         return super().choose(stream)
 
+    def single_columns(self) -> list[str]:
+        return [name for name, shape in self.streams.items() if shape[1:] == (1,)]
+
+    def joined(self, layout: Any) -> Track | None:
+        names = self.single_columns()
+        found = layout.named_columns(self.path, names)
+        if found is None:
+            return None
+        ids, components, places = found
+        of = {(place[0], place[1]): name for name, place in zip(names, places) if place is not None}
+        first = layout.axes[1:].index("component") == 0 if "component" in layout.axes else True
+        cells = (len(ids),) if "component" not in layout.axes else (components, len(ids)) if first else (len(ids), components)
+        pairs = [(k, n) for k in range(components) for n in range(len(ids))] if first else [(k, n) for n in range(len(ids)) for k in range(components)]
+        made = self.track(of[0, 0])
+        assert isinstance(made, LeRobotTrack)
+        made.stream, made.cells, made.joined = f"{len(of)} columns", cells, tuple(of[pair] for pair in pairs)
+        made.says |= {"ids": ids, "named_columns": True}
+        unread = [name for name, place in zip(names, places) if place is None]
+        if unread:
+            made.state("columns not read", ", ".join(unread[:12]) + ", ..." * (len(unread) > 12))
+        return made
+
     def _find(self, version: str) -> None:
         """The data files, and the length of each episode as the metadata say."""
         if version == "v3.0":
@@ -154,12 +176,14 @@ class LeRobot(Container):
 @dataclass
 class LeRobotTrack(Track):
     dataset: Any = None
+    # Columns that are the numbers of a frame, one each.
+    joined: tuple[str, ...] = ()
     counted: dict[str, int] = field(default_factory=dict)
 
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
         np = need("numpy", "parquet")
         wanted = chosen(self.path, self.episodes, episode)
-        columns = [self.stream, "timestamp", "episode_index", "frame_index"]
+        columns = [*(self.joined or (self.stream,)), "timestamp", "episode_index", "frame_index"]
         status = self._status()
         columns += [name for name in (zero, status and status[0]) if name]
         if time is not None and time not in TIMES:
@@ -171,7 +195,10 @@ class LeRobotTrack(Track):
         for path, batch in self._batches(files, columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1)))):
             episodes, counter = (self._column(path, batch, name) for name in ("episode_index", "frame_index"))
             stamps = self._column(path, batch, "timestamp")
-            values = self._column(path, batch, self.stream)
+            if self.joined:
+                values = np.stack([self._column(path, batch, name).reshape(-1) for name in self.joined], axis=1).reshape(-1, *self.cells)
+            else:
+                values = self._column(path, batch, self.stream)
             zeros = None if zero is None else self._column(path, batch, zero)
             times = stamps if time in TIMES else None if time is None else self._column(path, batch, time)
             cuts = [0, *(np.flatnonzero(np.diff(episodes)) + 1).tolist(), len(episodes)]

@@ -6,7 +6,9 @@ field of any message. Times are the stamps of the headers (`header`) or those of
 
 from __future__ import annotations
 
+import itertools
 import json
+import numbers
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -113,6 +115,11 @@ class BagTrack(Track):
         if rows:
             yield Block(0, np.stack(rows), np.array(times, np.int64) if times else None)
 
+    def times_beside(self) -> str | None:
+        _, message = next(self.bag.reader.messages(self.topic))
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        return "header" if stamp is not None and self._stamp(stamp, 0) else None
+
     def _time(self, message: Any, logged: int, time: str, number: int) -> int:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         if time in LOG:
@@ -121,13 +128,24 @@ class BagTrack(Track):
             raise DataError(f"{self.path}: found the times {time!r} in the layout; needed: 'header', the stamps of the messages, or 'log', those of the recording")
         if stamp is None:
             raise DataError(f"{self.path}: found no header in messages of {self.topic}; needed: 'log' as the stream of times, or a rate")
-        found = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+        found = self._stamp(stamp, number)
         if number == 0 and found == 0:
-            self.log_times = True
-            self.state("times", "those of the recording, as all stamps are 0")
-        if (found == 0) != self.log_times:
+            # A simulation begins at 0: its second stamp shows it.
+            later = (self._stamp(message.header.stamp, k) for k, (_, message) in enumerate(self.bag.reader.messages(self.topic)))
+            self.log_times = not any(itertools.islice(later, 1, 3))
+            if self.log_times:
+                self.state("times", "those of the recording, as all stamps are 0")
+        if (found == 0) != self.log_times and number > 0:
             raise DataError(f"{self.path}: message {number} of {self.topic}: found the stamp {found}; needed: {'0' if self.log_times else 'a time'} as before; or 'log' as the stream of times")
         return logged if self.log_times else found
+
+    def _stamp(self, stamp: Any, number: int) -> int:
+        """Nanoseconds of a stamp: of ROS, or as Foxglove writes it in JSON."""
+        parts = [getattr(stamp, name, None) for name in ("sec", "nanosec" if hasattr(stamp, "nanosec") else "nsec")]
+        if not all(isinstance(part, numbers.Integral) for part in parts):
+            found = sorted(set(vars(stamp)) - {"__msgtype__"}) if hasattr(stamp, "__dict__") else type(stamp).__name__
+            raise DataError(f"{self.path}: message {number} of {self.topic}: found the stamp {found}; needed: whole numbers sec and nanosec or nsec")
+        return int(parts[0]) * 10**9 + int(parts[1])  # type: ignore[arg-type]
 
     def _in_order(self, frame: Frame, number: int) -> Any:
         """The numbers in the order of the first message, by their ids."""

@@ -1,7 +1,8 @@
 """Arrays of Zarr, formats 2 and 3, in folders and zip archives.
 
-Decoded by `numcodecs`, without the package zarr: an array is checked before it is read. No chunk is missing, since Zarr
-would give its fill value, which looks like a reading; and none is larger than the array says.
+Decoded by `numcodecs`, without the package zarr: an array is checked before it is read. Writers leave out chunks that are
+their fill value throughout, and a copy may have lost some: a missing chunk is taken for the fill value only where a stored
+one has a whole frame of it and none has nothing else, and it is stated. No chunk is larger than the array says.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ ABSENT = 2**64 - 1
 # Bytes of the header of a Blosc buffer: version, flags, item size, and the numbers of bytes before and after compression.
 BLOSC_HEADER = 16
 COMPRESSORS = ("blosc", "zstd", "lz4", "crc32c")
+# The most chunks of an array of which some are not stored: their names are listed.
+MOST_CHUNKS = 1 << 20
+# Of so many of these the neighbours are looked at.
+SAMPLED = 4
 TYPES = ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "float16", "float32", "float64")
 
 
@@ -48,7 +53,7 @@ class Store:
                 raise FileError(f"{path}: found a zip archive that cannot be read: {error}; needed: {needed}", "zip") from error
             self.names = {name for name in self.archive.namelist() if not name.endswith("/")}
         if not any(name in self.names for name in (".zgroup", ".zarray", "zarr.json")):
-            inner = {name.split("/")[0] for name in self.names if name.count("/") and name.split("/")[1] in (".zgroup", "zarr.json")}
+            inner = {name.split("/")[0] for name in self.names if name.count("/") and name.split("/")[1] in (".zgroup", ".zarray", "zarr.json")}
             if len(inner) != 1:
                 found = f"{len(inner)} folders with Zarr groups" if inner else "no .zgroup and no zarr.json"
                 raise FileError(f"{path}: found {found}; needed: a Zarr group, at the root or in one folder", "zarr")
@@ -71,11 +76,11 @@ class Store:
         return data
 
     def arrays(self) -> list[str]:
-        """The names of all arrays."""
-        made = [name[: -len("/.zarray")] for name in self.names if name.endswith("/.zarray")]
+        """The names of all arrays; that of the store itself is empty."""
+        made = [name.rpartition("/")[0] for name in self.names if name.rpartition("/")[2] == ".zarray"]
         for name in self.names:
-            if name.endswith("/zarr.json") and self.json(name).get("node_type") == "array":
-                made.append(name[: -len("/zarr.json")])
+            if name.rpartition("/")[2] == "zarr.json" and self.json(name).get("node_type") == "array":
+                made.append(name.rpartition("/")[0])
         return sorted(made)
 
     def json(self, name: str) -> dict[str, Any]:
@@ -88,16 +93,20 @@ class Array:
 
     def __init__(self, store: Store, name: str) -> None:
         np = need("numpy", "zarr")
-        self.store, self.name, self.where = store, name, f"{store.path}: {name}"
+        self.store, self.name, self.where = store, name, f"{store.path}: {name}" if name else store.path
+        self.folder = f"{name}/" if name else ""
+        # Chunks that are not stored and were read as the fill value.
+        self.filled: set[str] = set()
+        self.may_fill: bool | None = None
         self.dtype: Any = np.dtype("u1")
         self.shape: Any = ()
         # Chunks are files; a shard is a file of inner chunks.
         self.chunk: Any = ()
         self.inner: Any = ()
         self.shard: Any = None
-        about = store.json(f"{name}/.zarray")
+        about = store.json(f"{self.folder}.zarray")
         self.format = 2 if about else 3
-        about = about or store.json(f"{name}/zarr.json")
+        about = about or store.json(f"{self.folder}zarr.json")
         if about.get("zarr_format") != self.format:
             raise FileError(f"{self.where}: found zarr_format {about.get('zarr_format')!r}; needed: 2 or 3", "zarr")
         try:
@@ -117,7 +126,8 @@ class Array:
             raise DataError(f"{self.where}: found chunks {self.chunk} of {self.inner} for the shape {self.shape}; needed: one size for each axis")
         self.bytes = small_enough(store.path, name, self.inner, self.dtype.itemsize)
         small_enough(store.path, name, self.chunk, self.dtype.itemsize)
-        self.attributes = about.get("attributes") or store.json(f"{name}/.zattrs")
+        self.attributes = about.get("attributes") or store.json(f"{self.folder}.zattrs")
+        self.fill = self._fill(np, about.get("fill_value"))
         self.kept: tuple[Any, Any] = (None, None)
 
     def _describe(self, np: Any, about: dict[str, Any]) -> None:
@@ -154,26 +164,66 @@ class Array:
             raise DataError(f"{self.where}: found separator {separator!r}, order {self.order!r}; needed: '.' or '/', 'C' or 'F'")
         self.separator = separator
 
-    def complete(self) -> None:
-        """Refuses an array of which a chunk is missing."""
+    def _fill(self, np: Any, value: Any) -> Any:
+        """The value of a chunk that is not stored; None if there is none."""
+        try:
+            found = np.asarray(value, self.dtype) if self.dtype.kind in "biuf" and value is not None else None
+        except (TypeError, ValueError, OverflowError):
+            return None
+        return None if found is None or found.shape else found
+
+    def complete(self, constant: bool = False) -> None:
+        """Refuses an array of which a chunk is missing that may be lost. A constant may have none."""
         if 0 in self.shape:
             return
         counts = [math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]
         # Names are counted first: a shape can claim more chunks than could be listed.
-        first = f"{self.name}/{self.prefix}"
+        first = f"{self.folder}{self.prefix}"
         found = sum(name.startswith(first) and name[len(first) :].replace(self.separator, "").isdigit() for name in self.store.names)
-        missing = None
-        if found >= math.prod(counts):
-            keys = itertools.product(*map(range, counts))
-            missing = next((key for key in keys if self._file(key) not in self.store.names), None)
-            if missing is None:
-                return
-        which = f"no chunk {self._file(missing)}" if missing else f"{found} chunks"
-        needed = f"all {math.prod(counts)}; readers of Zarr give fill values for the others, which look like readings; copy the file again"
-        raise DataError(f"{self.where}: found {which}; needed: {needed}")
+        known = self._known(counts) if math.prod(counts) <= max(found, MOST_CHUNKS) else {}
+        missing = next((key for key, there in known.items() if not there), None)
+        if known and missing is None:
+            return
+        is_whole = bool(known) and sum(known.values()) == found and self.fill is not None
+        if not is_whole or not (found or constant) or (found and not self._may_fill()):
+            which = f"no chunk {self._file(missing)}" if missing and found >= len(known) else f"{found} chunks"
+            needed = f"all {math.prod(counts)}; readers of Zarr give fill values for the others, which look like readings; copy the file again"
+            raise DataError(f"{self.where}: found {which}; needed: {needed}")
+
+    def _known(self, counts: list[int]) -> dict[tuple[int, ...], bool]:
+        """Whether each chunk is stored."""
+        return {key: self._file(key) in self.store.names for key in itertools.product(*map(range, counts))}
+
+    def _may_fill(self) -> bool:
+        """Whether chunks that are not stored may be those of fill values: one that is has a frame of them, and none is full of them."""
+        if self.fill is None or self.may_fill is not None:
+            return bool(self.may_fill)
+        known = list(self._known([math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]).items())
+        stored = [at for at, (_, there) in enumerate(known) if there]
+        # The chunks beside some that are missing, the first and the last.
+        missing = [at for at, (_, there) in enumerate(known) if not there][:SAMPLED]
+        beside = {near for at in missing for near in (at - 1, at + 1) if 0 <= near < len(known) and known[near][1]}
+        frames = []
+        for at in sorted(beside | {*stored[:1], *stored[-1:]}):
+            for piece in self._stored_pieces(known[at][0]):
+                frames.append((piece == self.fill).reshape(len(piece), -1).all(axis=1))
+        self.may_fill = any(bool(each.any()) for each in frames) and not any(bool(each.all()) for each in frames)
+        return self.may_fill
+
+    def _stored_pieces(self, key: tuple[int, ...]) -> Iterator[Any]:
+        """The numbers of a chunk that are within the shape: of each inner chunk that is stored."""
+        corner, file = tuple(k * size for k, size in zip(key, self.chunk)), self._file(key)
+        pieces = [(corner, self._decoded(file))] if self.shard is None else [
+            (tuple(a + k * size for a, k, size in zip(corner, inner, self.inner)), self._numbers(data, f"{self.store.path}: {file}"))
+            for inner, data in self._stored(file)
+            if data is not None
+        ]
+        for at, piece in pieces:
+            if all(a < size for a, size in zip(at, self.shape)):
+                yield piece[tuple(slice(0, size - a) for a, size in zip(at, self.shape))]
 
     def _file(self, key: tuple[int, ...]) -> str:
-        return f"{self.name}/{self.prefix}{self.separator.join(map(str, key))}" if key else f"{self.name}/{self.prefix.rstrip('/.') or '0'}"
+        return f"{self.folder}{self.prefix}{self.separator.join(map(str, key))}" if key else f"{self.folder}{self.prefix.rstrip('/.') or '0'}"
 
     def read(self, start: int, stop: int) -> Any:
         """The frames from `start` to `stop`."""
@@ -202,18 +252,39 @@ class Array:
             if self.shard is None:
                 yield corner, self._decoded(self._file(key))
                 continue
-            for inner, data in self._shard(self._file(key)):
+            if self._file(key) not in self.store.names:
+                yield corner, self._filled(self._file(key), self.chunk)
+                continue
+            stored, absent = [], []
+            for inner, data in self._stored(self._file(key)):
                 at = tuple(a + k * size for a, k, size in zip(corner, inner, self.inner))
-                if at[0] < stop and at[0] + self.inner[0] > start and all(a < size for a, size in zip(at, self.shape)):
-                    yield at, self._numbers(data, f"{self.store.path}: {self._file(key)}")
+                if data is None:
+                    absent += [(inner, at)] if all(a < size for a, size in zip(at, self.shape)) else []
+                elif at[0] < stop and at[0] + self.inner[0] > start and all(a < size for a, size in zip(at, self.shape)):
+                    stored.append((at, self._numbers(data, f"{self.store.path}: {self._file(key)}")))
+            if absent and not self._may_fill():
+                needed = "all; readers of Zarr give fill values, which look like readings; write it with write_empty_chunks"
+                raise DataError(f"{self.store.path}: {self._file(key)}: found no chunk {absent[0][0]}; needed: {needed}")
+            yield from stored
+            for inner, at in absent:
+                if at[0] < stop and at[0] + self.inner[0] > start:
+                    yield at, self._filled(f"{self._file(key)} {inner}", self.inner)
+
+    def _filled(self, file: str, shape: Any) -> Any:
+        """A chunk that is not stored."""
+        self.filled.add(file)
+        return need("numpy", "zarr").full(shape, self.fill, self.dtype)
 
     def _decoded(self, file: str) -> Any:
+        if file not in self.store.names:
+            return self._filled(file, self.inner)
         # Frames are read in order: a chunk that a block ends in is the first of the next one.
         if self.kept[0] != file:
             self.kept = (file, self._numbers(self.store.read(file, 2 * self.bytes + (1 << 16)), f"{self.store.path}: {file}"))
         return self.kept[1]
 
-    def _shard(self, file: str) -> Iterator[tuple[tuple[int, ...], bytes]]:
+    def _stored(self, file: str) -> Iterator[tuple[tuple[int, ...], bytes | None]]:
+        """The inner chunks of a shard, None where one is not stored."""
         np = need("numpy", "zarr")
         counts = [a // b for a, b in zip(self.chunk, self.inner)]
         index = 16 * math.prod(counts) + 4 * self.checksum
@@ -229,7 +300,8 @@ class Array:
         big = self.shard["index_codecs"][0].get("configuration", {}).get("endian") == "big"
         for key, (offset, count) in zip(np.ndindex(*counts), np.frombuffer(table, ">u8" if big else "<u8").reshape(-1, 2).tolist()):
             if offset == ABSENT and count == ABSENT:
-                raise DataError(f"{where}: found no chunk {key}; needed: all; readers of Zarr give fill values, which look like readings; write it with write_empty_chunks")
+                yield key, None
+                continue
             if offset + count > len(data):
                 raise FileError(f"{where}: found a chunk that ends at byte {offset + count}; needed: at most {len(data)}", "zarr")
             yield key, data[offset : offset + count]
