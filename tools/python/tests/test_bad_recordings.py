@@ -450,14 +450,14 @@ def test_bags_of_points_and_images(bag):
 
     def clouds(fields, orders):
         made = []
-        for row, order in zip(ROWS, orders):
+        for k, (row, order) in enumerate(zip(ROWS, orders)):
             points["pressure"] = row
             chosen = points[order]
             chosen = np.rec.fromarrays([chosen[name] for name in fields], dtype=[(name, kind[name]) for name in fields])
             about = [message("sensor_msgs/msg/PointField", name=n, offset=chosen.dtype.fields[n][1], datatype=6 if n == "id" else 7, count=1) for n in fields]
             step, data = chosen.dtype.itemsize, np.frombuffer(chosen.tobytes(), np.uint8)
             size = {"height": 1, "width": len(chosen), "point_step": step, "row_step": step * len(chosen)}
-            made.append(message("sensor_msgs/msg/PointCloud2", START, fields=about, is_bigendian=False, data=data, is_dense=True, **size))
+            made.append(message("sensor_msgs/msg/PointCloud2", START + k * 10**8, fields=about, is_bigendian=False, data=data, is_dense=True, **size))
         return {"/a": (10**8, made)}
 
     rng = np.random.default_rng(1)
@@ -474,7 +474,7 @@ def test_bags_of_points_and_images(bag):
     grid = {**LAYOUT, "axes": ["frame", "row", "col"], "taxels": {"shape": [2, 2], "first_id": 1}}
     about = {"height": 2, "width": 2, "encoding": "mono16", "is_bigendian": 1}
     data = [np.pad(row[:4].astype(">u2").reshape(2, 2).view(np.uint8), ((0, 0), (0, 3)), constant_values=255) for row in ROWS]
-    images = [message("sensor_msgs/msg/Image", START, step=7, data=np.ascontiguousarray(each).ravel(), **about) for each in data]
+    images = [message("sensor_msgs/msg/Image", START + k * 10**8, step=7, data=np.ascontiguousarray(each).ravel(), **about) for k, each in enumerate(data)]
     assert np.array_equal(read(make("padded", {"/a": (10**8, images)}), layout=grid)[0], ROWS[:, :4])
     images[5].step = 3
     refuse(make("step", {"/a": (10**8, images)}), "message 5 of /a: image: found 14 bytes in rows of 3", layout=grid)
