@@ -77,7 +77,7 @@ impl<'p> Comparison<'p> {
         modules
     }
 
-    /// By what the differences of modules, of which this one has so many taxels, spread more than the means of independent
+    /// By what the differences of modules, of which this one has this many taxels, spread more than the means of independent
     /// numbers: as those of other modules; of fewer as one taxel, whose error all may share.
     fn factor(&self, spread: Option<Spread>, count: usize) -> Option<f64> {
         match (self.local.filter(|_| self.is_white()), spread) {
