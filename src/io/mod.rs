@@ -76,7 +76,7 @@ pub use export::{ExportOptions, export_map};
 pub use file::file_kind;
 pub use file::outputs::{OutPath, Outputs, replace_file};
 pub use image::{FrameContent, write_frame, write_images, write_raw_frame};
-pub use layout::{Decoder, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times};
+pub use layout::{Decoder, KnownRest, Layout, Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use mesh::parts::{ReadParts, read_faces};
 pub use mesh::skin_csv::triangles_path;
 pub use mesh::{skin_to_bytes, write_flat, write_skin};

@@ -34,6 +34,7 @@ use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
 use crate::recording::Recording;
+use crate::signal::TrackerOptions;
 use crate::skin::link_names;
 use crate::unfold::Unfolding;
 
@@ -86,7 +87,7 @@ impl<'m> Page<'m> {
         Ok(Self { map, title: title.into(), recorder: None })
     }
 
-    /// Adds a recording to the page, which shows its channel number `shown`, its contact regions and, if its frames
+    /// Adds a recording to the page, which shows the channel of these options, its contact regions and, if its frames
     /// have times, its events with the limits of [`EventOptions::default`](crate::signal::EventOptions); calls
     /// `progress` after each frame. After an error the page has the frames before it.
     ///
@@ -95,10 +96,11 @@ impl<'m> Page<'m> {
     pub fn play(
         &mut self,
         recording: &mut Recording,
-        shown: usize,
+        options: &TrackerOptions,
         mut progress: impl FnMut(),
     ) -> Result<(), Error> {
-        recording.follow_contacts(&recording.tracker_options(shown))?;
+        recording.follow_contacts(options)?;
+        let shown = options.channel;
         let mut recorder = Recorder::new(self.map, &recording.channels()[shown], shown)?;
         let ended = loop {
             match recording.next_step() {
@@ -132,17 +134,18 @@ impl<'m> Page<'m> {
         html(self.map, &self.title, recording, packer, &template())
     }
 
-    /// The page for a [`LiveServer`], and the converter of the frames of a recording for it: channel number
-    /// `shown`, the contact regions and the events that end.
+    /// The page for a [`LiveServer`], and the converter of the frames of a recording for it: the channel
+    /// of these options, the contact regions and the events that end.
     ///
     /// # Errors
     /// As [`Self::to_html`], and if there is no such channel.
     pub fn to_live_html(
         self,
         recording: &mut Recording,
-        shown: usize,
+        options: &TrackerOptions,
     ) -> Result<(String, LiveFrames), Error> {
-        recording.follow_contacts(&recording.tracker_options(shown))?;
+        recording.follow_contacts(options)?;
+        let shown = options.channel;
         let (frames, header) = LiveFrames::new(self.map, &recording.channels()[shown], shown)?;
         // The page may fetch frames from its own server.
         let template =

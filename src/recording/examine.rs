@@ -55,7 +55,7 @@ pub fn examine<E: From<Error> + From<SignalError>>(
         for number in 0..recordings {
             let zero = health.as_ref().map_or(Zero::Taken, Health::zero);
             let mut recording = open(number, zero)?;
-            let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
+            let channel = recording.channels().iter().position(|channel| channel.kind.is_of_touch());
             let channel = channel.ok_or_else(|| {
                 let known = recording.channels().iter().map(|channel| channel.name.clone()).collect();
                 Error::from(SignalError::NoTouch { known }).in_recording(number, recordings)

@@ -6,7 +6,9 @@ use crate::Error;
 use crate::io::{ReadingsReader, Statement, StatementSource};
 use crate::map::SkinMap;
 use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
-use crate::signal::{Channel, Conditioner, Filler, Frame, Join, SignalError, Stage};
+use crate::signal::{
+    Channel, Conditioner, Filler, Frame, Join, Rest, SignalError, Stage, Zero, main_channel,
+};
 
 pub(super) struct Intake {
     reader: ReadingsReader,
@@ -14,6 +16,8 @@ pub(super) struct Intake {
     conditioner: Conditioner,
     filler: Option<Filler>,
     range: FrameRange,
+    /// What readings are at rest, and the threshold that is stated, in the channel that it is of.
+    rest: (Rest, Option<(usize, f64)>),
     rate_hz: Option<f64>,
     /// Whether the options name the units.
     has_units: bool,
@@ -46,10 +50,21 @@ impl Intake {
         }
         let join = Join::new(map, reader.ids.as_deref(), reader.width, options.duplicates)?;
         let conditioner = Conditioner::new(map, &reader.channels, &options.condition)?;
+        let main = main_channel(reader.channels.iter().map(|channel| channel.kind));
+        let is_tared = reader.rest.is_zero;
+        let has_zero = !matches!(options.condition.zero, Zero::Taken | Zero::First(0));
+        let is_as_stated = is_tared
+            && options.units.is_empty()
+            && options.condition.response.is_none()
+            && options.condition.gains.is_empty()
+            && options.condition.split_hz.is_none();
+        let threshold = reader.rest.threshold.filter(|_| is_as_stated);
+        let rest = if is_tared || has_zero { Rest::AtZero } else { Rest::Learned };
         let is_filled = options.fill == Fill::Neighbours;
         Ok(Self {
             filler: is_filled.then(|| Filler::new(map, conditioner.channels().len())),
             range: options.frames,
+            rest: (rest, threshold.map(|threshold| (main, threshold))),
             has_units: !options.units.is_empty(),
             rate_hz: options.rate_hz.filter(|_| !reader.has_times),
             frame: Frame::new(map, reader.channels.len()),
@@ -60,6 +75,7 @@ impl Intake {
             next: 0,
             report: RecordingReport {
                 channels: reader.channels.len(),
+                of_touch: reader.channels.iter().filter(|channel| channel.kind.is_of_touch()).count(),
                 has_times,
                 join: join.report().clone(),
                 ..RecordingReport::default()
@@ -106,6 +122,16 @@ impl Intake {
 
     pub(super) fn baseline(&self) -> usize {
         self.conditioner.frames_to_learn()
+    }
+
+    /// What readings of a channel are at rest, and the threshold that is stated for it.
+    pub(super) fn rest(&self, channel: usize) -> (Rest, Option<f64>) {
+        let (rest, stated) = self.rest;
+        let is_of_touch = self.channels().get(channel).is_some_and(|channel| channel.kind.is_of_touch());
+        (
+            if is_of_touch { rest } else { Rest::Learned },
+            stated.filter(|(main, _)| *main == channel).map(|(_, threshold)| threshold),
+        )
     }
 
     pub(super) fn zeros(&self) -> Vec<f64> {

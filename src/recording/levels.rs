@@ -2,7 +2,7 @@
 
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
-use crate::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor};
+use crate::signal::{Channel, ChannelKind, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor};
 
 /// What is carried to every level, and drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,5 +60,6 @@ fn gradients(channel: &Channel) -> [Channel; 2] {
         name: format!("{}.gradient.{axis}", channel.name),
         unit: unit.clone(),
         quantity: Quantity::Intensive,
+        kind: ChannelKind::Other,
     })
 }

@@ -34,7 +34,8 @@ use crate::pyramid::LevelId;
 use crate::recording::intake::Intake;
 use crate::recording::levels::Levels;
 use crate::signal::{
-    Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, Summary, TrackerOptions,
+    Channel, ContactRegion, ContactTracker, Frame, LevelFrame, RestFrames, SignalError, Stage, Summary,
+    TrackerOptions, main_channel,
 };
 
 pub use examine::examine;
@@ -127,20 +128,21 @@ impl Recording {
         self.intake.channels()
     }
 
-    /// The number of the channel of this name; without a name the first.
+    /// The number of the channel of this name; without a name the first that measures touches, other than a tangential
+    /// one, if there is one.
     ///
     /// # Errors
     /// [`SignalError::NoChannel`].
     pub fn channel(&self, name: Option<&str>) -> Result<usize, SignalError> {
-        let Some(name) = name else { return Ok(0) };
         let channels = self.channels();
+        let Some(name) = name else { return Ok(main_channel(channels.iter().map(|channel| channel.kind))) };
         channels.iter().position(|channel| channel.name == name).ok_or_else(|| SignalError::NoChannel {
             name: name.into(),
             known: channels.iter().map(|channel| channel.name.clone()).collect(),
         })
     }
 
-    /// The zero of each taxel in the first channel, patch after patch, as far as it is known by now; NaN where it is
+    /// The zero of each taxel in the [channel](Self::channel) without a name, patch after patch, as far as it is known by now; NaN where it is
     /// not. Without a [zero](crate::signal::Zero) it is 0.
     pub fn zeros(&self) -> Vec<f64> {
         self.intake.zeros()
@@ -190,14 +192,17 @@ impl Recording {
         Ok(())
     }
 
-    /// The default options of contacts in a channel: noise and rest are estimated from the frames of the baseline.
+    /// The default options of contacts in a channel. Where the file or a layout states the zero of a pressure or force, or
+    /// a zero is subtracted, readings are about 0 at rest; the threshold is the one that the file states, if it does. Else
+    /// noise and rest are estimated from the first frames, those of the baseline if there is one.
     pub fn tracker_options(&self, channel: usize) -> TrackerOptions {
         let defaults = TrackerOptions::default();
         let noise_frames = match self.intake.baseline() {
             0 => defaults.noise_frames,
             frames => frames.max(2),
         };
-        TrackerOptions { channel, noise_frames, ..defaults }
+        let (rest, threshold) = self.intake.rest(channel);
+        TrackerOptions { channel, noise_frames, rest, threshold, ..defaults }
     }
 
     /// Finds what touches the skin, and follows it from frame to frame. Where the threshold is estimated, the first
@@ -235,6 +240,31 @@ impl Recording {
         self.tracker.as_ref().and_then(ContactTracker::threshold)
     }
 
+    /// What is not as it should be where zero and threshold of contacts were learned, a sentence each.
+    pub fn contact_remarks(&self) -> Vec<String> {
+        let Some(tracker) = &self.tracker else { return Vec::new() };
+        let (RestFrames { first, is_moving }, below) = (tracker.rest_frames(), tracker.frames_below());
+        let mut remarks = Vec::new();
+        if is_moving {
+            remarks.push(
+                "taxels next to each other move together in the first frames, so that something touched the skin while \
+                 its zero was taken; a zero that is given or followed is needed"
+                    .to_owned(),
+            );
+        } else if first > 0 {
+            remarks.push(format!(
+                "the first frames are not at rest: zero and noise are those of frame {first} and the frames after it"
+            ));
+        }
+        if below >= tracker.frames_to_learn().max(1) {
+            remarks.push(format!(
+                "{below} frames have readings far below the zero, so that something touched the skin while it was taken; \
+                 a zero that is given or followed is needed"
+            ));
+        }
+        remarks
+    }
+
     /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]); `None` if contacts are not
     /// followed.
     pub fn at_once(&self) -> Option<usize> {
@@ -248,11 +278,9 @@ impl Recording {
     /// [`Self::report`].
     pub fn next_step(&mut self) -> Result<Option<Step<'_>>, Error> {
         if let Some(tracker) = self.tracker.as_mut().filter(|_| !self.has_learned) {
-            let count = tracker.frames_to_learn();
-            while self.kept.len() < count
-                && let Some((number, frame)) = self.intake.next_frame()?
-            {
-                tracker.learn(frame);
+            let mut is_enough = tracker.frames_to_learn() == 0;
+            while !is_enough && let Some((number, frame)) = self.intake.next_frame()? {
+                is_enough = tracker.learn_from(frame);
                 self.kept.push_back((number, frame.clone()));
             }
             tracker.settle();

@@ -80,6 +80,8 @@ pub struct RecordingReport {
     pub frames: usize,
     /// Channels of the readings.
     pub channels: usize,
+    /// Those of them that measure touches.
+    pub of_touch: usize,
     /// Whether frames have a time.
     pub has_times: bool,
     /// Mean time between two frames, in s, if they have times.
@@ -104,7 +106,7 @@ impl RecordingReport {
             remarks.push(format!("the zero is the mean of {read} frames, there are no {frames}"));
         }
         // Masked taxels have none either, which is expected.
-        let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.channels);
+        let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.of_touch);
         let counts = [
             (*missing as u64, "reading", "missing, NaN or infinite, and masked"),
             (condition.clipped, "reading", "clipped"),

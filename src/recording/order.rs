@@ -89,7 +89,7 @@ pub fn map_signals<E: From<Error>>(
 
 /// Sees all frames of a recording.
 fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
-    let channel = recording.channels().iter().position(|channel| channel.is_of_touch());
+    let channel = recording.channels().iter().position(|channel| channel.kind.is_of_touch());
     let channel = channel.ok_or_else(|| SignalError::NoTouch {
         known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
     })?;

@@ -9,7 +9,7 @@ use crate::response::{
     GainEstimator, GainReport, ResponseError, ScaleEstimator, ScaleReport, StepEstimator, StepReport,
 };
 use crate::run::Run;
-use crate::signal::{Frame, Response, Scale, TaxelResponse, TaxelState};
+use crate::signal::{ChannelKind, Frame, Response, Scale, SignalError, TaxelResponse, TaxelState};
 
 /// What readings are compared with.
 #[derive(Debug, Clone, Copy)]
@@ -36,10 +36,12 @@ pub enum ResponseReport {
 /// Estimates the response of the taxels of a map by recordings.
 ///
 /// `open` opens a recording, by its number; with the response, if there is one, that turns its readings into relative
-/// pressures. `ended` sees each recording after its last frame. The first channel counts.
+/// pressures. `ended` sees each recording after its last frame. The first channel counts that measures touches and is not
+/// tangential.
 ///
 /// # Errors
-/// Those of `open` and of reading; [`ResponseError`] if the recordings do not determine the response.
+/// Those of `open` and of reading; [`ResponseError`] if the recordings do not determine the response;
+/// [`SignalError::NoTouch`] if no channel measures touches.
 pub fn respond<E: From<Error>>(
     map: &Arc<SkinMap>,
     reference: Reference<'_>,
@@ -51,18 +53,35 @@ pub fn respond<E: From<Error>>(
     let skin = map.skin();
     let fail = |error: ResponseError| E::from(Error::from(error));
     let (mut unit, mut zeros) = (None::<String>, Vec::new());
+    // The channel that counts, of frames with several.
+    let mut one = Frame::new(map, 1);
     // Passes all frames on, and `None` where a recording ends.
     let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Option<&Frame>)| -> Result<(), E> {
         for number in 0..recordings {
             let mut recording = open(number, response)?;
-            let found = &recording.channels()[0].unit;
+            let channels = recording.channels();
+            let Some(main) = channels.iter().position(|channel| channel.kind == ChannelKind::Touch) else {
+                let known = channels.iter().map(|channel| channel.name.clone()).collect();
+                return Err(Error::from(SignalError::NoTouch { known })
+                    .in_recording(number, recordings)
+                    .into());
+            };
+            let (found, is_alone) = (&channels[main].unit, channels.len() == 1);
             let first = unit.get_or_insert_with(|| found.clone());
             if first != found {
                 let found = found.clone();
                 return Err(fail(ResponseError::Units { number: number + 1, found, first: first.clone() }));
             }
             while let Some(step) = recording.next_step()? {
-                see(Some(step.frame));
+                if is_alone {
+                    see(Some(step.frame));
+                    continue;
+                }
+                one.time = step.frame.time;
+                for (to, from) in one.values.iter_mut().zip(&step.frame.values) {
+                    to[0].as_mut_slice().copy_from_slice(from[main].as_slice());
+                }
+                see(Some(&one));
             }
             see(None);
             zeros = recording.zeros();
@@ -80,7 +99,7 @@ pub fn respond<E: From<Error>>(
             let (gains, report) = estimator.solve(run).map_err(fail)?;
             let known = gains.iter().flatten().map(|taxel| {
                 let sigma = if taxel.presses > 0 { taxel.sigma } else { f64::NAN };
-                [taxel.gain, f64::NAN, sigma]
+                ([taxel.gain, f64::NAN, sigma], TaxelState::Untested)
             });
             let method = format!("{} touches", report.presses);
             let response = Response { method, ..made(map, unit, &zeros, Scale::Relative, known) };
@@ -93,7 +112,10 @@ pub fn respond<E: From<Error>>(
             let mut estimator = StepEstimator::new(&skin, rows).map_err(fail)?;
             each(None, &mut |frame| frame.into_iter().for_each(|frame| estimator.see(frame)))?;
             let (curves, report) = estimator.solve().map_err(fail)?;
-            let known = curves.iter().flatten().map(|curve| [curve.gain, curve.exponent, curve.sigma]);
+            let known = curves.iter().flatten().map(|curve| {
+                let state = if curve.is_dead { TaxelState::Dead } else { TaxelState::Untested };
+                ([curve.gain, curve.exponent, curve.sigma], state)
+            });
             let method = format!("{} steps of pressure", report.steps);
             let response = Response { method, ..made(map, unit, &zeros, Scale::Pascals, known) };
             Ok((response, ResponseReport::Pressure(report)))
@@ -112,25 +134,26 @@ pub fn respond<E: From<Error>>(
     }
 }
 
-/// A response of gains, exponents and sigmas in the order of the taxels; NaN is not known.
+/// A response of gains, exponents and sigmas in the order of the taxels; NaN is not known. Each has the state that it is in
+/// if its gain is not known.
 fn made(
     map: &SkinMap,
     unit: Option<String>,
     zeros: &[f64],
     scale: Scale,
-    known: impl Iterator<Item = [f64; 3]>,
+    known: impl Iterator<Item = ([f64; 3], TaxelState)>,
 ) -> Response {
     let ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
     let some = |x: f64| Some(x).filter(|x| x.is_finite());
     let mut seen = std::collections::HashSet::new();
     let zeros = zeros.iter().copied().chain(std::iter::repeat(f64::NAN));
     let taxels = ids.zip(known).zip(zeros).filter(|((id, _), _)| seen.insert(**id)).map(
-        |((&id, [gain, exponent, sigma]), zero)| TaxelResponse {
+        |((&id, ([gain, exponent, sigma], state)), zero)| TaxelResponse {
             zero: some(zero),
             gain: some(gain),
             exponent: some(exponent),
             sigma: some(sigma),
-            state: if gain.is_nan() { TaxelState::Untested } else { TaxelState::Ok },
+            state: if gain.is_nan() { state } else { TaxelState::Ok },
             ..TaxelResponse::unknown(id)
         },
     );
@@ -146,9 +169,10 @@ fn made(
 fn scaled(relative: &Response, report: &ScaleReport) -> Response {
     let exponent = Some(report.exponent).filter(|exponent| !exponent.is_nan());
     let power = exponent.unwrap_or(1.0);
+    // The gain is a power of the relative one, and so its relative error is that many times larger.
     let scaled = |taxel: &TaxelResponse| TaxelResponse {
         gain: taxel.gain.map(|gain| report.scale * gain.abs().powf(power) * gain.signum()),
-        sigma: taxel.sigma.map(|sigma| sigma.hypot(report.sigma)),
+        sigma: taxel.sigma.map(|sigma| (power * sigma).hypot(report.sigma)),
         exponent: exponent.or(taxel.exponent),
         ..*taxel
     };
@@ -157,5 +181,25 @@ fn scaled(relative: &Response, report: &ScaleReport) -> Response {
         method: format!("{}; {} known forces", relative.method, report.touches),
         taxels: relative.taxels.iter().map(scaled).collect(),
         unit: relative.unit.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::skin::TaxelId;
+
+    /// A gain to the power of p has p times the relative error.
+    #[test]
+    fn the_sigma_of_a_scaled_gain_takes_its_exponent() {
+        for exponent in [0.5, 1.0, 2.0] {
+            let taxel =
+                TaxelResponse { gain: Some(2.0), sigma: Some(0.1), ..TaxelResponse::unknown(TaxelId(1)) };
+            let relative = Response { taxels: vec![taxel], ..Response::default() };
+            let report = ScaleReport { scale: 3.0, exponent, sigma: 0.0, touches: 20 };
+            let found = scaled(&relative, &report).taxels[0];
+            assert_eq!(found.gain, Some(3.0 * 2.0_f64.powf(exponent)));
+            assert!((found.sigma.unwrap() - 0.1 * exponent).abs() < 1e-12, "{found:?}");
+        }
     }
 }

@@ -9,6 +9,7 @@
 
 use crate::parallel::par_map;
 use crate::response::ResponseError;
+use crate::response::collect::Spike;
 use crate::response::contact::{Pose, Shape};
 use crate::response::elimination::{Common, Reduced, SHARED, State, USUAL_RADIUS, reduce};
 use crate::response::press::Press;
@@ -77,6 +78,10 @@ pub struct GainReport {
     pub several: usize,
     /// See [`Self::presses`].
     pub small: usize,
+    /// Readings that were left out, each far larger than those around it and before and after it; and the first.
+    pub spikes: usize,
+    /// See [`Self::spikes`].
+    pub first_spike: Option<Spike>,
     /// Steps of the adjustment.
     pub steps: usize,
     /// Whether steps became small.

@@ -8,7 +8,7 @@
 use crate::id::VertexId;
 use crate::mesh::neighbours;
 use crate::numeric::Csr;
-use crate::response::press::{Foot, HOT, Press, PressFrame, Surface, least_noise, median_noise};
+use crate::response::press::{Foot, HOT, Press, PressFrame, Surface, confirmed, least_noise, median_noise};
 use crate::signal::{Frame, RunningNoise};
 use crate::skin::{Patch, Skin};
 
@@ -35,6 +35,10 @@ const MOST_PRESSES: usize = 5000;
 /// A reading is saturated at the largest value of its taxel if that came this often, and twice in a row.
 const SATURATED: u32 = 5;
 
+/// A reading is a spike if it is this many times larger than its threshold, than those around it and than the one
+/// before it. *Heuristic*: a body that three taxels feel is felt next to its peak by a third of it and more.
+const SPIKE: f64 = 10.0;
+
 /// Gathers the presses of recordings.
 pub(super) struct Collector<'s> {
     patches: Vec<OnePatch<'s>>,
@@ -46,6 +50,13 @@ pub(super) struct Collector<'s> {
     quiet: usize,
     largest: f64,
     count: u64,
+    /// The readings of this frame without spikes, and those before it.
+    read: Vec<f64>,
+    last: Vec<f64>,
+    /// Spikes of this frame, if the next readings fall.
+    fresh: Vec<(usize, f64)>,
+    recording: usize,
+    frame: usize,
     pub(super) presses: Vec<Press>,
     pub(super) tally: Tally,
 }
@@ -60,6 +71,20 @@ pub(super) struct Tally {
     /// Readings of touched taxels, and how many of these are saturated.
     pub(super) hot: usize,
     pub(super) saturated: usize,
+    /// Readings that were left out, each far larger than those around it and before and after it; and the first.
+    pub(super) spikes: usize,
+    pub(super) first_spike: Option<Spike>,
+}
+
+/// A reading that was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spike {
+    /// The number of the taxel, patch after patch.
+    pub taxel: usize,
+    /// The number of the recording and of the frame, each counted from 0.
+    pub recording: usize,
+    /// See [`Self::recording`].
+    pub frame: usize,
 }
 
 struct OnePatch<'s> {
@@ -114,6 +139,11 @@ impl<'s> Collector<'s> {
             quiet: 0,
             largest: 0.0,
             count: 0,
+            read: Vec::new(),
+            last: vec![f64::NAN; first],
+            fresh: Vec::new(),
+            recording: 0,
+            frame: 0,
             presses: Vec::new(),
             tally: Tally::default(),
         }
@@ -121,26 +151,67 @@ impl<'s> Collector<'s> {
 
     /// Takes the next frame of the first channel, of readings without their zeros.
     pub(super) fn see(&mut self, frame: &Frame) {
-        let read = frame.values.iter().flat_map(|channels| channels[0].iter().copied());
-        self.learn_noise(read);
-        if self.count <= START_FRAMES {
-            return;
+        let mut read = std::mem::take(&mut self.read);
+        read.clear();
+        read.extend(frame.values.iter().flat_map(|channels| channels[0].iter().copied()));
+        let median = self.median_noise();
+        self.leave_out_spikes(&mut read, median);
+        self.largest = self.largest.max(confirmed(&read, |k| self.around(&read, k)));
+        self.learn_noise(&read, median);
+        if self.count > START_FRAMES {
+            self.find_press(&read);
         }
+        self.read = read;
+    }
+
+    /// The largest reading next to a taxel; 0 if none is above it.
+    fn around(&self, read: &[f64], taxel: usize) -> f64 {
+        let at = self.patches.partition_point(|patch| patch.first <= taxel) - 1;
+        let patch = &self.patches[at];
+        let near = patch.neighbours[taxel - patch.first].iter().map(|&v| read[patch.first + v as usize]);
+        near.fold(0.0, f64::max)
+    }
+
+    fn leave_out_spikes(&mut self, read: &mut [f64], median: f64) {
+        for (taxel, x) in std::mem::take(&mut self.fresh) {
+            if read[taxel] < x / SPIKE {
+                self.tally.spikes += 1;
+                let spike = Spike { taxel, recording: self.recording, frame: self.frame - 1 };
+                self.tally.first_spike.get_or_insert(spike);
+            }
+        }
+        let is_spike = |k: usize| {
+            let least = HOT * least_noise(&self.channel[k].noise, median, self.largest);
+            let is_above = |other: f64| read[k] > SPIKE * other.max(least);
+            self.count > START_FRAMES
+                && self.last[k].is_finite()
+                && is_above(self.last[k])
+                && is_above(self.around(read, k))
+        };
+        let fresh: Vec<(usize, f64)> =
+            (0..read.len()).filter(|&k| is_spike(k)).map(|k| (k, read[k])).collect();
+        self.last.copy_from_slice(read);
+        fresh.iter().for_each(|&(k, _)| read[k] = f64::NAN);
+        self.fresh = fresh;
+        self.frame += 1;
+    }
+
+    fn find_press(&mut self, read: &[f64]) {
         let median = self.median_noise();
         let mut best: Option<Kept> = None;
         let mut total = 0.0;
-        for (number, (patch, channels)) in self.patches.iter().zip(&frame.values).enumerate() {
-            let values = &channels[0];
+        for (number, patch) in self.patches.iter().enumerate() {
+            let values = &read[patch.first..][..patch.count];
             let is_hot: Vec<bool> = values
                 .iter()
                 .zip(&self.channel[patch.first..])
                 .map(|(x, channel)| *x > HOT * least_noise(&channel.noise, median, self.largest))
                 .collect();
             for group in patch.groups(&is_hot) {
-                let sum = group.iter().map(|&v| values[VertexId::from(v)]).sum::<f64>();
+                let sum = group.iter().map(|&v| values[v as usize]).sum::<f64>();
                 total += sum;
                 if group.len() >= LEAST_HOT && best.as_ref().is_none_or(|best| best.sum < sum) {
-                    let readings = values.iter().copied().collect();
+                    let readings = values.to_vec();
                     best = Some(Kept { patch: number, sum, hot: group, readings });
                 }
             }
@@ -166,6 +237,14 @@ impl<'s> Collector<'s> {
             self.stride *= 2;
         }
         self.frames.push(best);
+    }
+
+    /// Ends a recording.
+    pub(super) fn end_recording(&mut self) {
+        self.end_press();
+        self.last.fill(f64::NAN);
+        self.fresh.clear();
+        (self.recording, self.frame) = (self.recording + 1, 0);
     }
 
     /// Ends a press, also at the end of a recording.
@@ -250,17 +329,15 @@ impl<'s> Collector<'s> {
         (self.presses, noise, self.tally)
     }
 
-    fn learn_noise(&mut self, read: impl Iterator<Item = f64>) {
-        let median = self.median_noise();
+    fn learn_noise(&mut self, read: &[f64], median: f64) {
         self.count += 1;
-        for (channel, x) in self.channel.iter_mut().zip(read) {
+        for (channel, &x) in self.channel.iter_mut().zip(read) {
             if !x.is_finite() {
                 channel.noise.interrupt();
                 channel.was_at_most = false;
                 continue;
             }
             channel.noise.see(x, if median > 0.0 { median } else { f64::NAN });
-            self.largest = self.largest.max(x);
             if x > channel.most {
                 (channel.most, channel.at_most, channel.is_stuck_at_most) = (x, 0, false);
             }

@@ -32,6 +32,7 @@ use crate::signal::Frame;
 use crate::skin::{PatchId, Skin};
 
 pub use bundle::GainReport;
+pub use collect::Spike;
 pub use error::ResponseError;
 pub use scale::{EXPONENT_TOUCHES, SCALE_TOUCHES, ScaleEstimator, ScaleReport};
 pub use steps::{Curves, StepEstimator, StepReport, TaxelCurve};
@@ -86,7 +87,7 @@ impl<'s> GainEstimator<'s> {
 
     /// Ends a recording: what comes next is not the same touch.
     pub fn end_recording(&mut self) {
-        self.collector.end_press();
+        self.collector.end_recording();
     }
 
     /// The gains.
@@ -118,7 +119,16 @@ impl<'s> GainEstimator<'s> {
             });
             taxels.collect()
         });
-        Ok((gains, GainReport { several: tally.several, small: tally.small, ..report }))
+        Ok((
+            gains,
+            GainReport {
+                several: tally.several,
+                small: tally.small,
+                spikes: tally.spikes,
+                first_spike: tally.first_spike,
+                ..report
+            },
+        ))
     }
 }
 

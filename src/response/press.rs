@@ -12,6 +12,12 @@ use crate::skin::Patch;
 /// A taxel is touched from this many times its noise on.
 pub(super) const HOT: f64 = 4.5;
 
+/// The largest reading that a taxel next to it confirms by at least as much: touches are felt by several, spikes by one.
+pub(super) fn confirmed(read: &[f64], neighbours: impl Fn(usize) -> f64) -> f64 {
+    let of = |(k, &x): (usize, &f64)| if x > 0.0 { x.min(neighbours(k)) } else { 0.0 };
+    read.iter().enumerate().map(of).fold(0.0, f64::max)
+}
+
 /// A press: one body on one patch.
 #[derive(Debug, Clone)]
 pub(super) struct Press {
@@ -20,7 +26,7 @@ pub(super) struct Press {
     pub(super) frames: Vec<PressFrame>,
 }
 
-/// The noise of a taxel, which is at least a share of the median of all, and of the largest reading.
+/// The noise of a taxel, which is at least a share of the median of all, and of the largest [confirmed] reading.
 pub(super) fn least_noise(noise: &RunningNoise, median: f64, largest: f64) -> f64 {
     const SHARE: f64 = 0.5;
     const SHARE_OF_LARGEST: f64 = 2e-3;

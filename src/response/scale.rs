@@ -8,7 +8,7 @@
 use crate::mesh::neighbours;
 use crate::numeric::{Csr, DEVIATION_OF_MEDIAN, median_of};
 use crate::response::ResponseError;
-use crate::response::press::{HOT, least_noise, median_noise};
+use crate::response::press::{HOT, confirmed, least_noise, median_noise};
 use crate::signal::{Frame, RunningNoise};
 use crate::skin::Skin;
 
@@ -120,7 +120,8 @@ impl ScaleEstimator {
             return;
         }
         self.noise.iter_mut().for_each(RunningNoise::interrupt);
-        self.largest = read.iter().copied().fold(self.largest, f64::max);
+        let around = |k: usize| self.neighbours[k].iter().map(|&w| read[w as usize]).fold(0.0, f64::max);
+        self.largest = self.largest.max(confirmed(&read, around));
         let median = median_noise(self.noise.iter());
         let is_hot = |(x, noise): (&f64, &RunningNoise)| *x > HOT * least_noise(noise, median, self.largest);
         let is_hot: Vec<bool> = read.iter().zip(&self.noise).map(is_hot).collect();

@@ -26,11 +26,16 @@ const SAME: f64 = 0.02;
 /// How unevenly a bag presses, relative: of one placement, from which it cannot be seen.
 const UNEVEN: f64 = 0.03;
 
-/// A reading is pressed above this share of its median over taxels.
+/// A reading is pressed above this share of the largest of its taxel, and of what three of four taxels read less than.
 const LEAST_SHARE: f64 = 0.02;
 
-/// Residuals of the logarithm of readings (rms) from which steps and readings do not belong to each other.
+/// Residuals of the logarithm of readings (rms) from which steps and readings do not belong to each other, and the slope
+/// that they belong to each other above: of one taxel, or the median of all.
 const MOST_RESIDUAL: f64 = 0.5;
+const LEAST_SLOPE: f64 = 0.1;
+
+/// A gain is not known to less than this share.
+const MOST_SIGMA: f64 = 0.2;
 
 /// Error of a gain that no step shows.
 const LEAST_SIGMA: f64 = 0.01;
@@ -74,6 +79,8 @@ pub struct TaxelCurve {
     pub exponent: f64,
     /// The standard deviation of the logarithm of the pressure, in the middle of the steps.
     pub sigma: f64,
+    /// Whether its reading never changed, although those of others have noise.
+    pub is_dead: bool,
 }
 
 /// How curves were found.
@@ -175,35 +182,50 @@ impl<'s> StepEstimator<'s> {
             let steps = [self.steps[0].from, self.steps[needed - 1].from];
             return Err(ResponseError::StepsOutside { found, needed, steps, recording: self.times });
         }
-        let points: Vec<Vec<(Step, f64)>> = (0..self.taxels).map(|taxel| self.points(taxel)).collect();
+        let usual: Vec<f64> = (0..needed).map(|step| self.usual(step)).collect();
+        let points: Vec<Vec<(Step, f64)>> =
+            (0..self.taxels).map(|taxel| self.points(taxel, &usual)).collect();
         let pressures = self.steps.iter().map(|step| step.pressure);
         let range = [pressures.clone().fold(f64::INFINITY, f64::min), pressures.fold(0.0, f64::max)];
         let has_one_pressure = range[1] < range[0] * (1.0 + SAME);
         let mut lines: Vec<Option<Line>> =
             points.iter().map(|points| Line::through(points, has_one_pressure)).collect();
-        shrink(&mut lines, has_one_pressure);
-        let mut residuals: Vec<f64> = lines.iter().flatten().map(|line| line.residual).collect();
-        let mut slopes: Vec<f64> = lines.iter().flatten().map(|line| line.slope).collect();
-        let residual = median_of(&mut residuals).unwrap_or(f64::NAN);
-        let slope = median_of(&mut slopes).unwrap_or(f64::NAN);
-        if !(slope > 0.1 && residual < MOST_RESIDUAL) {
+        let middle = |lines: &[Option<Line>], of: fn(&Line) -> f64| {
+            median_of(&mut lines.iter().flatten().map(of).collect::<Vec<f64>>()).unwrap_or(f64::NAN)
+        };
+        let (slope, residual) = (middle(&lines, |line| line.slope), middle(&lines, |line| line.residual));
+        if !(slope > LEAST_SLOPE && residual < MOST_RESIDUAL) {
             return Err(ResponseError::StepsDoNotFit { slope, residual });
         }
+        // A taxel that falls under pressure, or rises and falls, has no curve.
+        for line in &mut lines {
+            *line = line.take().filter(|line| line.slope > LEAST_SLOPE && line.residual < MOST_RESIDUAL);
+        }
+        shrink(&mut lines, has_one_pressure);
+        let slope = middle(&lines, |line| line.slope);
         let placements = self.steps.last().map_or(0, |step| step.placement + 1);
         let uneven = unevenness(&lines, &points, placements);
         let bag = if uneven.is_nan() { UNEVEN } else { uneven } / (placements as f64).sqrt();
-        let mut next = lines.iter();
+        const UNKNOWN: TaxelCurve =
+            TaxelCurve { gain: f64::NAN, exponent: f64::NAN, sigma: f64::NAN, is_dead: false };
+        let mut noises: Vec<f64> = self.seen.iter().map(|seen| seen.range[1] - seen.range[0]).collect();
+        let has_noise = median_of(&mut noises).is_some_and(|noise| noise > 0.0);
+        let mut next = lines.iter().zip(0_usize..);
         let mut curve = || {
-            let Some(Some(line)) = next.next() else {
-                return TaxelCurve { gain: f64::NAN, exponent: f64::NAN, sigma: f64::NAN };
+            let Some((line, taxel)) = next.next() else { return UNKNOWN };
+            let Some(line) = line else {
+                return TaxelCurve { is_dead: has_noise && self.is_dead(taxel, &usual), ..UNKNOWN };
             };
             let exponent = line.slope.recip();
             let own = exponent * line.residual / line.count.sqrt();
-            TaxelCurve {
-                gain: (-line.offset * exponent).exp(),
-                exponent: if has_one_pressure { f64::NAN } else { exponent },
-                sigma: bag.hypot(own).hypot(LEAST_SIGMA),
+            let (gain, sigma) = ((-line.offset * exponent).exp(), bag.hypot(own).hypot(LEAST_SIGMA));
+            // What no file can hold, or nobody can use, is not known.
+            let is_known = own < MOST_SIGMA && gain.is_normal();
+            if !is_known {
+                return UNKNOWN;
             }
+            let exponent = if has_one_pressure { f64::NAN } else { exponent };
+            TaxelCurve { gain, exponent, sigma, is_dead: false }
         };
         let curves = self.skin.patches.map(|patch| patch.mesh.positions.ids().map(|_| curve()).collect());
         let (steps, exponent) = (needed, if has_one_pressure { f64::NAN } else { slope.recip() });
@@ -214,8 +236,26 @@ impl<'s> StepEstimator<'s> {
         &self.seen[step * self.taxels..][..self.taxels]
     }
 
-    /// The mean readings of a taxel in the steps that it feels, without those at its limit.
-    fn points(&self, taxel: usize) -> Vec<(Step, f64)> {
+    /// What three of four taxels read less than in a step, on average: a bag covers a quarter of the skin at least.
+    fn usual(&self, step: usize) -> f64 {
+        let means = self.row(step).iter().filter(|seen| seen.count > 0.0).map(|seen| seen.sum / seen.count);
+        let mut means: Vec<f64> = means.collect();
+        means.sort_unstable_by(f64::total_cmp);
+        means.get(means.len() * 3 / 4).copied().unwrap_or(0.0)
+    }
+
+    /// Whether a taxel reads the same in all steps, up to rounding, although others have noise.
+    fn is_dead(&self, taxel: usize, usual: &[f64]) -> bool {
+        const ROUNDING: f64 = 1e-9;
+        let all = || (0..self.steps.len()).map(|k| self.seen[k * self.taxels + taxel]);
+        let [least, most] = all().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], seen| {
+            [least.min(seen.range[0]), most.max(seen.range[1])]
+        });
+        most - least <= ROUNDING * usual.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The mean readings of a taxel in the steps that it feels, without those at its limit. `usual` are those of all.
+    fn points(&self, taxel: usize, usual: &[f64]) -> Vec<(Step, f64)> {
         let at = |k: usize| &self.seen[k * self.taxels + taxel];
         let most = (0..self.steps.len()).map(|k| at(k).range[1]).fold(f64::NEG_INFINITY, f64::max);
         let is_at_most = |k: usize| at(k).range == [most; 2];
@@ -225,8 +265,9 @@ impl<'s> StepEstimator<'s> {
         // The same reading at quite different pressures is a limit.
         let is_limited = limits().any(|pressure| pressure > 1.1 * lowest);
         let steps = (0..self.steps.len()).filter(|&k| at(k).count > 0.0 && !(is_limited && is_at_most(k)));
-        let points = steps.map(|k| (self.steps[k], at(k).sum / at(k).count));
-        points.filter(|(_, reading)| *reading > LEAST_SHARE * most && *reading > 0.0).collect()
+        let points = steps.map(|k| (k, at(k).sum / at(k).count));
+        let is_felt = |(k, reading): &(usize, f64)| *reading > LEAST_SHARE * most.max(usual[*k]).max(0.0);
+        points.filter(is_felt).map(|(k, reading)| (self.steps[k], reading)).collect()
     }
 }
 

@@ -1,17 +1,7 @@
 //! The meaning of one number per taxel.
 
 use crate::signal::SignalError;
-
-/// How a channel is transferred between levels and to pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Quantity {
-    /// An average over the receptive area: pressure, temperature, a raw count. A receptive field has
-    /// the mean of its taxels, weighted by their areas.
-    #[default]
-    Intensive,
-    /// An amount: force, charge. A receptive field has the sum of its taxels' shares.
-    Extensive,
-}
+use crate::signal::unit::{ChannelKind, Quantity, Unit, nearest_unit, parse_unit};
 
 /// One number per taxel: its name, unit and kind.
 ///
@@ -25,73 +15,8 @@ pub struct Channel {
     pub unit: String,
     /// How it is transferred between levels.
     pub quantity: Quantity,
-}
-
-/// Units of force, pressure and charge that take prefixes, with their value in N or in Pa, NaN for charges.
-const MEASURES: [(&str, f64, Quantity); 16] = [
-    ("N", 1.0, Quantity::Extensive),
-    ("gf", 9.806_65e-3, Quantity::Extensive),
-    ("lbf", 4.448_221_615_260_5, Quantity::Extensive),
-    ("C", f64::NAN, Quantity::Extensive),
-    ("Pa", 1.0, Quantity::Intensive),
-    ("bar", 1e5, Quantity::Intensive),
-    ("N/m^2", 1.0, Quantity::Intensive),
-    ("N/cm^2", 1e4, Quantity::Intensive),
-    ("N/mm^2", 1e6, Quantity::Intensive),
-    ("gf/cm^2", 98.0665, Quantity::Intensive),
-    ("gf/mm^2", 9806.65, Quantity::Intensive),
-    ("psi", 6_894.757_293_168_361, Quantity::Intensive),
-    ("mmHg", 133.322_387_415, Quantity::Intensive),
-    ("cmH2O", 98.0665, Quantity::Intensive),
-    ("mmH2O", 9.806_65, Quantity::Intensive),
-    ("atm", 101_325.0, Quantity::Intensive),
-];
-
-const PREFIXES: [(&str, f64); 12] = [
-    ("", 1.0),
-    ("p", 1e-12),
-    ("n", 1e-9),
-    ("u", 1e-6),
-    ("\u{b5}", 1e-6),
-    ("\u{3bc}", 1e-6),
-    ("m", 1e-3),
-    ("c", 1e-2),
-    ("d", 1e-1),
-    ("h", 1e2),
-    ("k", 1e3),
-    ("M", 1e6),
-];
-
-/// Other units, all of averages, with or without a prefix; counts, and the temperature in degrees.
-const AVERAGES: &str = "count counts raw LSB digit digits adc bit 1 % K degC \u{b0}C degF V A F Ohm ohm Hz m rad deg s m/s m/s^2 T \
-                        lx N/m Pa*s \u{3a9}";
-
-/// The value of a unit in newtons or pascals, and how its quantity is transferred.
-fn measure(unit: &str) -> Option<(f64, Quantity)> {
-    let bases = || PREFIXES.iter().filter_map(|(prefix, x)| Some((unit.strip_prefix(prefix)?, x)));
-    let known = |(base, x): (&str, &f64)| {
-        MEASURES.iter().find(|(name, ..)| *name == base).map(|(_, y, quantity)| (x * y, *quantity))
-    };
-    let average =
-        |(base, _): (&str, &f64)| !base.is_empty() && AVERAGES.split_whitespace().any(|name| name == base);
-    bases().find_map(known).or_else(|| bases().any(average).then_some((f64::NAN, Quantity::Intensive)))
-}
-
-/// The factor from the unit `from` to the unit `to`; `None` if they do not measure the same quantity. Vendors
-/// write `KPa` and `PSI`, and have several names for counts.
-pub(crate) fn unit_ratio(from: &str, to: &str) -> Option<f64> {
-    let spelled = |unit: &str| match unit {
-        "KPa" | "kpa" => "kPa".to_owned(),
-        "PSI" => "psi".to_owned(),
-        "counts" | "raw" | "LSB" | "digit" | "digits" | "adc" => "count".to_owned(),
-        other => other.to_owned(),
-    };
-    let (from, to) = (spelled(from), spelled(to));
-    if from == to {
-        return Some(1.0);
-    }
-    let ((x, of), (y, other)) = (measure(&from)?, measure(&to)?);
-    Some(x / y).filter(|ratio| of == other && ratio.is_finite())
+    /// What it measures.
+    pub kind: ChannelKind,
 }
 
 impl Channel {
@@ -99,53 +24,56 @@ impl Channel {
     /// `C`, with or without a prefix such as `m`), or if there is no unit and the name is `force`, `force.N`
     /// or `charge`. The default name is `force` if it is extensive, else `pressure`.
     ///
+    /// Its kind follows from its unit, whatever the prefix, and its name: without a unit, or in one that touches are
+    /// measured in, it is of touch, but for names that begin with `temp`, `therm`, `heat` or `acc`; of these channels
+    /// `shear` and those whose name ends in `.x`, `.y`, `.T` or `.B` are tangential.
+    ///
     /// # Errors
     /// [`SignalError::Unit`] if the unit is not known, or is `C` in a channel that is not called `charge`: it may be
     /// a temperature.
     pub fn new(name: &str, unit: &str) -> Result<Self, SignalError> {
-        let first = name.split('.').next().unwrap_or_default().to_ascii_lowercase();
-        let refused = || SignalError::Unit { channel: name.into(), unit: unit.into() };
-        let quantity = match unit {
-            "" if ["force", "charge"].contains(&first.as_str()) => Quantity::Extensive,
-            "" => Quantity::Intensive,
-            "C" if first.starts_with("temp") || first == "thermal" => Quantity::Intensive,
+        let lower = name.to_ascii_lowercase();
+        let first = lower.split('.').next().unwrap_or_default();
+        let refused = || SignalError::Unit {
+            channel: name.into(),
+            unit: unit.into(),
+            nearest: nearest_unit(if unit == "C" { "degC" } else { unit }),
+        };
+        let is_temperature = first.starts_with("temp") || first == "thermal";
+        let (unit, quantity, kind) = match unit {
+            "" if ["force", "charge"].contains(&first) => {
+                (String::new(), Quantity::Extensive, ChannelKind::Touch)
+            }
+            "" => (String::new(), Quantity::Intensive, ChannelKind::Touch),
+            "C" if is_temperature => (unit.to_owned(), Quantity::Intensive, ChannelKind::Other),
             "C" if first != "charge" => return Err(refused()),
-            _ => measure(unit).ok_or_else(refused)?.1,
+            _ => {
+                let Unit { name, quantity, kind, .. } = parse_unit(unit).ok_or_else(refused)?;
+                (name, quantity, kind)
+            }
+        };
+        let is_other = ["temp", "therm", "heat", "acc"].iter().any(|other| lower.starts_with(other));
+        let direction = name.split_once('.').map_or("", |(_, last)| last);
+        let kind = match kind {
+            ChannelKind::Touch if is_other => ChannelKind::Other,
+            ChannelKind::Touch if first == "shear" || ["x", "y", "T", "B"].contains(&direction) => {
+                ChannelKind::Tangential
+            }
+            kind => kind,
         };
         let name = match (name, quantity) {
             ("", Quantity::Extensive) => "force",
             ("", Quantity::Intensive) => "pressure",
             _ => name,
         };
-        Ok(Self { name: name.into(), unit: unit.into(), quantity })
-    }
-
-    /// Whether it measures touches: a force, pressure or charge, or counts of a sensor of them. Its readings are near a
-    /// zero where nothing touches, unlike a temperature.
-    pub(crate) fn is_of_touch(&self) -> bool {
-        const COUNTS: [&str; 14] =
-            ["", "count", "counts", "raw", "LSB", "digit", "digits", "adc", "bit", "1", "%", "V", "F", "Ohm"];
-        let name = self.name.to_ascii_lowercase();
-        let is_other = ["temp", "therm", "heat", "acc"].iter().any(|other| name.starts_with(other));
-        let is_measured = MEASURES.iter().any(|(base, ..)| {
-            let prefix = self.unit.strip_suffix(base);
-            prefix.is_some_and(|prefix| PREFIXES.iter().any(|(known, _)| *known == prefix))
-        });
-        !is_other && (is_measured || COUNTS.contains(&self.unit.as_str()))
-    }
-
-    /// Whether it is along a direction within the skin, where touches have either sign: `shear.x`, `force.T`.
-    pub(crate) fn is_tangential(&self) -> bool {
-        let (first, last) = self.name.split_once('.').unwrap_or((&self.name, ""));
-        first.eq_ignore_ascii_case("shear") || ["x", "y", "T", "B"].contains(&last)
+        Ok(Self { name: name.into(), unit, quantity, kind })
     }
 
     /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither
     /// one of force nor one of pressure.
     pub fn newtons(&self) -> Option<f64> {
-        measure(&self.unit)
-            .filter(|(newtons, of)| !newtons.is_nan() && *of == self.quantity)
-            .map(|(newtons, _)| newtons)
+        let is_it = |unit: &Unit| ["N", "Pa"].contains(&unit.base) && unit.quantity == self.quantity;
+        parse_unit(&self.unit).filter(is_it).map(|unit| unit.factor)
     }
 
     /// The unit of its pixels: amounts are drawn per area of the map, as `N/m^2`; without a unit
@@ -159,10 +87,22 @@ impl Channel {
     }
 }
 
+/// The number of the channel that is meant where none is named: the first of touch, other than tangential, else the first
+/// of touch, else the first.
+pub(crate) fn main_channel(kinds: impl Iterator<Item = ChannelKind> + Clone) -> usize {
+    let is_touch = |kind| kind == ChannelKind::Touch;
+    kinds.clone().position(is_touch).or_else(|| kinds.clone().position(ChannelKind::is_of_touch)).unwrap_or(0)
+}
+
 impl Default for Channel {
     /// A pressure of unknown unit.
     fn default() -> Self {
-        Self { name: "pressure".into(), unit: String::new(), quantity: Quantity::Intensive }
+        Self {
+            name: "pressure".into(),
+            unit: String::new(),
+            quantity: Quantity::Intensive,
+            kind: ChannelKind::Touch,
+        }
     }
 }
 
@@ -214,5 +154,26 @@ mod tests {
         assert_eq!(new("", ""), Channel::default());
         assert_eq!(new("", "mN"), new("force", "mN"));
         assert_eq!(new("", "kPa"), new("pressure", "kPa"));
+    }
+
+    /// The kind is that of the unit, whatever its prefix, unless the name says otherwise.
+    #[test]
+    fn name_and_unit_determine_the_kind() {
+        use ChannelKind::{Other, Tangential, Touch};
+        for (name, kinds) in [
+            ("pressure", [Touch, Other]),
+            ("cap.z", [Touch, Other]),
+            ("shear", [Tangential, Other]),
+            ("force.x", [Tangential, Other]),
+            ("temp", [Other; 2]),
+            ("acc.x", [Other; 2]),
+        ] {
+            for unit in ["V", "mV", "uV", "F", "pF", "Ohm", "kOhm", "count", "N", "mN", "kPa", ""] {
+                assert_eq!(Channel::new(name, unit).unwrap().kind, kinds[0], "{name} in {unit:?}");
+            }
+            for unit in ["degC", "mK", "m/s^2", "mm", "Hz"] {
+                assert_eq!(Channel::new(name, unit).unwrap().kind, kinds[1], "{name} in {unit:?}");
+            }
+        }
     }
 }

@@ -13,26 +13,29 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::signal::zero::{ZeroReport, ZeroTracker};
 use crate::signal::{
-    Channel, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, unit_ratio,
+    Channel, ChannelKind, Frame, Quantity, Response, Scale, SignalError, Stage, TaxelResponse, main_channel,
+    unit_ratio,
 };
 use crate::skin::{PatchId, TaxelId};
 
 /// Largest memory of the frames of a baseline, in bytes.
 const MAX_BASELINE_BYTES: usize = 1 << 30;
 
-/// Where the zero of readings is, the reading of a taxel that nothing touches. It is subtracted.
+/// Where the zero of readings is, the reading of a taxel that nothing touches. It is subtracted in the
+/// [channels of touch](crate::signal::ChannelKind::is_of_touch); others stay as they are.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Zero {
     /// At 0.
     #[default]
     Taken,
-    /// At this number for every taxel and channel.
+    /// At this number for every taxel.
     At(f64),
     /// At the mean of this many first frames, in which nothing may touch the skin.
     First(usize),
     /// It drifts, and is followed where nothing touches ([`ZeroTracker`]).
     Follow,
-    /// At the zeros of the [response](ConditionOptions::response).
+    /// At the zeros of the [response](ConditionOptions::response), in the channels that it is of: tangential ones stay
+    /// as they are.
     Stored,
 }
 
@@ -41,10 +44,11 @@ pub enum Zero {
 pub struct ConditionOptions {
     /// What is subtracted.
     pub zero: Zero,
-    /// Then readings are multiplied by these factors; 1 for other ids.
+    /// Then readings of touch are multiplied by these factors; 1 for other ids.
     pub gains: Vec<(TaxelId, f64)>,
-    /// Then readings of touch become pressures by the response of each taxel. Those of a faulty taxel, or of one whose
-    /// gain is not known where others are, are masked. Without an exponent a response is linear.
+    /// Then readings of touch, other than tangential ones, become pressures by the response of each taxel. Those of a
+    /// taxel whose gain is not known where others are, are masked. Without an exponent a response is linear. A faulty
+    /// taxel is masked in all channels.
     pub response: Option<Response>,
     /// Then readings are clipped to these bounds, in the unit of the channel.
     pub clip: Option<[f64; 2]>,
@@ -62,7 +66,7 @@ pub struct ConditionReport {
     pub too_large: u64,
     /// Frames whose time is before that of the previous frame, or not a number; filters do not advance.
     pub backwards: u64,
-    /// Readings without a baseline, summed over channels, since they are missing in all frames of the
+    /// Readings without a baseline, summed over channels of touch, since they are missing in all frames of the
     /// baseline; they are masked from then on.
     pub without_baseline: usize,
     /// Gains whose id no taxel has.
@@ -101,8 +105,8 @@ pub struct ConditionReport {
 pub struct Conditioner {
     channels: Vec<Channel>,
     report: ConditionReport,
-    /// Number of input channels.
-    inputs: usize,
+    /// The kinds of the input channels.
+    kinds: Vec<ChannelKind>,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
     curves: Option<Curves>,
@@ -119,8 +123,6 @@ pub struct Conditioner {
 struct Curves {
     /// One for each taxel, patch after patch.
     taxels: IdVec<PatchId, Vec<Curve>>,
-    /// Which channels are those of touches.
-    is_of_touch: Vec<bool>,
     scale: Option<Scale>,
 }
 
@@ -129,6 +131,7 @@ struct Curves {
 struct Curve {
     gain: f64,
     exponent: Option<f64>,
+    is_faulty: bool,
 }
 
 /// One number per patch, channel and taxel, in this order.
@@ -153,7 +156,8 @@ impl Conditioner {
     /// A conditioner of frames with these channels.
     ///
     /// # Errors
-    /// If a gain, the bounds or the frequency are not usable, or the baseline has too many frames.
+    /// If a gain, the bounds or the frequency are not usable, the baseline has too many frames, or no channel is of touch
+    /// for a zero, gains or a response.
     pub fn new(map: &SkinMap, channels: &[Channel], options: &ConditionOptions) -> Result<Self, SignalError> {
         let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
         let numbers = taxels * channels.len();
@@ -175,46 +179,55 @@ impl Conditioner {
         if let Some(hz) = options.split_hz.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
             return Err(SignalError::option("the cut-off frequency in Hz", hz, "a positive number"));
         }
+        let kinds: Vec<ChannelKind> = channels.iter().map(|channel| channel.kind).collect();
+        let has_zero = !matches!(options.zero, Zero::Taken | Zero::First(0));
+        let is_pressure = |kind: &ChannelKind| *kind == ChannelKind::Touch;
+        let response = options.response.as_ref();
+        let needs_pressure =
+            options.zero == Zero::Stored || response.is_some_and(|response| response.has_gains());
+        if (has_zero || !options.gains.is_empty()) && !kinds.iter().any(|kind| kind.is_of_touch())
+            || needs_pressure && !kinds.iter().any(is_pressure)
+        {
+            return Err(SignalError::NoTouch { known: channels.iter().map(|c| c.name.clone()).collect() });
+        }
         let gain_of: HashMap<TaxelId, f64> = options.gains.iter().copied().collect();
         let ids: HashSet<TaxelId> = map.patches.iter().flat_map(|p| p.taxels.ids.iter().copied()).collect();
         let unknown_gains = gain_of.keys().filter(|id| !ids.contains(id)).count();
         let gain = |id: &TaxelId| gain_of.get(id).copied().unwrap_or(1.0);
         let tracker = (options.zero == Zero::Follow).then(|| Box::new(ZeroTracker::new(map, channels)));
-        let inputs = channels.len();
         let mut report = ConditionReport { unknown_gains, ..ConditionReport::default() };
-        let response = options.response.as_ref();
         let curves =
             response.map(|response| Curves::new(map, channels, response, &mut report)).transpose()?;
         let stored = match options.zero {
-            Zero::Stored => stored_zeros(map, inputs, response)?,
+            Zero::Stored => stored_zeros(map, &kinds, response)?,
             _ => Vec::new(),
         };
         let read = channels.iter().enumerate();
         let channels = read.map(|(k, channel)| match &curves {
-            Some(curves) if curves.is_of_touch[k] => curves.channel(channel),
+            Some(curves) if is_pressure(&kinds[k]) => curves.channel(channel),
             _ => channel.clone(),
         });
         let channels: Vec<Channel> = match options.split_hz {
             Some(_) => channels.flat_map(|channel| parts(&channel)).collect(),
             None => channels.collect(),
         };
-        let (entries, at) = match options.zero {
-            Zero::First(frames) if frames > 0 => (numbers, 0.0),
+        let values = match options.zero {
+            Zero::First(frames) if frames > 0 => vec![0.0; numbers],
             Zero::At(zero) if !zero.is_finite() => {
                 return Err(SignalError::option("the zero of the readings", zero, "a finite number"));
             }
-            Zero::At(zero) => (numbers, zero),
-            _ => (0, 0.0),
+            Zero::At(zero) => {
+                let sizes = map.patches.iter().map(|patch| patch.taxels.ids.len());
+                of_entries(sizes, &kinds).map(|kind| if kind.is_of_touch() { zero } else { 0.0 }).collect()
+            }
+            Zero::Stored => stored,
+            _ => Vec::new(),
         };
         Ok(Self {
             gains: map.patches.map(|patch| patch.taxels.ids.iter().map(gain).collect()),
             curves,
             tracker,
-            baseline: Baseline {
-                frames,
-                values: if stored.is_empty() { vec![at; entries] } else { stored },
-                counts: vec![0; if frames > 0 { entries } else { 0 }],
-            },
+            baseline: Baseline { frames, counts: vec![0; if frames > 0 { values.len() } else { 0 }], values },
             clip: options.clip,
             filter: options.split_hz.map(|hz| LowPass {
                 hz,
@@ -223,24 +236,26 @@ impl Conditioner {
             }),
             time: f64::NEG_INFINITY,
             out: Frame::new(map, channels.len()),
-            inputs,
+            kinds,
             channels,
             report,
         })
     }
 
-    /// The zero of each taxel in the first channel, patch after patch, as far as it is known by now; NaN where it is
-    /// not.
+    /// The zero of each taxel in the [main](main_channel) channel, patch after patch, as far as it is known by now; NaN
+    /// where it is not.
     pub(crate) fn zeros(&self) -> Vec<f64> {
         let taxels = self.gains.iter().map(Vec::len);
         if let Some(tracker) = &self.tracker {
             return tracker.zeros();
         }
+        let main = main_channel(self.kinds.iter().copied());
         let mut start = 0;
         let of_patch = |count: usize| {
+            start += main * count;
             let values = (0..count).map(|k| self.baseline.values.get(start + k).copied().unwrap_or(0.0));
             let values: Vec<f64> = values.collect();
-            start += count * self.inputs;
+            start += count * (self.kinds.len() - main);
             values
         };
         taxels.flat_map(of_patch).collect()
@@ -254,8 +269,8 @@ impl Conditioner {
     /// Those that are pressures by the response, if it has gains.
     pub(crate) fn pressures(&self) -> impl Iterator<Item = &Channel> {
         let curves = self.curves.as_ref().filter(|curves| curves.scale.is_some());
-        let parts = self.channels.len() / self.inputs.max(1);
-        let is_one = move |k: usize| curves.is_some_and(|curves| curves.is_of_touch[k / parts.max(1)]);
+        let parts = self.channels.len() / self.kinds.len().max(1);
+        let is_one = move |k: usize| curves.is_some() && self.kinds[k / parts.max(1)] == ChannelKind::Touch;
         self.channels.iter().enumerate().filter(move |(k, _)| is_one(*k)).map(|(_, channel)| channel)
     }
 
@@ -276,7 +291,8 @@ impl Stage for Conditioner {
     }
 
     fn settle(&mut self) {
-        self.report.without_baseline = self.baseline.divide();
+        let kinds = of_entries(self.gains.iter().map(Vec::len), &self.kinds);
+        self.report.without_baseline = self.baseline.divide(kinds);
     }
 
     /// The conditioned frame.
@@ -300,8 +316,8 @@ impl Stage for Conditioner {
         let mut start = 0;
         let patches = frame.values.iter().zip(&self.gains).zip(self.out.values.iter_mut());
         for (patch, ((read, gains), out)) in patches.enumerate() {
-            assert_eq!(read.len(), self.inputs, "one array per channel");
-            for (channel, read) in read.iter().enumerate() {
+            assert_eq!(read.len(), self.kinds.len(), "one array per channel");
+            for ((channel, read), kind) in read.iter().enumerate().zip(&self.kinds) {
                 assert_eq!(read.len(), gains.len(), "one reading per taxel");
                 let range = start..start + gains.len();
                 start = range.end;
@@ -311,14 +327,21 @@ impl Stage for Conditioner {
                 };
                 let amplified = out[0].iter_mut().zip(read).zip(gains);
                 match self.baseline.values.get(range.clone()) {
+                    _ if *kind == ChannelKind::Other => {
+                        out[0].as_mut_slice().copy_from_slice(read.as_slice());
+                    }
                     Some(baseline) => amplified
                         .zip(baseline)
                         .for_each(|(((out, &x), gain), offset)| *out = gain * (x - offset)),
                     None => amplified.for_each(|((out, &x), gain)| *out = gain * x),
                 }
-                if let Some(curves) = self.curves.as_ref().filter(|curves| curves.is_of_touch[channel]) {
+                if let Some(curves) = &self.curves {
                     let taxels = out[0].iter_mut().zip(&curves.taxels[PatchId::new(patch)]);
-                    taxels.for_each(|(x, curve)| *x = curve.pressure(*x));
+                    if *kind == ChannelKind::Touch {
+                        taxels.for_each(|(x, curve)| *x = curve.pressure(*x));
+                    } else {
+                        taxels.filter(|(_, curve)| curve.is_faulty).for_each(|(x, _)| *x = f64::NAN);
+                    }
                 }
                 self.report.too_large += mask_too_large(out[0].as_mut_slice(), read.as_slice());
                 if let Some([low, high]) = self.clip {
@@ -355,9 +378,7 @@ impl Curves {
         response: &Response,
         report: &mut ConditionReport,
     ) -> Result<Self, SignalError> {
-        let is_of_touch: Vec<bool> =
-            channels.iter().map(|channel| channel.is_of_touch() && !channel.is_tangential()).collect();
-        for (channel, _) in channels.iter().zip(&is_of_touch).filter(|(_, is)| **is) {
+        for channel in channels.iter().filter(|channel| channel.kind == ChannelKind::Touch) {
             let [found, needed] = [&channel.unit, &response.unit];
             if !found.is_empty() && !needed.is_empty() && unit_ratio(found, needed) != Some(1.0) {
                 let (unit, needed) = (found.clone(), needed.clone());
@@ -365,7 +386,7 @@ impl Curves {
             }
         }
         let known = by_taxel(map, response)?;
-        let has_gains = response.taxels.iter().any(|taxel| taxel.gain.is_some());
+        let has_gains = response.has_gains();
         let mut curve = |id: &TaxelId| {
             let taxel = known.get(id);
             let is_faulty = taxel.is_some_and(|taxel| taxel.state.is_fault());
@@ -380,17 +401,21 @@ impl Curves {
                 // A response of states alone.
                 None => 1.0,
             };
-            Curve { gain, exponent: taxel.and_then(|taxel| taxel.exponent) }
+            Curve { gain, exponent: taxel.and_then(|taxel| taxel.exponent), is_faulty }
         };
         let taxels = map.patches.map(|patch| patch.taxels.ids.iter().map(&mut curve).collect());
-        Ok(Self { taxels, is_of_touch, scale: if has_gains { response.scale } else { None } })
+        Ok(Self { taxels, scale: if has_gains { response.scale } else { None } })
     }
 
     /// What the pressures of a channel are.
     fn channel(&self, read: &Channel) -> Channel {
         let name = if read.name.starts_with("force") { "pressure" } else { &read.name };
-        let channel =
-            |unit: &str| Channel { name: name.into(), unit: unit.into(), quantity: Quantity::Intensive };
+        let channel = |unit: &str| Channel {
+            name: name.into(),
+            unit: unit.into(),
+            quantity: Quantity::Intensive,
+            kind: ChannelKind::Touch,
+        };
         match self.scale {
             Some(Scale::Pascals) => channel("Pa"),
             Some(Scale::Relative) => channel(""),
@@ -427,10 +452,18 @@ fn by_taxel<'r>(
     }
 }
 
-/// The zeros of a response, the same for all channels; NaN where they are not known.
+/// The kind of the channel of each number, patch after patch, channel after channel.
+fn of_entries(
+    sizes: impl Iterator<Item = usize>,
+    kinds: &[ChannelKind],
+) -> impl Iterator<Item = ChannelKind> {
+    sizes.flat_map(move |size| kinds.iter().flat_map(move |kind| std::iter::repeat_n(*kind, size)))
+}
+
+/// The zeros of a response in the channels that it is of, NaN where they are not known, and 0 in others.
 fn stored_zeros(
     map: &SkinMap,
-    channels: usize,
+    kinds: &[ChannelKind],
     response: Option<&Response>,
 ) -> Result<Vec<f64>, SignalError> {
     let Some(response) = response.filter(|response| response.taxels.iter().any(|taxel| taxel.zero.is_some()))
@@ -441,7 +474,11 @@ fn stored_zeros(
     let zero = |id: &TaxelId| known.get(id).and_then(|taxel| taxel.zero).unwrap_or(f64::NAN);
     let of_patch = |ids: &IdVec<_, TaxelId>| {
         let zeros: Vec<f64> = ids.iter().map(zero).collect();
-        zeros.repeat(channels)
+        let of_channel = |kind: &ChannelKind| match kind {
+            ChannelKind::Touch => zeros.clone(),
+            _ => vec![0.0; zeros.len()],
+        };
+        kinds.iter().flat_map(of_channel).collect::<Vec<f64>>()
     };
     Ok(map.patches.iter().flat_map(|patch| of_patch(&patch.taxels.ids)).collect())
 }
@@ -461,12 +498,14 @@ impl Baseline {
         }
     }
 
-    /// Converts sums to means, and returns how many had no reading: these are NaN.
-    fn divide(&mut self) -> usize {
-        for (sum, &count) in self.values.iter_mut().zip(&self.counts) {
-            *sum /= f64::from(count);
+    /// Converts sums to means, those of other channels to 0, and returns how many had no reading: these are NaN.
+    fn divide(&mut self, kinds: impl Iterator<Item = ChannelKind>) -> usize {
+        let mut without = 0;
+        for ((sum, count), kind) in self.values.iter_mut().zip(std::mem::take(&mut self.counts)).zip(kinds) {
+            *sum = if kind.is_of_touch() { *sum / f64::from(count) } else { 0.0 };
+            without += usize::from(sum.is_nan());
         }
-        std::mem::take(&mut self.counts).iter().filter(|&&count| count == 0).count()
+        without
     }
 }
 

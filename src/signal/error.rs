@@ -29,10 +29,11 @@ pub enum SignalError {
     )]
     NoneMatched { columns: usize, first: TaxelId, known: TaxelId },
     #[error(
-        "channel {channel:?} is in {unit:?}, which is not a known unit; needed: one of force (N, mN, kgf, lbf), \
-         pressure (Pa, kPa, bar, psi, mmHg, cmH2O, N/cm^2, kgf/cm^2), charge (pC), temperature (K, degC) or count"
+        "channel {channel:?} is in {unit:?}, which is not a known unit; the nearest is {nearest}; needed: one of force \
+         (N, mN, kgf, lbf), pressure (Pa, kPa, bar, psi, mmHg, cmH2O, N/cm^2, kgf/cm^2), charge (pC), temperature \
+         (K, degC), or count, V, F, Ohm"
     )]
-    Unit { channel: String, unit: String },
+    Unit { channel: String, unit: String, nearest: String },
     #[error("{given} {what}s for {} channels ({}); one for each channel is needed", known.len(), list(known))]
     ChannelCount { what: &'static str, given: usize, known: Vec<String> },
     #[error("two channels are called {name:?}; names must differ")]

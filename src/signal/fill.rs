@@ -3,7 +3,8 @@
 //! Taxels without a reading that are connected by edges are one gap. Each of them gets the mean of its neighbours,
 //! weighted by one over the length of the edge: a discrete harmonic function, found by symmetric Gauss-Seidel sweeps
 //! from the mean of the readings around the gap. Every step is an average, so no filled value leaves the range of
-//! those readings, and none depends on an earlier frame. A gap without a reading around it stays missing.
+//! those readings, and none depends on an earlier frame. A gap without a reading around it stays missing, and so do slots
+//! without a working taxel, which are not crossed either.
 
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
@@ -34,8 +35,9 @@ const MAX_SWEEPS: usize = 500;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Filler {
-    /// Neighbours of each taxel, and one over their distance in 1/m.
+    /// Neighbours of each working taxel that are such taxels, and one over their distance in 1/m.
     neighbours: IdVec<PatchId, Csr<(VertexId, f64)>>,
+    is_working: IdVec<PatchId, IdVec<VertexId, bool>>,
     out: Frame,
     is_seen: Vec<bool>,
     gap: Vec<VertexId>,
@@ -49,7 +51,8 @@ impl Filler {
         let neighbours = map.patches.map(|patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             let edges = edges(mesh);
-            let pairs = edges.iter().flat_map(|&[a, b]| {
+            let works = |taxel: VertexId| patch.taxels.presence[taxel].reads_pressure();
+            let pairs = edges.iter().filter(|ends| ends.iter().all(|&end| works(end))).flat_map(|&[a, b]| {
                 let weight = mesh.positions[a].distance(mesh.positions[b]).max(CLOSEST).recip();
                 [(a.index(), (b, weight)), (b.index(), (a, weight))]
             });
@@ -58,7 +61,9 @@ impl Filler {
         let most = neighbours.iter().map(Csr::len).max().unwrap_or(0);
         let mut out = Frame::new(map, channels);
         out.filled.iter_mut().flatten().for_each(|filled| filled.reserve(most));
-        Self { neighbours, out, is_seen: vec![false; most], gap: Vec::with_capacity(most) }
+        let is_working =
+            map.patches.map(|patch| patch.taxels.presence.map(|presence| presence.reads_pressure()));
+        Self { neighbours, is_working, out, is_seen: vec![false; most], gap: Vec::with_capacity(most) }
     }
 }
 
@@ -66,7 +71,7 @@ impl Stage for Filler {
     /// The frame with its gaps filled, and the list of filled taxels.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
         assert_eq!(frame.values.len(), self.neighbours.len(), "one entry per patch");
-        let Self { neighbours, out, is_seen, gap } = self;
+        let Self { neighbours, is_working, out, is_seen, gap } = self;
         out.time = frame.time;
         for (patch, neighbours) in neighbours.enumerate() {
             assert_eq!(frame.values[patch].len(), out.values[patch].len(), "one array per channel");
@@ -76,7 +81,8 @@ impl Stage for Filler {
                 filled.clear();
                 is_seen.fill(false);
                 for seed in read.ids() {
-                    if values[seed].is_finite() || std::mem::replace(&mut is_seen[seed.index()], true) {
+                    let needs_one = is_working[patch][seed] && !values[seed].is_finite();
+                    if !needs_one || std::mem::replace(&mut is_seen[seed.index()], true) {
                         continue;
                     }
                     gap.clear();

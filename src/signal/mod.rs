@@ -1,7 +1,7 @@
 //! Values on taxels and receptive fields: frames of readings, and quantities derived from them on every
 //! level, without pixels or files.
 //!
-//! In reading order: `channel` (the measured quantity), `frame` (readings at one time on the taxels,
+//! In reading order: `unit` and `channel` (the measured quantity), `frame` (readings at one time on the taxels,
 //! [`Frame`], or on every level, [`LevelFrame`]; and stages of processing, [`Stage`]); `match_taxels` assigns
 //! the columns of a recording to taxels ([`Join`]), `condition` corrects and filters readings
 //! ([`Conditioner`]), `noise` estimates their noise, `zero` follows their drift ([`ZeroTracker`]), `fill` closes gaps ([`Filler`]); `restrict` transfers them to all levels
@@ -31,12 +31,15 @@ mod response;
 mod restrict;
 mod summary;
 mod touch;
+mod unit;
 mod zero;
 
-pub(crate) use channel::unit_ratio;
-pub use channel::{Channel, Quantity};
+pub use channel::Channel;
+pub(crate) use channel::main_channel;
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
-pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, TrackerOptions, TrackerState};
+pub use contacts::{
+    ContactEvent, ContactRegion, ContactTracker, Probe, Rest, RestFrames, TrackerOptions, TrackerState,
+};
 pub use contrast::{Contrast, reconstruct};
 pub use edges::Edges;
 pub use error::SignalError;
@@ -55,4 +58,6 @@ pub(crate) use touch::Sphere;
 pub use touch::{
     FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchShape, TouchSimulation,
 };
+pub use unit::{ChannelKind, Quantity};
+pub(crate) use unit::{parse_unit, unit_ratio};
 pub use zero::{ZeroReport, ZeroTracker};

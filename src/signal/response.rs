@@ -15,6 +15,13 @@ pub struct Response {
     pub taxels: Vec<TaxelResponse>,
 }
 
+impl Response {
+    /// Whether the gain of any taxel is known.
+    pub fn has_gains(&self) -> bool {
+        self.taxels.iter().any(|taxel| taxel.gain.is_some())
+    }
+}
+
 /// What gains are relative to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumString)]
 pub enum Scale {

@@ -173,21 +173,20 @@ impl Restrictor {
         self.levels.time = frame.time;
         for (id, patch) in self.patches.enumerate() {
             assert_eq!(frame.values[id].len(), self.quantities.len(), "one array per channel");
-            let (values, areas) = (&mut self.levels.values[id], &mut self.levels.areas[id]);
-            let out = values.iter_mut().zip(areas).zip(&mut self.amounts[id]);
-            for ((&quantity, read), ((values, areas), amounts)) in
+            let LevelFrame { values, areas, unmeasured, .. } = &mut self.levels;
+            let out = values[id].iter_mut().zip(&mut areas[id]).zip(&mut self.amounts[id]);
+            let out = out.zip(unmeasured[id].iter_mut()).enumerate();
+            for ((&quantity, read), (number, (((values, areas), amounts), unmeasured))) in
                 self.quantities.iter().zip(&frame.values[id]).zip(out)
             {
                 let mut channel = ChannelOut { quantity, values, areas, amounts };
                 let masks_changed = channel.take(read.as_slice(), &patch.areas);
                 channel.collect(&patch.coarse, masks_changed);
-            }
-            // Frames that were not made by a `Filler` may have no lists.
-            for (channel, unmeasured) in self.levels.unmeasured[id].iter_mut().enumerate() {
+                // Frames that were not made by a `Filler` may have no lists.
                 let filled =
-                    frame.filled.get(id).and_then(|of| of.get(channel)).map_or(&[][..], Vec::as_slice);
-                if unmeasured[LevelId::new(0)] != filled {
-                    patch.find_unmeasured(filled, &self.levels.areas[id][channel], unmeasured);
+                    frame.filled.get(id).and_then(|of| of.get(number)).map_or(&[][..], Vec::as_slice);
+                if unmeasured[LevelId::new(0)] != filled || masks_changed && !filled.is_empty() {
+                    patch.find_unmeasured(filled, channel.areas, unmeasured);
                 }
             }
         }

@@ -104,6 +104,7 @@ pub(crate) fn fingers(path: &Path) -> Vec<(String, Readings)> {
         width: ids.len(),
         times: numbers(&mut archive, &format!("{name}_t")).1,
         values: numbers(&mut archive, name).1,
+        ..Readings::default()
     };
     names.iter().map(|name| (name.clone(), of_name(name))).collect()
 }

@@ -13,7 +13,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::plot::{ImageOptions, image_png};
-use dermatome::signal::{Channel, LevelFrame, Quantity, Restrictor, TouchOptions, TouchSimulation};
+use dermatome::signal::{Channel, LevelFrame, Restrictor, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Presence, Skin};
 use glam::DVec2;
 use npyz::NpyFile;
@@ -27,9 +27,7 @@ fn map() -> SkinMap {
 }
 
 fn channels() -> Vec<Channel> {
-    let channel =
-        |name: &str, unit: &str, quantity| Channel { name: name.into(), unit: unit.into(), quantity };
-    vec![channel("force.N", "N", Quantity::Extensive), channel("A", "m/s^2", Quantity::Intensive)]
+    [("force.N", "N"), ("A", "m/s^2")].map(|(name, unit)| Channel::new(name, unit).unwrap()).to_vec()
 }
 
 /// The `.npy` files of an `.npz`.

@@ -5,6 +5,7 @@ mod altered;
 mod atlas;
 mod bodies;
 mod calib;
+mod channels;
 #[path = "../common/mod.rs"]
 mod common;
 mod contact;

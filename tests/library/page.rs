@@ -48,7 +48,8 @@ fn names_stay_text_and_fill_no_place_of_the_page() {
 fn play(map: &Arc<SkinMap>, reader: ReadingsReader) -> (Page<'_>, Result<(), Error>) {
     let mut recording = Recording::open(map, reader, &RecordingOptions::default()).unwrap();
     let mut page = Page::new(map, "palm").unwrap();
-    let played = page.play(&mut recording, 0, || ());
+    let options = recording.tracker_options(0);
+    let played = page.play(&mut recording, &options, || ());
     (page, played)
 }
 

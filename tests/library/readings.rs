@@ -158,7 +158,7 @@ fn tables_give_the_numbers_that_were_put_in() {
             check(&found, separator);
             assert_eq!(found.ids.unwrap(), [5, 7, 9, 11]);
             assert_eq!(found.times, TIMES);
-            let force = Channel { name: "force.N".into(), unit: "N".into(), quantity: Quantity::Extensive };
+            let force = Channel::new("force.N", "N").unwrap();
             assert_eq!(found.channels, [force, Channel::new("heat", "").unwrap()]);
         }
     }

@@ -5,7 +5,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
-use dermatome::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Quantity, Restrictor, reconstruct};
+use dermatome::signal::{Channel, Contrast, Edges, Frame, LevelFrame, Restrictor, reconstruct};
 use dermatome::skin::{PatchId, Skin};
 use glam::DVec2;
 use proptest::prelude::*;
@@ -16,9 +16,7 @@ fn palm() -> SkinMap {
 }
 
 fn channels() -> [Channel; 2] {
-    let channel =
-        |name: &str, unit: &str, quantity| Channel { name: name.into(), unit: unit.into(), quantity };
-    [channel("pressure", "Pa", Quantity::Intensive), channel("force", "N", Quantity::Extensive)]
+    [("pressure", "Pa"), ("force", "N")].map(|(name, unit)| Channel::new(name, unit).unwrap())
 }
 
 /// A frame of pressures, and of the forces that they are.

@@ -41,7 +41,7 @@ fn recording(map: &Arc<SkinMap>, frames: &[(f64, &[(usize, f64)])], threshold: f
     }
     let times = frames.iter().map(|frame| frame.0).collect();
     let channels = vec![Channel::new("pressure", "Pa").unwrap()];
-    let readings = Readings { ids: None, channels, width, times, values };
+    let readings = Readings { channels, width, times, values, ..Readings::default() };
     let readings = ReadingsReader::memory(readings).unwrap();
     let mut recording = Recording::open(map, readings, &RecordingOptions::default()).unwrap();
     let options = TrackerOptions { threshold: Some(threshold), least: 1, ..TrackerOptions::default() };

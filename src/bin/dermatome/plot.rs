@@ -88,7 +88,7 @@ struct FrameArgs {
     /// The frame that is drawn, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0, requires = "readings")]
     frame: usize,
-    /// The channel that is drawn [default: the first]
+    /// The channel that is drawn [default: the first that measures touches]
     #[arg(long, value_name = "NAME", requires = "readings")]
     channel: Option<String>,
 }
@@ -162,6 +162,7 @@ fn picture_of_frame(
     let channels = recording.channels().to_vec();
     let levels = recording.next_step()?.and_then(|step| step.levels);
     let picture = levels.map(|levels| plot_frame(map, levels, &channels, shown, options));
+    args.readings_args.remark(&recording, common);
     picture.transpose().map_err(Error::from)?.ok_or_else(|| {
         advise(
             format!("{} ends before frame {frame}", path.display()),

@@ -9,13 +9,13 @@ use dermatome::io::{
 };
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
-use dermatome::signal::{ConditionOptions, Duplicates, Response, Scale, Zero};
+use dermatome::signal::{ConditionOptions, Duplicates, Probe, Response, Rest, Scale, TrackerOptions, Zero};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
-use crate::options::{Choice, Common, InPath, LayoutArg, layout_arg, number, one_of};
+use crate::options::{Choice, Common, InPath, LayoutArg, PROBES, layout_arg, number, one_of};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
@@ -66,6 +66,65 @@ pub(crate) struct ReadingsArgs {
     /// What takes the place of missing readings
     #[arg(long, value_parser = one_of(&FILLS), default_value = "none")]
     fill: Fill,
+}
+
+/// Which readings are touches, in `render`, `summary` and `report` alike.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Contacts")]
+#[group(requires = "readings")]
+pub(crate) struct TouchArgs {
+    /// What touches the skin, for contacts that are close to each other
+    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
+    pub(crate) probe: Probe,
+    /// A taxel above this is loaded, and a contact has one at least, in the unit of the channel; 0: above 0 [default: as
+    /// the file states; else estimated from the first frames]
+    #[arg(long, value_name = "X", value_parser = threshold)]
+    threshold: Option<f64>,
+}
+
+fn threshold(text: &str) -> Result<f64, String> {
+    // Contacts need a threshold above 0.
+    number(text, "a number of at least 0", |x| x >= 0.0).map(|x| x.max(f64::MIN_POSITIVE))
+}
+
+impl TouchArgs {
+    /// The options of contacts in a channel of a recording.
+    pub(crate) fn options(&self, recording: &Recording, channel: usize) -> TrackerOptions {
+        let defaults = recording.tracker_options(channel);
+        TrackerOptions {
+            probe: self.probe,
+            low: self.probe.low(),
+            threshold: self.threshold.or(defaults.threshold),
+            ..defaults
+        }
+    }
+
+    /// Notes about the threshold and the zero that contacts were measured from.
+    pub(crate) fn remark(&self, recording: &Recording, channel: usize, common: &Common) {
+        let TrackerOptions { threshold: stated, rest, .. } = recording.tracker_options(channel);
+        match recording.threshold() {
+            None => {
+                note!(common, "no contacts: the noise cannot be estimated from one frame; give --threshold")
+            }
+            Some(_) if self.threshold.is_some() => {}
+            Some(threshold) => {
+                let digits = if (1e-3..1e6).contains(&threshold) || threshold == 0.0 {
+                    format!("{threshold:.4}")
+                } else {
+                    format!("{threshold:.1e}")
+                };
+                let how = match (stated, rest) {
+                    (Some(_), _) => "as the file states",
+                    (None, Rest::AtZero) => "estimated from noise about zero",
+                    (None, Rest::Learned) => "estimated from frames at rest, whose mean is subtracted",
+                };
+                note!(common, "loaded is above {digits}, {how}; --threshold sets it");
+            }
+        }
+        for remark in recording.contact_remarks() {
+            note!(common, "{remark}: --zero follow, or --zero N");
+        }
+    }
 }
 
 const FILLS: [Choice<Fill>; 2] = [

@@ -7,6 +7,7 @@ mod output;
 
 use std::{process::ExitCode, sync::Arc};
 
+use clap::builder::Resettable;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
 use dermatome::image::Interpolation;
@@ -22,7 +23,7 @@ use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
-use crate::files::outputs::{self, is_stream};
+use crate::files::outputs::{self, is_read_once, is_stream};
 use crate::files::signals;
 use crate::options::{Choice, Common, InPath, OutFolder, RegionsArgs, one_of, side_mm};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
@@ -39,6 +40,7 @@ use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pict
 #[derive(Debug, clap::Args)]
 // `--unit` was the name of `--readings-unit`, and is the unit of lengths everywhere else.
 #[command(mut_arg("units", |arg| arg.alias("unit")))]
+#[command(mut_group("TouchArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("found")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
@@ -201,10 +203,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 if threshold < 1e-3 { format!("{threshold:.1e}") } else { format!("{threshold:.4}") };
             note!(common, "{count} {contacts} above {digits}");
         }
-        Some((_, None)) => {
-            note!(common, "no contacts: the noise cannot be estimated from one frame; give --threshold")
-        }
-        None => {}
+        Some((_, None)) | None => {}
+    }
+    if found.is_some() {
+        args.contacts.remark(&recording, common).map_err(Error::from)?;
     }
     if args.json {
         let mut json = json_report(&report, &channels, &parts, found);
@@ -254,7 +256,7 @@ impl Args {
                 "name a folder as output, without --pictures png; a .npz has mask and taxel_id anyway",
             ));
         }
-        self.colours.check(kind, is_stream(&self.readings))?;
+        self.colours.check(kind, is_read_once(&self.readings))?;
         self.events.check()?;
         self.frames.range()?;
         if self.images.values_only && kind != ImagesKind::Array(Array::Npz) {

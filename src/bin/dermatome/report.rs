@@ -18,7 +18,7 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::{Common, InPath, OutFile, RegionsArgs};
-use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
+use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///
@@ -27,6 +27,7 @@ use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("played").args(["readings", "live"]).multiple(true))]
 #[command(mut_group("ReadingsArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("played")))]
+#[command(mut_group("TouchArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("played")))]
 pub(crate) struct Args {
     /// The map, written by `dermatome build`
     #[arg(value_name = "MAP.glb")]
@@ -42,7 +43,7 @@ pub(crate) struct Args {
     /// Output file: .html; `-`: standard output [default: report.html next to the map]
     #[arg(short, long, value_name = "OUT.html")]
     output: Option<OutFile>,
-    /// The channel that is shown [default: the first]
+    /// The channel that is shown [default: the first that measures touches]
     #[arg(long, value_name = "NAME", requires = "played")]
     channel: Option<String>,
     /// Title of the page [default: the name of the map's folder or file]
@@ -52,6 +53,8 @@ pub(crate) struct Args {
     regions: RegionsArgs,
     #[command(flatten)]
     readings_args: ReadingsArgs,
+    #[command(flatten)]
+    touch: TouchArgs,
     #[command(flatten)]
     frames: FramesArgs,
 }
@@ -91,7 +94,8 @@ fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> an
     let path = args.readings.as_deref().unwrap_or(Path::new("-"));
     let mut recording = args.readings_args.open(args.frames.range()?, path, map, common)?;
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
-    let (html, mut frames) = page.to_live_html(&mut recording, shown)?;
+    let options = args.touch.options(&recording, shown);
+    let (html, mut frames) = page.to_live_html(&mut recording, &options)?;
     let server = LiveServer::start(html).context("cannot serve the page to this machine")?;
     print(&format!("{}\n", server.address()))?;
     remark_join(&recording, path, common);
@@ -104,6 +108,7 @@ fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> an
     server.end(frames.finish());
     ended?;
     args.readings_args.remark(&recording, common);
+    args.touch.remark(&recording, shown, common);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -120,7 +125,8 @@ fn record(
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     remark_join(&recording, path, common);
     let bar = progress::frames(common, recording.frames(), is_stream(path));
-    let played = page.play(&mut recording, shown, || bar.inc(1));
+    let options = args.touch.options(&recording, shown);
+    let played = page.play(&mut recording, &options, || bar.inc(1));
     bar.finish_and_clear();
     let report = recording.report();
     if let Err(error) = played {
@@ -132,13 +138,14 @@ fn record(
     }
     args.frames.check_any(&report)?;
     args.readings_args.remark(&recording, common);
+    args.touch.remark(&recording, shown, common);
     let channels = recording.channels();
     if channels.len() > 1 && args.channel.is_none() {
         let count = channels.len();
         note!(
             common,
             "of {count} channels the page shows {}; --channel names another",
-            plain(&channels[0].name)
+            plain(&channels[shown].name)
         );
     }
     Ok(Ok(()))

@@ -8,11 +8,12 @@ use dermatome::Error;
 use dermatome::io::{read_series, write_response};
 use dermatome::map::SkinMap;
 use dermatome::recording::{FrameRange, Recording, Reference, ResponseReport, respond};
+use dermatome::response::Spike;
 use dermatome::run::Run;
 use dermatome::signal::{Response, TaxelResponse, TaxelState, Zero};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, note_columns, note_count};
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs;
 use crate::options::{Common, InPath, OutFile, PatchArgs, ReadArgs};
@@ -110,6 +111,13 @@ fn estimate(
             let left_out = [(report.several, "of several bodies at once"), (report.small, "on few taxels")];
             for (count, what) in left_out.into_iter().filter(|(count, _)| *count > 0) {
                 note!(common, "{count} touches {what} are left out");
+            }
+            if let Some(Spike { taxel, recording, frame }) = report.first_spike {
+                let mut ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
+                let taxel = ids.nth(taxel).map_or(0, |id| id.0);
+                let path = args.readings[recording].display();
+                note_count(common, report.spikes as u64, "readings", "left out as spikes");
+                note!(common, "the first spike is that of taxel {taxel} in frame {frame} of {path}");
             }
             if !report.has_converged {
                 note!(common, "the steps did not become small: gains may be worse than their sigma");

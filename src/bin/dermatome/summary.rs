@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::io::{LoadWriter, SummaryCell, summary_rows, write_summary};
-use dermatome::signal::{Group, Probe, TrackerOptions};
+use dermatome::signal::Group;
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
@@ -14,8 +14,8 @@ use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
-use crate::options::{Common, InPath, OutFile, PROBES, RegionsArgs, number, one_of};
-use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
+use crate::options::{Common, InPath, OutFile, RegionsArgs};
+use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 
 /// Add up a recording by region, patch, link, contact and for the whole skin.
 ///
@@ -36,14 +36,9 @@ pub(crate) struct Args {
     /// Also write the loads of every frame: a table
     #[arg(long, value_name = "OUT.csv")]
     over_time: Option<OutFile>,
-    /// A taxel is loaded above this, in the unit of the channel; 0: above 0 [default: estimated from the first frames,
-    /// during which the skin must be untouched; their mean is then subtracted]
-    #[arg(long, value_name = "X", value_parser = threshold)]
-    threshold: Option<f64>,
-    /// What touches the skin, for contacts that are close to each other
-    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
-    probe: Probe,
-    /// The channel that is added up [default: the first]
+    #[command(flatten)]
+    touch: TouchArgs,
+    /// The channel that is added up [default: the first that measures touches]
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
     /// Print the sums as JSON
@@ -57,11 +52,6 @@ pub(crate) struct Args {
     frames: FramesArgs,
 }
 
-fn threshold(text: &str) -> Result<f64, String> {
-    // Contacts need a threshold above 0.
-    number(text, "a number of at least 0", |x| x >= 0.0).map(|x| x.max(f64::MIN_POSITIVE))
-}
-
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check_table(&args.output)?;
     args.over_time.as_deref().map_or(Ok(()), outputs::check_table)?;
@@ -71,12 +61,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let map = Arc::new(map);
     let mut recording = args.readings_args.open(frames, &args.readings, &map, common)?;
     let channel = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
-    let tracker = TrackerOptions {
-        probe: args.probe,
-        low: args.probe.low(),
-        threshold: args.threshold,
-        ..recording.tracker_options(channel)
-    };
+    let tracker = args.touch.options(&recording, channel);
     recording.summarise(&tracker).map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
@@ -104,9 +89,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let unit = &summary.channel.unit;
         note!(common, "forces are left out: the unit {unit:?} is neither one of force nor one of pressure");
     }
-    if args.threshold.is_none() {
-        note!(common, "loaded is above {threshold:.4}, estimated from the first frames; --threshold sets it");
-    }
+    args.touch.remark(&recording, channel, common);
     note_count(common, summary.gaps() as u64, "gaps", "in the times, over which nothing is added up");
     if args.json {
         let value = |cell: SummaryCell| match cell {

@@ -64,12 +64,23 @@ pub struct StreamFacts {
     pub sensors: Vec<bool>,
     /// The level of each number of a frame at rest, where a layout takes it from another stream.
     pub zero: Option<Vec<f64>>,
+    /// The number above which a cell is loaded.
+    pub threshold: Option<f64>,
     /// Whether its numbers are pressures, so that pressing raises the numbers and zero is no pressure.
     pub has_pressures: bool,
     /// Whether rows or columns may be stored mirrored: a layout has to state which are flipped.
     pub may_be_mirrored: bool,
     /// What else the file states.
     pub notes: Vec<Statement>,
+}
+
+/// What is known of readings where nothing touches.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KnownRest {
+    /// Whether they are about 0: the zero of a pressure or force is stated, or one is subtracted already.
+    pub is_zero: bool,
+    /// The reading above which a taxel is loaded, in the unit of the first channel that is of touch.
+    pub threshold: Option<f64>,
 }
 
 /// What times are counted in.

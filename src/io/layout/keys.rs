@@ -8,7 +8,7 @@ use crate::io::IoError;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::layout::facts::{StatementSource, TimeUnit};
 use crate::io::layout::rules::{ChannelRule, Press, TaxelRule, TimeRule, Zero, typed};
-use crate::signal::Channel;
+use crate::signal::{Channel, ChannelKind};
 
 /// The longest layout, in bytes.
 const LONGEST_LAYOUT: usize = 1 << 22;
@@ -89,7 +89,12 @@ impl Layout {
             let wrong =
                 |found: String, needed: String| invalid(name, format!("channels, {k}"), found, needed);
             let channel = Channel::new(&rule.name, &rule.unit);
-            channels.push(channel.map_err(|e| wrong(rule.unit.clone(), e.to_string()))?);
+            let channel = channel.map_err(|e| wrong(rule.unit.clone(), e.to_string()))?;
+            let kind = match channel.kind {
+                ChannelKind::Touch if rule.signed => ChannelKind::Tangential,
+                kind => kind,
+            };
+            channels.push(Channel { kind: rule.kind.unwrap_or(kind), ..channel });
             if rules[..k].iter().any(|other| other.name == rule.name) {
                 return Err(wrong(format!("the name {:?} again", rule.name), "a name of its own".into()));
             }

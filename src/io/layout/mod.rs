@@ -30,7 +30,7 @@ use crate::numeric::Csr;
 use crate::signal::{Channel, Quantity};
 use crate::skin::TaxelId;
 
-pub use facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
+pub use facts::{KnownRest, Statement, StatementSource, StreamFacts, TimeUnit, Times};
 pub use keys::Layout;
 
 /// Most numbers that are kept to learn from.
@@ -179,6 +179,15 @@ impl Decoder {
     /// The channels.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
+    }
+
+    /// What is known of readings where nothing touches: pressures and forces are about 0 there, since their zero is stated,
+    /// and the threshold is that of the file. Nothing is known of counts, whose zero differs from taxel to taxel.
+    pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
+        let (channel, scale) = self.pressed;
+        let is_zero = self.channels[channel].newtons().is_some();
+        let threshold = facts.threshold.map(|x| x * scale.abs()).filter(|x| *x > 0.0 && is_zero);
+        KnownRest { is_zero, threshold }
     }
 
     /// How many frames it has to see at first.

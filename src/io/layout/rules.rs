@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::io::IoError;
 use crate::io::file::{excerpt, invalid};
 use crate::io::layout::facts::TimeUnit;
+use crate::signal::ChannelKind;
 use crate::skin::TaxelId;
 
 /// A channel, and where its numbers are.
@@ -21,13 +22,22 @@ pub(super) struct ChannelRule {
     /// Whether it has both signs, as a shear; what pressing does to the number does not concern it.
     #[serde(default)]
     pub(super) signed: bool,
+    /// What it measures, where name and unit do not tell.
+    #[serde(default, deserialize_with = "channel_kind")]
+    pub(super) kind: Option<ChannelKind>,
     /// What the numbers are multiplied by to be in its unit.
     pub(super) scale: Option<f64>,
 }
 
 impl ChannelRule {
-    pub(super) const KEYS: &'static str =
-        "a list of channels with `name` and `unit`, and if needed `component`, `signed` and `scale`";
+    pub(super) const KEYS: &'static str = "a list of channels with `name` and `unit`, and if needed `component`, `signed`, `scale` and `kind` \
+         (touch, tangential or other)";
+}
+
+fn channel_kind<'de, D: Deserializer<'de>>(text: D) -> Result<Option<ChannelKind>, D::Error> {
+    let found = String::deserialize(text)?;
+    let needed = || D::Error::custom(format!("found {found:?}; needed: touch, tangential or other"));
+    found.parse().map(Some).map_err(|_| needed())
 }
 
 /// What pressing does to the number.

@@ -6,7 +6,7 @@ use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::file::lines::LineLocation;
 use crate::io::file::times::time_column;
-use crate::signal::{Channel, SignalError};
+use crate::signal::{Channel, SignalError, unit_ratio};
 use crate::skin::TaxelId;
 
 /// What the first line of a text of readings may be, for messages.
@@ -169,7 +169,11 @@ impl HeaderColumns {
         };
         if let Some(&known) = self.channel_of.get(name) {
             let first = &self.channels[known].unit;
-            return if first == unit { Ok(known) } else { Err(Broken::Unit { first: first.clone() }) };
+            return if unit_ratio(first, unit) == Some(1.0) {
+                Ok(known)
+            } else {
+                Err(Broken::Unit { first: first.clone() })
+            };
         }
         self.channels.push(Channel::new(name, unit).map_err(Broken::Channel)?);
         self.channel_of.insert(name.into(), self.channels.len() - 1);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::io::IoError;
-use crate::io::layout::{Decoder, Layout, Statement, StreamFacts, Times};
+use crate::io::layout::{Decoder, KnownRest, Layout, Statement, StreamFacts, Times};
 use crate::io::readings::header::About;
 use crate::io::streams::{Frames, OpenStream, Tick, layout_of};
 
@@ -106,6 +106,11 @@ impl LaidReadings {
         self.decoder.decode(&self.raw, times, 0, &mut self.values, &mut self.seconds)?;
         (self.next, self.has_begun) = (0, true);
         Ok(true)
+    }
+
+    /// What is known of readings where nothing touches.
+    pub(super) fn rest(&self) -> KnownRest {
+        self.decoder.rest(&self.facts)
     }
 
     /// What is known so far.

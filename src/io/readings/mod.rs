@@ -18,7 +18,7 @@ use std::path::Path;
 
 use crate::io::IoError;
 use crate::io::file::{cannot_read, exists, file_kind, invalid};
-use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::io::layout::{KnownRest, Layout, Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
 use crate::io::readings::header::About;
 use crate::io::readings::laid::LaidReadings;
@@ -68,6 +68,8 @@ pub struct ReadingsReader {
     pub frames: Option<u64>,
     /// Whether frames have a time.
     pub has_times: bool,
+    /// What is known of readings where nothing touches.
+    pub rest: KnownRest,
     source: Source,
     chosen: Option<Chosen>,
 }
@@ -195,6 +197,8 @@ pub struct Readings {
     pub times: Vec<f64>,
     /// Frame after frame, channel after channel: one number per column.
     pub values: Vec<f64>,
+    /// What is known of readings where nothing touches.
+    pub rest: KnownRest,
 }
 
 impl Readings {
@@ -204,7 +208,7 @@ impl Readings {
     /// As [`ReadingsReader::read`].
     pub fn collect(mut reader: ReadingsReader, mut progress: impl FnMut()) -> Result<Self, IoError> {
         let (ids, channels, width) = (reader.ids.take(), std::mem::take(&mut reader.channels), reader.width);
-        let mut all = Self { ids, channels, width, ..Self::default() };
+        let mut all = Self { ids, channels, width, rest: reader.rest, ..Self::default() };
         let (mut values, mut time) = (Vec::new(), f64::NAN);
         while reader.read(&mut values, &mut time)? {
             all.values.extend_from_slice(&values);
@@ -245,7 +249,8 @@ impl ReadingsReader {
 
     fn laid(path: &Path, opened: OpenStream, layout: Option<&Layout>) -> Result<Self, IoError> {
         let (laid, about) = LaidReadings::open(path, opened, layout)?;
-        Ok(Self::of(Source::Laid(Box::new(laid)), about))
+        let rest = laid.rest();
+        Ok(Self { rest, ..Self::of(Source::Laid(Box::new(laid)), about) })
     }
 
     /// Whether a file is of a kind that is read here, by its content or its extension.
@@ -295,7 +300,8 @@ impl ReadingsReader {
     }
 
     fn of(source: Source, About { ids, channels, width, frames, has_times }: About) -> Self {
-        Self { ids, channels, width, frames, has_times, source, chosen: None }
+        let rest = KnownRest::default();
+        Self { ids, channels, width, frames, has_times, rest, source, chosen: None }
     }
 
     /// Reads a stream of text or CSV, which errors call `path`. A line is read as soon as it has
@@ -330,7 +336,7 @@ impl ReadingsReader {
     /// # Errors
     /// If there is not one number for each frame, channel and column.
     pub fn memory(readings: Readings) -> Result<Self, IoError> {
-        let Readings { ids, channels, width, times, values } = &readings;
+        let Readings { ids, channels, width, times, values, rest } = &readings;
         let needed = times.len().saturating_mul(channels.len()).saturating_mul(*width);
         if values.len() != needed {
             let needed = format!("{needed}, one for each frame, channel and column");
@@ -344,7 +350,7 @@ impl ReadingsReader {
             frames: Some(times.len() as u64),
             has_times: times.iter().any(|time| time.is_finite()),
         };
-        Ok(Self::of(Source::Memory(readings, 0), about))
+        Ok(Self { rest: *rest, ..Self::of(Source::Memory(readings, 0), about) })
     }
 
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,

@@ -2,7 +2,7 @@
 
 use crate::io::IoError;
 use crate::io::streams::lines::TextLines;
-use crate::signal::Channel;
+use crate::signal::{Channel, parse_unit};
 
 /// A length such as `5.08 mm`, in m.
 pub(super) fn length(lines: &TextLines, text: &str) -> Result<f64, IoError> {
@@ -28,14 +28,7 @@ pub(super) fn is_interval(seconds: f64) -> bool {
 
 /// A unit as a vendor spells it, as it is known here.
 pub(super) fn unit(text: &str) -> String {
-    match text.trim() {
-        "KPa" | "kpa" | "KPA" => "kPa",
-        "PSI" | "Psi" => "psi",
-        "RAW" | "Raw" => "raw",
-        "mmhg" | "MMHG" => "mmHg",
-        other => other,
-    }
-    .into()
+    parse_unit(text.trim()).map_or_else(|| text.trim().to_owned(), |unit| unit.name)
 }
 
 /// What a pressure of 1 of this unit is in Pa; `None` if it is no unit of pressure.

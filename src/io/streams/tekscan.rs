@@ -108,6 +108,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         time_names: vec!["frames".into(), "time".into()],
         time_unit: Some(TimeUnit::Seconds),
         sensors: reader.sensors.clone(),
+        threshold: header.get("NOISE_THRESHOLD").and_then(|text| text.parse().ok()),
         has_pressures: true,
         may_be_mirrored: is_mirrored("MIRROR_ROW") || is_mirrored("MIRROR_COL"),
         notes,

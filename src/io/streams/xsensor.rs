@@ -47,13 +47,14 @@ struct Block {
 enum Item {
     Frame(u64),
     Time(f64),
+    Threshold(f64),
     Block(Block),
     End,
 }
 
 pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoError> {
     let mut lines = TextLines::open(path)?;
-    let mut notes = Vec::new();
+    let (mut notes, mut threshold) = (Vec::new(), None);
     let unit = loop {
         if !lines.advance_to_content()? {
             return Err(lines.ended("a line Units:"));
@@ -70,6 +71,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let (mut sensors, mut frames): (Vec<Sensor>, u64) = (Vec::new(), 0);
     loop {
         match next_item(&mut lines, None)? {
+            Item::Threshold(stated) => threshold = Some(stated),
             Item::Frame(_) => frames += 1,
             Item::Time(_) => {}
             Item::End => break,
@@ -93,6 +95,8 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let sensor = sensors.swap_remove(wanted.choose(path, &streams)?);
     let [height, width] = sensor.pitch.map(|side| 1e3 * side);
     notes.push(Statement::new("sensor", &sensor.name, StatementSource::File));
+    let stated = threshold.map(|x| Statement::new("threshold", format!("{x} {unit}"), StatementSource::File));
+    notes.extend(stated);
     notes.push(Statement::new("pitch", format!("{height} x {width} mm"), StatementSource::File));
     let facts = StreamFacts {
         stream: sensor.name.clone(),
@@ -101,6 +105,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         units: vec![unit.clone()],
         time_names: vec!["Time".into(), "time".into()],
         time_unit: Some(TimeUnit::Seconds),
+        threshold,
         has_pressures: true,
         notes,
         ..StreamFacts::default()
@@ -137,6 +142,9 @@ fn next_item(lines: &mut TextLines, wanted: Option<&str>) -> Result<Item, IoErro
                 let needed = "a time as 08:21:17.982";
                 let time = time_of_day(&value).ok_or_else(|| lines.at().invalid(excerpt(&value), needed))?;
                 return Ok(Item::Time(time));
+            }
+            "Threshold:" => {
+                return lines.number(value.as_bytes(), || key.clone()).map(Item::Threshold);
             }
             "SENSOR" => return read_block(lines, value, wanted).map(Item::Block),
             "Name" => is_region = true,
@@ -281,7 +289,7 @@ impl Frames for Xsensor {
                     self.check_load(&block)?;
                     (*cells, is_found) = (block.cells, true);
                 }
-                Item::Block(_) => {}
+                Item::Block(_) | Item::Threshold(_) => {}
                 Item::End if is_in => break,
                 Item::End => return Ok(false),
             }

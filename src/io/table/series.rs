@@ -30,9 +30,7 @@ pub fn read_series(path: &Path, quantity: &str, unit: &str) -> Result<Series, Io
         None => columns.need(quantity)?,
     };
     let given = columns.names[value].split_once('[').map(|(_, unit)| unit.trim_end_matches(']').trim());
-    let Some(ratio) =
-        given.map_or(Some(1.0), |given| spelled(given).find_map(|given| unit_ratio(&given, unit)))
-    else {
+    let Some(ratio) = given.map_or(Some(1.0), |given| unit_ratio(given, unit)) else {
         let needed = format!("a unit of {quantity}, as {quantity}[{unit}]");
         return Err(columns.at().invalid(columns.describe(), needed));
     };
@@ -50,11 +48,4 @@ pub fn read_series(path: &Path, quantity: &str, unit: &str) -> Result<Series, Io
         return Err(source.invalid("the table", "no row below the names of its columns", "rows of times"));
     }
     Ok((rows, unused))
-}
-
-/// A unit as it stands, and as it is usually written: names of columns may be in lower case.
-fn spelled(unit: &str) -> impl Iterator<Item = String> {
-    let usual = ["Pa", "kPa", "hPa", "MPa", "N", "mN", "kN"];
-    let usual = usual.into_iter().find(|usual| usual.eq_ignore_ascii_case(unit)).map(str::to_owned);
-    std::iter::once(unit.to_owned()).chain(usual)
 }

@@ -16,8 +16,8 @@
 //! on while it is above the lower threshold.
 //!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
-//! same first frames is subtracted from each taxel; else subtract a baseline first
-//! ([`Conditioner`](crate::signal::Conditioner)).
+//! same first frames is subtracted from each taxel, unless [`TrackerOptions::rest`] says that it is 0; else subtract a
+//! baseline first ([`Conditioner`](crate::signal::Conditioner)).
 
 mod at_once;
 mod fingers;
@@ -34,6 +34,7 @@ use crate::id::VertexId;
 use crate::signal::SignalError;
 use crate::skin::{LinkId, PatchId};
 
+pub use noise::RestFrames;
 pub use tracker::{ContactTracker, TrackerState};
 
 /// What touches the skin: it decides how contacts that are close to each other are separated.
@@ -46,6 +47,16 @@ pub enum Probe {
     /// Fingers of a hand: zero and noise are followed, readings smoothed with a time constant of 0.15 s, and a region
     /// is split into straight ridges of the width of a finger; a palm stays one contact.
     Finger,
+}
+
+/// What readings are where nothing touches the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rest {
+    /// Anything: their mean in the frames of which the threshold is estimated is subtracted, if it is estimated.
+    #[default]
+    Learned,
+    /// About 0: the sensor was tared, or a zero is subtracted already.
+    AtZero,
 }
 
 /// Criteria for a contact, and for the same contact in the next frame.
@@ -68,8 +79,11 @@ pub struct TrackerOptions {
     pub prominence: f64,
     /// A separate contact has at least this many taxels above the saddle.
     pub part: usize,
-    /// The threshold is estimated from this many first frames, at least 2, in which nothing should touch the
-    /// skin, or from all frames if there are fewer. Their mean is subtracted from each taxel.
+    /// What readings are at rest.
+    pub rest: Rest,
+    /// The threshold is estimated from this many frames, at least 2, or from all frames if there are fewer: the first
+    /// ones, in which nothing should touch the skin. If readings at rest are to be [learned](Rest::Learned) and taxels next to
+    /// each other move together in these, it is estimated from the first frames later on where they do not.
     ///
     /// The noise is the standard deviation of the readings of the noisiest taxels, without the noisiest
     /// twentieth. The threshold is the Gaussian quantile of this noise at which one taxel of the skin is
@@ -96,6 +110,7 @@ impl Default for TrackerOptions {
             least: 2,
             prominence: 0.4,
             part: 4,
+            rest: Rest::Learned,
             noise_frames: 5,
             reach: 0.01,
             lasting: 1,

@@ -10,10 +10,17 @@
 //!
 //! Taxels that never change are left out: many sensors clip their readings at zero. Separate noise for each
 //! taxel does not change the result on recordings of that cover: false contacts came from taxels whose
-//! readings at rest are not zero, so each taxel's mean over these frames counts as its zero.
+//! readings at rest are not zero, so each taxel's mean over these frames counts as its zero, unless readings are about 0
+//! at rest already ([`Rest::AtZero`]).
+//!
+//! The frames must be at rest. Where readings are not about 0, three taxels next to each other whose readings move
+//! together, much more than from frame to frame, show that they are not ([`is_moving`]): then the first frames after them
+//! count that are. Where readings are about 0, two such taxels far above 0 show it ([`is_loaded`]): then the noise is that of
+//! the readings below 0.
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::quantile;
+use crate::numeric::{Csr, quantile};
+use crate::signal::contacts::Rest;
 use crate::signal::noise::QUIETER_SHARE;
 use crate::signal::{Frame, TrackerOptions};
 use crate::skin::PatchId;
@@ -26,68 +33,130 @@ const FRAMES_PER_FALSE_ALARM: f64 = 1e6;
 /// baseline. *Heuristic*.
 const SHARE_OF_REST: f64 = 1e-6;
 
+/// A taxel moves if the variance of its readings is this many times that which their differences from frame to frame
+/// show; of five frames of noise one in a hundred has that, of a steady rise the ratio is 5.
+const MOVES: f64 = 3.0;
+
+/// A taxel is loaded if its mean is above this many times its noise.
+const LOADED: f64 = 6.0;
+
+/// Readings below 0, of all, from which on these show the noise: a half are, where all is at rest.
+const LEAST_BELOW: f64 = 0.05;
+
+/// Frames in which those at rest are looked for.
+const MOST_FRAMES: usize = 1000;
+
 /// The threshold of contacts, as far as it is known.
 #[derive(Debug, Clone)]
 pub(super) enum Threshold {
     Known(f64),
-    /// The readings of the first frames, one frame after the other.
-    Learning {
-        kept: Vec<f64>,
-    },
+    Learning(Learning),
     /// There were too few frames.
     Unknown,
 }
 
+/// The readings of some frames, one frame after the other.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Learning {
+    /// The last ones.
+    kept: Vec<f64>,
+    /// The first ones, once the last are others.
+    first: Vec<f64>,
+    /// Frames before the last ones.
+    before: usize,
+}
+
 impl Threshold {
     pub(super) fn new(options: &TrackerOptions) -> Self {
-        options.threshold.map_or(Self::Learning { kept: Vec::new() }, Self::Known)
+        options.threshold.map_or(Self::Learning(Learning::default()), Self::Known)
     }
 
     /// The threshold, in the unit of the channel, if it is known.
     pub(super) fn known(&self) -> Option<f64> {
         match self {
             Self::Known(threshold) => Some(*threshold),
-            Self::Learning { .. } | Self::Unknown => None,
+            Self::Learning(_) | Self::Unknown => None,
         }
     }
 
     /// The readings of the frames that were kept.
     pub(super) fn kept(&self) -> &[f64] {
-        if let Self::Learning { kept } = self { kept } else { &[] }
+        if let Self::Learning(Learning { kept, .. }) = self { kept } else { &[] }
     }
 
     /// Goes on from a threshold, or from frames that were kept.
     pub(super) fn resume(&mut self, threshold: Option<f64>, kept: Vec<f64>) {
-        *self = threshold.map_or(Self::Learning { kept }, Self::Known);
+        let learning = Learning { kept, ..Learning::default() };
+        *self = threshold.map_or(Self::Learning(learning), Self::Known);
     }
 
-    /// Keeps the readings of a frame; returns the number of frames kept.
-    pub(super) fn learn(&mut self, frame: &Frame, channel: usize) -> usize {
-        let Self::Learning { kept } = self else { return 0 };
-        let before = kept.len();
-        kept.extend(frame.values.iter().flat_map(|patch| &patch[channel]));
-        kept.len() / (kept.len() - before).max(1)
+    /// Keeps the readings of a frame. True as soon as there are as many frames at rest as the options require, or none
+    /// are found.
+    pub(super) fn learn(&mut self, frame: &Frame, options: &TrackerOptions, neighbours: &Csr<u32>) -> bool {
+        let Self::Learning(Learning { kept, first, before }) = self else { return true };
+        let taxels = neighbours.len().max(1);
+        let frames = options.noise_frames.max(2);
+        if kept.len() == frames * taxels {
+            if first.is_empty() {
+                first.clone_from(kept);
+            }
+            kept.drain(..taxels);
+            *before += 1;
+        }
+        kept.extend(frame.values.iter().flat_map(|patch| &patch[options.channel]));
+        let is_full = kept.len() >= frames * taxels;
+        let is_at_rest = || options.rest == Rest::AtZero || !is_moving(kept, neighbours);
+        is_full && (*before + frames >= MOST_FRAMES || is_at_rest())
     }
 
-    /// Estimates the threshold from the stored frames, and the readings of taxels at rest.
-    pub(super) fn settle(&mut self, rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>) {
-        let Self::Learning { kept } = self else { return };
-        let taxels: usize = rest.iter().map(|patch| patch.len()).sum();
+    /// Estimates the threshold from the stored frames, and the readings of taxels at rest. Returns the number of
+    /// the first frame that counts, and whether it and those after it are at rest.
+    pub(super) fn settle(
+        &mut self,
+        rest: &mut IdVec<PatchId, IdVec<VertexId, f64>>,
+        options: &TrackerOptions,
+        neighbours: &Csr<u32>,
+    ) -> RestFrames {
+        let Self::Learning(Learning { kept, first, before }) = self else { return RestFrames::default() };
+        let taxels = neighbours.len();
         let frames = kept.len() / taxels.max(1);
         if frames < 2 {
             *self = Self::Unknown;
-            return;
+            return RestFrames::default();
         }
-        let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
-        of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
-        let noise = noise(kept, frames, taxels);
+        let is_about_zero = options.rest == Rest::AtZero;
+        let is_moving = !is_about_zero && is_moving(kept, neighbours);
+        if is_moving && !first.is_empty() {
+            // No frames are better than the first.
+            (*kept, *before) = (std::mem::take(first), 0);
+        }
+        if !is_about_zero {
+            let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
+            of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
+        }
+        let noise = if is_about_zero && is_loaded(kept, neighbours) {
+            noise_below_zero(kept)
+        } else {
+            noise(kept, frames, taxels)
+        };
+        let found = RestFrames { first: *before, is_moving };
         *self = Self::Known(if noise > 0.0 {
             noise * quantiles(frames, taxels)
         } else {
             let finite = kept.iter().filter(|x| x.is_finite());
             SHARE_OF_REST * finite.fold(0.0, |largest, x| x.abs().max(largest))
         });
+        found
     }
+}
+
+/// The frames from which zero and noise were taken.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RestFrames {
+    /// The number of the first of them.
+    pub first: usize,
+    /// Whether taxels next to each other moved together in them, and in all others that were looked at.
+    pub is_moving: bool,
 }
 
 /// The mean of the finite readings of one of `taxels` taxels; 0 if it has none.
@@ -95,6 +164,54 @@ fn mean(kept: &[f64], taxel: usize, taxels: usize) -> f64 {
     let finite = kept.iter().skip(taxel).step_by(taxels).filter(|x| x.is_finite());
     let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
     if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// Mean and variance of the readings of a taxel, the variance that differences from frame to frame show, and how far the
+/// last reading is from the first.
+fn spread(kept: &[f64], taxel: usize, taxels: usize) -> [f64; 4] {
+    let of_taxel = || kept.iter().skip(taxel).step_by(taxels).copied().filter(|x| x.is_finite());
+    let count = of_taxel().count() as f64;
+    let mean = of_taxel().sum::<f64>() / count;
+    let variance = of_taxel().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let differences = of_taxel().zip(of_taxel().skip(1)).map(|(a, b)| (b - a).powi(2)).sum::<f64>();
+    let moved = of_taxel().last().unwrap_or(f64::NAN) - of_taxel().next().unwrap_or(f64::NAN);
+    [mean, variance, 0.5 * differences / (count - 1.0), moved]
+}
+
+/// Whether three taxels next to each other move together.
+fn is_moving(kept: &[f64], neighbours: &Csr<u32>) -> bool {
+    let taxels = neighbours.len();
+    let direction = |taxel: usize| {
+        let [_, variance, of_noise, moved] = spread(kept, taxel, taxels);
+        if variance > MOVES * of_noise { moved } else { 0.0 }
+    };
+    let moved: Vec<f64> = (0..taxels).map(direction).collect();
+    let is_with = |k: usize, other: u32| moved[other as usize] * moved[k] > 0.0;
+    (0..taxels).any(|k| neighbours[k].iter().filter(|&&other| is_with(k, other)).count() >= 2)
+}
+
+/// Whether two taxels next to each other are far above 0.
+fn is_loaded(kept: &[f64], neighbours: &Csr<u32>) -> bool {
+    let taxels = neighbours.len();
+    let is_high = |taxel: usize| {
+        let [mean, _, of_noise, _] = spread(kept, taxel, taxels);
+        mean > LOADED * of_noise.sqrt()
+    };
+    let is_high: Vec<bool> = (0..taxels).map(is_high).collect();
+    (0..taxels).any(|k| is_high[k] && neighbours[k].iter().any(|&other| is_high[other as usize]))
+}
+
+/// Standard deviation of the noise about 0 of readings under load, from those below 0; 0 where these are too few, since
+/// readings are cut off at 0.
+fn noise_below_zero(kept: &[f64]) -> f64 {
+    let known = kept.iter().filter(|x| x.is_finite()).count() as f64;
+    let mut below: Vec<f64> = kept.iter().copied().filter(|x| *x < 0.0).map(f64::abs).collect();
+    if (below.len() as f64) < LEAST_BELOW * known || below.is_empty() {
+        return 0.0;
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
+    let place = (QUIETER_SHARE * (below.len() - 1) as f64) as usize;
+    *below.select_nth_unstable_by(place, f64::total_cmp).1 / quantile(QUIETER_SHARE, 1.0).sqrt()
 }
 
 /// Standard deviation of the readings of the noisiest taxels, of `taxels` in `frames` frames; 0 if

@@ -2,18 +2,20 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
-use crate::mesh::VertexCorners;
-use crate::numeric::storable;
+use crate::mesh::{VertexCorners, neighbours};
+use crate::numeric::{Csr, storable};
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
 use crate::signal::contacts::fingers::{Fingers, HIGH, Limits};
-use crate::signal::contacts::noise::Threshold;
+use crate::signal::contacts::noise::{RestFrames, Threshold};
 use crate::signal::contacts::place::Pressed;
 use crate::signal::contacts::split::PatchReadings;
 use crate::signal::contacts::tracks::Tracks;
-use crate::signal::{Channel, ContactEvent, Frame, Probe, Quantity, SignalError, Stage, TrackerOptions};
+use crate::signal::{
+    Channel, ContactEvent, Frame, Probe, Quantity, Rest, SignalError, Stage, TrackerOptions,
+};
 use crate::skin::PatchId;
 
 /// Finds contacts in frames of readings and tracks them from frame to frame.
@@ -54,6 +56,10 @@ pub struct ContactTracker {
     newtons: f64,
     options: TrackerOptions,
     noise: Threshold,
+    /// The taxels next to each one, patch after patch.
+    neighbours: Csr<u32>,
+    /// The frames that it was estimated from, if it was.
+    rest_frames: RestFrames,
     /// The readings of untouched taxels, and the readings of this frame above them.
     rest: IdVec<PatchId, IdVec<VertexId, f64>>,
     values: IdVec<PatchId, IdVec<VertexId, f64>>,
@@ -72,7 +78,12 @@ pub struct ContactTracker {
     next: u64,
     /// The threshold by now.
     high: Option<f64>,
+    /// Frames with several taxels far below the rest that was learned.
+    below: usize,
 }
+
+/// Taxels far below rest, from which on something touched the skin while it was learned. *Heuristic*: spikes come alone.
+const BELOW: usize = 3;
 
 impl ContactTracker {
     /// A tracker for frames of this map, which uses this channel.
@@ -81,7 +92,7 @@ impl ContactTracker {
     /// [`SignalError::Option`], or [`SignalError::NoTouch`] for fingers in a channel that does not measure touches.
     pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
-        if options.probe == Probe::Finger && !channel.is_of_touch() {
+        if options.probe == Probe::Finger && !channel.kind.is_of_touch() {
             return Err(SignalError::NoTouch { known: vec![channel.name.clone()] });
         }
         let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, channel, options));
@@ -97,6 +108,8 @@ impl ContactTracker {
             newtons: channel.newtons().unwrap_or(f64::NAN),
             options: *options,
             noise: Threshold::new(options),
+            neighbours: neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh)),
+            rest_frames: RestFrames::default(),
             rest: zeros.clone(),
             values: zeros,
             finder: Finder::new(map),
@@ -108,6 +121,7 @@ impl ContactTracker {
             shown: 0,
             next: 0,
             high: options.threshold,
+            below: 0,
         })
     }
 
@@ -115,6 +129,21 @@ impl ContactTracker {
     /// follows the noise, unless it is given.
     pub fn threshold(&self) -> Option<f64> {
         self.high
+    }
+
+    /// The frames from which zero and noise were taken.
+    pub fn rest_frames(&self) -> RestFrames {
+        self.rest_frames
+    }
+
+    /// Frames in which three taxels or more are as far below the rest that was learned as contacts are above it.
+    pub fn frames_below(&self) -> usize {
+        self.below
+    }
+
+    /// Keeps a frame from which zero and noise are learned; true once there are enough of them.
+    pub(crate) fn learn_from(&mut self, frame: &Frame) -> bool {
+        self.noise.learn(frame, &self.options, &self.neighbours)
     }
 
     /// How many contacts the strongest touch so far had at once. A touch is what happens on a link until nothing
@@ -140,7 +169,7 @@ impl ContactTracker {
         if let Some(high) = self.high {
             self.find(frame, high);
             self.finder.make_room(&mut self.found, &mut self.last);
-        } else if self.noise.learn(frame, self.options.channel) >= self.options.noise_frames {
+        } else if self.noise.learn(frame, &self.options, &self.neighbours) {
             self.settle();
         }
         self.finder.number(&self.found);
@@ -223,6 +252,10 @@ impl ContactTracker {
             let least_seed = if is_estimated { options.low * high } else { high };
             let readings = PatchReadings { mesh, around: &around[id], values, options, high, least_seed };
             finder.find(id, &readings, found);
+        }
+        if options.rest == Rest::Learned && options.threshold.is_none() && fingers.is_none() {
+            let is_below = |values: &IdVec<VertexId, f64>| values.iter().filter(|x| **x < -high).count();
+            self.below += usize::from(values.iter().map(is_below).sum::<usize>() >= BELOW);
         }
         if let Some(fingers) = fingers {
             let sigma = high / HIGH;
@@ -320,11 +353,11 @@ impl Stage for ContactTracker {
     }
 
     fn learn(&mut self, frame: &Frame) {
-        self.noise.learn(frame, self.options.channel);
+        self.learn_from(frame);
     }
 
     fn settle(&mut self) {
-        self.noise.settle(&mut self.rest);
+        self.rest_frames = self.noise.settle(&mut self.rest, &self.options, &self.neighbours);
         self.high = self.noise.known();
     }
 

@@ -132,8 +132,8 @@ impl Health {
             survey.is_ok[k]
                 && touches.absent >= ABSENT
                 && share(touches.absent, touches.surrounded, ABSENT_SHARE)
-                // What reacts elsewhere is not silent.
-                && share(touches.surrounded.saturating_sub(touches.own), touches.surrounded, ABSENT_SHARE)
+                // What reacts elsewhere is not silent; a few per cent of a strong touch are more than the threshold.
+                && share(touches.surrounded.saturating_sub(touches.away), touches.surrounded, ABSENT_SHARE)
                 && !is_swapped[k]
         };
         let turn = |module: &Module| module.turn(around, &sight.likeness, &is_judged);

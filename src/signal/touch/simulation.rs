@@ -144,13 +144,10 @@ impl<'a> TouchSimulation<'a> {
         let mut live: IdVec<PatchId, Vec<_>> = skin.patches.map(|_| Vec::new());
         readout.live().for_each(|(patch, taxel)| live[patch].push(taxel));
         let values = skin.patches.map(|patch| vec![IdVec::filled(f64::NAN, patch.mesh.positions.len())]);
-        let (name, unit, quantity) = match options.quantity {
-            Quantity::Extensive => ("force", "N", Quantity::Extensive),
-            Quantity::Intensive => ("pressure", "Pa", Quantity::Intensive),
-        };
+        let unit = if options.quantity == Quantity::Extensive { "N" } else { "Pa" };
         let sensor = Sensor::new(options);
         Ok(Self {
-            channel: Channel { name: name.into(), unit: unit.into(), quantity },
+            channel: Channel::new("", unit)?,
             frames,
             skin,
             sagittas: skin.patches.map(|patch| sagittas(patch, sensor.variance())),

@@ -10,8 +10,9 @@
 //!    second after it, what the sensor has not yet released counts as zero.
 //! 3. Untouched taxels follow: `zero += (1 - exp(-dt / 5 s)) x`, with the excess `x` limited to `2 sigma`; the mean of a
 //!    zero that is younger than 5 s.
-//! 4. Touched taxels follow the mean change of at least 20 untouched ones, times a coefficient that is estimated while
-//!    they are untouched: from how far they and the mean have moved since their zero was taken.
+//! 4. All follow the common drift besides, the median excess of at least 20 untouched ones, with a time constant of 0.5 s,
+//!    times a coefficient that is estimated while they are untouched: from how far they and the common drift have moved
+//!    since their zero was taken. Touched taxels follow that alone.
 //! 5. A taxel `5 sigma` below its zero for five frames had its zero taken in contact: its zero is taken again. Where
 //!    connected taxels jump at once and some fall below their zero, a module was replaced: all of theirs are.
 //!
@@ -29,7 +30,7 @@ use crate::numeric::Csr;
 use crate::pyramid::LevelId;
 use crate::signal::frame::USUAL_INTERVAL_S;
 use crate::signal::zero::track::Track;
-use crate::signal::{Channel, Frame, Stage};
+use crate::signal::{Channel, ChannelKind, Frame, Stage, main_channel};
 use crate::skin::PatchId;
 
 pub use track::ZeroReport;
@@ -61,6 +62,7 @@ pub struct ZeroTracker {
     /// The taxels next to each one, patch after patch.
     neighbours: Csr<u32>,
     tracks: Vec<Option<Track>>,
+    main: usize,
     time: f64,
     out: Frame,
 }
@@ -77,11 +79,13 @@ impl ZeroTracker {
             neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh));
         let taxels = neighbours.len();
         let track = |channel: &Channel| {
-            channel.is_of_touch().then(|| Track::new(taxels, channel.is_tangential(), (seconds, frames)))
+            let is_signed = channel.kind == ChannelKind::Tangential;
+            channel.kind.is_of_touch().then(|| Track::new(taxels, is_signed, (seconds, frames)))
         };
         Self {
             neighbours,
             tracks: channels.iter().map(track).collect(),
+            main: main_channel(channels.iter().map(|channel| channel.kind)),
             time: f64::NAN,
             out: Frame::new(map, channels.len()),
         }
@@ -92,17 +96,17 @@ impl ZeroTracker {
         &self.out
     }
 
-    /// The zero of each taxel in the first channel, patch after patch; NaN where it is not known.
+    /// The zero of each taxel in the main channel, patch after patch; NaN where it is not known.
     pub(crate) fn zeros(&self) -> Vec<f64> {
-        match self.tracks.first() {
+        match self.tracks.get(self.main) {
             Some(Some(track)) => track.zeros().collect(),
             _ => vec![f64::NAN; self.out.values.iter().map(|channels| channels[0].len()).sum()],
         }
     }
 
-    /// The noise of each untouched taxel in the first channel; NaN where it is not known.
+    /// The noise of each untouched taxel in the main channel; NaN where it is not known.
     pub(crate) fn noise(&self) -> impl Iterator<Item = f64> {
-        self.tracks.first().and_then(Option::as_ref).into_iter().flat_map(Track::noise)
+        self.tracks.get(self.main).and_then(Option::as_ref).into_iter().flat_map(Track::noise)
     }
 
     /// What happened so far, in all channels.

@@ -42,6 +42,11 @@ const SHIFT: f64 = 3.0;
 /// Untouched taxels that have a common drift.
 const COMMON: usize = 20;
 
+/// Time constant in which zeros follow the common drift, in s. It is known from many taxels, so that it needs less time
+/// than the zero of one; and its largest speed, in `sigma` a second: a skin that is pressed everywhere at once is touched.
+const COMMON_S: f64 = 0.5;
+const COMMON_SPEED: f64 = 0.8;
+
 /// How often coefficients are estimated, in s.
 const COEFFICIENTS_S: f64 = 5.0;
 
@@ -178,6 +183,8 @@ impl Track {
             if taxel.zero.is_nan() {
                 *taxel = Taxel { zero: c, zero_since: self.now, free_since: self.now, ..UNKNOWN };
             }
+            // Of a reading that no other one confirms, as a spike, nothing is left.
+            let before = (taxel.last - taxel.zero).abs();
             taxel.last = c;
             let d = taxel.noise.see(c, if median_noise.is_nan() { taxel.sigma } else { median_noise });
             if d != 0.0 {
@@ -198,7 +205,7 @@ impl Track {
             taxel.is_active =
                 is_starting || (was_active && height > (RELEASED * sigma).max(RELEASED_SHARE * taxel.peak));
             if taxel.is_active {
-                taxel.peak = taxel.peak.max(height);
+                taxel.peak = taxel.peak.max(height.min(before));
                 self.active.push(k);
             } else if was_active && taxel.peak > STRONG * sigma {
                 taxel.recovers_until = self.now + RECOVERY_S;
@@ -242,17 +249,8 @@ impl Track {
             self.take_zeros_below();
             self.take_zeros_of_modules(neighbours);
         }
-        let (mut sum, mut weight, mut count) = (0.0, 0.0, 0_usize);
-        for ((taxel, &x), &is_blocked) in self.taxels.iter().zip(&self.excess).zip(&self.is_blocked) {
-            if !is_blocked && x.is_finite() {
-                let limit = LIMIT * taxel.sigma;
-                sum += limited(x, limit);
-                weight += taxel.coefficient;
-                count += 1;
-            }
-        }
         let share = 1.0 - (-interval / FOLLOW_S).exp();
-        let drift = if count >= COMMON && weight > 0.0 { share * sum / weight } else { 0.0 };
+        let drift = self.common_drift(interval);
         self.drift += drift;
         let is_estimated = self.now - self.estimated >= COEFFICIENTS_S;
         if is_estimated {
@@ -272,7 +270,8 @@ impl Track {
             } else {
                 let limit = LIMIT * taxel.sigma;
                 let share = if is_young { share.max(f64::from(taxel.age).recip()) } else { share };
-                share * limited(*excess, limit)
+                let common = taxel.coefficient * drift;
+                common + share * limited(*excess - common, limit)
             };
             taxel.zero += step;
             *excess -= step;
@@ -287,6 +286,27 @@ impl Track {
                 }
             }
         }
+    }
+
+    /// How far the zeros of untouched taxels move together in this interval, from the median of their excess: a touch
+    /// that is too light to be noticed is felt by few of them.
+    fn common_drift(&mut self, interval: f64) -> f64 {
+        let free = || self.taxels.iter().zip(&self.excess).zip(&self.is_blocked);
+        let is_free = |((_, x), is_blocked): &((&Taxel, &f64), &bool)| !**is_blocked && x.is_finite();
+        let weight = free().filter(is_free).map(|((taxel, _), _)| taxel.coefficient).sum::<f64>();
+        let mut scratch = mem::take(&mut self.scratch);
+        scratch.clear();
+        scratch.extend(free().filter(is_free).map(|((_, x), _)| *x));
+        let (count, median) = (scratch.len(), median_of(&mut scratch).unwrap_or(0.0));
+        scratch.clear();
+        scratch.extend(free().filter(is_free).map(|((taxel, _), _)| taxel.sigma).filter(|x| x.is_finite()));
+        let sigma = median_of(&mut scratch).unwrap_or(0.0);
+        self.scratch = scratch;
+        if count < COMMON || weight <= 0.0 {
+            return 0.0;
+        }
+        let drift = (1.0 - (-interval / COMMON_S).exp()) * median * count as f64 / weight;
+        limited(drift, COMMON_SPEED * sigma * interval)
     }
 
     /// Takes the zeros again that were taken in contact. Taxels below their zero do not follow.

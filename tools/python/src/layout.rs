@@ -372,6 +372,13 @@ impl PyDecoder {
         self.with(|decoder| decoder.frames_to_learn())
     }
 
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    #[getter]
+    fn rest(&self) -> (bool, Option<f64>) {
+        let rest = self.with(|decoder| decoder.rest(&StreamFacts::default()));
+        (rest.is_zero, rest.threshold)
+    }
+
     /// list of tuple of str: What is known about the readings: what, its value, and who states it (file, layout, argument
     /// or checked). Frames add to it.
     #[getter]

@@ -77,7 +77,7 @@ mod _dermatome {
         plot::{PyPicture, colours},
         readings::{
             as_floats, as_numbers, condition_readings, is_extensive, join_readings, read_readings,
-            simulate_touch, summarise_readings,
+            simulate_touch, summarise_readings, touch_channel,
         },
         recording_file::PyRecordingFile,
         renderer::PyRenderer,

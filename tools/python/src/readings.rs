@@ -3,11 +3,11 @@
 use std::{collections::HashSet, path::PathBuf, sync::Arc};
 
 use dermatome::{
-    io::{Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
+    io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
     recording::{Fill, Recording, RecordingOptions},
     signal::{
-        Channel, ConditionOptions, Duplicates, Frame, Join, Quantity, Response, Summary, Touch, TouchOptions,
-        TouchSimulation, TrackerOptions, Zero,
+        Channel, ChannelKind, ConditionOptions, Duplicates, Frame, Join, Quantity, Response, Summary, Touch,
+        TouchOptions, TouchSimulation, TrackerOptions, Zero,
     },
     skin::{Presence, TaxelId},
 };
@@ -22,14 +22,14 @@ use crate::{
     errors::{bad, error},
     jobs::{Stop, run},
     map::PyMap,
-    options::{count, word},
+    options::{count, probe, word},
     response::PyResponse,
     skin::PySkin,
 };
 
 /// Readings as arrays: values (T, C, N), ids, times, names and units of the channels.
 fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
-    let Readings { ids, channels, width, times, values } = readings;
+    let Readings { ids, channels, width, times, values, rest } = readings;
     let arrays = PyDict::new(py);
     arrays.set_item("values", shaped(py, [times.len(), channels.len(), width], values)?)?;
     arrays.set_item("ids", ids.map(|ids| vector(py, ids.into_iter().map(|id| id.0))))?;
@@ -37,10 +37,12 @@ fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
     for (key, of) in [("channels", (|c| &c.name) as fn(&Channel) -> &String), ("units", |c| &c.unit)] {
         arrays.set_item(key, channels.iter().map(of).collect::<Vec<_>>())?;
     }
+    arrays.set_item("rest", (rest.is_zero, rest.threshold))?;
     Ok(arrays)
 }
 
-/// The arrays of a recording: `values` (T, C, n), `ids` (n,) or None, `timestamps` (T,) in s, `channels`, `units`.
+/// The arrays of a recording: `values` (T, C, n), `ids` (n,) or None, `timestamps` (T,) in s, `channels`, `units`; and
+/// `rest`, whether readings are about 0 where nothing touches, and the threshold that is stated.
 #[pyfunction]
 #[pyo3(signature = (path, layout="tnc"))]
 pub(crate) fn read_readings<'py>(
@@ -95,13 +97,14 @@ pub(crate) fn readings_of(
         let [frames, channels, _] = needed;
         return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
     }
-    let channel = |(name, unit)| Channel { name, unit, ..Channel::default() };
+    let named = channels.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit).map_err(error));
     Ok(Readings {
         ids: None,
-        channels: channels.into_iter().zip(units).map(channel).collect(),
+        channels: named.collect::<PyResult<_>>()?,
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
+        rest: KnownRest::default(),
     })
 }
 
@@ -187,7 +190,8 @@ pub(crate) fn condition_readings<'py>(
 /// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, the threshold, and the number of
 /// gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
 #[pyfunction]
-#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None))]
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any"))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn summarise_readings<'py>(
     py: Python<'py>,
     map: &Bound<'py, PyMap>,
@@ -196,6 +200,9 @@ pub(crate) fn summarise_readings<'py>(
     channel: &str,
     unit: &str,
     threshold: Option<f64>,
+    is_tared: bool,
+    stated: Option<f64>,
+    probe: &str,
 ) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
     let values = floats("values", values)?;
     let &[frames, width] = values.shape() else {
@@ -207,14 +214,18 @@ pub(crate) fn summarise_readings<'py>(
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
+        rest: KnownRest { is_zero: is_tared, threshold: stated },
     };
+    let probe = self::probe(probe)?;
     // Contacts need a threshold above 0.
     let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
     let map = Arc::clone(&map.get().map);
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording =
             Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
-        recording.summarise(&TrackerOptions { threshold, ..recording.tracker_options(0) })?;
+        let known = recording.tracker_options(0);
+        let threshold = threshold.or(known.threshold);
+        recording.summarise(&TrackerOptions { threshold, probe, low: probe.low(), ..known })?;
         while recording.next_step()?.is_some() {
             stop.check();
         }
@@ -236,6 +247,17 @@ pub(crate) fn summarise_readings<'py>(
         list.append(dict)?;
     }
     Ok((list, threshold, gaps))
+}
+
+/// The number of the first channel that measures touches and is not tangential; 0 if none does.
+#[pyfunction]
+pub(crate) fn touch_channel(channels: Vec<String>, units: Vec<String>) -> PyResult<usize> {
+    for (k, (name, unit)) in channels.iter().zip(&units).enumerate() {
+        if Channel::new(name, unit).map_err(error)?.kind == ChannelKind::Touch {
+            return Ok(k);
+        }
+    }
+    Ok(0)
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.

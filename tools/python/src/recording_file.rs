@@ -145,6 +145,12 @@ impl PyRecordingFile {
         Ok(streams)
     }
 
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    #[getter]
+    fn rest(&self) -> (bool, Option<f64>) {
+        self.with(|reader| (reader.rest.is_zero, reader.rest.threshold))
+    }
+
     /// dict: What the file states of the stream: unit, rate in Hz, sensor, pitch and what else it has.
     #[getter]
     fn says<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -5,8 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use dermatome::{
     id::VertexId,
     signal::{
-        Channel, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join, Probe, TrackerOptions,
-        TrackerState,
+        Channel, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Join, Probe, Rest,
+        TrackerOptions, TrackerState,
     },
 };
 use numpy::PyUntypedArrayMethods;
@@ -96,6 +96,7 @@ impl PyContactTracker {
             noise_frames: count("noise_frames", noise_frames)?,
             reach,
             lasting: count("lasting", lasting)?,
+            rest: Rest::Learned,
         };
         let channel = Channel::new("", unit).map_err(error)?;
         let tracker = ContactTracker::new(map, &channel, &options).map_err(error)?;
@@ -178,6 +179,7 @@ impl PyContactTracker {
             least,
             prominence,
             part,
+            rest: _,
             noise_frames,
             reach,
             lasting,

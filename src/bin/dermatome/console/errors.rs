@@ -213,6 +213,9 @@ fn option_help(error: &Error) -> &'static str {
                 "give each channel one name and one unit, as in --channels force.N,temperature --readings-unit N,K"
             }
             SignalError::NoChannel { .. } => "give --channel one of them, or leave it out to take the first",
+            SignalError::NoTouch { .. } => {
+                "leave out --zero, --gain and --response, or state the unit with --readings-unit, or `kind` in a layout"
+            }
             SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
             _ => "correct the readings",

@@ -19,6 +19,11 @@ pub(crate) fn is_stream(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// Whether an input can be read once only: standard input, or a pipe with a name.
+pub(crate) fn is_read_once(path: &Path) -> bool {
+    is_stream(path) || path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())
+}
+
 /// Refuses, before any work, outputs that cannot be written, or that would replace an input or each
 /// other; adds the inputs to `files`.
 pub(crate) fn check_command_line(given: &ArgMatches, files: &Outputs) -> anyhow::Result<()> {

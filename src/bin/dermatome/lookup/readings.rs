@@ -5,7 +5,7 @@ use std::path::Path;
 use dermatome::contact::{ContactIndex, Query};
 use dermatome::io::{IoError, OutPath, ReadingsWriter};
 use dermatome::map::SkinMap;
-use dermatome::signal::{Channel, Frame, Press, Quantity, Spreader};
+use dermatome::signal::{Channel, ChannelKind, Frame, Press, Quantity, Spreader};
 
 use crate::console::notes::{note, note_count};
 use crate::lookup::contacts::Contact;
@@ -46,7 +46,12 @@ impl Readings {
     /// Begins a .csv or .npz.
     pub(super) fn create(path: OutPath, map: &SkinMap, spreader: Spreader) -> Result<Self, IoError> {
         let taxels = map.patches.iter().map(|patch| &patch.taxels);
-        let channel = Channel { name: "force".into(), unit: "N".into(), quantity: Quantity::Extensive };
+        let channel = Channel {
+            name: "force".into(),
+            unit: "N".into(),
+            quantity: Quantity::Extensive,
+            kind: ChannelKind::Touch,
+        };
         let writer = ReadingsWriter::create(path, taxels, &channel)?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })
     }

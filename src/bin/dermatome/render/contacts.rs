@@ -6,10 +6,10 @@ use dermatome::Error;
 use dermatome::io::{IoError, RegionWriter};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Recording, Step};
-use dermatome::signal::{ContactEvent, Probe, TrackerOptions};
+use dermatome::signal::{ContactEvent, TrackerOptions};
 
-use crate::options::{Common, OutFile, PROBES, one_of};
-use crate::readings::positive;
+use crate::options::{Common, OutFile};
+use crate::readings::TouchArgs;
 use crate::render::events::EventsArgs;
 
 /// Which contacts are found.
@@ -21,13 +21,8 @@ pub(super) struct ContactsArgs {
     /// Also find contact regions and follow them from frame to frame: a table, .csv
     #[arg(long, value_name = "OUT.csv")]
     contacts: Option<OutFile>,
-    /// What touches the skin, for contacts that are close to each other
-    #[arg(long, value_parser = one_of(&PROBES), default_value = "any")]
-    probe: Probe,
-    /// A region holds a taxel above this, in the unit of the channel [default: estimated
-    /// from the first frames, during which the skin must be untouched]
-    #[arg(long, value_name = "X", value_parser = positive)]
-    threshold: Option<f64>,
+    #[command(flatten)]
+    touch: TouchArgs,
     /// The other taxels of a region are above this share of the threshold [default: 0.5, of fingers 0.625]
     #[arg(long, value_name = "F")]
     low: Option<f64>,
@@ -38,7 +33,7 @@ pub(super) struct ContactsArgs {
     /// three taxels, rises above the saddle to the next by this share of its height; 1: never
     #[arg(long, value_name = "F", default_value_t = TrackerOptions::default().prominence)]
     prominence: f64,
-    /// Channel whose regions are found [default: the first]
+    /// Channel whose regions are found [default: the first that measures touches]
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
 }
@@ -60,17 +55,22 @@ impl ContactsArgs {
             return Ok(None);
         }
         let channel = recording.channel(self.channel.as_deref())?;
+        let options = self.touch.options(recording, channel);
         recording.follow_contacts(&TrackerOptions {
-            probe: self.probe,
-            threshold: self.threshold,
-            low: self.low.unwrap_or(self.probe.low()),
+            low: self.low.unwrap_or(options.low),
             least: self.least,
             prominence: self.prominence,
-            ..recording.tracker_options(channel)
+            ..options
         })?;
         let create = |path: &OutFile| RegionWriter::create(common.outputs.file(path), map);
         let writer = self.contacts.as_ref().map(create).transpose()?;
         Ok(Some(Contacts { writer, onsets: 0 }))
+    }
+
+    /// Notes about the threshold and zero of contacts.
+    pub(super) fn remark(&self, recording: &Recording, common: &Common) -> Result<(), Error> {
+        self.touch.remark(recording, recording.channel(self.channel.as_deref())?, common);
+        Ok(())
     }
 }
 

@@ -88,8 +88,12 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         measured = np.repeat(measured, 2, axis=1)
     if options.fill != "none":
         measured = arrays["measured"] if measured is None else arrays["measured"] & measured
+    has_zero = options.zero is not None or not is_number(options.baseline) or options.baseline != 0
+    is_as_stated = values is of_map.values and not gains and split is None and options.response is None
     return replace(
         of_map,
+        is_tared=has_zero or (of_map.is_tared and not np.any(options.offset)),
+        threshold=of_map.threshold if is_as_stated else None,
         values=arrays["values"],
         timestamps=times,
         channels=tuple(arrays["channels"]),

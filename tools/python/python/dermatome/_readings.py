@@ -43,6 +43,10 @@ class Readings:
         Which values were measured and not filled; None: all that are finite.
     episode : int or None
         The number of the episode of a `Recording` whose chunk this is.
+    is_tared : bool
+        Whether readings are about 0 where nothing touches: the zero of a pressure or force is stated, or one is subtracted.
+    threshold : float or None
+        The reading above which a taxel is loaded, as the file states it.
     remarks : tuple of str
         What was noticed when the readings were read, put on a map and conditioned, as the command prints it.
     """
@@ -56,6 +60,8 @@ class Readings:
     measured: NDArray[np.bool_] | None = field(default_factory=lambda: None)
     remarks: tuple[str, ...] = field(default_factory=tuple)
     episode: int | None = field(default_factory=lambda: None)
+    is_tared: bool = field(default_factory=lambda: False)
+    threshold: float | None = field(default_factory=lambda: None)
 
     @staticmethod
     def read(
@@ -275,7 +281,7 @@ class Readings:
         >>> readings.condition(palm, scale=1000.0, units="mN").units
         ('mN',)
         """
-        readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)))
+        readings = self if units is None else replace(self, units=names_of("units", units, len(self.channels)), threshold=None)
         options = _conditioning.Options(scale, offset, baseline, zero, gain, response, clip, split, rate, fill)
         return _conditioning.condition(readings, map, options)
 
@@ -348,7 +354,14 @@ class Readings:
         parts = [map.pool(values[:, k : k + 1], level, extensive=kind, threads=threads) for k, kind in kinds]
         return np.concatenate(parts, axis=1)
 
-    def summary(self, map: Map, *, channel: str | None = None, threshold: float | None = None) -> list[dict[str, Any]]:
+    def summary(
+        self,
+        map: Map,
+        *,
+        channel: str | None = None,
+        threshold: float | None = None,
+        probe: Literal["any", "finger"] = "any",
+    ) -> list[dict[str, Any]]:
         """The sums of a trial, as in pressure mapping: of the whole skin, its links, patches, named regions and contacts.
 
         Parameters
@@ -356,10 +369,13 @@ class Readings:
         map : Map
             The map in whose order they are; `Map.with_regions` names regions.
         channel : str, optional
-            The channel that is added up; by default the first.
+            The channel that is added up; by default the first that measures touches.
         threshold : float, optional
-            A taxel is loaded above this, in the unit of the channel; 0: above 0. By default it is estimated from the first
-            frames, in which nothing should touch the skin, and their mean is subtracted.
+            A taxel is loaded above this, in the unit of the channel; 0: above 0. By default it is that of the file, if it
+            states one. Else it is estimated from the first frames, in which nothing should touch the skin; unless
+            readings are tared, the mean of these is subtracted.
+        probe : {"any", "finger"}
+            What touches the skin, for contacts that are close to each other.
 
         Returns
         -------
@@ -375,16 +391,24 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
-        from dermatome._dermatome import summarise_readings
+        from dermatome._dermatome import summarise_readings, touch_channel
 
         joined = self.on(map)
         names = joined.channels or ("",)
         if channel is not None and channel not in names:
             raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
-        number = 0 if channel is None else names.index(channel)
+        number = touch_channel(joined.channels, joined.units) if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
         rows, found, _ = summarise_readings(
-            map, joined.values[:, number], joined.timestamps, names[number], unit, threshold=threshold
+            map,
+            joined.values[:, number],
+            joined.timestamps,
+            names[number],
+            unit,
+            threshold=threshold,
+            is_tared=joined.is_tared,
+            stated=joined.threshold,
+            probe=probe,
         )
         if found is None:
             raise DataError("threshold: found none, and the noise cannot be estimated from one frame; needed: a number")
@@ -474,9 +498,9 @@ class Readings:
 
 
 def _of(arrays: dict[str, Any]) -> Readings:
-    return Readings(
-        arrays["values"], arrays["ids"], arrays["timestamps"], tuple(arrays["channels"]), tuple(arrays["units"])
-    )
+    made = Readings(arrays["values"], arrays["ids"], arrays["timestamps"], tuple(arrays["channels"]), tuple(arrays["units"]))
+    is_tared, threshold = arrays["rest"]
+    return replace(made, is_tared=is_tared, threshold=threshold)
 
 
 def _stored(path: Any) -> tuple[Any, Any]:

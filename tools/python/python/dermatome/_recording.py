@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Layout, Map, Skin
@@ -154,7 +155,9 @@ class Recording:
                 channels, units = tuple(source.channels), tuple(source.units)
             for start in range(0, len(values), frames):
                 part = slice(start, start + frames)
-                yield self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+                made = self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
+                is_tared, threshold = source.rest
+                yield replace(made, is_tared=is_tared, threshold=threshold)
 
     def _decoded(self, frames: int) -> Iterator[tuple[int, Any, Any, Any]]:
         """The number of an episode, values (T, C, N) and times of some of its frames, and who decoded them."""
@@ -228,7 +231,7 @@ class Recording:
         said = [f"{what}: {value}" for what, value, source in self.statements if source == "checked" or what == "episodes"]
         episode = first.episode if len(known) <= 1 else None
         remarks = (*first.remarks, *said)
-        return self._made(values[:at], first.ids, times[:at], first.channels, first.units, remarks=remarks, episode=episode)
+        return replace(first, values=values[:at], timestamps=times[:at], remarks=remarks, episode=episode)
 
     def skin(self) -> Skin:
         """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""

@@ -29,6 +29,11 @@ class Text:
         """What the file states."""
         return self.file.says
 
+    @property
+    def rest(self) -> tuple[bool, float | None]:
+        """Whether readings are about 0 where nothing touches, and the threshold that is stated."""
+        return self.file.rest
+
     def next(self, frames: int) -> Any:
         """The next frames and their times, None at the end."""
         return self.file.next(frames)
@@ -58,6 +63,10 @@ class Arrays(Text):
     @property
     def says(self) -> dict[str, Any]:
         return {}
+
+    @property
+    def rest(self) -> tuple[bool, float | None]:
+        return self.read.is_tared, self.read.threshold
 
     def draft(self) -> str:
         return draft_of_array(self.path)
