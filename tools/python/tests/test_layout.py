@@ -93,7 +93,7 @@ def test_files_of_the_library_are_read_some_frames_at_a_time(tmp_path):
     while (part := file.next(2)) is not None:
         parts.append(part)
     assert [len(values) for _, values, _ in parts] == [2, 2, 1] and parts[2][2].tolist() == [2.0]
-    assert parts[1][0][:, 0, 0].tolist() == [2.0, 3.0] and ("unit", "kPa", "file") in file.statements
+    assert parts[1][1][:, 0, 0].tolist() == [2.0, 3.0] and ("unit", "kPa", "file") in file.statements
     assert json.loads(file.draft())["channels"] == [{"name": "pressure", "unit": "kPa"}]
     with pytest.raises(dermatome.DataError, match="no stream"):
         dermatome.RecordingFile(tmp_path / "walk.asf", "left")
