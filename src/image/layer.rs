@@ -42,6 +42,27 @@ impl Layer {
         }
     }
 
+    /// A layer whose vertices have a value or not.
+    pub(super) fn of_mask(surface: &PixelSurface, quantity: Quantity, live: Vec<bool>) -> Self {
+        let mut layer = Self { live, ..Self::new(surface, quantity) };
+        layer.remask(surface);
+        layer
+    }
+
+    /// Calls `visit` with the vertices and weights of each pixel that shows a value, and again with each value that
+    /// no pixel shows and its pixel.
+    pub(super) fn each_row(&self, surface: &PixelSurface, mut visit: impl FnMut(u32, &[(u32, f64)])) {
+        let mut scaled = Vec::new();
+        surface.each_row(&self.live, |pixel, row| {
+            scaled.clear();
+            scaled.extend(row.iter().map(|&(v, w)| (v, w * self.scale[v as usize])));
+            visit(pixel, &scaled);
+        });
+        for &(pixel, v) in &self.unseen {
+            visit(pixel, &[(VertexId::new(v).raw(), 1.0 / surface.pixel_area)]);
+        }
+    }
+
     /// Draws values into the pixels of its channel; these must be as it drew them last.
     pub(super) fn draw(&mut self, surface: &PixelSurface, values: &IdVec<VertexId, f64>, pixels: &mut [f32]) {
         let (mut is_same, mut masks_changed) = (true, false);

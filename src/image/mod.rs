@@ -19,6 +19,7 @@ mod runs;
 mod surface;
 
 use crate::atlas::{Atlas, AtlasPart, Chart};
+use crate::id::VertexId;
 use crate::image::layer::Layer;
 use crate::image::surface::PixelSurface;
 use crate::map::{ImageFrame, MapError, SkinMap};
@@ -144,17 +145,34 @@ impl Renderer {
         &self.images
     }
 
-    /// The matrix that draws an intensive channel of which every taxel has a reading: calls `visit` with each
-    /// pixel of an image that shows the skin, its patch, its index (row by row from the top), and the
-    /// vertices of the level with their weights.
+    /// The matrix that draws a channel of this quantity where vertices have a value as `is_live` says: calls `visit`
+    /// with each pixel of an image that shows one, its patch, its index (row by row from the top), and the vertices
+    /// of the level with their weights. Those of an extensive channel are in 1/m^2, and a pixel that gets an amount
+    /// that no pixel shows is visited once more with it.
     ///
     /// # Panics
     /// If there is no such image.
-    pub fn each_pixel(&self, image: usize, mut visit: impl FnMut(PatchId, u32, &[(u32, f64)])) {
+    pub fn each_pixel(
+        &self,
+        image: usize,
+        quantity: Quantity,
+        is_live: impl Fn(PatchId, VertexId) -> bool,
+        mut visit: impl FnMut(PatchId, u32, &[(u32, f64)]),
+    ) {
         for Tile { patch, surface, .. } in &self.tiles[image] {
-            let live = vec![true; surface.vertices];
-            surface.each_row(&live, |pixel, row| visit(*patch, pixel, row));
+            let live = (0..surface.vertices).map(|v| is_live(*patch, VertexId::new(v))).collect();
+            let layer = Layer::of_mask(surface, quantity, live);
+            layer.each_row(surface, |pixel, row| visit(*patch, pixel, row));
         }
+    }
+
+    /// The pixel of an image that gets the amount of a vertex that no pixel shows; `None` where no pixel shows its patch.
+    ///
+    /// # Panics
+    /// If there is no such image.
+    pub fn nearest_pixel(&self, image: usize, patch: PatchId, vertex: VertexId) -> Option<u32> {
+        let tile = self.tiles[image].iter().find(|tile| tile.patch == patch)?;
+        tile.surface.nearest_pixel(vertex)
     }
 
     /// The images as they were drawn last; before the first frame they are all NaN.

@@ -179,19 +179,32 @@ fn nearest_is_the_nearest_vertex_of_the_level() {
 fn the_matrix_of_an_image_draws_it() {
     let map = cover();
     let atlas = atlas(&map, Resolution::Map, true);
-    let frame = on_levels(&map, |_, k| hash(k));
-    let mut renderer = renderer(&map, &atlas, Quantity::Intensive);
-    renderer.render(&frame);
-    for (part, image) in renderer.images().iter().enumerate() {
-        let mut drawn = vec![f32::NAN; image.values.len()];
-        renderer.each_pixel(part, |patch, pixel, row| {
-            let values = &frame.values[patch][0][map.patches[patch].nearest_level(image.level)];
-            let sum: f64 = row.iter().map(|&(v, w)| w * values[VertexId::from(v)]).sum();
-            drawn[pixel as usize] = sum as f32;
-        });
-        for (drawn, shown) in drawn.iter().zip(&image.values) {
-            let is_same = (drawn - shown).abs() < 1e-5 || drawn.is_nan() && shown.is_nan();
-            assert!(is_same, "{drawn}, not {shown}, on {}", image.name);
+    for (quantity, missing) in [
+        (Quantity::Intensive, 0),
+        (Quantity::Extensive, 0),
+        (Quantity::Intensive, 3),
+        (Quantity::Extensive, 3),
+    ] {
+        let frame =
+            on_levels(&map, |_, k| if missing > 0 && k % 7 < missing { f64::NAN } else { hash(k) });
+        let mut renderer = renderer(&map, &atlas, quantity);
+        renderer.render(&frame);
+        for (part, image) in renderer.images().iter().enumerate() {
+            let mut drawn = vec![f64::NAN; image.values.len()];
+            let values =
+                |patch: PatchId| &frame.values[patch][0][map.patches[patch].nearest_level(image.level)];
+            let is_live = |patch, v| !values(patch)[v].is_nan();
+            renderer.each_pixel(part, quantity, is_live, |patch, pixel, row| {
+                let known = row.iter().filter(|(_, w)| *w != 0.0);
+                let sum: f64 = known.map(|&(v, w)| w * values(patch)[VertexId::from(v)]).sum();
+                let drawn = &mut drawn[pixel as usize];
+                *drawn = if drawn.is_nan() { sum } else { *drawn + sum };
+            });
+            for (drawn, &shown) in drawn.iter().zip(&image.values) {
+                let (error, limit) = ((drawn - f64::from(shown)).abs(), 1e-6 * drawn.abs().max(1.0));
+                let is_same = error < limit || drawn.is_nan() && shown.is_nan();
+                assert!(is_same, "{drawn}, not {shown}, on {} with {quantity:?}", image.name);
+            }
         }
     }
 }
