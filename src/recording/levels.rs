@@ -16,8 +16,9 @@ pub enum Carried {
     Edges,
 }
 
+#[derive(Debug, Clone)]
 pub(super) struct Levels {
-    restrictor: Restrictor,
+    pub(super) restrictor: Restrictor,
     contrast: Option<Contrast>,
     edges: Option<Edges>,
     pub(super) channels: Vec<Channel>,

@@ -10,7 +10,10 @@
 //! 4. `fill`: missing readings from their neighbours ([`Filler`](crate::signal::Filler)).
 //! 5. levels, their contrast or their edges ([`Recording::carry`]), and images of them ([`Recording::draw`]);
 //! 6. contacts ([`Recording::follow_contacts`]), a stage that changes nothing, and sums ([`Recording::summarise`]).
+//!
+//! Many frames at once, of which none depends on another, are a [`Batch`].
 
+mod batch;
 mod examine;
 mod intake;
 mod levels;
@@ -34,6 +37,7 @@ use crate::signal::{
     main_channel,
 };
 
+pub use batch::{Batch, BatchImages, in_order};
 pub use examine::examine;
 pub use levels::Carried;
 pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};

@@ -3,6 +3,7 @@
 
 use std::fmt::Display;
 
+use dermatome::map::ImageFrame;
 use glam::{DVec2, DVec3};
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
@@ -13,6 +14,7 @@ use pyo3::{
     prelude::*,
     types::{PyDict, PyMemoryView, PyTuple},
 };
+use serde::Serialize;
 
 use crate::errors::bad;
 
@@ -81,6 +83,15 @@ impl Reals<'_> {
             Self::Double(array) => array.shape(),
         }
     }
+}
+
+/// One code for each of `count` things: whole numbers, or a mask of bool as 0 and 1.
+pub(crate) fn one_code_each(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u32>> {
+    let kind = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
+    if kind.is_ok_and(|kind| kind.eq("b").unwrap_or(false)) {
+        return one_number_each(name, &value.call_method1("astype", ("u1",))?, count);
+    }
+    one_number_each(name, value, count)
 }
 
 /// Whole numbers of any shape.
@@ -165,6 +176,13 @@ pub(crate) fn one_number_each(name: &str, value: &Bound<'_, PyAny>, count: usize
         return Err(bad_shape(name, array.shape(), shape_text(&[count])));
     }
     array.as_slice()?.iter().enumerate().map(|(k, &found)| number(name, k, found)).collect()
+}
+
+/// A rectangle of a map, as a `MapFrame`.
+pub(crate) fn map_frame<'py>(py: Python<'py>, frame: &ImageFrame) -> PyResult<Bound<'py, PyAny>> {
+    let ImageFrame { origin, size, size_px: [columns, rows] } = *frame;
+    let class = py.import("dermatome._frame")?.getattr("MapFrame")?;
+    class.call1((origin.x, origin.y, size.x, size.y, (rows, columns)))
 }
 
 /// A vector.

@@ -169,6 +169,19 @@ struct CellColumns {
 }
 
 impl Answers {
+    /// Takes the answers of queries that are not known.
+    pub(crate) fn leave_out(&mut self, known: &[bool]) {
+        self.missing.resize(known.len(), false);
+        for (k, _) in known.iter().enumerate().filter(|(_, is_known)| !**is_known) {
+            self.missing[k] = true;
+            self.hits.barycentric[k] = [f64::NAN; 3];
+            self.hits.distance[k] = f64::NAN;
+            self.hits.position[k] = DVec3::NAN;
+            self.hits.normal[k] = DVec3::NAN;
+            self.ranges.iter_mut().flatten().for_each(|ends| ends[k] = f64::NAN);
+        }
+    }
+
     pub(crate) fn into_columns(self, map: &SkinMap) -> Columns {
         let Self { hits, missing, ranges, cells } = self;
         let cells = cells.map(|(level, cells)| CellColumns::new(level, &cells, &hits.patch, map));

@@ -73,24 +73,26 @@ impl PyIndex {
         points: &Bound<'_, PyAny>,
         link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Vec<Query>> {
+    ) -> PyResult<Queries> {
         let array = floats(name, points)?;
         let points: &[[f64; 3]] = rows(name, &array)?;
-        if let Some(k) = points.iter().position(|point| !point.iter().all(|x| x.abs() <= FARTHEST)) {
+        if let Some(k) = points.iter().position(|point| point.iter().any(|x| x.abs() > FARTHEST)) {
             return Err(bad(
                 &format!("{name}[{k}]"),
                 format!("{:?}", points[k]),
-                "finite coordinates within 1e12 m",
+                "coordinates within 1e12 m, or NaN where there is no contact",
             ));
         }
         let link = link.map(|name| self.link_named("link", name)).transpose()?;
         let only_links = self.only_links(only_link, points.len())?;
-        let query = |(&point, only_link): (&[f64; 3], Option<LinkId>)| Query {
-            point: DVec3::from_array(point),
+        let known: Vec<bool> = points.iter().map(|point| !point.iter().any(|x| x.is_nan())).collect();
+        let query = |((&point, &is_known), only_link): ((&[f64; 3], &bool), Option<LinkId>)| Query {
+            point: if is_known { DVec3::from_array(point) } else { DVec3::ZERO },
             link,
             only_link,
         };
-        Ok(points.iter().zip(only_links).map(query).collect())
+        let all = points.iter().zip(&known).zip(only_links).map(query).collect();
+        Ok(Queries { all, known })
     }
 
     /// The link of each query whose patches alone are searched: one name for all, or for each a name or a number.
@@ -144,11 +146,13 @@ impl PyIndex {
         py: Python<'_>,
         threads: i64,
         level: Option<LevelId>,
-        find: impl FnOnce(&ContactIndex, &Stop) -> Result<Answers, ContactError> + Send + 'static,
+        Queries { all, known }: Queries,
+        find: impl FnOnce(&ContactIndex, &[Query], &Stop) -> Result<Answers, ContactError> + Send + 'static,
     ) -> PyResult<PyHits> {
         let (index, map) = (Arc::clone(&self.index), Arc::clone(self.map()));
         let columns = run(py, count("threads", threads)?, move |stop| {
-            let mut answers = find(&index, stop)?;
+            let mut answers = find(&index, &all, stop)?;
+            answers.leave_out(&known);
             answers.cells = level.map(|level| (level, cells(&index, &map, &answers, level)));
             Ok(answers.into_columns(&map))
         })?;
@@ -158,17 +162,17 @@ impl PyIndex {
     fn fields_of(
         &self,
         py: Python<'_>,
-        queries: Vec<Query>,
+        Queries { all, known }: Queries,
         threads: usize,
         find: impl Fn(&ContactIndex, Query) -> Result<Vec<FieldHit>, ContactError> + Send + Sync + 'static,
     ) -> PyResult<PyFields> {
         let index = Arc::clone(&self.index);
         let found = run(py, threads, move |stop| -> Result<Vec<Vec<FieldHit>>, ContactError> {
-            queries
-                .par_iter()
+            all.par_iter()
+                .zip(&known)
                 .with_min_len(FEW)
                 .inspect(|_| stop.check())
-                .map(|query| find(&index, *query))
+                .map(|(query, is_known)| if *is_known { find(&index, *query) } else { Ok(Vec::new()) })
                 .collect()
         })?;
         let found = found.map_err(error)?;
@@ -196,11 +200,17 @@ pub(crate) fn pose_of(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<DAff
         return Err(bad(argument, format!("a last row {:?}", rows[3]), "[0, 0, 0, 1]"));
     }
     let pose = DAffine3::from_mat3_translation(turn, column(3));
-    if is_rigid(&pose) {
+    if pose.is_finite() && is_rigid(&pose) {
         Ok(pose)
     } else {
         Err(bad(argument, "no rigid pose", "a rotation and a finite translation"))
     }
+}
+
+/// Queries, and which of them have a point; others have no answer.
+struct Queries {
+    all: Vec<Query>,
+    known: Vec<bool>,
 }
 
 /// What the taxels read, and which contacts touch one.
@@ -216,7 +226,7 @@ impl PyIndex {
     /// Parameters
     /// ----------
     /// points : (k, 3) array_like
-    ///     The points, in m.
+    ///     The points, in m; one that is NaN has no answer, here and in the other methods.
     /// link : str, optional
     ///     The link in whose frame they and the answers are; by default the world.
     /// only_link : str, or (k,) sequence of str or int, optional
@@ -243,8 +253,8 @@ impl PyIndex {
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, level, move |index, stop| {
-            Ok(Answers { hits: index.locate_all(&queries, stop.run())?, ..Answers::default() })
+        self.hits(py, threads, level, queries, |index, queries, stop| {
+            Ok(Answers { hits: index.locate_all(queries, stop.run())?, ..Answers::default() })
         })
     }
 
@@ -277,18 +287,19 @@ impl PyIndex {
         level: Option<i64>,
         threads: i64,
     ) -> PyResult<PyHits> {
-        let queries = self.queries("origins", origins, link, only_link)?;
-        let directions = points("directions", directions)?;
-        if directions.len() != queries.len() {
-            return Err(bad(
-                "directions",
-                format!("{} rows", directions.len()),
-                format!("{} rows", queries.len()),
-            ));
+        let mut queries = self.queries("origins", origins, link, only_link)?;
+        let mut directions = points("directions", directions)?;
+        let (found, needed) = (directions.len(), queries.all.len());
+        if found != needed {
+            return Err(bad("directions", format!("{found} rows"), format!("{needed} rows")));
+        }
+        for (direction, is_known) in directions.iter_mut().zip(&mut queries.known) {
+            *is_known &= !direction.is_nan();
+            *direction = if *is_known { *direction } else { DVec3::X };
         }
         let longest = longest.unwrap_or(f64::INFINITY);
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, level, move |index, stop| {
+        self.hits(py, threads, level, queries, move |index, queries, stop| {
             let rays = queries.par_iter().zip(&directions).with_min_len(FEW).inspect(|_| stop.check());
             let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
             Ok(columns(rays.map(hit).collect::<Result<_, _>>()?))
@@ -325,7 +336,7 @@ impl PyIndex {
         self.need("reactive", self.options.reactive)?;
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
-        self.hits(py, threads, level, move |index, stop| {
+        self.hits(py, threads, level, queries, |index, queries, stop| {
             let answer = |query: &Query| {
                 let answer = index.reactive(*query)?;
                 let hit = index.hit_of(*query, &answer, Refine::Walk).ok_or(ContactError::NoSkin)?;
@@ -462,16 +473,17 @@ impl PyIndex {
     ) -> PyResult<Felt<'py>> {
         self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
-        let forces = one_each("force", force, queries.len())?;
-        let radii = radius
-            .map_or(Ok(vec![0.0; queries.len()]), |radius| one_each("radius", radius, queries.len()))?;
+        let Queries { all, known } = queries;
+        let forces = one_each("force", force, all.len())?;
+        let radii =
+            radius.map_or(Ok(vec![0.0; all.len()]), |radius| one_each("radius", radius, all.len()))?;
         let (index, spreader) = (Arc::clone(&self.index), Spreader { disc: taxel_radius, max_distance });
         let spread = run(py, 1, move |stop| -> Result<_, SignalError> {
             let mut frame = spreader.frame(&index, 0.0);
-            let mut felt = Vec::with_capacity(queries.len());
-            for ((at, force), radius) in queries.into_iter().zip(forces).zip(radii) {
+            let mut felt = Vec::with_capacity(all.len());
+            for (((at, force), radius), is_known) in all.into_iter().zip(forces).zip(radii).zip(known) {
                 stop.check();
-                felt.push(spreader.add(&index, &Press { at, radius, force }, &mut frame)?);
+                felt.push(is_known && spreader.add(&index, &Press { at, radius, force }, &mut frame)?);
             }
             Ok((frame, felt))
         })?;

@@ -12,7 +12,7 @@ use dermatome::{
 use numpy::{PyArray1, PyUntypedArrayMethods};
 use pyo3::{
     prelude::*,
-    types::{PyDict, PyTuple},
+    types::{PyDict, PyString, PyTuple},
 };
 
 use crate::{
@@ -76,23 +76,37 @@ impl PyLayout {
     ///
     /// Parameters
     /// ----------
-    /// file : str or os.PathLike
-    ///     The file, for its name.
-    /// cells : sequence of int
+    /// file : Recording, RecordingFile, str or os.PathLike
+    ///     A recording; or with `cells` the name of any file.
+    /// cells : sequence of int, optional
     ///     The shape of one frame.
     /// stream : str
-    ///     The name of the stream.
+    ///     The name of the stream; with `cells`.
     /// says : dict, optional
-    ///     What the file states, as `decoder` takes it.
+    ///     What the file states, as `decoder` takes it; with `cells`.
+    ///
+    /// Returns
+    /// -------
+    /// str
+    ///     The JSON; that of a `Recording` has a method `write(path)`.
     #[staticmethod]
-    #[pyo3(signature = (file, cells, *, stream="", says=None))]
-    fn draft(
-        file: PathBuf,
-        cells: Vec<usize>,
+    #[pyo3(signature = (file, cells=None, *, stream="", says=None))]
+    fn draft<'py>(
+        file: &Bound<'py, PyAny>,
+        cells: Option<Vec<usize>>,
         stream: &str,
         says: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<String> {
-        Ok(Layout::draft(&file, &facts(cells, stream, says)?))
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let Some(cells) = cells else {
+            if file.hasattr("draft")? {
+                return file.call_method0("draft");
+            }
+            let needed = "the shape of one frame, or a recording of Readings.open";
+            return Err(bad("cells", format!("none for {file}"), needed));
+        };
+        let path: PathBuf = file.extract()?;
+        let text = Layout::draft(&path, &facts(cells, stream, says)?);
+        Ok(PyString::new(file.py(), &text).into_any())
     }
 
     /// The text of a layout of columns whose names differ by a number; None if there are none.
@@ -183,7 +197,7 @@ impl PyLayout {
         }
         let decoder = Decoder::new(&self.layout, &file, &facts).map_err(error)?;
         let time_unit = self.layout.time_unit().map_or("ns", TimeUnit::name);
-        Ok(PyDecoder { decoder: Mutex::new(decoder), cells: facts.cells, time_unit })
+        Ok(PyDecoder { decoder: Mutex::new(decoder), cells: facts.cells, time_unit, first: Mutex::new(None) })
     }
 
     /// str or None: The stream that it is of, a name or a pattern.
@@ -285,6 +299,8 @@ pub(crate) struct PyDecoder {
     decoder: Mutex<Decoder>,
     cells: Vec<usize>,
     time_unit: &'static str,
+    /// The episode whose dates are being read, and its first one in ns.
+    first: Mutex<Option<(u64, i64)>>,
 }
 
 /// The times of frames as the file has them.
@@ -299,7 +315,17 @@ impl PyDecoder {
         read(&mut self.decoder.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn times(&self, times: Option<&Bound<'_, PyAny>>) -> PyResult<FileTimes> {
+    /// How many ns the unit of time has, if more than one.
+    fn nanoseconds(&self) -> Option<f64> {
+        match self.time_unit {
+            "s" => Some(1e9),
+            "ms" => Some(1e6),
+            "us" => Some(1e3),
+            _ => None,
+        }
+    }
+
+    fn times(&self, times: Option<&Bound<'_, PyAny>>, episode: u64) -> PyResult<FileTimes> {
         let Some(times) = times else { return Ok(FileTimes::None) };
         let numpy = times.py().import("numpy")?;
         let mut times = numpy.call_method1("asarray", (times,))?;
@@ -308,15 +334,20 @@ impl PyDecoder {
             if numpy.call_method1("isnat", (&times,))?.call_method0("any")?.is_truthy()? {
                 return Err(bad("times", "NaT", "a time for each frame"));
             }
-            // Whole seconds would be taken for frame numbers.
-            let unit = if self.time_unit == "s" { "ns" } else { self.time_unit };
             let word = if kind == "M" { "datetime64" } else { "timedelta64" };
-            times = times
-                .call_method1("astype", (format!("{word}[{unit}]"),))?
-                .call_method1("astype", ("i8",))?;
+            times =
+                times.call_method1("astype", (format!("{word}[ns]"),))?.call_method1("astype", ("i8",))?;
             kind = "i".into();
-            if unit != self.time_unit {
-                times = times.call_method1("__truediv__", (1e9,))?;
+            if let Some(nanoseconds) = self.nanoseconds() {
+                // From the first one on, so that no digit is lost.
+                let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
+                let begins = first.as_ref().is_none_or(|(of, _)| *of != episode);
+                if begins && times.len()? > 0 {
+                    *first = Some((episode, times.get_item(0)?.extract()?));
+                }
+                let begin = first.as_ref().map_or(0, |(_, begin)| *begin);
+                times =
+                    times.call_method1("__sub__", (begin,))?.call_method1("__truediv__", (nanoseconds,))?;
                 kind = "f".into();
             }
         }
@@ -347,7 +378,7 @@ impl PyDecoder {
     /// values : (T, C, N) array
     ///     float32; float64 if `raw` has numbers that need it.
     /// seconds : (T,) float64 array
-    ///     Times in s; from whole numbers counted from the first one of the episode.
+    ///     Times in s; from whole numbers and `datetime64`, of which ns count, from the first one of the episode on.
     #[pyo3(signature = (raw, times=None, episode=0))]
     fn decode<'py>(
         &self,
@@ -356,7 +387,7 @@ impl PyDecoder {
         times: Option<&Bound<'py, PyAny>>,
         episode: u64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
-        let times = self.times(times)?;
+        let times = self.times(times, episode)?;
         let raw = py.import("numpy")?.call_method1("asarray", (raw,))?;
         let dtype = raw.getattr("dtype")?;
         let (kind, size): (String, usize) =

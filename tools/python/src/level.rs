@@ -14,7 +14,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyTuple};
 
 use crate::{
-    arrays::{Reduced, made_by, matrix, vector},
+    arrays::{Reduced, made_by, map_frame, matrix, vector},
     map::{PyMap, json},
     matrix::{PyMatrix, Rows},
 };
@@ -211,24 +211,10 @@ impl PyLevel {
         vector(py, map.uv.ids().map(|place| map.vertex_of(place).raw()))
     }
 
-    /// tuple of float: Lower left corner of the image on the map, in m.
+    /// MapFrame: The rectangle of the map that the image shows.
     #[getter]
-    fn origin(&self) -> (f64, f64) {
-        self.of_map().frame.origin.into()
-    }
-
-    /// tuple of float: Height and width of the image, in m.
-    #[getter]
-    fn size(&self) -> (f64, f64) {
-        let size = self.of_map().frame.size;
-        (size.y, size.x)
-    }
-
-    /// tuple of int: Height and width of the image, in pixels.
-    #[getter]
-    fn pixels(&self) -> (u32, u32) {
-        let [width, height] = self.of_map().frame.size_px;
-        (height, width)
+    fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        map_frame(py, &self.of_map().frame)
     }
 
     /// dict: How faithful the map is.
@@ -239,6 +225,11 @@ impl PyLevel {
 
     /// How the vertices depend on those of the next coarser level: (n, vertices of that level), or None on the
     /// coarsest.
+    ///
+    /// Going up level by level is another law than that of `Map.pooling`, `Map.pool`, the images and the files, which
+    /// carry the taxels to each level at once: the product of these matrices over two levels or more is not
+    /// `Map.pooling(level)`, though the rows of both have the sum 1 and both keep sums. `dermatome.torch.Pool` and
+    /// `Map.pool` follow `pooling`; a network that goes level by level has numbers of its own.
     fn up(&self, py: Python<'_>) -> Option<PyMatrix> {
         let up = self.mesh().from_coarser.as_ref()?;
         let mut rows = Rows::new();

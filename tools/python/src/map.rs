@@ -250,7 +250,7 @@ impl PyMap {
 
     /// int: Number of taxels, N.
     #[getter]
-    fn n_taxels(&self) -> usize {
+    pub(crate) fn n_taxels(&self) -> usize {
         self.map.patches.iter().map(|patch| patch.taxels.ids.len()).sum()
     }
 
@@ -337,7 +337,8 @@ impl PyMap {
                 let home = |id: &u32| match homes.get(id) {
                     Some(&(patch, v, 1)) => Ok((patch, v)),
                     Some((.., count)) => {
-                        Err(bad("regions", id, format!("the id of one taxel, not of {count}")))
+                        let needed = format!("the id of one taxel, not of {count}; polygons name them, too");
+                        Err(bad("regions", id, needed))
                     }
                     None => Err(bad("regions", id, "the id of a taxel of the map")),
                 };
@@ -451,7 +452,8 @@ impl PyMap {
 
     /// How the taxels depend on the receptive fields of a level: the law of fields.
     ///
-    /// Row `i` holds the weights, with sum 1, of at most three fields of taxel `i`. With `P` this matrix, `a` the
+    /// Row `i` holds the weights, with sum 1, of at most three fields of taxel `i`. This is the law from the taxels to
+    /// each level at once, that of `pool`, the images and the files; the product of `Level.up` is another. With `P` this matrix, `a` the
     /// areas of the taxels and `m` 1 where there is a reading, a pressure `p` becomes `P.T @ (a m p) / P.T @ (a m)`
     /// on the fields and a force `f` becomes `P.T @ (m f)`.
     ///

@@ -98,9 +98,13 @@ pub(crate) fn fill_holes(found: Option<i64>) -> PyResult<FillHoles> {
     }
 }
 
+/// An amount, or an average.
+pub(crate) fn quantity(extensive: bool) -> Quantity {
+    if extensive { Quantity::Extensive } else { Quantity::Intensive }
+}
+
 /// Channels without names: amounts, or averages.
 pub(crate) fn channels(extensive: impl IntoIterator<Item = bool>) -> Vec<Channel> {
-    let quantity = |extensive| if extensive { Quantity::Extensive } else { Quantity::Intensive };
     let channel = |extensive| Channel { quantity: quantity(extensive), ..Channel::default() };
     extensive.into_iter().map(channel).collect()
 }

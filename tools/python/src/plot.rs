@@ -6,7 +6,7 @@ use dermatome::{
     io::{IoError, file_kind},
     plot::{Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, value_colour},
     pyramid::LevelId,
-    signal::{Duplicates, Frame, Join, Restrictor},
+    recording::{Batch, Carried},
 };
 use numpy::{PyArray3, PyArray4, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::{
@@ -103,10 +103,8 @@ impl PyPicture {
         let picture = run(py, 0, move |_| -> Result<Picture, dermatome::Error> {
             let Some(values) = shown else { return Ok(plot_map(&map, &options)?) };
             let channels = channels([extensive]);
-            let mut frame = Frame::new(&map, 1);
-            Join::new(&map, None, values.len(), Duplicates::Refuse)?.fill(&values, &mut frame);
-            let mut restrictor = Restrictor::new(&map, &channels);
-            Ok(plot_frame(&map, restrictor.restrict(&frame), &channels, 0, &options)?)
+            let mut batch = Batch::new(&map, &channels, Carried::Values, None)?;
+            Ok(plot_frame(&map, batch.levels(&values), &channels, 0, &options)?)
         })?;
         let picture = Arc::new(picture.map_err(error)?);
         Ok(Self { picture, map: of.clone().unbind(), values, options: given })

@@ -4,19 +4,19 @@ use dermatome::{
     SkinMap,
     map::PatchMap,
     pyramid::LevelId,
-    signal::{Contrast, Duplicates, Frame, GroupPool, Join, Quantity, Restrictor},
+    recording::{Batch, Carried},
+    signal::{GroupPool, SignalError},
     skin::PatchId,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
 use crate::{
     arrays::{bad_shape, floats, vector, zeros},
     errors::error,
-    jobs::{Stop, run_here},
+    jobs::run_here,
     matrix::{PyMatrix, Rows},
-    options::channels,
+    options::{channels, quantity},
 };
 
 /// Patch, level and index of each field.
@@ -95,12 +95,15 @@ pub(crate) fn pool_groups<'py>(
     let (values, shape) = frames_of(map, values, groups.count())?;
     let taxels = values.shape().last().copied().unwrap_or(0);
     let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
-    let quantity = if extensive { Quantity::Extensive } else { Quantity::Intensive };
     let mut writer = pooled.readwrite();
     let frames = writer.as_slice_mut()?.chunks_mut(groups.count().max(1)).zip(values.chunks(taxels.max(1)));
-    for (out, values) in frames {
-        out.iter_mut().zip(groups.pool(values, quantity)).for_each(|(out, value)| *out = narrow(value));
-    }
+    run_here(py, 1, |stop| {
+        for (out, values) in frames {
+            stop.check();
+            let sums = groups.pool(values, quantity(extensive));
+            out.iter_mut().zip(sums).for_each(|(out, value)| *out = narrow(value));
+        }
+    })?;
     Ok(pooled)
 }
 
@@ -125,47 +128,16 @@ impl Pooling<'_> {
         let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
         let mut writer = pooled.readwrite();
         let out = writer.as_slice_mut()?;
-        run_here(py, threads, |stop| self.pool_frames(values, out, stop))?.map_err(error)?;
-        Ok(pooled)
-    }
-
-    /// Carries frames of readings one after the other.
-    fn pool_frames(&self, values: &[f64], pooled: &mut [f32], stop: &Stop) -> Result<(), dermatome::Error> {
         let Self { map, level, extensive, contrast } = *self;
-        let fields = starts(map, level).last().copied().unwrap_or(0);
-        let width: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-        if pooled.is_empty() {
-            return Ok(());
-        }
-        let join = Join::new(map, None, width, Duplicates::Refuse)?;
-        let channels = channels([extensive]);
-        let (restrictor, contrast) = if contrast {
-            (Restrictor::new(map, &channels), Some(Contrast::new(map, &channels)))
-        } else {
-            (Restrictor::to_level(map, &channels, level), None)
-        };
-        let share = (pooled.len() / fields).div_ceil(4 * rayon::current_num_threads());
-        let shares = pooled.par_chunks_mut(share * fields).zip(values.par_chunks(share * width));
-        shares.for_each_init(
-            || (restrictor.clone(), contrast.clone(), Frame::new(map, 1)),
-            |(restrictor, contrast, frame), (out, values)| {
-                for (out, values) in out.chunks_mut(fields).zip(values.chunks(width)) {
-                    stop.check();
-                    join.fill(values, frame);
-                    let mut on_levels = restrictor.restrict(frame);
-                    if let Some(contrast) = contrast {
-                        on_levels = contrast.of(on_levels);
-                    }
-                    let patches = on_levels.values.iter().zip(&map.patches);
-                    let of_patches =
-                        patches.map(|(channels, patch)| &channels[0][patch.nearest_level(level)]);
-                    for (out, &value) in out.iter_mut().zip(of_patches.flat_map(|values| values.iter())) {
-                        *out = narrow(value);
-                    }
-                }
-            },
-        );
-        Ok(())
+        let carried = if contrast { Carried::Contrast } else { Carried::Values };
+        let only = (!contrast).then_some(level);
+        run_here(py, threads, |stop| -> Result<(), SignalError> {
+            let batch = Batch::new(map, &channels([extensive]), carried, only)?;
+            batch.pool(map, level, values, out, || stop.check());
+            Ok(())
+        })?
+        .map_err(error)?;
+        Ok(pooled)
     }
 }
 

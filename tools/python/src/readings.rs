@@ -4,10 +4,10 @@ use std::{collections::HashSet, path::PathBuf, sync::Arc};
 
 use dermatome::{
     io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
-    recording::{Fill, Recording, RecordingOptions},
+    recording::{Fill, Recording, RecordingOptions, in_order},
     signal::{
-        Channel, ChannelKind, ConditionOptions, Duplicates, Frame, Join, Quantity, Response, Summary, Touch,
-        TouchOptions, TouchSimulation, TrackerOptions, Zero,
+        Channel, ChannelKind, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions,
+        TouchSimulation, TrackerOptions, Zero,
     },
     skin::{Presence, TaxelId},
 };
@@ -20,7 +20,7 @@ use pyo3::{
 use crate::{
     arrays::{bad_shape, floats, matrix, one_each, one_number_each, shaped, vector},
     errors::{bad, error},
-    jobs::{Stop, run},
+    jobs::{Stop, run, run_here},
     map::PyMap,
     options::{count, probe, word},
     response::PyResponse,
@@ -69,16 +69,11 @@ pub(crate) fn join_readings<'py>(
         return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
     };
     let ids: Vec<TaxelId> = one_number_each("ids", ids, width)?.into_iter().map(TaxelId).collect();
-    let map = Arc::clone(&map.get().map);
-    let join = Join::new(&map, Some(&ids), width, Duplicates::Refuse).map_err(error)?;
-    let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-    let mut joined: Vec<f64> = Vec::with_capacity(frames * channels * taxels);
-    let mut frame = Frame::new(&map, 1);
-    for row in values.as_slice()?.chunks_exact(width) {
-        join.fill(row, &mut frame);
-        joined.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
-    }
-    Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), join.report().remarks()))
+    let (map, numbers) = (&map.get().map, values.as_slice()?);
+    let joined = run_here(py, 1, |stop| in_order(map, &ids, numbers, || stop.check()))?;
+    let (joined, report) = joined.map_err(error)?;
+    let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), report.remarks()))
 }
 
 /// The arrays of a recording on the taxels of a map: values (T, C, N), timestamps, names of channels, units.

@@ -9,28 +9,30 @@ use dermatome::{
     SkinMap,
     atlas::{Atlas, AtlasOptions, AtlasPart, Chart, Pack, Resolution},
     contact::{ContactError, MapPlace},
-    id::VertexId,
-    image::{BatchRenderer, Renderer},
+    id::{IdVec, VertexId},
+    image::Renderer,
     pyramid::LevelId,
-    signal::{Duplicates, Frame, Join, Restrictor},
+    recording::{Batch, BatchImages, Carried},
+    signal::Quantity,
     skin::PatchId,
 };
 use glam::DVec2;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::{
     prelude::*,
-    types::{PyDict, PyList},
+    types::{PyDict, PyList, PyTuple},
 };
-use rayon::prelude::*;
 
 use crate::{
-    arrays::{Reals, Reduced, bad_shape, floats, made_by, matrix, one_each, reals, shaped, vector, zeros},
+    arrays::{
+        Reals, Reduced, bad_shape, floats, made_by, map_frame, matrix, one_each, reals, shaped, vector, zeros,
+    },
     errors::{bad, error},
     hits::PyHits,
     jobs::{Stop, run, run_here},
     map::PyMap,
     matrix::{PyMatrix, Rows},
-    options::{Extensive, channels, count, level, positive},
+    options::{Extensive, channels, count, level, positive, quantity},
     pool::starts,
 };
 
@@ -62,15 +64,15 @@ pub(crate) struct PyRenderer {
     /// tuple of float: Height and width of a pixel, in m on the map.
     #[pyo3(get)]
     pixel: (f64, f64),
+    /// Of each channel, whether it is an amount.
+    extensive: Vec<bool>,
 }
 
 /// What draws a frame, before the first one.
 #[derive(Debug)]
 struct Plan {
-    join: Join,
-    restrictor: Restrictor,
+    batch: Batch,
     renderer: Renderer,
-    frame: Frame,
     taxels: usize,
     /// Channels that are drawn at once.
     channels: usize,
@@ -93,46 +95,38 @@ impl Plan {
         self.shown.get_or_init(|| self.part.vertices(map))
     }
 
+    /// Which values of the level readings ever have: for each patch one for each vertex, NaN for none.
+    fn present(&self, map: &SkinMap) -> IdVec<PatchId, IdVec<VertexId, f64>> {
+        let mut batch = self.batch.clone();
+        let values = batch.levels(&vec![0.0; self.channels * self.taxels]).values.enumerate();
+        values.map(|(patch, of)| of[0][map.patches[patch].nearest_level(self.level)].clone()).collect()
+    }
+
+    /// The matrix of a channel, row by row.
+    fn rows(
+        &self,
+        quantity: Quantity,
+        present: Option<&IdVec<PatchId, IdVec<VertexId, f64>>>,
+        stop: &Stop,
+    ) -> Rows {
+        let [width, height] = self.part.frame.size_px.map(|n| n as usize);
+        let mut pixels = vec![Vec::new(); width * height];
+        let is_live = |patch, v| present.is_none_or(|present| !present[patch][v].is_nan());
+        self.renderer.each_pixel(0, quantity, is_live, |patch, pixel, weights| {
+            stop.check();
+            let start = self.starts[patch.index()];
+            let kept = weights.iter().filter(|(_, w)| present.is_none() || *w != 0.0);
+            pixels[pixel as usize].extend(kept.map(|&(v, w)| (start + v as usize, w)));
+        });
+        let mut rows = Rows::new();
+        pixels.into_iter().for_each(|row| rows.push(row));
+        rows
+    }
+
     /// Draws readings, `parts` frames of them for each image.
     fn draw<T: Copy + Into<f64> + Sync>(&self, values: &[T], images: &mut [f32], parts: usize, stop: &Stop) {
-        let [width, height] = self.part.frame.size_px.map(|n| n as usize);
-        let (pixels, width) = (width * height, self.channels * self.taxels);
-        let drawn = parts * self.channels * pixels;
-        let size = drawn + if self.has_mask { pixels } else { 0 };
-        if images.is_empty() || parts == 0 {
-            return;
-        }
-        let share = (images.len() / size).div_ceil(4 * rayon::current_num_threads()).max(1);
-        images.par_chunks_mut(share * size).zip(values.par_chunks(share * parts * width)).for_each_init(
-            || {
-                let Self { restrictor, renderer, frame, .. } = self;
-                (BatchRenderer::new(restrictor.clone(), renderer.clone(), frame.clone()), Vec::new())
-            },
-            |(batch, bare), (images, values)| {
-                let fill = |k: usize, frame: &mut Frame| {
-                    stop.check();
-                    self.join.fill(&values[k * width..(k + 1) * width], frame);
-                };
-                let known = |x: f32| if x.is_nan() { self.fill } else { x };
-                if !self.has_mask {
-                    batch.render(fill, images);
-                    if !self.fill.is_nan() {
-                        images.iter_mut().for_each(|x| *x = known(*x));
-                    }
-                    return;
-                }
-                bare.resize(images.len() / size * drawn, 0.0);
-                batch.render(fill, bare);
-                for (image, bare) in images.chunks_mut(size).zip(bare.chunks(drawn)) {
-                    let (image, mask) = image.split_at_mut(drawn);
-                    image.iter_mut().zip(bare).for_each(|(x, &bare)| *x = known(bare));
-                    for (pixel, is_known) in mask.iter_mut().enumerate() {
-                        let all = bare.iter().skip(pixel).step_by(pixels).all(|x| !x.is_nan());
-                        *is_known = f32::from(u8::from(all));
-                    }
-                }
-            },
-        );
+        let how = BatchImages { parts, fill: self.fill, has_mask: self.has_mask };
+        self.batch.draw(&self.renderer, values, images, how, || stop.check());
     }
 }
 
@@ -186,7 +180,7 @@ impl PyRenderer {
             }
         };
         let extensive = args.extensive.of_channels(args.channels()?)?;
-        let count = extensive.len();
+        let (count, kinds) = (extensive.len(), extensive.clone());
         let resolution = match (args.size, args.pixel) {
             (None, None) => Resolution::Map,
             (Some(size), None) => Resolution::Canvas(size),
@@ -207,10 +201,8 @@ impl PyRenderer {
             }
             let channels = channels(extensive);
             Ok(Some(Plan {
-                join: Join::new(&map, None, taxels, Duplicates::Refuse)?,
-                restrictor: Restrictor::to_level(&map, &channels, level),
+                batch: Batch::new(&map, &channels, Carried::Values, Some(level))?,
                 renderer: Renderer::new(&map, &atlas, &channels, Some(level))?,
-                frame: Frame::new(&map, channels.len()),
                 taxels,
                 channels: channels.len(),
                 fill,
@@ -229,7 +221,7 @@ impl PyRenderer {
         let [width, height] = frame.size_px;
         let pixel = (frame.size.y / f64::from(height), frame.size.x / f64::from(width));
         let shape = (height as usize, width as usize);
-        Ok(Self { plan: Arc::new(plan), map: of.clone().unbind(), args, shape, pixel })
+        Ok(Self { plan: Arc::new(plan), map: of.clone().unbind(), args, shape, pixel, extensive: kinds })
     }
 
     fn map(&self) -> &SkinMap {
@@ -298,6 +290,12 @@ impl PyRenderer {
         Ok(images)
     }
 
+    /// tuple of bool: Which channels are amounts, as forces, and drawn per m^2 of the map.
+    #[getter]
+    fn extensive<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.extensive)
+    }
+
     /// (H, W) bool array: Which pixels show the skin.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
@@ -346,8 +344,7 @@ impl PyRenderer {
     }
 
     /// list of dict: Where each patch lies in the image: `patch`, its name, and `level`; `corner`, row and column of its
-    /// upper left pixel, and `shape`, height and width in pixels; `origin`, the lower left corner of that rectangle in m
-    /// on the map turned by `angle` (rad, counter-clockwise), and `size`, height and width in m.
+    /// upper left pixel; `frame`, a `MapFrame`, on the map turned by `angle` (rad, counter-clockwise).
     #[getter]
     fn charts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let charts = PyList::empty(py);
@@ -355,11 +352,9 @@ impl PyRenderer {
             let about = PyDict::new(py);
             about.set_item("patch", &self.map().patches[chart.patch].name)?;
             about.set_item("level", chart.level.index())?;
-            let ([column, row], [width, height]) = (chart.corner_px, chart.frame.size_px);
+            let [column, row] = chart.corner_px;
             about.set_item("corner", (row, column))?;
-            about.set_item("shape", (height, width))?;
-            about.set_item("origin", (chart.frame.origin.x, chart.frame.origin.y))?;
-            about.set_item("size", (chart.frame.size.y, chart.frame.size.x))?;
+            about.set_item("frame", map_frame(py, &chart.frame)?)?;
             about.set_item("angle", f64::from(chart.turns) * std::f64::consts::FRAC_PI_4)?;
             charts.append(about)?;
         }
@@ -534,22 +529,43 @@ impl PyRenderer {
         Ok(())
     }
 
-    /// The matrix that draws values of the level where none is missing: (H W, values of the level of the whole map).
-    /// Rows of pixels that do not show the skin are empty.
+    /// The matrix that draws values of the level, as `Map.pool` gives them, where no reading is missing: (H W, values of
+    /// the level of the whole map). Rows of pixels that show no value are empty, as are columns of fields without a taxel
+    /// that is present. Entries of a channel that is an amount are in 1/m^2: the sum of a column times the area of a pixel
+    /// is 1.
+    ///
+    /// Parameters
+    /// ----------
+    /// channel : int
+    ///     The channel, which decides between amounts and averages.
     ///
     /// Returns
     /// -------
     /// Matrix
-    fn matrix(&self, py: Python<'_>) -> PyMatrix {
-        let Plan { renderer, starts, .. } = &*self.plan;
-        let mut pixels = vec![Vec::new(); self.shape.0 * self.shape.1];
-        renderer.each_pixel(0, |patch, pixel, weights| {
-            let start = starts[patch.index()];
-            pixels[pixel as usize] = weights.iter().map(|&(v, w)| (start + v as usize, w)).collect();
-        });
-        let mut rows = Rows::new();
-        pixels.into_iter().for_each(|row| rows.push(row));
-        rows.into_matrix(py, starts.last().copied().unwrap_or(0))
+    #[pyo3(signature = (channel=0))]
+    fn matrix(&self, py: Python<'_>, channel: i64) -> PyResult<PyMatrix> {
+        let known = usize::try_from(channel).ok().and_then(|k| self.extensive.get(k).copied());
+        let needed = || format!("a channel from 0 to {}", self.extensive.len() - 1);
+        let quantity = quantity(known.ok_or_else(|| bad("channel", channel, needed()))?);
+        let (plan, map) = (Arc::clone(&self.plan), Arc::clone(&self.map.get().map));
+        let rows = run(py, 1, move |stop| plan.rows(quantity, Some(&plan.present(&map)), stop))?;
+        Ok(rows.into_matrix(py, self.plan.starts.last().copied().unwrap_or(0)))
+    }
+
+    /// The matrix for averages of which none is missing, also of taxels that are not present, for `dermatome.torch`; and for
+    /// each value of the level the pixel that gets its amount where no pixel shows it, -1 for none.
+    fn _marks<'py>(&self, py: Python<'py>) -> PyResult<(PyMatrix, Bound<'py, PyArray1<i64>>)> {
+        let plan = Arc::clone(&self.plan);
+        let (rows, nearest) = run(py, 1, move |stop| {
+            let of_patch = |(patch, ends): (usize, &[usize])| -> Vec<i64> {
+                let pixel = |v| plan.renderer.nearest_pixel(0, PatchId::new(patch), VertexId::new(v));
+                let all = (0..ends[1] - ends[0]).inspect(|_| stop.check());
+                all.map(|v| pixel(v).map_or(-1, i64::from)).collect()
+            };
+            let nearest: Vec<i64> = plan.starts.windows(2).enumerate().flat_map(of_patch).collect();
+            (plan.rows(Quantity::Intensive, None, stop), nearest)
+        })?;
+        Ok((rows.into_matrix(py, nearest.len()), vector(py, nearest)))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {

@@ -44,7 +44,7 @@ const KINDS: [JointKind; 7] = [
 ];
 
 /// Whether a joint has a value of its own.
-fn is_free(joint: &Joint) -> bool {
+pub(crate) fn is_free(joint: &Joint) -> bool {
     joint.kind.has_value() && joint.mimic.is_none()
 }
 
@@ -107,11 +107,10 @@ impl PyRobot {
         let refuse = || bad("state", "links and joints that do not fit", "those of a Robot");
         let mut robot = Robot::default();
         for (name, parent, pose) in links {
-            let parent = parent.map(LinkId::new);
-            if parent.is_some_and(|parent| parent.index() >= robot.links.len()) {
+            if parent.is_some_and(|parent| parent >= robot.links.len()) {
                 return Err(refuse());
             }
-            robot.links.push(Link { name, parent, pose: pose_of("state", &pose)? });
+            robot.links.push(Link { name, parent: parent.map(LinkId::new), pose: pose_of("state", &pose)? });
         }
         let count = joints.len();
         for (name, link, kind, [axis, anchor], limits, mimic) in joints {
@@ -121,6 +120,9 @@ impl PyRobot {
             }
             let mimic = mimic.map(|(joint, multiplier, offset)| Mimic { joint, multiplier, offset });
             let (axis, anchor) = (DVec3::from(axis), DVec3::from(anchor));
+            if !(axis.is_finite() && anchor.is_finite()) {
+                return Err(refuse());
+            }
             robot.joints.push(Joint { name, link: LinkId::new(link), kind, axis, anchor, limits, mimic });
         }
         Ok(Self { robot })

@@ -26,7 +26,7 @@ use pyo3::{
 };
 
 use crate::{
-    arrays::{bytes_of, matrix, one_number_each, points, triangles, vector},
+    arrays::{bytes_of, matrix, one_code_each, one_number_each, points, triangles, vector},
     errors::{bad, error},
     index::pose_of,
     jobs::run,
@@ -254,8 +254,9 @@ impl PySkin {
     #[pyo3(signature = (data, kind="glb"))]
     fn from_bytes(py: Python<'_>, data: &Bound<'_, PyAny>, kind: &str) -> PyResult<Self> {
         let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
-        let repair = is_stl(&name);
-        let draft = draft_from_bytes(&name, bytes_of("data", data)?, ReadParts::default()).map_err(error)?;
+        let (repair, data) = (is_stl(&name), bytes_of("data", data)?);
+        let draft =
+            run(py, 0, move |_| draft_from_bytes(&name, data, ReadParts::default()))?.map_err(error)?;
         Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
     }
 
@@ -271,7 +272,7 @@ impl PySkin {
     ///     Outward normals.
     /// ids : (n,) array_like of int, optional
     ///     Ids of the taxels; by default they count from 1.
-    /// present : (n,) array_like of int, optional
+    /// present : (n,) array_like of int or bool, optional
     ///     1 a working taxel, 0 none, 2 a thermal pad.
     /// link, patch : str, or (n,) sequence of str
     ///     Names of the link and of the patch: of all taxels, or of each. Patches are in the order of their first taxels; a
@@ -397,7 +398,8 @@ impl PySkin {
     #[pyo3(signature = (kind="glb"))]
     fn to_bytes<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyBytes>> {
         let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
-        Ok(PyBytes::new(py, &skin_to_bytes(&name, &self.skin).map_err(error)?))
+        let skin = Arc::clone(&self.skin);
+        Ok(PyBytes::new(py, &run(py, 0, move |_| skin_to_bytes(&name, &skin))?.map_err(error)?))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
@@ -605,7 +607,7 @@ fn draft_of(positions: &Bound<'_, PyAny>, faces: Option<&Bound<'_, PyAny>>) -> P
 
 fn presence(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Presence>> {
     let known = [Presence::Absent, Presence::Present, Presence::ThermalPad];
-    let numbers = one_number_each(name, value, count)?.into_iter().enumerate();
+    let numbers = one_code_each(name, value, count)?.into_iter().enumerate();
     let of = |(k, found): (usize, u32)| {
         known.get(found as usize).copied().ok_or_else(|| bad(&format!("{name}[{k}]"), found, "0, 1 or 2"))
     };

@@ -1,7 +1,7 @@
 //! `touches`: from the log of a robot that touches its skin to contacts.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -31,6 +31,7 @@ use crate::{
     map::PyMap,
     observations::PyObservations,
     options::{count, positive},
+    robot::is_free,
     skin::PySkin,
 };
 
@@ -51,7 +52,7 @@ pub(crate) struct LogText {
 /// Values of joints: a table, or one for each by its name.
 #[derive(FromPyObject)]
 pub(crate) enum JointsArg {
-    Named(HashMap<String, f64>),
+    Named(BTreeMap<String, f64>),
     Table(PathBuf),
 }
 
@@ -195,12 +196,18 @@ pub(crate) fn contacts_of_log<'py>(
     match (&robot, &joints) {
         (None, Some(_)) => return Err(bad("joints", "no robot as pose", "a .urdf or .xml")),
         (Some(robot), Some(JointsArg::Named(values))) => {
-            let known: Vec<&str> = robot.joints.iter().map(|joint| &*joint.name).collect();
-            let mut unknown: Vec<&String> =
-                values.keys().filter(|name| !known.contains(&name.as_str())).collect();
-            unknown.sort_unstable();
-            if let Some(name) = unknown.first() {
-                return Err(bad("joints", format!("{name:?}"), format!("some of {known:?}")));
+            let known: Vec<&str> =
+                robot.joints.iter().filter(|joint| is_free(joint)).map(|joint| &*joint.name).collect();
+            for (name, value) in values {
+                if !known.contains(&name.as_str()) {
+                    let is_joint = robot.joints.iter().any(|joint| joint.name == *name);
+                    let found =
+                        format!("{name:?}{}", if is_joint { ", which has no value of its own" } else { "" });
+                    return Err(bad("joints", found, format!("some of {known:?}")));
+                }
+                if !value.is_finite() {
+                    return Err(bad(&format!("joints[{name:?}]"), value, "a finite number, in rad or m"));
+                }
             }
         }
         _ => {}

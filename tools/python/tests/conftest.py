@@ -63,8 +63,8 @@ def uneven_map():
 def rough_map():
     """Two links and patches with spaces in their names that share ids, 41 x 9 and 5 x 24 taxels; one is not present, and
     fields are finer on the first patch."""
-    present = np.ones(369, dtype=np.uint8)
-    present[50] = 0
+    present = np.ones(369, dtype=bool)
+    present[50] = False
     arm = dermatome.Skin.from_arrays(*lattice(41, 9), patch="upper arm", link="left arm", present=present)
     tip = dermatome.Skin.from_arrays(*lattice(5, 24), patch="tip of it", link="left hand")
     pose = np.eye(4)

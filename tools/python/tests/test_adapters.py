@@ -20,8 +20,8 @@ def test_adapters_are_importable_without_their_packages():
 
 def unit_uv(level):
     """Places on the map as parts of its image."""
-    height, width = level.size
-    return (level.uv - level.origin) / [width, height]
+    frame = level.frame
+    return (level.uv - [frame.x, frame.y]) / [frame.width, frame.height]
 
 
 def test_trimesh(dome_map, tube_map, tmp_path):

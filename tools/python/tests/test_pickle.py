@@ -86,7 +86,7 @@ def one_of_each(dome_map, tmp_path):
     following = dermatome.follow([contacts])
     patch, layout = dome_map.patches["dome"], dermatome.Layout.parse(LAYOUT)
     things = [
-        dome_map, patch, patch.levels[1], dermatome.Skin.from_arrays(*dome()), index, index.locate(dome()[0]), index.nearest(dome()[0], 3),
+        dome_map, patch, patch.levels[1], patch.levels[1].frame, dermatome.Skin.from_arrays(*dome()), index, index.locate(dome()[0]), index.nearest(dome()[0], 3),
         dome_map.pooling(1), dome_map.renderer(1), dermatome.ContactTracker(dome_map, threshold=1.0), dermatome.EventDetector(dome_map),
         dome_map.plot(values[0], width=300, levels=[1], range=(0, 1)), dermatome.coarsen(*dome())[1], dermatome.flatten(*dome()),
         observations, dermatome.calibrate(observations, robust="none", residual="log"), dermatome.Robot.read(tmp_path / "arm.urdf"), layout,

@@ -112,10 +112,11 @@ def test_points_and_pixels_are_inverse(uneven_map, options):
         nearest = np.array([np.linalg.norm(centres[patch == p] - x, axis=1).min() for p, x in zip(back, points)])
         assert np.linalg.norm(centres[shown_by] - points, axis=1) == pytest.approx(nearest, abs=1e-6)
         for chart in renderer.charts:
-            (row, column), (height, width) = chart["corner"], chart["shape"]
+            (row, column), frame = chart["corner"], chart["frame"]
+            height, width = frame.pixels
             inside = renderer.patch[row : row + height, column : column + width] == names.index(chart["patch"])
             assert inside.sum() == (renderer.patch == names.index(chart["patch"])).sum()
-            assert chart["size"] == pytest.approx((height * renderer.pixel[0], width * renderer.pixel[1]))
+            assert (frame.height, frame.width) == pytest.approx((height * renderer.pixel[0], width * renderer.pixel[1]))
     far = renderer.to_skin([-5, 1000], [3, 3])
     assert (far[3] > 0).all() and np.isfinite(far[1]).all()
     for wrong, text in (

@@ -63,7 +63,7 @@ def test_pixels_are_those_of_the_renderer(size, level, holed_map):
     drawn = (pixels(renderer) @ torch.from_numpy(fields).T).T.numpy()
     assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
     several = holed_map.renderer(level, size=size, channels=2)
-    drawn = (pixels(several, map=holed_map) @ torch.from_numpy(fields).T).T.numpy()
+    drawn = (pixels(several) @ torch.from_numpy(fields).T).T.numpy()
     assert np.allclose(drawn, np.nan_to_num(renderer(values)[:, 0].reshape(3, -1)), atol=1e-5)
 
 

@@ -7,7 +7,6 @@ may be anything that numpy takes for an array, arrays out are new and in C order
 
 from typing import TYPE_CHECKING, Any
 
-from dermatome import _layout as _layout
 from dermatome._bodies import Body, BodyCalibration, HeldBack, LevelScore, ProbeOffset
 from dermatome._calibrate import calibrate
 from dermatome._dermatome import (
@@ -41,6 +40,7 @@ from dermatome._dermatome import (
     simulate,
 )
 from dermatome._errors import DataError, Error, FileError, MissingFileError
+from dermatome._frame import MapFrame
 from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
 from dermatome._response import examine, order, response
@@ -71,6 +71,7 @@ __all__ = [
     "Level",
     "LevelScore",
     "Map",
+    "MapFrame",
     "Matrix",
     "MeshLevel",
     "MissingFileError",

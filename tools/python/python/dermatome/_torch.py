@@ -15,6 +15,8 @@ from dermatome._readings import Readings
 from dermatome._weights import marks, shares
 
 
+# A value whose weights have a smaller sum, in pixels, is shown by none, as the renderer has it.
+LEAST_SEEN = 1e-3
 # Times of a truth are those of its frames to this, in s.
 SAME_TIME = 1e-6
 
@@ -37,17 +39,21 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
         """A buffer that no checkpoint has: it follows from the map of this module, also where a checkpoint is of another."""
         self.register_buffer(name, torch.from_numpy(np.array(numbers, dtype=dtype)), persistent=False)
 
-    def gather(self, values: Any) -> tuple[Any, Any]:
-        """The sums (rows, ...) and the weights that they have, of values (..., columns)."""
+    def flat(self, values: Any) -> Any:
+        """Values (..., columns) as (columns, frames), whole numbers as floats."""
         if values.shape[-1] != self.shape[1]:
             raise DataError(f"values: found shape {tuple(values.shape)}; needed: shape (..., {self.shape[1]})")
         values = values if values.is_floating_point() else values.to(torch.get_default_dtype())
-        flat = values.reshape(-1, self.shape[1]).T
+        return values.reshape(-1, self.shape[1]).T
+
+    def gather(self, values: Any) -> tuple[Any, Any]:
+        """The sums (rows, ...) and the weights that they have, of values (..., columns)."""
+        flat = self.flat(values)
         known = torch.isfinite(flat)
-        weights = self.weights.to(values.dtype)[:, None]
+        weights = self.weights.to(flat.dtype)[:, None]
         sums = flat.new_zeros((self.shape[0], flat.shape[1]))
         parts = torch.where(known, flat, torch.zeros_like(flat)).index_select(0, self.columns) * weights
-        shares = known.to(values.dtype).index_select(0, self.columns) * weights
+        shares = known.to(flat.dtype).index_select(0, self.columns) * weights
         return sums.index_add(0, self.rows, parts), sums.index_add(0, self.rows, shares)
 
 
@@ -94,7 +100,8 @@ class Pool(_Gather):
 
 
 class Draw(_Gather):
-    """Draws values of the fields of a level (..., fields), which are averages, as images (..., H, W).
+    """Draws values of the fields of a level (..., fields) as images (..., H, W): averages, or amounts per m^2 of the map where
+    the renderer draws amounts.
 
     Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. Fields are those of the whole map, as `Pool` without a patch and
     `Map.pool` give them, also where the renderer draws one patch. As with `Pool`, no buffer is in a `state_dict`.
@@ -102,7 +109,7 @@ class Draw(_Gather):
     Parameters
     ----------
     renderer : Renderer
-        What draws the level.
+        What draws the level; its channels are all amounts or all averages.
     fill : float
         What is drawn where nothing is known; NaN by default.
 
@@ -116,15 +123,46 @@ class Draw(_Gather):
     torch.Size([8, 32, 32])
     """
 
+    drawn: torch.Tensor
+    nearest: torch.Tensor
+
     def __init__(self, renderer: Renderer, *, fill: float = float("nan")) -> None:
-        pixel, value, weight, shape = marks(renderer)
+        pixel, value, weight, shape, nearest = marks(renderer)
         super().__init__(pixel, value, weight, shape)
-        self.size, self.fill = renderer.shape, fill
+        if len(set(renderer.extensive)) > 1:
+            raise DataError("renderer: found channels that are amounts and others that are averages; needed: one of the two")
+        self.size, self.fill, self.extensive = renderer.shape, fill, renderer.extensive[0]
+        # Of a pixel, in m^2.
+        self.area = renderer.pixel[0] * renderer.pixel[1]
+        self.keep("drawn", np.flatnonzero(nearest >= 0), np.int64)
+        self.keep("nearest", nearest[nearest >= 0], np.int64)
 
     def forward(self, values: Any) -> Any:
+        if self.extensive:
+            return self.amounts(values)
         sums, shares = self.gather(values)
         known = shares > 0
         drawn = torch.where(known, sums / torch.where(known, shares, torch.ones_like(shares)), torch.full_like(sums, self.fill))
+        return drawn.T.reshape(*values.shape[:-1], *self.size)
+
+
+    def amounts(self, values: Any) -> Any:
+        """Amounts per m^2: each divided by the area of its pixels, or given to the nearest where it has none."""
+        flat = self.flat(values)
+        known = torch.isfinite(flat)
+        amounts = torch.where(known, flat, torch.zeros_like(flat)) / self.area
+        pixels, fields = (flat.new_zeros((count, flat.shape[1])) for count in self.shape)
+        weights = known.to(flat.dtype).index_select(0, self.columns) * self.weights.to(flat.dtype)[:, None]
+        sums = pixels.index_add(0, self.rows, weights)
+        weights = weights / torch.where(sums > 0, sums, torch.ones_like(sums)).index_select(0, self.rows)
+        seen = fields.index_add(0, self.columns, weights)
+        is_seen = seen > LEAST_SEEN
+        scaled = torch.where(is_seen, amounts / torch.where(is_seen, seen, torch.ones_like(seen)), torch.zeros_like(seen))
+        drawn = pixels.index_add(0, self.rows, weights * scaled.index_select(0, self.columns))
+        lost = (known & ~is_seen).index_select(0, self.drawn)
+        drawn = drawn.index_add(0, self.nearest, torch.where(lost, amounts.index_select(0, self.drawn), torch.zeros_like(amounts[:1])))
+        is_shown = pixels.index_add(0, self.nearest, lost.to(flat.dtype)) + sums > 0
+        drawn = torch.where(is_shown, drawn, torch.full_like(drawn, self.fill))
         return drawn.T.reshape(*values.shape[:-1], *self.size)
 
 

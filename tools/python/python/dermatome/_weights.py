@@ -32,10 +32,11 @@ def shares(map: Map, level: int, patch: str | None, extensive: bool) -> tuple[An
     return taxel, direct.indices[kept], weight, (fields, taxels)
 
 
-def marks(renderer: Renderer) -> tuple[Any, Any, Any, tuple[int, int]]:
-    """Pixel, value and weight of every value that a pixel shows, and the numbers of both."""
+def marks(renderer: Renderer) -> tuple[Any, Any, Any, tuple[int, int], Any]:
+    """Pixel, value and weight of every value that a pixel shows, the numbers of both, and the pixel that gets the amount of
+    each value that no pixel shows, -1 for none."""
     np = need("numpy", "torch")
-    matrix = renderer.matrix()
+    matrix, nearest = renderer._marks()
     pixel = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     # A pixel on a corner without a value shows the mean of the other two, which have no weight there.
-    return pixel, matrix.indices, np.maximum(matrix.data, LEAST), matrix.shape
+    return pixel, matrix.indices, np.maximum(matrix.data, LEAST), matrix.shape, nearest

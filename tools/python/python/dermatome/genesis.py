@@ -37,9 +37,8 @@ def probes(
         points, outward, radii = of.positions, of.normals, np.full(len(of.positions), size)
     else:
         rows, columns = grid
-        (left, low), (height, width) = of.origin, of.size
-        u = left + (np.arange(columns) + 0.5) / columns * width
-        v = low + (1 - (np.arange(rows) + 0.5) / rows) * height
+        u = of.frame.x + (np.arange(columns) + 0.5) / columns * of.frame.width
+        v = of.frame.y + (1 - (np.arange(rows) + 0.5) / rows) * of.frame.height
         places = np.stack(np.meshgrid(u, v), axis=-1)
         points, outward, off = map.to_skin(whole.name, places.reshape(-1, 2), level=level)
         points, outward = points.reshape(rows, columns, 3), outward.reshape(rows, columns, 3)

@@ -6,6 +6,7 @@ from typing import Any
 
 from dermatome._adapter import fields_of, need
 from dermatome._dermatome import Map, Renderer, as_floats
+from dermatome._errors import DataError
 
 PREFIX = "observation.tactile"
 
@@ -58,7 +59,7 @@ def frame(
     *,
     extensive: bool = False,
     images: dict[str, Renderer] | None = None,
-    limit: float = 1.0,
+    limit: float | None = None,
 ) -> dict[str, Any]:
     """The values of these features for one frame of readings (N,); what is not known is 0, and its `valid` is 0.
 
@@ -66,11 +67,16 @@ def frame(
     ----------
     extensive : bool
         Whether readings are amounts, as forces: their total is the same on every level.
-    limit : float
-        The value that is white in the pictures, in the unit in which the renderers draw: that of the readings, and for
-        renderers of amounts that per m^2 of the map.
+    limit : float, optional
+        The value that is white in the pictures, in the unit in which the renderers draw: that of the readings (1 by
+        default), or for renderers of amounts that per m^2 of the map, which has no default.
     """
     np = need("numpy", "lerobot")
+    if limit is None and any(any(renderer.extensive) for renderer in (images or {}).values()):
+        raise DataError("limit: found none for a renderer of amounts; needed: the value per m^2 of the map that is white")
+    white = 1.0 if limit is None else limit
+    if not 0 < white < float("inf"):
+        raise DataError(f"limit: found {limit}; needed: a number above 0")
     values = as_floats("values", values)
     pooled = map.pool(values, level, extensive=extensive)
     known = np.isfinite(pooled)
@@ -80,7 +86,7 @@ def frame(
         made[names[name]] = finite[fields].copy()
         made[f"{names[name]}.valid"] = valid[fields].copy()
     for name, renderer in (images or {}).items():
-        grey = np.clip(np.nan_to_num(renderer(values[None])[0, 0]) / limit * 255, 0, 255).astype(np.uint8)
+        grey = np.clip(np.nan_to_num(renderer(values[None])[0, 0]) / white * 255, 0, 255).astype(np.uint8)
         made[f"observation.images.{name}"] = np.repeat(grey[:, :, None], 3, axis=2)
     return made
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dermatome._adapter import need
 from dermatome._dermatome import Map, Matrix, Renderer
-from dermatome._errors import DataError
-from dermatome._weights import marks, shares
+from dermatome._weights import shares
 
 if TYPE_CHECKING:
     from dermatome._torch import Draw, Pool, Touches
@@ -52,54 +51,13 @@ def pooling(
     return _sparse(field, taxel, weight, shape, device, dtype)
 
 
-def pixels(renderer: Renderer, *, map: Map | None = None, device: Any = None, dtype: Any = None) -> Any:
-    """The matrix that draws values of a level, which are averages: (H W, values), sparse COO.
+def pixels(renderer: Renderer, *, channel: int = 0, device: Any = None, dtype: Any = None) -> Any:
+    """The matrix that draws values of a level where no reading is missing: (H W, values), sparse COO.
 
-    A renderer of level 0 with one channel leaves out taxels that are not present, as its images do. `Draw` takes NaN for
+    That of `Renderer.matrix`: amounts are drawn per m^2, and taxels that are not present have no part. `Draw` takes NaN for
     any value.
-
-    Parameters
-    ----------
-    map : Map, optional
-        The map, where the renderer has several channels and the map has taxels that are not present.
     """
-    np = need("numpy", "torch")
-    pixel, value, weight, shape = marks(renderer)
-    if map is not None and map.n_taxels == shape[1]:
-        weight = np.where(map.present[value] == 1, weight, 0.0)
-    elif map is None:
-        value, weight = _probed(renderer, pixel, value, weight, shape)
-    total = np.bincount(pixel, weights=weight, minlength=shape[0])[pixel]
-    kept = (weight != 0) & (total > 0)
-    return _sparse(pixel[kept], value[kept], (weight[kept] / total[kept]), shape, device, dtype)
-
-
-def _probed(renderer: Renderer, pixel: Any, value: Any, weight: Any, shape: tuple[int, int]) -> tuple[Any, Any]:
-    """The values that have a part in what is drawn, and their weights: those of taxels that are not present are 0."""
-    np = need("numpy", "torch")
-    frames: Any = np.random.default_rng(0).random((3, shape[1])).astype(np.float32)
-    frames = np.concatenate([frames, np.arange(shape[1], dtype=np.float32)[None]])
-    try:
-        drawn: Any = renderer(frames)[:, 0].reshape(len(frames), -1)
-    except DataError:
-        return value, weight  # A coarser level, or several channels.
-    if len(np.unique(pixel)) == len(pixel) and shape[1] <= 1 << 24:  # Each pixel shows the nearest value that is there.
-        nearest = drawn[-1][pixel]
-        return np.nan_to_num(nearest).astype(np.int64), np.where(np.isfinite(nearest), weight, 0.0)
-    frames, drawn = frames[:-1], drawn[:-1]
-    first = np.searchsorted(pixel, np.arange(shape[0]))
-    rank = np.arange(len(pixel)) - first[pixel]
-    # A pixel shows at most three values: the set of them that draws what was drawn is that of the taxels present.
-    best, kept = np.full(shape[0], np.inf), np.full(shape[0], 0)
-    for chosen in (7, 6, 5, 3, 4, 2, 1):
-        part = np.where(chosen >> rank & 1, weight, 0.0)
-        total = np.bincount(pixel, weights=part, minlength=shape[0])
-        sums = np.stack([np.bincount(pixel, weights=part * frame[value], minlength=shape[0]) for frame in frames])
-        with np.errstate(all="ignore"):
-            error = np.abs(sums / total - drawn).max(axis=0)
-        better = error < best - 1e-6
-        best[better], kept[better] = error[better], chosen
-    return value, np.where(kept[pixel] >> rank & 1, weight, 0.0)
+    return tensor(renderer.matrix(channel), device=device, dtype=dtype)
 
 
 def _sparse(rows: Any, columns: Any, values: Any, shape: tuple[int, int], device: Any, dtype: Any) -> Any:

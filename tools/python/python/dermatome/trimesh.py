@@ -71,8 +71,8 @@ def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = Fal
         process=False,
         metadata={"vertex": vertex, "taxel_id": of.taxel_ids[vertex]},
     )
-    height, width = of.size
+    corner, size = (of.frame.x, of.frame.y), (of.frame.width, of.frame.height)
     made.visual = trimesh.visual.TextureVisuals(
-        uv=(of.uv - of.origin) / (width, height), material=trimesh.visual.material.PBRMaterial(metallicFactor=0.0)
+        uv=(of.uv - corner) / size, material=trimesh.visual.material.PBRMaterial(metallicFactor=0.0)
     )
     return made
