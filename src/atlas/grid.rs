@@ -6,7 +6,7 @@ use crate::atlas::turn::{Extent, stand_in, turned};
 use crate::map::{ImageFrame, PatchMap};
 
 /// Distance from a pixel's centre within which a triangle may be rounded onto it, in pixels.
-const ROUNDING: f64 = 1e-3;
+const PIXEL_ROUNDING: f64 = 1e-3;
 
 /// A chart with a smaller area, in pixels, may cover the centre of none: a line a hundredth of a pixel wide across the
 /// largest image has 164.
@@ -53,7 +53,7 @@ impl Bits {
     /// Sets the cells of `cell` pixels, from `margin` cells before the first on, that have the centre of a pixel within
     /// a triangle, or nearer to it than `gap` pixels along either axis; returns whether there is one.
     fn add(&mut self, corners: &[DVec2; 3], cell: usize, [margin, gap]: [usize; 2]) -> bool {
-        let (side, gap) = (cell as f64, ROUNDING + gap as f64);
+        let (side, gap) = (cell as f64, PIXEL_ROUNDING + gap as f64);
         let range = |[low, high]: [f64; 2], count: usize| {
             let first = (low - gap + 0.5) / side - 1.0 + margin as f64;
             let last = (high + gap - 0.5) / side + margin as f64;

@@ -1,7 +1,5 @@
 //! The options of [`calibrate`](crate::calib::calibrate()): plain data.
 
-use std::fmt;
-
 use crate::calib::{CalibError, Loss};
 use crate::least_squares::Options;
 
@@ -54,7 +52,8 @@ impl CalibOptions {
 /// How the error `E = Z^-1 T_i^-1 T_j` of a relative pose is expressed as six numbers.
 ///
 /// Each convention has its own minimum, so every printed cost names its convention.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::Display)]
+#[strum(serialize_all = "lowercase")]
 pub enum ResidualConvention {
     /// `[dt; Log dR]`: translation and rotation separately.
     #[default]
@@ -63,12 +62,6 @@ pub enum ResidualConvention {
     Log,
     /// `[dt; vec(quaternion of dR)]`, half the angle: as in g2o.
     Quaternion,
-}
-
-impl fmt::Display for ResidualConvention {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&format!("{self:?}").to_lowercase())
-    }
 }
 
 /// The start of the optimisation. The positions model is linear and needs none.

@@ -50,8 +50,13 @@ impl Pose {
 
     /// Whether the position is finite and within reach, and the quaternion has unit length.
     pub(crate) fn is_valid(&self) -> bool {
-        is_within_reach(self.position) && (self.rotation.length_squared() - 1.0).abs() < UNIT_TOLERANCE
+        is_within_reach(self.position) && is_unit(self.rotation)
     }
+}
+
+/// Whether a quaternion has unit length; one with NaN has not.
+pub(super) fn is_unit(q: DQuat) -> bool {
+    (q.length_squared() - 1.0).abs() < UNIT_TOLERANCE
 }
 
 impl std::ops::Mul for Pose {

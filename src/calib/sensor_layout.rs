@@ -103,6 +103,7 @@ impl SensorLayout {
 }
 
 fn check(taxels: usize, spacing: f64, radius: f64) -> Result<(), CalibError> {
+    /// So many fill some GB.
     const MOST_TAXELS: usize = 10_000_000;
     if !(3..=MOST_TAXELS).contains(&taxels) {
         let (option, found) = ("the number of taxels", taxels as f64);

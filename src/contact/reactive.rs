@@ -13,7 +13,7 @@ use crate::mesh::SurfacePoint;
 const MOST_STEPS: usize = 24;
 
 /// Relative error of a distance.
-const ROUNDING: f64 = 1e-12;
+const DISTANCE_ROUNDING: f64 = 1e-12;
 
 impl ContactIndex {
     /// The distance of a query from the skin as a guaranteed interval, the side and a face near the query, in
@@ -91,7 +91,7 @@ impl ContactIndex {
         let walked = |steps: usize| Best { patch: answer.patch, ..patch.tree.walk(q, answer.face, steps) };
         let mut best = walked(0);
         // The bound is that of the skin, and the face is only near: where it is farther, the skin is searched.
-        if best.closest.squared.sqrt() > answer.most * (1.0 + ROUNDING) {
+        if best.closest.squared.sqrt() > answer.most * (1.0 + DISTANCE_ROUNDING) {
             return self.locate(Query { only_link: Some(patch.link), ..query }).ok();
         }
         if refine == Refine::Walk {

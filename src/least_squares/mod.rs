@@ -22,8 +22,6 @@ mod loss;
 mod normal_equations;
 mod variance;
 
-use std::fmt;
-
 pub use loss::LossFunction;
 pub(crate) use loss::{INLIER_SHARE, SMALLEST_WEIGHT, inlier_bound2};
 pub(crate) use normal_equations::{InverseColumns, NormalEquations};
@@ -84,17 +82,22 @@ impl Default for Options {
 }
 
 /// Why a minimisation ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
 pub enum Termination {
     /// The cost no longer falls, or steps are small.
+    #[strum(to_string = "converged")]
     Converged,
     /// Nothing moves: every taxel is fixed.
+    #[strum(to_string = "nothing to solve: every taxel is fixed")]
     NothingToSolve,
     /// All iterations were used.
+    #[strum(to_string = "not converged: out of iterations")]
     OutOfIterations,
     /// No step lowers the cost although the gradient does not vanish.
+    #[strum(to_string = "not converged: no step lowers the cost")]
     Stuck,
     /// The cost is not a finite number: squares of disagreements overflow.
+    #[strum(to_string = "not converged: the cost is not a finite number")]
     Overflow,
 }
 
@@ -102,18 +105,6 @@ impl Termination {
     /// Whether the result is a minimum.
     pub const fn is_converged(self) -> bool {
         matches!(self, Self::Converged | Self::NothingToSolve)
-    }
-}
-
-impl fmt::Display for Termination {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::NothingToSolve => "nothing to solve: every taxel is fixed",
-            Self::OutOfIterations => "not converged: out of iterations",
-            Self::Stuck => "not converged: no step lowers the cost",
-            Self::Overflow => "not converged: the cost is not a finite number",
-        })
     }
 }
 

@@ -375,6 +375,7 @@ impl SkinMap {
     /// [recordings](crate::recording::Recording). It may overlap itself, and is not [valid](Self::validate) where it
     /// has no area.
     pub fn of_taxels(skin: &Skin) -> Self {
+        /// A map has images; nobody draws those of this one, so that any pixel serves.
         const PIXEL: f64 = 1e-3;
         let patch = |patch: &Patch| {
             let level = Level::finest(patch.mesh.clone(), patch.taxels.areas.clone());

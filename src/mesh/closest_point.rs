@@ -11,11 +11,11 @@ use crate::mesh::{VertexCorners, angle, triangle_cross};
 /// The direction of its normal is lost to rounding (2^-52 over this), while the sides err by at
 /// most its height; at the square root of the rounding both errors are equal, a hundred-millionth
 /// of the longest side.
-const FLAT: f64 = 1e-8;
+const FLAT_HEIGHT: f64 = 1e-8;
 
 /// Rounding of a barycentric weight, relative to the products it is made of: twice the three-term
 /// sums of products.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
+const WEIGHT_ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Feature {
@@ -61,14 +61,14 @@ pub(crate) fn closest_point(q: DVec3, corners: [DVec3; 3], ids: [VertexId; 3]) -
     let normal = ab.cross(ac);
     let area = normal.length_squared();
     let longest = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
-    if area <= (FLAT * longest) * (FLAT * longest) {
+    if area <= (FLAT_HEIGHT * longest) * (FLAT_HEIGHT * longest) {
         return Closest { is_flat: true, ..closest_side(q, &corners, ids, [true; 3]) };
     }
     // Twice the areas opposite to each corner, signed, times that of the triangle.
     let weight_c = ab.cross(aq).dot(normal);
     let weight_b = aq.cross(ac).dot(normal);
     let weight_a = (c - b).cross(q - b).dot(normal);
-    let margin = ROUNDING * ROUNDING * area * longest * aq.length_squared();
+    let margin = WEIGHT_ROUNDING * WEIGHT_ROUNDING * area * longest * aq.length_squared();
     let [sure_a, sure_b, sure_c] = [weight_a, weight_b, weight_c].map(|w| w > 0.0 && w * w > margin);
     if sure_a && sure_b && sure_c {
         let height = aq.dot(normal);

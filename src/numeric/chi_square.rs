@@ -40,6 +40,7 @@ fn lower_series(a: f64, x: f64) -> f64 {
 
 /// Modified Lentz.
 fn upper_fraction(a: f64, x: f64) -> f64 {
+    /// Takes the place of 0 in the fraction: any number far below its terms serves.
     const TINY: f64 = 1e-300;
     let guard = |y: f64| if y.abs() < TINY { TINY } else { y };
     let mut b = x + 1.0 - a;

@@ -17,23 +17,22 @@ pub(crate) fn dense_cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
     Some(l)
 }
 
-/// Solves a system by its [`dense_cholesky`], in place.
-pub(crate) fn solve_dense<const N: usize>(l: &[f64], rhs: &mut [[f64; N]]) {
-    let n = rhs.len();
+/// Solves a system by its [`dense_cholesky`] for several right-hand sides, row by row in `rhs`, in place.
+pub(crate) fn solve_dense(l: &[f64], rhs: &mut [f64], columns: usize) {
+    let n = rhs.len() / columns;
+    let subtract =
+        |from: &mut [f64], x: f64, y: &[f64]| from.iter_mut().zip(y).for_each(|(sum, y)| *sum -= x * y);
     for i in 0..n {
-        for j in 0..i {
-            let (x, known) = (l[i * n + j], rhs[j]);
-            rhs[i].iter_mut().zip(known).for_each(|(sum, y)| *sum -= x * y);
-        }
-        rhs[i].iter_mut().for_each(|y| *y /= l[i * n + i]);
+        let (known, rest) = rhs.split_at_mut(i * columns);
+        let own = &mut rest[..columns];
+        l[i * n..].iter().zip(known.chunks_exact(columns)).for_each(|(&x, row)| subtract(own, x, row));
+        own.iter_mut().for_each(|y| *y /= l[i * n + i]);
     }
     for i in (0..n).rev() {
-        rhs[i].iter_mut().for_each(|y| *y /= l[i * n + i]);
-        let known = rhs[i];
-        for j in 0..i {
-            let x = l[i * n + j];
-            rhs[j].iter_mut().zip(known).for_each(|(sum, y)| *sum -= x * y);
-        }
+        let (above, rest) = rhs.split_at_mut(i * columns);
+        let own = &mut rest[..columns];
+        own.iter_mut().for_each(|y| *y /= l[i * n + i]);
+        l[i * n..].iter().zip(above.chunks_exact_mut(columns)).for_each(|(&x, row)| subtract(row, x, own));
     }
 }
 
@@ -49,7 +48,7 @@ mod tests {
         let l = dense_cholesky(&a, N).unwrap();
         let rhs = [[1.0, 0.0], [2.0, 1.0], [-1.0, 0.5], [0.0, 3.0], [4.0, -2.0]];
         let mut x = rhs;
-        solve_dense(&l, &mut x);
+        solve_dense(&l, x.as_flattened_mut(), 2);
         for (row, needed) in rhs.iter().enumerate() {
             for k in 0..2 {
                 let found: f64 = (0..N).map(|j| a[row * N + j] * x[j][k]).sum();

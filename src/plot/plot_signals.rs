@@ -19,6 +19,7 @@ use crate::skin::{Patch, PatchId};
 /// Colours of the corners of a map. Taxels have the mixture of their place, in [`STEPS`] steps along each axis.
 const CORNERS: [[Colour; 2]; 2] =
     [[Colour::rgb(0x2b_6cb0), Colour::rgb(0x2f_9e44)], [Colour::rgb(0x9c_36b5), Colour::rgb(0xff_d43b)]];
+/// Colours of a map along each axis; with half as many its blocks are twice as wide.
 const STEPS: u32 = 16;
 
 /// Colours of taxels that have no map from signals.
@@ -105,6 +106,7 @@ pub fn plot_signals(
 
 /// The taxels of a patch that have signals, where these put them, and which of the patch they are.
 fn by_signals(patch: &Patch, signals: &SignalMap) -> (PatchMap, Vec<VertexId>) {
+    /// The map is drawn as triangles: its pixels are not used.
     const PIXEL: f64 = 1e-3;
     let kept: Vec<VertexId> =
         signals.points.enumerate().filter(|(_, point)| point.is_some()).map(|(taxel, _)| taxel).collect();

@@ -315,6 +315,7 @@ impl<'p> Bundle<'p> {
         reduced: &[Reduced],
         variance: impl Fn(usize) -> f64,
     ) -> Result<Vec<f64>, ResponseError> {
+        /// Columns of the inverse that are solved at once: they bound memory, and change no result.
         const COLUMNS: usize = 64;
         let (taxels, rows) = (self.logs.len(), self.logs.len() + SHARED);
         let pressed = self.is_pressed.iter().filter(|is| **is).count().max(1) as f64;

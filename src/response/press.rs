@@ -28,6 +28,7 @@ pub(super) struct Press {
 
 /// The noise of a taxel, which is at least a share of the median of all, and of the largest [confirmed] reading.
 pub(super) fn least_noise(noise: &RunningNoise, median: f64, largest: f64) -> f64 {
+    /// A lower noise is one of a converter with coarse steps: a single taxel must not outweigh all others.
     const SHARE: f64 = 0.5;
     const SHARE_OF_LARGEST: f64 = 2e-3;
     // `max` takes the other number for NaN.

@@ -205,6 +205,7 @@ impl Touch {
 
 /// Where a function of an exponent with one minimum is least: a grid, and then a golden section.
 fn least(of: impl Fn(f64) -> f64) -> f64 {
+    /// Steps of the grid; the golden section finds the minimum between two of them.
     const STEPS: u32 = 42;
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let step = (EXPONENTS[1] - EXPONENTS[0]) / f64::from(STEPS);

@@ -246,12 +246,13 @@ impl<'s> StepEstimator<'s> {
 
     /// Whether a taxel reads the same in all steps, up to rounding, although others have noise.
     fn is_dead(&self, taxel: usize, usual: &[f64]) -> bool {
-        const ROUNDING: f64 = 1e-9;
+        /// Spread of the readings of a dead taxel over the usual largest reading: far below any step of a converter.
+        const DEAD_SPREAD: f64 = 1e-9;
         let all = || (0..self.steps.len()).map(|k| self.seen[k * self.taxels + taxel]);
         let [least, most] = all().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], seen| {
             [least.min(seen.range[0]), most.max(seen.range[1])]
         });
-        least <= most && most - least <= ROUNDING * usual.iter().copied().fold(0.0, f64::max)
+        least <= most && most - least <= DEAD_SPREAD * usual.iter().copied().fold(0.0, f64::max)
     }
 
     /// The mean readings of a taxel in the steps that it feels, without those at its limit. `usual` are those of all.

@@ -55,7 +55,8 @@ pub struct Joint {
 }
 
 /// How a joint moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr, strum::EnumString)]
+#[strum(serialize_all = "lowercase")]
 pub enum JointKind {
     /// It does not.
     Fixed,
@@ -68,6 +69,8 @@ pub enum JointKind {
     /// It moves freely in all six directions; its value is a pose, which joint values do not give.
     Floating,
     /// It turns freely around its anchor; its value is a rotation, which joint values do not give.
+    // Bullet has another name for it.
+    #[strum(to_string = "ball", serialize = "spherical")]
     Ball,
     /// It slides in the plane across its axis; its value is a pose, which joint values do not give.
     Planar,
@@ -75,28 +78,8 @@ pub enum JointKind {
 
 impl JointKind {
     /// Its name in robot descriptions.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Fixed => "fixed",
-            Self::Revolute => "revolute",
-            Self::Continuous => "continuous",
-            Self::Prismatic => "prismatic",
-            Self::Floating => "floating",
-            Self::Ball => "ball",
-            Self::Planar => "planar",
-        }
-    }
-
-    /// The kind of a name.
-    pub(crate) fn named(name: &str) -> Option<Self> {
-        use JointKind::{Ball, Continuous, Fixed, Floating, Planar, Prismatic, Revolute};
-        match name {
-            // As Bullet calls it.
-            "spherical" => Some(Self::Ball),
-            _ => [Fixed, Revolute, Continuous, Prismatic, Floating, Ball, Planar]
-                .into_iter()
-                .find(|kind| kind.name() == name),
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Whether its value is one number.

@@ -11,14 +11,14 @@ use crate::mesh::TriMesh;
 use crate::skin::UnreliableNormals;
 
 /// A normal is a unit vector if its length is this close to 1: tables print three digits.
-const UNIT_TOLERANCE: f64 = 0.01;
+const NORMAL_LENGTH_TOLERANCE: f64 = 0.01;
 
 /// Normals within about 0.1 degrees of each other are the same.
 pub(super) const SAME_DIRECTION: f64 = 1.0 - 1e-6;
 
 /// A component is flat if the area-weighted mean of its unit face normals is this long; on a spherical cap of
 /// 23 degrees across it is 0.99.
-const FLAT: f64 = 0.99;
+const FLAT_MEAN_NORMAL: f64 = 0.99;
 
 /// Normals determine the outside if the absolute value of their mean cosine with the faces, weighted by area,
 /// is this large. Real covers reach 0.97, placeholders on closed surfaces 0.
@@ -26,7 +26,7 @@ const AGREEMENT: f64 = 0.5;
 
 pub(super) fn is_unit(n: DVec3) -> bool {
     // False for NaN as well.
-    (n.length() - 1.0).abs() <= UNIT_TOLERANCE
+    (n.length() - 1.0).abs() <= NORMAL_LENGTH_TOLERANCE
 }
 
 /// How reliable the normals of the taxels of one component are.
@@ -89,7 +89,7 @@ impl NormalConsensus {
     pub(super) fn quality(&self) -> NormalQuality {
         if 2 * self.unit_corners < self.corners {
             NormalQuality::Unreliable(UnreliableNormals::NotUnit)
-        } else if !self.differs && self.direction.length() < FLAT * self.area {
+        } else if !self.differs && self.direction.length() < FLAT_MEAN_NORMAL * self.area {
             NormalQuality::Unreliable(UnreliableNormals::Constant)
         } else if self.agreement >= AGREEMENT * self.weight {
             NormalQuality::Outward

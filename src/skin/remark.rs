@@ -130,51 +130,37 @@ remark_kinds! {
 }
 
 /// The data that determined which side of a patch is outside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
 pub enum OutsideFrom {
     /// The normals of the taxels.
+    #[strum(to_string = "the taxels' normals")]
     Normals,
     /// The sign of the enclosed volume.
+    #[strum(to_string = "the closed surface")]
     ClosedSurface,
     /// The winding of most faces in the file.
+    #[strum(to_string = "most of its faces")]
     MostFaces,
 }
 
 /// Why the normals of a file are not used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
 pub enum UnreliableNormals {
     /// Most are not unit vectors.
+    #[strum(to_string = "most normals are not unit vectors")]
     NotUnit,
     /// All are the same although the surface is not flat, or not perpendicular to them: a
     /// placeholder.
+    #[strum(to_string = "the normals are all the same, but the surface faces other directions")]
     Constant,
     /// They do not fit the surface.
+    #[strum(to_string = "the normals do not fit the surface")]
     Unrelated,
 }
 
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.patch, self.kind)
-    }
-}
-
-impl fmt::Display for OutsideFrom {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Normals => "the taxels' normals",
-            Self::ClosedSurface => "the closed surface",
-            Self::MostFaces => "most of its faces",
-        })
-    }
-}
-
-impl fmt::Display for UnreliableNormals {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NotUnit => "most normals are not unit vectors",
-            Self::Constant => "the normals are all the same, but the surface faces other directions",
-            Self::Unrelated => "the normals do not fit the surface",
-        })
     }
 }
 

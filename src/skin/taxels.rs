@@ -39,7 +39,8 @@ impl fmt::Display for TaxelId {
 }
 
 /// The content of a slot of the skin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr, strum::EnumString)]
+#[strum(serialize_all = "lowercase")]
 pub enum Presence {
     /// A working taxel.
     #[default]
@@ -47,6 +48,7 @@ pub enum Presence {
     /// No taxel, or a dead one.
     Absent,
     /// A thermal pad: it has a position but no pressure reading.
+    #[strum(serialize = "thermal")]
     ThermalPad,
 }
 
@@ -66,12 +68,8 @@ impl Presence {
     }
 
     /// Its word in tables.
-    pub(crate) const fn word(self) -> &'static str {
-        match self {
-            Self::Absent => "absent",
-            Self::Present => "present",
-            Self::ThermalPad => "thermal",
-        }
+    pub(crate) fn word(self) -> &'static str {
+        self.into()
     }
 
     const ALL: [Self; 3] = [Self::Absent, Self::Present, Self::ThermalPad];
@@ -79,11 +77,6 @@ impl Presence {
     /// The presence with the number `code` in files.
     pub(crate) fn from_code(code: f64) -> Option<Self> {
         Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
-    }
-
-    /// The presence with a word in tables.
-    pub(crate) fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| p.word() == word)
     }
 }
 
@@ -192,7 +185,7 @@ pub(crate) fn scaled_joints(joints: &Joints) -> Option<Joints> {
 
 /// Tolerance of lengths, and of the cosine between normal and tangent: files store both as `f32`, with seven
 /// digits.
-const UNIT_TOLERANCE: f64 = 1e-5;
+const STORED_LENGTH_TOLERANCE: f64 = 1e-5;
 
 /// Principal minors of a covariance may be this much below 0, in units of its trace: files store
 /// `f32`.
@@ -246,13 +239,14 @@ impl Taxels {
         }
         for (vertex, n) in normals.enumerate() {
             let found = n.length();
-            if found.is_nan() || (found - 1.0).abs() > UNIT_TOLERANCE {
+            if found.is_nan() || (found - 1.0).abs() > STORED_LENGTH_TOLERANCE {
                 return Err(TaxelError::Normal { vertex, found });
             }
         }
         for (vertex, t) in tangents.iter().flat_map(IdVec::enumerate) {
             let (length, along) = (t.length(), t.dot(normals[vertex]));
-            let is_tangent = (length - 1.0).abs() <= UNIT_TOLERANCE && along.abs() <= UNIT_TOLERANCE;
+            let is_tangent =
+                (length - 1.0).abs() <= STORED_LENGTH_TOLERANCE && along.abs() <= STORED_LENGTH_TOLERANCE;
             if !is_tangent {
                 return Err(TaxelError::Tangent { vertex, length, along });
             }

@@ -14,7 +14,7 @@ const COTANGENTS: [f64; 2] = [0.05, 19.1];
 /// Number of further rotations and solutions after the first one. Halfway, the mean error of lengths on the
 /// glove of `meshes/` falls from 3.9 % to 0.9 %, that on the forearm from 0.46 % to 0.13 %; 32 more rounds
 /// take four times as long and leave 0.6 % and 0.09 %.
-const ROUNDS: usize = 8;
+const ROTATION_ROUNDS: usize = 8;
 
 pub(super) struct Joiner<'a> {
     corners: &'a IdVec<FaceId, [PlaceId; 3]>,
@@ -79,7 +79,7 @@ impl<'a> Joiner<'a> {
             .faces
             .map(|face| DMat3::from_quat(DQuat::from_scaled_axis(time * face.turn)) * face.frame);
         let mut surface = self.join(time, &wanted, &ways, factor)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..ROTATION_ROUNDS {
             for ((way, corners), wanted) in ways.iter_mut().zip(self.corners).zip(&wanted) {
                 if let Some(back) = rotation(corners.map(|p| surface[p]), *wanted) {
                     *way = back.transpose();

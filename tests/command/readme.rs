@@ -145,6 +145,8 @@ fn every_help_ends_with_examples_that_work() {
     let names: Vec<&str> = names.map(|line| line.split_whitespace().next().unwrap()).collect();
     assert!(names.len() > 10, "{names:?}");
     for name in names.into_iter().filter(|name| *name != "help") {
+        let short = help(&format!("{name} --help")).lines().count();
+        assert!((5..=100).contains(&short), "{name} --help has {short} lines, more than two screens");
         let text = help(&format!("help {name}"));
         let (_, examples) = text.split_once("Examples:\n").unwrap_or_else(|| panic!("{name} has none"));
         let folder = checkout();

@@ -11,7 +11,7 @@ use dermatome::skin::{Draft, TaxelId};
 use serde_json::{Value, json};
 
 use crate::console::errors::INCOMPLETE;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, rows_of};
 use crate::console::print::{line, print, print_json};
 use crate::files::input::{read_draft_of, read_map_if_any};
 use crate::files::outputs;
@@ -62,9 +62,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         None => [&args.before, &args.after].map(|path| modules_of_skin(path).map(Option::unwrap_or_default)),
         Some(ModulesArg::Of(size)) => [&before, &after].map(|draft| Ok(modules_of(draft, *size))),
         Some(ModulesArg::Table(path)) => {
-            let table = read_modules(path).map_err(Error::from)?;
-            note_columns(path, &table.unused, common);
-            [Ok(table.rows.clone()), Ok(table.rows)]
+            let rows = rows_of(path, read_modules(path), common)?;
+            [Ok(rows.clone()), Ok(rows)]
         }
     };
     let [of_before, of_after] = modules.map(|modules: Result<_, IoError>| modules.map_err(Error::from));

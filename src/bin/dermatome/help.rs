@@ -1,7 +1,7 @@
-//! What stands at the end of each `--help`: the words of tables and notes, of which `docs/terms.md` has
+//! The help of each subcommand: `--help` has what most runs choose, `dermatome help NAME` all of it. What stands at its end: the words of tables and notes, of which `docs/terms.md` has
 //! all, and commands that run in a checkout.
 
-use clap::Command;
+use clap::{Arg, ArgAction, Command};
 
 /// Adds the end of its help to each subcommand.
 pub(crate) fn with_ends(mut command: Command) -> Command {
@@ -13,6 +13,15 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
         });
     }
     command
+}
+
+/// Makes `--help` of each subcommand the short one: two screens of what most runs choose.
+pub(crate) fn with_short_help(command: Command) -> Command {
+    command.mut_subcommands(|subcommand| {
+        let all = format!("Print this; `dermatome help {}` has all options", subcommand.get_name());
+        let help = Arg::new("help").short('h').long("help").action(ArgAction::HelpShort).help(all);
+        subcommand.disable_help_flag(true).arg(help)
+    })
 }
 
 /// The words and the examples of each subcommand.

@@ -28,6 +28,7 @@ use crate::lookup::readings::Readings;
 use crate::lookup::robot::Robot;
 use crate::options::{
     Common, InPath, JointsArg, OutFile, RegionsArgs, RobotArgs, Unit, joints, length, length_mm, pattern,
+    whole,
 };
 
 /// Find the map cells under contacts, on every level.
@@ -175,7 +176,7 @@ fn radius(text: &str) -> Result<f64, String> {
 }
 
 fn count(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "needed: a whole number above 0".into())
+    whole(text, "a whole number above 0")
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {

@@ -108,7 +108,8 @@ pub fn main() -> ExitCode {
 
 /// Runs the command with arguments, the first of which is its own name; signals that stop it end the process.
 pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let command = paths::with_hints(help::with_ends(with_negative_numbers(Cli::command())));
+    let command = help::with_short_help(help::with_ends(with_negative_numbers(Cli::command())));
+    let command = paths::with_hints(command);
     let parsed = command.clone().try_get_matches_from(args);
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
     let (cli, given) = match parsed {

@@ -22,7 +22,9 @@ use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream};
 use crate::files::pictures::{picture_kind, write_picture};
-use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, one_of, pattern};
+use crate::options::{
+    Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, number, numbers, one_of, pattern,
+};
 use crate::readings::{ReadingsArgs, range, remark_join};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
@@ -54,14 +56,14 @@ pub(crate) struct Args {
     view: Option<Viewpoint>,
     /// Draw the skin as it unfolds into its map, at these times side by side: 0 is the skin in space, 1 its
     /// map
-    #[arg(long, value_name = "T,T,...", value_delimiter = ',', value_parser = time, conflicts_with_all = ["readings", "space"])]
+    #[arg(long, value_name = "T,T,...", value_delimiter = ',', value_parser = time, conflicts_with_all = ["readings", "space"], hide_short_help = true)]
     unfold: Vec<f64>,
     /// Values at the ends of the colour scale: of --show angle or area, of --show sigma in mm, of
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
     /// Width of the picture, in pixels
-    #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px)]
+    #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px, hide_short_help = true)]
     width: u32,
     #[command(flatten)]
     regions: RegionsArgs,
@@ -83,7 +85,7 @@ struct FrameArgs {
     readings: Option<InPath>,
     /// Draw the map that follows from the signals of all these readings of touches, next to the true map, instead of a frame:
     /// the nearer two taxels, the more alike their signals. Colours are those of places on the true map
-    #[arg(long, requires = "readings", conflicts_with_all = ["frame", "channel", "levels", "space", "view", "range"])]
+    #[arg(long, requires = "readings", conflicts_with_all = ["frame", "channel", "levels", "space", "view", "range"], hide_short_help = true)]
     signals: bool,
     /// The frame that is drawn, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0, requires = "readings")]
@@ -206,16 +208,12 @@ fn picture_of_signals(
 }
 
 fn time(text: &str) -> Result<f64, String> {
-    let time = text.trim().parse::<f64>().ok().filter(|time| (0.0..=1.0).contains(time));
-    time.ok_or_else(|| "needed: numbers from 0 to 1, as in 0,0.25,0.5,0.75,1".into())
+    number(text.trim(), "numbers from 0 to 1, as in 0,0.25,0.5,0.75,1", |time| (0.0..=1.0).contains(&time))
 }
 
 fn viewpoint(text: &str) -> Result<Viewpoint, String> {
-    let angle = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-    let angles =
-        text.split_once(',').and_then(|(azimuth, elevation)| Some((angle(azimuth)?, angle(elevation)?)));
-    match angles {
-        Some((azimuth, elevation)) if elevation.abs() <= 90.0 => {
+    match numbers(text) {
+        Some([azimuth, elevation]) if elevation.abs() <= 90.0 => {
             Ok(Viewpoint::From { azimuth: azimuth.to_radians(), elevation: elevation.to_radians() })
         }
         _ => Err("needed: two angles in degrees, the second from -90 to 90, as in -65,-45".into()),

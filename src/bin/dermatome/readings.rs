@@ -12,10 +12,10 @@ use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, Record
 use dermatome::signal::{ConditionOptions, Duplicates, Probe, Response, Rest, Scale, TrackerOptions, Zero};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, note_columns, rows_of};
 use crate::files::outputs::is_stream;
 use crate::files::signals::live_input;
-use crate::options::{Choice, Common, InPath, LayoutArg, PROBES, layout_arg, number, one_of};
+use crate::options::{Choice, Common, InPath, LayoutArg, PROBES, layout_arg, number, numbers, one_of};
 
 /// How readings are read and made comparable.
 #[derive(Debug, Clone, clap::Args)]
@@ -28,7 +28,7 @@ pub(crate) struct ReadingsArgs {
     #[arg(long, value_name = "L.json|tnc|tcn", value_parser = layout_arg)]
     layout: Option<LayoutArg>,
     /// Which stream of a file with several: an array, a sensor
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
     stream: Option<String>,
     /// Names of the channels, one each: of a .npy, which has none, or instead of those of the file
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
@@ -45,23 +45,23 @@ pub(crate) struct ReadingsArgs {
     duplicates: Duplicates,
     /// Which taxel each column is of, whatever the readings say: a table with columns column,taxel_id that `check --order`
     /// writes; columns are counted from 0, without frames and times
-    #[arg(long, value_name = "ORDER.csv")]
+    #[arg(long, value_name = "ORDER.csv", hide_short_help = true)]
     columns: Option<InPath>,
     /// Subtract the zero of each taxel: `follow` (it drifts, and is followed where nothing touches), first=N (the mean
     /// of the first N frames), `stored` (that of --response), or a number
     #[arg(long, value_name = "follow|stored|first=N|NUMBER", value_parser = zero, allow_hyphen_values = true)]
     pub(crate) zero: Option<Zero>,
     /// Multiply the readings of each taxel: a table with columns id,gain
-    #[arg(long, value_name = "F.csv")]
+    #[arg(long, value_name = "F.csv", hide_short_help = true)]
     gain: Option<InPath>,
     /// Turn readings into pressures, and mask faulty taxels: a table that `dermatome response` writes
     #[arg(long, value_name = "F.csv", conflicts_with = "gain")]
     pub(crate) response: Option<InPath>,
     /// Clip readings to these bounds; the number of clipped readings is printed
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, hide_short_help = true)]
     clip: Option<[f64; 2]>,
     /// Split each channel into a slow and a fast part at this frequency
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, hide_short_help = true)]
     split: Option<f64>,
     /// What takes the place of missing readings
     #[arg(long, value_parser = one_of(&FILLS), default_value = "none")]
@@ -202,11 +202,8 @@ fn zero(text: &str) -> Result<Zero, String> {
 
 /// Two numbers, the lower one first.
 pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[low, high]) if low < high && f64::is_finite(low) && f64::is_finite(high) => Ok([low, high]),
-        _ => Err("needed: two numbers, the lower one first, as in 0,1000".into()),
-    }
+    let range = numbers(text).filter(|[low, high]| low < high);
+    range.ok_or_else(|| "needed: two numbers, the lower one first, as in 0,1000".into())
 }
 
 impl ReadingsArgs {
@@ -298,21 +295,15 @@ impl ReadingsArgs {
             ReadingsReader::open(path, read).map_err(Error::from)?
         };
         if let Some(path) = &self.columns {
-            let table = read_order(path).map_err(Error::from)?;
-            note_columns(path, &table.unused, common);
-            readings.assign_columns(path, &table.rows).map_err(Error::from)?;
+            let columns = rows_of(path, read_order(path), common)?;
+            readings.assign_columns(path, &columns).map_err(Error::from)?;
         }
         Ok(readings)
     }
 
     /// How readings are made comparable, without a response.
     pub(crate) fn recording_options(&self, common: &Common) -> anyhow::Result<RecordingOptions> {
-        let mut gains = Vec::new();
-        if let Some(path) = &self.gain {
-            let table = read_gains(path).map_err(Error::from)?;
-            note_columns(path, &table.unused, common);
-            gains = table.rows;
-        }
+        let gains = self.gain.as_ref().map(|path| rows_of(path, read_gains(path), common)).transpose()?;
         Ok(RecordingOptions {
             names: self.channels.clone(),
             units: self.units.clone(),
@@ -320,7 +311,7 @@ impl ReadingsArgs {
             duplicates: self.duplicates,
             condition: ConditionOptions {
                 zero: self.zero.unwrap_or_default(),
-                gains,
+                gains: gains.unwrap_or_default(),
                 response: None,
                 clip: self.clip,
                 split_hz: self.split,

@@ -9,9 +9,9 @@ use dermatome::signal::{
 };
 
 use crate::console::notes::note;
-use crate::files::input::{read_map_if_any, read_skin};
+use crate::files::input::read_any_skin;
 use crate::files::outputs;
-use crate::options::{Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, length_mm, one_of};
+use crate::options::{Choice, Common, InPath, OutFile, ReadArgs, length_mm, one_of};
 
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
@@ -41,13 +41,13 @@ pub(crate) struct Args {
     #[arg(long = "length-mm", value_name = "MM", default_value = "40", value_parser = length_mm)]
     length: f64,
     /// Distance along the skin between bodies that press at once, which then roll side by side [default: at random]
-    #[arg(long = "apart-mm", value_name = "MM", value_parser = length_mm)]
+    #[arg(long = "apart-mm", value_name = "MM", value_parser = length_mm, hide_short_help = true)]
     apart: Option<f64>,
     /// How deep the sphere is pressed in; of two depths each press has one between them
     #[arg(long = "depth-mm", value_name = "MM[,MM]", default_value = "2", value_parser = one_or_two_mm)]
     depths: [f64; 2],
     /// Ellipsoids instead of spheres: the largest ratio of their two radii of curvature
-    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    #[arg(long, value_name = "F", default_value_t = 1.0, hide_short_help = true)]
     aspect: f64,
     /// Stiffness of the skin: pressure for each millimetre of depth
     #[arg(long, value_name = "KPA", default_value_t = 20.0)]
@@ -71,14 +71,14 @@ pub(crate) struct Args {
     #[arg(long = "blur-mm", value_name = "MM", default_value = "0", value_parser = length_mm)]
     blur: f64,
     /// Response curve: pressure is the reading to this power, both relative to the pressure of a press
-    #[arg(long, value_name = "F", default_value_t = 1.0)]
+    #[arg(long, value_name = "F", default_value_t = 1.0, hide_short_help = true)]
     exponent: f64,
     /// A bag instead of spheres: it presses on all taxels with these pressures, up and down again in each press; the
     /// truth is a table time,pressure
-    #[arg(long = "bag-kpa", value_name = "KPA,...", value_delimiter = ',')]
+    #[arg(long = "bag-kpa", value_name = "KPA,...", value_delimiter = ',', hide_short_help = true)]
     bag: Vec<f64>,
     /// How uneven the pressure of the bag is, standard deviation between taxels, relative
-    #[arg(long, value_name = "F", default_value_t = 0.0, requires = "bag")]
+    #[arg(long, value_name = "F", default_value_t = 0.0, requires = "bag", hide_short_help = true)]
     uneven: f64,
     /// What a taxel reads
     #[arg(long, value_parser = one_of(&READS), default_value = "force")]
@@ -88,13 +88,13 @@ pub(crate) struct Args {
     noise_kpa: f64,
     /// Drift: the pressure of every taxel grows at a rate of its own, with this standard deviation
     /// per second
-    #[arg(long, value_name = "KPA", default_value_t = 0.0)]
+    #[arg(long, value_name = "KPA", default_value_t = 0.0, hide_short_help = true)]
     drift_kpa: f64,
     /// Share of the taxels that are dead and read NaN
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     dead: f64,
     /// Spread of the gains of the taxels: standard deviation of their logarithm
-    #[arg(long, value_name = "F", default_value_t = 0.0)]
+    #[arg(long, value_name = "F", default_value_t = 0.0, hide_short_help = true)]
     gain_spread: f64,
     /// Drift of all zeros with temperature, per second; each taxel has its own coefficient, 1 give or take 0.3
     #[arg(long, value_name = "KPA", default_value_t = 0.0)]
@@ -104,7 +104,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "KIND=N", value_delimiter = ',', value_parser = fault)]
     faults: Vec<(TaxelState, usize)>,
     /// File for what each taxel is: gain, exponent, drift and fault, a .csv as `response` writes
-    #[arg(long, value_name = "OUT.csv")]
+    #[arg(long, value_name = "OUT.csv", hide_short_help = true)]
     true_response: Option<OutFile>,
     #[command(flatten)]
     read: ReadArgs,
@@ -149,16 +149,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .into_iter()
         .flatten()
         .try_for_each(|path| outputs::check_table(path))?;
-    let skin = match read_map_if_any(&args.skin)? {
-        Some(map) => map.skin(),
-        None => read_skin(
-            &args.skin,
-            &args.read,
-            &PatchArgs::default(),
-            &args.read.options(&[&args.skin]),
-            common,
-        )?,
-    };
+    let skin = read_any_skin(&args.skin, &args.read, common)?;
     let mut simulation = TouchSimulation::new(&skin, &args.options()).map_err(Error::from)?;
     let mut touches = Vec::new();
     let taxels = skin.patches.iter().map(|patch| &patch.taxels);

@@ -8,7 +8,7 @@ use anyhow::Context;
 use dermatome::Error;
 use dermatome::id::IdVec;
 use dermatome::io::{
-    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_robot, read_touches,
+    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_touches,
     write_touch_contacts,
 };
 use dermatome::signal::TaxelState;
@@ -23,10 +23,10 @@ use serde::Serialize;
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
 use crate::console::print::print_json;
-use crate::files::input::{read_map_if_any, read_skin};
+use crate::files::input::read_any_skin;
 use crate::files::outputs;
 use crate::options::{
-    Common, InPath, JointsArg, OutFile, PatchArgs, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
+    Common, InPath, JointsArg, OutFile, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
 };
 use crate::readings::positive;
 
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::check_table(&args.output)?;
     let (rows, unused) = read_touches(&args.log).map_err(Error::from)?;
     note_columns(&args.log, &unused, common);
-    let skin = args.skin.as_ref().map(|path| args.drawing(path, common)).transpose()?;
+    let skin = args.skin.as_ref().map(|path| read_any_skin(path, &args.read, common)).transpose()?;
     // The link that the log has, or the one of several that is chosen.
     let link = args.link.as_deref().or_else(|| rows.first().map(|row| &*row.link)).unwrap_or_default();
     let made = args.log(&rows, skin.as_ref(), link, common)?;
@@ -203,10 +203,7 @@ impl Args {
             note_columns(path, &read.unused, common);
             return Ok(read.motion);
         }
-        let robot = read_robot(path).map_err(Error::from)?;
-        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
-        let rows = self.joints.as_ref().map_or_else(rest, |joints| joints.rows(&robot, common))?;
-        Ok(robot.motion(&rows, links).map_err(Error::from)?)
+        JointsArg::motion(self.joints.as_ref(), path, links, common)
     }
 
     /// The readings of a recording, and above which a taxel is active.
@@ -245,17 +242,6 @@ impl Args {
         readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
         Ok(readings)
-    }
-
-    /// The drawing of the skin.
-    fn drawing(&self, path: &InPath, common: &Common) -> anyhow::Result<Skin> {
-        Ok(match read_map_if_any(path)? {
-            Some(map) => map.skin(),
-            None => {
-                let options = self.read.options(&[path]);
-                read_skin(path, &self.read, &PatchArgs::default(), &options, common)?
-            }
-        })
     }
 
     /// The taxels of --skip.

@@ -1,7 +1,5 @@
 //! What the fit of rigid bodies may move, and by how much.
 
-use std::fmt;
-
 use crate::calib::CalibError;
 
 /// How far a body may be from where its parent carries it: standard deviations of a prior.
@@ -21,7 +19,8 @@ impl Tolerance {
 }
 
 /// The bodies of a skin, each carried by the one before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, strum::Display)]
+#[strum(serialize_all = "lowercase")]
 pub enum BodyLevel {
     /// The skin as a whole, on its link.
     Mount,
@@ -34,16 +33,6 @@ pub enum BodyLevel {
 impl BodyLevel {
     /// All of them, from the link outwards.
     pub const ALL: [Self; 3] = [Self::Mount, Self::Patch, Self::Module];
-}
-
-impl fmt::Display for BodyLevel {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Mount => "mount",
-            Self::Patch => "patch",
-            Self::Module => "module",
-        })
-    }
 }
 
 /// The noise of a touch.

@@ -6,7 +6,7 @@ use crate::numeric::{Matrix6, symmetric_eigen};
 
 /// How far below zero an eigenvalue of a matrix with ones on its diagonal may be: files round exactly
 /// semi-definite matrices.
-const ROUNDING: f64 = 1e-8;
+const EIGENVALUE_ROUNDING: f64 = 1e-8;
 
 /// How far below zero an entry on the diagonal may be, over the largest entry: the rounding of an inverted
 /// covariance.
@@ -87,7 +87,7 @@ impl<const N: usize> Information<N> {
             if row[i] > 0.0 {
                 scale[i] = row[i].sqrt().recip();
             } else if row[i] < -DIAGONAL_ROUNDING * largest
-                || row.iter().any(|x| x.abs() > ROUNDING * largest)
+                || row.iter().any(|x| x.abs() > EIGENVALUE_ROUNDING * largest)
             {
                 return None;
             }
@@ -103,7 +103,7 @@ impl<const N: usize> Information<N> {
                 let scale = (m[i][i] * m[j][j]).sqrt().max(m[i][j].abs());
                 // Numbers that are not finite are refused as indefinite.
                 let difference = (m[i][j] - m[j][i]).abs();
-                difference.is_nan() || difference <= ROUNDING * scale
+                difference.is_nan() || difference <= EIGENVALUE_ROUNDING * scale
             })
         })
     }
@@ -116,7 +116,9 @@ impl<const N: usize> Information<N> {
             sum.is_finite() && 2.0 * self.0[i][i] >= sum
         };
         (0..N).all(is_dominant)
-            || self.correlations().is_some_and(|c| symmetric_eigen(&c).0.iter().all(|&x| x >= -ROUNDING))
+            || self
+                .correlations()
+                .is_some_and(|c| symmetric_eigen(&c).0.iter().all(|&x| x >= -EIGENVALUE_ROUNDING))
     }
 
     /// Whether it is finite, but not positive semi-definite.

@@ -76,19 +76,14 @@ impl<T: Copy> PerObservation<T> {
 }
 
 /// The unknowns of a taxel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::Display)]
+#[strum(serialize_all = "lowercase")]
 pub enum Model {
     /// Its position: a linear problem.
     #[default]
     Positions,
     /// Its position and orientation, in SE(3).
     Poses,
-}
-
-impl fmt::Display for Model {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&format!("{self:?}").to_lowercase())
-    }
 }
 
 impl Model {

@@ -2,10 +2,8 @@
 
 use glam::DQuat;
 
+use crate::calib::pose::is_unit;
 use crate::calib::{CalibError, ContactObservationId, Observations};
-
-/// How far the squared length of the quaternion of a probe may be from 1.
-const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// The touch of a contact, one for each row of a table.
 ///
@@ -49,7 +47,6 @@ impl Observations {
                 return invalid("its weight is not a number above 0");
             }
             // Also refuses NaN.
-            let is_unit = |q: DQuat| (q.length_squared() - 1.0).abs() < UNIT_TOLERANCE;
             if row.probe.is_some_and(|q| !is_unit(q)) {
                 return invalid("the orientation of its probe is not a quaternion of unit length");
             }

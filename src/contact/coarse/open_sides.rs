@@ -6,7 +6,7 @@ use glam::DVec3;
 use crate::mesh::TriMesh;
 
 /// Regions are enlarged by this fraction of their radius and by this length (m), for rounding.
-const ROUNDING: f64 = 1e-9;
+const REGION_ROUNDING: f64 = 1e-9;
 
 /// The open sides of a skin, in groups near each other.
 #[derive(Debug, Clone, Default)]
@@ -39,7 +39,7 @@ impl Hull {
             (from, to) = (from.min(along), to.max(along));
             radius = radius.max((offset - axis * along).length());
         }
-        let radius = radius * (1.0 + ROUNDING) + ROUNDING;
+        let radius = radius * (1.0 + REGION_ROUNDING) + REGION_ROUNDING;
         Self { tip, axis, length: tip.distance(end), from, to, radius }
     }
 }
@@ -81,7 +81,7 @@ impl OpenSides {
         let &Hull { tip, axis, length, from, to, radius } = hull;
         let (bottom, top) = (from.min(0.0), to.max(length));
         let cone = |run: f64, beyond: f64| {
-            if run > ROUNDING { radius * beyond / run + ROUNDING } else { f64::INFINITY }
+            if run > REGION_ROUNDING { radius * beyond / run + REGION_ROUNDING } else { f64::INFINITY }
         };
         self.0.iter().all(|group| {
             let offset = group.centre - tip;
@@ -120,7 +120,8 @@ fn group(edges: &mut [[DVec3; 2]], most: f64, groups: &mut Vec<Group>) {
     let hi = ends().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b));
     if edges.len() as f64 <= most {
         let centre = lo.midpoint(hi);
-        let radius = ends().map(|p| p.distance(centre)).fold(0.0, f64::max) * (1.0 + ROUNDING) + ROUNDING;
+        let radius = ends().map(|p| p.distance(centre)).fold(0.0, f64::max) * (1.0 + REGION_ROUNDING)
+            + REGION_ROUNDING;
         groups.push(Group { centre, radius, edges: edges.to_vec() });
         return;
     }

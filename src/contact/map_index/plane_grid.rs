@@ -43,7 +43,7 @@ const SUBCELLS: usize = 8;
 
 /// Bound of the rounding error of a barycentric coordinate, as a fraction of its gradient and of its value at
 /// the corner of the cell.
-const ROUNDING: f64 = 1.0 / 1_048_576.0;
+const BARYCENTRIC_ROUNDING: f64 = 1.0 / 1_048_576.0;
 
 /// The triangles of a map by position.
 #[derive(Debug, Clone)]
@@ -90,8 +90,12 @@ impl Affine {
         let corner = DVec2::from(cell.map(|k| k as f64));
         let rows = self.rows.map(|row| row.truncate().extend(row.z + row.truncate().dot(corner)));
         let size = |row: &DVec3| row.x.abs() + row.y.abs();
-        let slack: f64 =
-            rows.iter().map(|row| (margin + ROUNDING) * size(row) + ROUNDING * (row.z.abs() + 1.0)).sum();
+        let slack: f64 = rows
+            .iter()
+            .map(|row| {
+                (margin + BARYCENTRIC_ROUNDING) * size(row) + BARYCENTRIC_ROUNDING * (row.z.abs() + 1.0)
+            })
+            .sum();
         // Slivers and triangles without area may contain every point.
         if slack.is_nan() || slack >= f64::from(f32::MAX) {
             return u64::MAX;

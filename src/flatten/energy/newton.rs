@@ -55,7 +55,7 @@ const MAX_STEPS_TO_WANTED: f64 = 4.0;
 const ARMIJO: f64 = 1e-4;
 
 /// Relative rise of the energy that is rounding error: the last steps to the optimum are below it.
-const ROUNDING: f64 = 4e-15;
+const ENERGY_ROUNDING: f64 = 4e-15;
 
 /// Predicted decrease over the energy below which a map that cannot be improved counts as a minimum.
 const STATIONARY: f64 = 1e-6;
@@ -229,7 +229,7 @@ impl Objective<'_> {
             let moved = |v: VertexId| uv[v] + d.get(v.index()).map_or(DVec2::ZERO, |d| step * *d);
             let trial = par_ids(uv.len(), moved);
             let reached = self.energy(&trial);
-            if reached <= energy * (1.0 + ROUNDING) - ARMIJO * step * decrement {
+            if reached <= energy * (1.0 + ENERGY_ROUNDING) - ARMIJO * step * decrement {
                 *uv = trial;
                 return Some(reached);
             }
@@ -407,7 +407,7 @@ mod tests {
                 let (mut uv, mut last) = (start.clone(), objective.energy(&start));
                 let ended = objective.minimise(&mut uv, solver, LIMITS, &mut |uv| {
                     let reached = objective.energy(uv);
-                    assert!(reached <= last * (1.0 + ROUNDING), "{last} rises to {reached}");
+                    assert!(reached <= last * (1.0 + ENERGY_ROUNDING), "{last} rises to {reached}");
                     assert!(domain.elements.is_flip_free(uv));
                     last = reached;
                     true

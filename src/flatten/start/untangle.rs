@@ -26,7 +26,7 @@ const LARGEST_PART: usize = 20_000;
 const SOFTNESS: f64 = 1.0;
 
 /// Halvings of the regularisation before a region is given up.
-const ROUNDS: usize = 40;
+const MAX_HALVINGS: usize = 40;
 
 /// Newton steps of a round; the energy changes in the next round anyway.
 const ROUND: NewtonLimits = NewtonLimits { rest: 1e-3, steps: 4, gain: 0.0, most: f64::INFINITY };
@@ -132,7 +132,7 @@ fn repair(domain: &FlattenDomain<'_>, part: &LocalMesh, uv: &mut Uv) -> Result<(
         .fold(0.0, f64::min);
     // Areas of exactly zero still need some softness to become positive.
     let mut softness = SOFTNESS * worst.abs().max(1e-2);
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_HALVINGS {
         let objective = Objective::of_faces(&elements, DistortionEnergy::Untangling { softness });
         objective.minimise(&mut local, Solver::Direct, ROUND, &mut |_| true)?;
         if elements.is_flip_free(&local) {

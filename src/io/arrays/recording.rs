@@ -174,9 +174,9 @@ impl RecordingWriter {
             self.writer.constant("image_units", &[units.len()], Elements::Text(&units))?;
         }
         /// Sizes that differ by rounding only are the same.
-        const ROUNDING: f64 = 1e-12;
+        const SIZE_ROUNDING: f64 = 1e-12;
         let first = parts.first().map(|part| pixel_size(part));
-        let is_first = |size: f64| first.is_some_and(|first| (size - first).abs() <= ROUNDING * first);
+        let is_first = |size: f64| first.is_some_and(|first| (size - first).abs() <= SIZE_ROUNDING * first);
         let is_common = parts.iter().all(|part| is_first(pixel_size(part)));
         if let Some(size) = first.filter(|_| is_common) {
             self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;

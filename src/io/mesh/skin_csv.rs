@@ -213,7 +213,7 @@ impl Sheets {
         }
         if let Some(column) = indices.present {
             let word = row.text(column);
-            let presence = finite(word).map_or_else(|| Presence::from_word(word), Presence::from_code);
+            let presence = finite(word).map_or_else(|| word.parse().ok(), Presence::from_code);
             let needed = "0 (`absent`), 1 (`present`) or 2 (`thermal`, a thermal pad)";
             let presence = presence.ok_or_else(|| row.invalid(column, needed))?;
             sheet.presence.get_or_insert_default().push(presence);

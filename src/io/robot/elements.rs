@@ -34,7 +34,7 @@ pub(super) fn read_joint<'i>(
         links.find(name).ok_or_else(|| xml.invalid(node, "no <link> of that name", "the name of a link"))
     };
     let kind = xml.need(node, "type")?;
-    let kind = JointKind::named(kind).ok_or_else(|| {
+    let kind = kind.parse::<JointKind>().map_err(|_| {
         let needed = "fixed, revolute, continuous, prismatic, floating, ball (or spherical) or planar";
         xml.invalid(node, format!("type={}", excerpt(kind)), needed)
     })?;

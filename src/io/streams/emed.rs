@@ -77,7 +77,6 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     }
     wanted.choose(path, &[(String::new(), shape.to_vec())])?;
     let range = |side: &[u32]| format!("{} to {}", side[0], side[side.len() - 1]);
-    let pitch_mm = pitch.map(|side| 1e3 * side);
     let of_file = |what: &str, value: String| Statement::new(what, value, StatementSource::File);
     let facts = StreamFacts {
         cells: shape.to_vec(),
@@ -89,7 +88,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         time_unit: Some(TimeUnit::Seconds),
         has_pressures: true,
         notes: vec![
-            of_file("pitch", format!("{} x {} mm", pitch_mm[0], pitch_mm[1])),
+            Sheet::pitch_note(pitch),
             of_file("rows", range(&sides[0])),
             of_file("columns", range(&sides[1])),
         ],

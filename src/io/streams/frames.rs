@@ -138,6 +138,12 @@ impl Sheet {
         sheet
     }
 
+    /// What a file states of the height and width of a cell, in m.
+    pub(super) fn pitch_note(pitch: [f64; 2]) -> Statement {
+        let [height, width] = pitch.map(|side| 1e3 * side);
+        Statement::new("pitch", format!("{height} x {width} mm"), StatementSource::File)
+    }
+
     /// The taxels, without triangles.
     pub(in crate::io) fn into_draft(self) -> Draft {
         let sheet = SkinSheet {

@@ -78,12 +78,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         .iter()
         .filter_map(|(key, what)| Some(Statement::new(*what, header.get(*key)?, StatementSource::File)));
     let mut notes: Vec<Statement> = notes.collect();
-    let pitch_mm = pitch.map(|side| 1e3 * side);
-    notes.push(Statement::new(
-        "pitch",
-        format!("{} x {} mm", pitch_mm[0], pitch_mm[1]),
-        StatementSource::File,
-    ));
+    notes.push(Sheet::pitch_note(pitch));
     let mut reader = Tekscan {
         is_raw: unit == "raw",
         cell_newtons: pascals(&unit).map(|pascals| pascals * pitch[0] * pitch[1]),

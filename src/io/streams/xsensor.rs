@@ -123,12 +123,11 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         return Err(lines.ended("a frame with a block SENSOR"));
     }
     let sensor = sensors.swap_remove(wanted.choose(path, &streams)?);
-    let [height, width] = sensor.pitch.map(|side| 1e3 * side);
     notes.extend(sensor.area_note(&lines)?);
     notes.push(Statement::new("sensor", &sensor.name, StatementSource::File));
     let stated = threshold.map(|x| Statement::new("threshold", format!("{x} {unit}"), StatementSource::File));
     notes.extend(stated);
-    notes.push(Statement::new("pitch", format!("{height} x {width} mm"), StatementSource::File));
+    notes.push(Sheet::pitch_note(sensor.pitch));
     let facts = StreamFacts {
         stream: sensor.name.clone(),
         cells: sensor.shape.to_vec(),

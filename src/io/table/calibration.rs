@@ -23,10 +23,9 @@ use crate::skin::TaxelId;
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_calibration(path: impl Into<OutPath>, calibration: &Calibration) -> Result<(), IoError> {
-    let path = &path.into();
     const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,sigma,cxx,cxy,cxz,cyy,cyz,czz";
     let covariances = calibration.marginals.as_ref().map(|m| &m.positions);
-    write_table(path, HEADER, |table| {
+    write_table(&path.into(), HEADER, |table| {
         for (v, pose) in calibration.poses.enumerate() {
             table.whole(calibration.ids[v].0);
             table.decimals(pose.position.to_array().into_iter().chain(pose.rotation.to_array()));
@@ -51,11 +50,10 @@ pub fn write_bodies(
     cad: &CadSkin,
     taxels: &IdVec<VertexId, CalibratedTaxel>,
 ) -> Result<(), IoError> {
-    let path = &path.into();
     let has_normals = taxels.iter().any(|taxel| taxel.normal.is_some());
     let normals = if has_normals { ",nx,ny,nz" } else { "" };
     let header = format!("id,x,y,z{normals},patch,module,sigma,cxx,cxy,cxz,cyy,cyz,czz");
-    write_table(path, &header, |table| {
+    write_table(&path.into(), &header, |table| {
         for (taxel, drawn) in taxels.iter().zip(&cad.taxels) {
             let module = &cad.modules[drawn.module];
             table.whole(taxel.id.0);
@@ -84,9 +82,8 @@ pub fn write_truth(
     ids: &IdVec<VertexId, TaxelId>,
     truth: &IdVec<VertexId, Pose>,
 ) -> Result<(), IoError> {
-    let path = &path.into();
     const HEADER: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw";
-    write_table(path, HEADER, |table| {
+    write_table(&path.into(), HEADER, |table| {
         for (id, pose) in ids.iter().zip(truth) {
             table.whole(id.0);
             let normal = (pose.rotation * DVec3::Z).to_array();
@@ -107,8 +104,7 @@ pub fn write_triangles(
     ids: &IdVec<VertexId, TaxelId>,
     triangles: &[[VertexId; 3]],
 ) -> Result<(), IoError> {
-    let path = &path.into();
-    write_table(path, &BY_ID.join(","), |table| {
+    write_table(&path.into(), &BY_ID.join(","), |table| {
         for corners in triangles {
             corners.iter().filter_map(|&v| ids.get(v)).for_each(|id| table.whole(id.0));
             table.end_row()?;
@@ -130,14 +126,13 @@ pub fn write_inliers(
     observations: &Observations,
     calibration: &Calibration,
 ) -> Result<(), IoError> {
-    let path = &path.into();
     let fits = &calibration.diagnostics;
     let id = |v: VertexId| observations.taxels[v].id.0;
     let edges = observations.edges.iter().zip(&fits.edges);
     let edges = edges.map(|(edge, fit)| (id(edge.from), Some(id(edge.to)), fit));
     let contacts = observations.contacts.iter().zip(&fits.contacts);
     let contacts = contacts.map(|(contact, fit)| (id(contact.taxel), None, fit));
-    write_table(path, "i,j,sigmas,weight,inlier", |table| {
+    write_table(&path.into(), "i,j,sigmas,weight,inlier", |table| {
         for (i, j, fit) in edges.chain(contacts) {
             table.whole(i);
             match j {
@@ -159,15 +154,10 @@ pub fn write_inliers(
 /// The first cell that names no taxel, by line and column.
 pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec<[VertexId; 3]>, IoError> {
     let taxels = Taxels::new(ids.len(), ids.iter().copied());
-    let mut triangles = Vec::new();
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let corners = Corners::new(&table.columns)?;
-    table.each_row(&mut |row| {
-        triangles.push(corners.rows_of(row, &taxels)?.map(VertexId::new));
-        Ok(())
-    })?;
-    Ok(triangles)
+    table.rows(|row| Ok(corners.rows_of(row, &taxels)?.map(VertexId::new)))
 }
 
 /// Reads where taxels truly are: `id,x,y,z` and, if there, `qx,qy,qz,qw`; other columns are left
@@ -177,24 +167,21 @@ pub fn read_triangles(path: &Path, ids: &IdVec<VertexId, TaxelId>) -> Result<Vec
 /// If a column is missing, or only a part of `qx,qy,qz,qw` is there; the first broken cell, or id
 /// that comes twice, by line and column.
 pub fn read_truth(path: &Path) -> Result<Vec<(TaxelId, Pose)>, IoError> {
-    let mut truth = Vec::new();
     let mut seen = HashSet::new();
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let id_column = table.columns.need("id")?;
     let position_columns = table.columns.need_vector(["x", "y", "z"])?;
     let rotation_columns = table.columns.find_vector(["qx", "qy", "qz", "qw"])?;
-    table.each_row(&mut |row| {
+    table.rows(|row| {
         let id = row.taxel(id_column)?;
         if !seen.insert(id) {
             return Err(row.invalid(id_column, "every taxel once"));
         }
         let position = row.vector(position_columns)?;
         let rotation = rotation_columns.map_or(Ok(DQuat::IDENTITY), |columns| row.rotation(columns))?;
-        truth.push((id, Pose { position, rotation }));
-        Ok(())
-    })?;
-    Ok(truth)
+        Ok((id, Pose { position, rotation }))
+    })
 }
 
 /// Corners named by the ids of their taxels.

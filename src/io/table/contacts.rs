@@ -73,7 +73,7 @@ pub fn read_contacts<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, Con
     let is_unread = |name: &str| name == "link" && name != frame_or_link;
     let known: Vec<&str> =
         COLUMNS.into_iter().chain([frame_or_link]).filter(|name| !is_unread(name)).collect();
-    let unknown = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
+    let unknown = columns.unused(&known);
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
     let [force, radius] = ["force", "radius"].map(|name| columns.find(name));
@@ -152,7 +152,7 @@ pub fn read_map_places<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, M
     let (map, pixel) = (columns.find_vector(["u", "v"])?, columns.find_vector(["px", "py"])?);
     let is_read = |name: &&str| !(map.is_some() && ["px", "py"].contains(name));
     let known: Vec<&str> = MAP_COLUMNS.into_iter().filter(is_read).collect();
-    let unknown = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
+    let unknown = columns.unused(&known);
     let (place_columns, is_map) = match (map, pixel) {
         (Some(map), _) => (map, true),
         (None, Some(pixel)) => (pixel, false),

@@ -44,23 +44,17 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     }
     let mut known: Vec<&str> = columns.iter().map(|&(k, _)| &*robot.joints[k].name).collect();
     known.push("time");
-    let unused = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
-    let mut rows = Vec::new();
-    table.each_row(&mut |row| {
+    let unused = table.columns.unused(&known);
+    let mut count = 0;
+    let rows = table.some_rows("the values of joints", |row| {
         let at = time.map_or(Ok(0.0), |time| row.time(time))?;
         let given = columns.iter().map(|&(k, column)| Ok((k, row.number(column)?)));
-        rows.push((at, robot.joint_values(&given.collect::<Result<Vec<_>>>()?)));
-        if time.is_none() && rows.len() > 1 {
+        let values = robot.joint_values(&given.collect::<Result<Vec<_>>>()?);
+        count += 1;
+        if time.is_none() && count > 1 {
             return Err(row.at.invalid("a second row", "a column `time`, or one row"));
         }
-        Ok(())
+        Ok((at, values))
     })?;
-    if rows.is_empty() {
-        return Err(source.invalid(
-            "the table",
-            "no row below the names of its columns",
-            "the values of joints",
-        ));
-    }
     Ok(JointTable { rows, unused })
 }

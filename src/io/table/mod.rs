@@ -34,7 +34,7 @@ use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::lines::number_needed;
 use crate::io::file::times::{seconds, time_column};
-use crate::io::file::{LONGEST, LineLocation, Lines, Source, excerpt, finite};
+use crate::io::file::{LONGEST, LineLocation, Lines, Source, excerpt, finite, invalid};
 use crate::skin::TaxelId;
 
 /// Most lines of a row, which is split again with every line of a text in quotes.
@@ -104,7 +104,24 @@ impl<R: BufRead> Table<R> {
         Ok(())
     }
 
-    /// What `read` makes of each row.
+    /// What `read` makes of the rows.
+    pub(crate) fn rows<T>(mut self, mut read: impl FnMut(Row<'_>) -> Result<T>) -> Result<Vec<T>> {
+        let mut rows = Vec::new();
+        while self.advance()? {
+            rows.push(read(self.row())?);
+        }
+        Ok(rows)
+    }
+
+    /// What `read` makes of the rows, of which there must be one; `needed` calls them.
+    pub(crate) fn some_rows<T>(self, needed: &str, read: impl FnMut(Row<'_>) -> Result<T>) -> Result<Vec<T>> {
+        let path = self.lines.path().to_owned();
+        let rows = self.rows(read)?;
+        let none = || invalid(&path, "the table", "no row below the names of its columns", needed);
+        if rows.is_empty() { Err(none()) } else { Ok(rows) }
+    }
+
+    /// What `read` makes of each row, one after the other.
     pub(crate) fn into_rows<T>(
         self,
         read: impl Fn(Row<'_>) -> Result<T> + Send + 'static,
@@ -147,7 +164,7 @@ pub(crate) fn each_row_of<const N: usize>(
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let columns = table.columns.need_vector(names)?;
-    let unused = table.columns.unknown(&names).map(|(_, name)| name.to_owned()).collect();
+    let unused = table.columns.unused(&names);
     table.each_row(&mut |row| visit(row, columns))?;
     Ok(unused)
 }
@@ -248,13 +265,13 @@ impl<'a> Row<'a> {
 
     /// A rotation from the columns `qx,qy,qz,qw`.
     ///
-    /// Tables print rounded digits, so a length up to [`UNIT_TOLERANCE`] from 1 is scaled to 1;
+    /// Tables print rounded digits, so a length up to [`QUATERNION_TOLERANCE`] from 1 is scaled to 1;
     /// anything else is not meant as a rotation. (glTF has a narrower rule of its own, and graphs
     /// of g2o are scaled with a remark.)
     pub(crate) fn rotation(&self, columns: [usize; 4]) -> Result<DQuat> {
         let q = DQuat::from_array(self.numbers(columns)?);
         let off = (q.length() - 1.0).abs();
-        if off.is_nan() || off > UNIT_TOLERANCE {
+        if off.is_nan() || off > QUATERNION_TOLERANCE {
             return Err(self.invalid(columns[3], format!("a unit quaternion: length 1, not {}", q.length())));
         }
         Ok(q.normalize())
@@ -267,7 +284,7 @@ impl<'a> Row<'a> {
 }
 
 /// How far a quaternion may be from unit length: three decimals are enough to mean a rotation.
-const UNIT_TOLERANCE: f64 = 1e-3;
+const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// A column of times, and how many of their unit are a second.
 #[derive(Debug, Clone, Copy)]
@@ -319,6 +336,11 @@ impl Columns {
                 || time == Some(*k)
         };
         self.names.iter().map(String::as_str).enumerate().filter(move |column| !is_known(column))
+    }
+
+    /// The names of the columns that are not known.
+    pub(crate) fn unused(&self, known: &[&str]) -> Vec<String> {
+        self.unknown(known).map(|(_, name)| name.to_owned()).collect()
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {

@@ -82,7 +82,7 @@ pub fn read_link_names(path: &Path) -> Result<BTreeSet<String>, IoError> {
 
 fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFile, IoError> {
     let table = Table::of(source)?;
-    let unused = table.columns.unknown(&COLUMNS).map(|(_, name)| name.to_owned()).collect();
+    let unused = table.columns.unused(&COLUMNS);
     let link = table.columns.need("link")?;
     let time = table.columns.find_time()?;
     let position = table.columns.need_vector(["x", "y", "z"])?;

@@ -21,8 +21,7 @@ pub fn read_order(path: &Path) -> Result<TaxelTable<(usize, TaxelId)>, IoError> 
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let (column, id) = (table.columns.need("column")?, table.columns.need("taxel_id")?);
-    let unused = table.columns.unknown(&["column", "taxel_id", "support"]);
-    let unused = unused.map(|(_, name)| name.to_owned()).collect();
+    let unused = table.columns.unused(&["column", "taxel_id", "support"]);
     let mut rows: Vec<(usize, TaxelId)> = Vec::new();
     let (mut columns, mut taxels) = (HashSet::new(), HashSet::new());
     table.each_row(&mut |row| {

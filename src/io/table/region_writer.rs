@@ -99,9 +99,8 @@ impl RegionWriter {
 /// # Panics
 /// If a touch names a patch that `skin` does not have.
 pub fn write_touches(path: impl Into<OutPath>, skin: &Skin, touches: &[Touch]) -> Result<(), IoError> {
-    let path = &path.into();
     const HEADER: &str = "frame,time,press,patch,link,x,y,z,force,taxels,sphere_x,sphere_y,sphere_z";
-    write_table(path, HEADER, |table| {
+    write_table(&path.into(), HEADER, |table| {
         for touch in touches {
             let patch = &skin.patches[touch.patch];
             table.whole(touch.frame as u64);

@@ -57,7 +57,7 @@ pub fn read_response(path: &Path) -> Result<(Response, Vec<String>)> {
         return Err(columns.at().invalid(columns.describe(), needed));
     }
     let known = [&["taxel_id", "state", "other"][..], &NUMBERS].concat();
-    let unused = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
+    let unused = columns.unused(&known);
     let mut seen = HashSet::new();
     table.each_row(&mut |row| {
         let taxel = row.taxel(id)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::io::IoError;
 use crate::io::file::Source;
-use crate::io::table::Table;
+use crate::io::table::{Row, Table};
 use crate::signal::unit_ratio;
 
 /// A quantity over time, and the names of columns that are not used.
@@ -38,14 +38,7 @@ pub fn read_series(path: &Path, quantity: &str, unit: &str) -> Result<Series, Io
         return Err(columns.at().invalid(columns.describe(), "a column `time`"));
     };
     let known = ["time", &columns.names[value]];
-    let unused = columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
-    let mut rows = Vec::new();
-    table.each_row(&mut |row| {
-        rows.push([row.time(time)?, ratio * row.number(value)?]);
-        Ok(())
-    })?;
-    if rows.is_empty() {
-        return Err(source.invalid("the table", "no row below the names of its columns", "rows of times"));
-    }
-    Ok((rows, unused))
+    let unused = columns.unused(&known);
+    let read = |row: Row<'_>| Ok([row.time(time)?, ratio * row.number(value)?]);
+    Ok((table.some_rows("rows of times", read)?, unused))
 }

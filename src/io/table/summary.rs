@@ -20,17 +20,6 @@ pub enum SummaryCell {
     Count(u64),
 }
 
-/// The word of a kind of group.
-fn word(group: Group) -> &'static str {
-    match group {
-        Group::Whole => "whole",
-        Group::Link(_) => "link",
-        Group::Patch(_) => "patch",
-        Group::Region(_) => "region",
-        Group::Contact(_) => "contact",
-    }
-}
-
 /// The cells of a row of a summary, each with the name of its column.
 pub type SummaryRow = Vec<(&'static str, SummaryCell)>;
 
@@ -97,7 +86,7 @@ fn names_of(map: &SkinMap, summary: &Summary, group: Group) -> SummaryRow {
     let [patch, link, name] = summary.names(map, group).map(|name| Text(name.into_owned()));
     let channel = &summary.channel;
     vec![
-        ("group", Text(word(group).into())),
+        ("group", Text(<&str>::from(group).into())),
         ("name", name),
         ("patch", patch),
         ("link", link),
@@ -209,7 +198,7 @@ impl LoadWriter {
             let has_readings = load.readings > 0;
             table.whole(frame);
             table.number_if_any(Some(time).filter(|time| time.is_finite()));
-            table.cell(word(*group));
+            table.cell(group.into());
             table.cell(&summary.names(map, *group)[2]);
             table.number_if_any(Some(load.peak).filter(|_| has_readings));
             table.number_if_any(load.mean());

@@ -91,16 +91,8 @@ fn read_source(source: &Source) -> Result<TouchRows> {
         .chain(BODY_ROTATION)
         .chain(PLANE)
         .collect();
-    let unused = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
-    let mut rows = Vec::new();
-    table.each_row(&mut |row| {
-        rows.push(read_row(row, &columns)?);
-        Ok(())
-    })?;
-    if rows.is_empty() {
-        return Err(source.invalid("the table", "no row below the names of its columns", "rows of touches"));
-    }
-    Ok((rows, unused))
+    let unused = table.columns.unused(&known);
+    Ok((table.some_rows("rows of touches", |row| read_row(row, &columns))?, unused))
 }
 
 fn read_row(row: Row<'_>, columns: &TouchColumns) -> Result<TouchRow> {

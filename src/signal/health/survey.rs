@@ -147,6 +147,7 @@ impl Survey {
 
     /// The excess from which on a taxel is touched.
     pub(in crate::signal) fn hot(&self, taxel: usize) -> f64 {
+        /// In standard deviations: of normal noise one reading in 3.5 million is beyond it, with half of it one in 160.
         const NOISE: f64 = 5.0;
         self.threshold.max(NOISE * self.sigma[taxel])
     }

@@ -107,6 +107,7 @@ fn to_nearest(points: &[DVec2], others: &[DVec2]) -> f64 {
 
 /// Points half of the way to the quadratic function of them that is nearest to their targets.
 fn bent(points: &[DVec2], targets: &[DVec2]) -> Vec<DVec2> {
+    /// Terms of lower eigenvalues depend on the others up to rounding.
     const LEAST: f64 = 1e-12;
     let size = points.iter().map(|x| x.length_squared()).sum::<f64>() / points.len() as f64;
     let unit = 1.0 / size.sqrt().max(f64::MIN_POSITIVE);

@@ -145,6 +145,7 @@ fn landmarks(distances: &[f64], count: usize) -> [usize; VECTORS] {
 
 /// Makes columns orthonormal, in their order; those that depend on earlier ones become 0.
 fn orthonormalise(vectors: &mut [[f64; VECTORS]]) {
+    /// What is left of a column, over its square before, where it depends on earlier ones up to rounding.
     const DEPENDENT: f64 = 1e-12;
     for k in 0..VECTORS {
         let before: f64 = vectors.iter().map(|x| x[k] * x[k]).sum();
@@ -179,14 +180,14 @@ fn lower_stress(mut points: Vec<DVec2>, distances: &[f64]) -> Vec<DVec2> {
     }
     let Some(factor) = dense_cholesky(&laplacian, n) else { return points };
     for _ in 0..STRESS_STEPS {
-        let mut rhs: Vec<[f64; 2]> = Vec::with_capacity(n);
+        let mut rhs = Vec::with_capacity(2 * n);
         for (i, &x) in points[..n].iter().enumerate() {
             let row = &distances[i * count..][..count];
             let pull = |(&y, &d): (&DVec2, &f64)| weight(d) * d / x.distance(y).max(1e-6) * (x - y);
-            rhs.push(points.iter().zip(row).map(pull).sum::<DVec2>().to_array());
+            rhs.extend(points.iter().zip(row).map(pull).sum::<DVec2>().to_array());
         }
-        solve_dense(&factor, &mut rhs);
-        points = rhs.into_iter().map(DVec2::from_array).chain([DVec2::ZERO]).collect();
+        solve_dense(&factor, &mut rhs, 2);
+        points = rhs.chunks_exact(2).map(DVec2::from_slice).chain([DVec2::ZERO]).collect();
         let mean = points.iter().sum::<DVec2>() / count as f64;
         points.iter_mut().for_each(|x| *x -= mean);
     }

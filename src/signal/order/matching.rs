@@ -30,7 +30,7 @@ const FURTHER_STEPS: usize = 30;
 const FURTHER_CHANGE: f64 = 1e-5;
 
 /// Rounds of further starts, which go on while one of them raises the objective by this.
-const ROUNDS: usize = 4;
+const FURTHER_ROUNDS: usize = 4;
 const PROGRESS: f64 = 0.002;
 
 /// Steps that make the sums of rows and columns 1.
@@ -92,7 +92,7 @@ impl<'a> Matching<'a> {
             soft[k * self.surface.len() + taxel] += 1.0 - SPREAD;
         }
         let mut best = self.climb(soft, STEPS, CHANGE, run)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..FURTHER_ROUNDS {
             let before = best.objective;
             for width in WIDTHS {
                 let soft = self.around(&self.smoothed(&best.taxels), width);
@@ -143,6 +143,7 @@ impl<'a> Matching<'a> {
 
     /// Shares of each column on the taxels around a point, such that taxels have at most one column in all.
     fn around(&self, points: &[DVec2], width: f64) -> Vec<f64> {
+        /// Added to each share, so that no taxel is impossible for a column.
         const LEAST: f64 = 1e-9;
         let count = self.surface.len();
         let square = 2.0 * (width * self.surface.spacing).powi(2);
@@ -182,6 +183,7 @@ impl<'a> Matching<'a> {
     /// Where columns are according to those that are alike: weighted means, which an affine map frees from their
     /// shrinking.
     fn smoothed(&self, taxels: &[usize]) -> Vec<DVec2> {
+        /// The weight of where a column is now; with 1 no column moves.
         const OWN: f64 = 0.35;
         let places: Vec<DVec2> = taxels.iter().map(|&taxel| self.targets[taxel]).collect();
         let mut points = places.clone();
@@ -256,6 +258,7 @@ impl<'a> Matching<'a> {
 
 /// Points moved by the affine map that is nearest to targets.
 fn affine(points: &[DVec2], targets: &[DVec2]) -> Vec<DVec2> {
+    /// Points on a line have no affine map: their determinant is below this share of the square of their trace.
     const DEGENERATE: f64 = 1e-12;
     let n = points.len() as f64;
     let [from, to] = [points, targets].map(|all| all.iter().sum::<DVec2>() / n);

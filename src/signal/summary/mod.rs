@@ -27,7 +27,8 @@ pub use load::Load;
 pub use totals::Totals;
 
 /// What a sum is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::IntoStaticStr)]
+#[strum(serialize_all = "lowercase")]
 pub enum Group {
     /// The whole skin.
     Whole,

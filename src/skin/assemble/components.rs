@@ -49,14 +49,7 @@ impl<'a> Components<'a> {
     ) -> Result<Self, SkinError> {
         let patch = || sheet.title().to_owned();
         let surface = WeldedMesh::new(sheet, welding, |_| true);
-        let crowded: Vec<[VertexId; 2]> = surface
-            .edges
-            .iter()
-            .filter(|uses| uses.len() > 2)
-            .map(|uses| {
-                [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)].map(|v| surface.in_file(v))
-            })
-            .collect();
+        let crowded = surface.crowded();
         if !crowded.is_empty() {
             let (patch, edges) = (patch(), crowded);
             return Err(if surface.is_given_up {

@@ -38,7 +38,8 @@ pub enum Elements {
 }
 
 /// How severe a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::Display)]
+#[strum(serialize_all = "lowercase")]
 pub enum Severity {
     /// [`crate::skin::assemble`] refuses the draft.
     Error,
@@ -51,7 +52,8 @@ pub enum Severity {
 macro_rules! finding_kinds {
     ($n:ident; $($(#[$doc:meta])* $severity:ident $variant:ident $({ $($field:ident: $type:ty),* })? => $text:literal $(, $argument:expr)*;)*) => {
         /// Kinds of findings. `Display` gives the name in words and in JSON, like `non-manifold-edge`.
-        #[derive(Debug, Clone, PartialEq)]
+        #[derive(Debug, Clone, PartialEq, strum::Display)]
+        #[strum(serialize_all = "kebab-case")]
         #[non_exhaustive]
         #[expect(missing_docs, reason = "the messages say what the fields are")]
         pub enum FindingKind {
@@ -63,12 +65,6 @@ macro_rules! finding_kinds {
             pub const fn severity(&self) -> Severity {
                 match self {
                     $(Self::$variant $({ $($field: _),* })? => Severity::$severity,)*
-                }
-            }
-
-            const fn variant(&self) -> &'static str {
-                match self {
-                    $(Self::$variant $({ $($field: _),* })? => stringify!($variant),)*
                 }
             }
 
@@ -227,30 +223,6 @@ impl Elements {
             Self::Edges(edges) => edges.iter().flatten().map(|v| v.raw()).collect(),
             Self::Links(links) => links.iter().map(|link| link.raw()).collect(),
         }
-    }
-}
-
-/// The name of the variant with hyphens between its words.
-impl fmt::Display for FindingKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut name = String::new();
-        for c in self.variant().chars() {
-            if c.is_ascii_uppercase() && !name.is_empty() {
-                name.push('-');
-            }
-            name.push(c.to_ascii_lowercase());
-        }
-        f.write_str(&name)
-    }
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-            Self::Note => "note",
-        })
     }
 }
 

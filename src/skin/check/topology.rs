@@ -10,14 +10,14 @@ use crate::skin::check::{Elements, FindingKind};
 pub(super) fn check_manifold(subject: &Subject<'_>, report: &mut Report<'_>) -> bool {
     let Subject { surface, winding, .. } = subject;
     let in_file = |ends: [VertexId; 2]| ends.map(|v| surface.in_file(v));
-    let crowded: Vec<_> = surface.edges.iter().filter(|uses| uses.len() > 2).collect();
-    let most = crowded.iter().map(|uses| uses.len()).max().unwrap_or(0);
-    let ends = crowded.iter().map(|uses| [uses[0].start(&surface.mesh), uses[0].end(&surface.mesh)]);
-    report.add(FindingKind::NonManifoldEdge { most }, Elements::Edges(ends.map(in_file).collect()));
+    let crowded = surface.crowded();
+    let is_sheet = crowded.is_empty();
+    let most = surface.edges.iter().map(|uses| uses.len()).max().unwrap_or(0);
+    report.add(FindingKind::NonManifoldEdge { most }, Elements::Edges(crowded));
     report.add_vertices(FindingKind::NonManifoldVertex, surface.touching.iter().copied());
     let conflicts = winding.conflicting_edges.iter().copied().map(in_file).collect();
     report.add(FindingKind::NotOrientable, Elements::Edges(conflicts));
-    crowded.is_empty()
+    is_sheet
 }
 
 pub(super) fn check_components(subject: &Subject<'_>, report: &mut Report<'_>) {

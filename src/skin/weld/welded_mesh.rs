@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashMap};
 use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Edges, TriMesh};
+use crate::mesh::{Edges, Halfedge, TriMesh};
 use crate::numeric::DisjointSets;
 use crate::parallel::par_ids;
 use crate::skin::weld::crowded::{Content, pairs};
@@ -158,6 +158,12 @@ impl WeldedMesh {
             self.touching = split.touching;
         }
         self.edges = Edges::new(&self.mesh.triangles, self.mesh.positions.len());
+    }
+
+    /// The edges of more than two faces, by their vertices in the file.
+    pub(in crate::skin) fn crowded(&self) -> Vec<[VertexId; 2]> {
+        let ends = |h: Halfedge| [h.start(&self.mesh), h.end(&self.mesh)].map(|v| self.in_file(v));
+        self.edges.iter().filter(|uses| uses.len() > 2).map(|uses| ends(uses[0])).collect()
     }
 
     /// The vertex of the file for a vertex.

@@ -18,6 +18,7 @@ use dermatome::{
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
+/// Contacts near the skin, contacts of a band, and passes over them, of which the fastest counts.
 const CONTACTS: usize = 1 << 15;
 const BAND_CONTACTS: usize = 1 << 13;
 const PASSES: usize = 13;

@@ -4,7 +4,7 @@ use dermatome::calib::{CalibOptions, Initialization, Loss, ResidualConvention};
 use dermatome::least_squares::Options;
 
 use crate::calibrate::cad_args::CadArgs;
-use crate::options::{Choice, InPath, OutFile, Unit, one_of};
+use crate::options::{Choice, InPath, OutFile, Unit, one_of, whole};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
@@ -98,7 +98,7 @@ const STARTS: [Choice<Initialization>; 2] = [
 
 /// A number of touches.
 fn touches(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "needed: a number of touches, at least 1".into())
+    whole(text, "a number of touches, at least 1")
 }
 
 impl Args {

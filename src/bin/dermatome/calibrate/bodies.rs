@@ -1,6 +1,5 @@
 //! `calibrate --cad`: touches move the bodies of a drawn skin.
 
-use std::io::{BufReader, stdin};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -8,18 +7,18 @@ use std::time::Instant;
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::calib::{BodyCalibration, TouchNoise, fit_bodies};
-use dermatome::io::{observations_from_stream, read_observations, write_bodies, write_skin};
+use dermatome::io::{write_bodies, write_skin};
 
 use crate::calibrate::args::Args;
 use crate::calibrate::body_summary::{BodySummary, print_bodies};
 use crate::calibrate::drawing::Drawing;
-use crate::calibrate::inputs::is_assumed;
+use crate::calibrate::inputs::{is_assumed, read_seen};
 use crate::calibrate::results::{OutputKind, check};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::{note, remark_lost};
 use crate::console::print::print_json;
 use crate::console::progress;
-use crate::files::outputs::{self, is_stream};
+use crate::files::outputs;
 use crate::options::Common;
 
 /// The remark on touches whose table has no uncertainty.
@@ -30,12 +29,7 @@ pub(super) const NOISE_IS_ESTIMATED: &str =
 pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs = check_outputs(args)?;
     let drawing = Drawing::read(cad, &args.cad, common)?;
-    let read = if is_stream(&args.observations) {
-        observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &[])
-    } else {
-        read_observations(&args.observations, &[])
-    };
-    let (mut observations, remarks) = read.map_err(Error::from)?;
+    let (mut observations, remarks) = read_seen(&args.observations, &[])?;
     remarks.iter().filter(|remark| !is_assumed(remark)).for_each(|remark| note!(common, "{remark}"));
     let noise = if remarks.iter().any(is_assumed) {
         note!(common, "{NOISE_IS_ESTIMATED}");

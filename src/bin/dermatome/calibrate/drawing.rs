@@ -9,7 +9,7 @@ use dermatome::skin::{AssembleOptions, Draft, Skin, assemble};
 
 use crate::calibrate::cad_args::CadArgs;
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns, note_remarks};
+use crate::console::notes::{note, note_remarks, rows_of};
 use crate::files::outputs;
 use crate::options::Common;
 
@@ -61,9 +61,7 @@ impl Drawing {
 /// The modules of a table, or of a column of the drawing.
 fn module_names(path: &Path, args: &CadArgs, common: &Common) -> anyhow::Result<Option<ModuleNames>> {
     if let Some(path) = &args.modules {
-        let table = read_modules(path).map_err(Error::from)?;
-        note_columns(path, &table.unused, common);
-        return Ok(Some(table.rows.into_iter().collect()));
+        return Ok(Some(rows_of(path, read_modules(path), common)?.into_iter().collect()));
     }
     let rows = modules_of_skin(path).map_err(Error::from)?;
     Ok(rows.map(|rows| rows.into_iter().collect()))

@@ -1,7 +1,6 @@
 //! `calibrate --follow`: a line of JSON for each touch while the table of observations is written.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Write, stdin, stdout};
+use std::io::{BufReader, Write, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -9,7 +8,7 @@ use dermatome::Error;
 use dermatome::calib::{
     BodyFollower, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower, Observations, TouchNoise,
 };
-use dermatome::io::{IoError, ObservationRemark, touches_from_stream, write_bodies, write_calibration};
+use dermatome::io::{ObservationRemark, touches_from_stream, write_bodies, write_calibration};
 use dermatome::run::Run;
 use serde::Serialize;
 
@@ -21,6 +20,7 @@ use crate::calibrate::results::{self, OutputKind};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::note;
 use crate::console::print::{print, say};
+use crate::files::input::open_input;
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, Unit};
 
@@ -121,14 +121,8 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     if outputs.iter().any(|(path, _)| is_stream(path)) {
         return Err(advise("standard output has a line for each touch", "write the result to a file"));
     }
-    let (input, name): (Box<dyn BufRead + Send>, &Path) = if is_stream(&args.observations) {
-        (Box::new(BufReader::new(stdin())), "standard input".as_ref())
-    } else {
-        let path: &Path = &args.observations;
-        let fail = |source| Error::from(IoError::Read { path: path.to_owned(), source });
-        (Box::new(BufReader::new(File::open(path).map_err(fail)?)), path)
-    };
-    let mut stream = touches_from_stream(input, name).map_err(Error::from)?;
+    let (name, input) = open_input(&args.observations)?;
+    let mut stream = touches_from_stream(BufReader::new(input), name).map_err(Error::from)?;
     let mut solver = Solver::new(args, common)?;
     let (mut unfit, mut failed) = (0_usize, None);
     let mut remarked = Vec::new();

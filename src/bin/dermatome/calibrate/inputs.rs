@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io::{BufReader, stdin};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use dermatome::Error;
 use dermatome::calib::{Observations, Pose};
@@ -17,6 +17,19 @@ use crate::console::errors::advise;
 use crate::console::notes::note;
 use crate::files::outputs::is_stream;
 use crate::options::{Common, Unit};
+
+/// Reads observations of a file, or of standard input, and further contacts.
+pub(super) fn read_seen(
+    path: &Path,
+    contacts: &[PathBuf],
+) -> Result<(Observations, Vec<ObservationRemark>), Error> {
+    let read = if is_stream(path) {
+        observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), contacts)
+    } else {
+        read_observations(path, contacts)
+    };
+    Ok(read?)
+}
 
 /// Whether the table gives no uncertainty, so that one was assumed.
 pub(super) fn is_assumed(remark: &ObservationRemark) -> bool {
@@ -39,12 +52,7 @@ pub(super) struct Truth {
 impl Inputs {
     pub(super) fn read(args: &Args, common: &Common) -> anyhow::Result<Self> {
         let contacts: Vec<PathBuf> = args.contacts.iter().map(PathBuf::from).collect();
-        let read = if is_stream(&args.observations) {
-            observations_from_stream(BufReader::new(stdin()), "standard input".as_ref(), &contacts)
-        } else {
-            read_observations(&args.observations, &contacts)
-        };
-        let (mut observations, remarks) = read.map_err(Error::from)?;
+        let (mut observations, remarks) = read_seen(&args.observations, &contacts)?;
         remarks.iter().for_each(|remark| note!(common, "{remark}"));
         if !observations.touches.is_empty() {
             note!(common, "columns of touches count only with --cad: every row is an observation of its own");

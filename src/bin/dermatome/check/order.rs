@@ -10,7 +10,7 @@ use dermatome::skin::Skin;
 use serde_json::{Value, json};
 
 use crate::check::recordings::RecordingArgs;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, rows_of};
 use crate::files::outputs;
 use crate::options::{Common, InPath};
 
@@ -36,12 +36,8 @@ impl OrderArgs {
         skin: &Skin,
         common: &Common,
     ) -> anyhow::Result<Order> {
-        let mut known = Vec::new();
-        if let Some(path) = &self.known {
-            let table = read_order(path).map_err(Error::from)?;
-            note_columns(path, &table.unused, common);
-            known = table.rows;
-        }
+        let known = self.known.as_ref().map(|path| rows_of(path, read_order(path), common)).transpose()?;
+        let known = known.unwrap_or_default();
         let mut reading = recordings.read.clone();
         reading.zero = Some(reading.zero.unwrap_or(Zero::Follow));
         let options = reading.recording_options(common)?;

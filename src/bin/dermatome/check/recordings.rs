@@ -11,7 +11,7 @@ use dermatome::skin::Skin;
 use serde_json::{Value, json};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, rows_of};
 use crate::console::print::line;
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, InPath, OutFile};
@@ -54,12 +54,9 @@ impl RecordingArgs {
     /// Judges the taxels of a skin, and writes their states.
     pub(super) fn examine(&self, skin: &Skin, common: &Common) -> anyhow::Result<HealthReport> {
         let map = Arc::new(SkinMap::of_taxels(skin));
-        let mut modules = Vec::new();
-        if let Some(path) = &self.modules {
-            let table = read_modules(path).map_err(Error::from)?;
-            note_columns(path, &table.unused, common);
-            modules = table.rows;
-        }
+        let modules =
+            self.modules.as_ref().map(|path| rows_of(path, read_modules(path), common)).transpose()?;
+        let modules = modules.unwrap_or_default();
         let defaults = HealthOptions::default();
         let zero = self.read.zero().unwrap_or(defaults.zero);
         let options = HealthOptions { zero, threshold: self.threshold, modules };

@@ -2,9 +2,10 @@
 
 use std::{collections::HashMap, fmt, mem, path::Path};
 
+use dermatome::Error;
 use dermatome::cut::Cut;
 use dermatome::flatten::{FlattenOptions, Method, Overlap};
-use dermatome::io::{lost_in, rounding_in_gltf};
+use dermatome::io::{IoError, TaxelTable, lost_in, rounding_in_gltf};
 use dermatome::pipeline::Built;
 use dermatome::report::PatchReport;
 use dermatome::skin::{Remark, Skin, TaxelId};
@@ -66,6 +67,17 @@ pub(crate) fn note_columns(path: &Path, columns: &[String], common: &Common) {
         1 => note!(common, "{path}: column {named} is not used"),
         _ => note!(common, "{path}: columns {named} are not used"),
     }
+}
+
+/// The rows of a table of taxels; names the columns that are not used.
+pub(crate) fn rows_of<T>(
+    path: &Path,
+    table: Result<TaxelTable<T>, IoError>,
+    common: &Common,
+) -> Result<Vec<T>, Error> {
+    let TaxelTable { rows, unused } = table?;
+    note_columns(path, &unused, common);
+    Ok(rows)
 }
 
 /// Prints remarks in their order; many of one kind as one note, unless all are asked for.

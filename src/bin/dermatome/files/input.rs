@@ -1,7 +1,7 @@
 //! Reading a skin as every subcommand does: draft, assembly, remarks.
 
-use std::fs::DirEntry;
-use std::io;
+use std::fs::{DirEntry, File};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -27,6 +27,23 @@ pub(crate) fn read_skin(
     common: &Common,
 ) -> anyhow::Result<Skin> {
     Ok(read_good_patches(&[path.to_owned()], read, chosen, options, common)?.0)
+}
+
+/// The skin of a map, or of a file that [`read_skin`] reads.
+pub(crate) fn read_any_skin(path: &InPath, read: &ReadArgs, common: &Common) -> anyhow::Result<Skin> {
+    match read_map_if_any(path)? {
+        Some(map) => Ok(map.skin()),
+        None => read_skin(path, read, &PatchArgs::default(), &read.options(&[path]), common),
+    }
+}
+
+/// An input and its name in errors; `-`: standard input.
+pub(crate) fn open_input(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)> {
+    if outputs::is_stream(path) {
+        return Ok((Path::new("standard input"), Box::new(io::stdin())));
+    }
+    let fail = |source| Error::from(IoError::Read { path: path.to_owned(), source });
+    Ok((path, Box::new(File::open(path).map_err(fail)?)))
 }
 
 /// Kinds of files with triangles: those that are taken of a folder.

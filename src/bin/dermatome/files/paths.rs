@@ -20,13 +20,7 @@ pub(crate) struct GivenPaths {
 impl GivenPaths {
     pub(crate) fn of(given: &ArgMatches) -> Self {
         let mut inputs = all::<InPath>(given);
-        inputs.extend(all_read::<CutArg>(given));
-        inputs.extend(all_read::<BoundaryArg>(given));
-        inputs.extend(all_read::<JointsArg>(given));
-        inputs.extend(all_read::<LayoutArg>(given));
-        inputs.extend(all_read::<RegionSource>(given));
-        inputs.extend(all_read::<ModulesArg>(given));
-        inputs.extend(all_read::<SkipArg>(given));
+        READ.iter().for_each(|(_, all)| inputs.extend(all(given)));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
     }
 }
@@ -40,28 +34,32 @@ fn all<T: AsRef<Path> + Clone + Send + Sync + 'static>(given: &ArgMatches) -> Ve
     values::<T>(given).map(|path| path.as_ref().to_owned()).collect()
 }
 
-fn all_read<T: MayRead>(given: &ArgMatches) -> impl Iterator<Item = PathBuf> {
-    values::<T>(given).filter_map(MayRead::file).map(Path::to_owned)
+fn all_read<T: MayRead>(given: &ArgMatches) -> Vec<PathBuf> {
+    values::<T>(given).filter_map(MayRead::file).map(Path::to_owned).collect()
 }
+
+/// The type of an argument that may be the name of a file that is read, and these files.
+type Readable = (fn() -> TypeId, fn(&ArgMatches) -> Vec<PathBuf>);
+
+const READ: [Readable; 7] = [
+    (TypeId::of::<BoundaryArg>, all_read::<BoundaryArg>),
+    (TypeId::of::<CutArg>, all_read::<CutArg>),
+    (TypeId::of::<JointsArg>, all_read::<JointsArg>),
+    (TypeId::of::<LayoutArg>, all_read::<LayoutArg>),
+    (TypeId::of::<ModulesArg>, all_read::<ModulesArg>),
+    (TypeId::of::<RegionSource>, all_read::<RegionSource>),
+    (TypeId::of::<SkipArg>, all_read::<SkipArg>),
+];
 
 /// Lets the shell complete the names of files and folders.
 pub(crate) fn with_hints(command: Command) -> Command {
-    let has_type = |arg: &Arg, types: &[TypeId]| types.iter().any(|t| arg.get_value_parser().type_id() == *t);
     let hinted = |arg: Arg| {
-        let files = [
-            TypeId::of::<OutFile>(),
-            TypeId::of::<CutArg>(),
-            TypeId::of::<BoundaryArg>(),
-            TypeId::of::<LayoutArg>(),
-            TypeId::of::<RegionSource>(),
-            TypeId::of::<ModulesArg>(),
-            TypeId::of::<SkipArg>(),
-        ];
-        if has_type(&arg, &[TypeId::of::<InPath>()]) {
+        let own = arg.get_value_parser().type_id();
+        if own == TypeId::of::<InPath>() {
             arg.value_hint(ValueHint::AnyPath)
-        } else if has_type(&arg, &files) || has_type(&arg, &[TypeId::of::<JointsArg>()]) {
+        } else if own == TypeId::of::<OutFile>() || READ.iter().any(|(of, _)| own == of()) {
             arg.value_hint(ValueHint::FilePath)
-        } else if has_type(&arg, &[TypeId::of::<OutFolder>()]) {
+        } else if own == TypeId::of::<OutFolder>() {
             arg.value_hint(ValueHint::DirPath)
         } else {
             arg

@@ -13,7 +13,8 @@ use dermatome::{
 use glam::{DAffine3, DVec2};
 
 use crate::console::notes::{note_columns, note_count};
-use crate::lookup::contacts::{FrameArg, LARGEST, WORLD, open};
+use crate::files::input::open_input;
+use crate::lookup::contacts::{FrameArg, LARGEST, WORLD};
 use crate::lookup::player::Player;
 use crate::lookup::refusals::{Refusals, unanswered};
 use crate::lookup::robot::Robot;
@@ -56,7 +57,7 @@ impl<'a> Back<'a> {
     ) -> anyhow::Result<Self> {
         player.start(&mut index).map_err(Error::from)?;
         let maps = MapIndex::new(&robot.map).map_err(Error::from)?;
-        let (name, input) = open(path)?;
+        let (name, input) = open_input(path)?;
         let (unknown, rows) = read_map_places(name, input).map_err(Error::from)?;
         note_columns(name, &unknown, common);
         let refusals = Refusals::new(name.to_owned());

@@ -1,7 +1,5 @@
 //! The table of contacts, read some rows at a time.
 
-use std::fs::File;
-use std::io::{Read, stdin};
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -12,7 +10,7 @@ use dermatome::skin::LinkId;
 use glam::DVec3;
 
 use crate::console::notes::{first_names, note, note_columns};
-use crate::files::outputs::is_stream;
+use crate::files::input::open_input;
 use crate::lookup::refusals::Refusals;
 use crate::lookup::robot::Robot;
 use crate::options::{Common, Unit};
@@ -85,15 +83,6 @@ pub(super) struct Contacts<'a> {
     pub(super) refusals: Refusals,
 }
 
-/// A table and its name in errors; `-`: standard input.
-pub(super) fn open(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + Send>)> {
-    if is_stream(path) {
-        return Ok((Path::new("standard input"), Box::new(stdin())));
-    }
-    let fail = |source| Error::from(IoError::Read { path: path.to_owned(), source });
-    Ok((path, Box::new(File::open(path).map_err(fail)?)))
-}
-
 impl Contacts<'_> {
     /// Opens a table of which the columns `used` change the answer besides `x,y,z`, `link` and `only_link`.
     pub(super) fn open(
@@ -102,7 +91,7 @@ impl Contacts<'_> {
         used: &[&str],
         common: &Common,
     ) -> anyhow::Result<Self> {
-        let (name, input) = open(path)?;
+        let (name, input) = open_input(path)?;
         let (unknown, rows) = read_contacts(name, input).map_err(Error::from)?;
         note_columns(name, &unknown, common);
         Ok(Self {

@@ -5,7 +5,7 @@ use std::path::Path;
 use dermatome::Error;
 use dermatome::contact::{Cell, LiveTaxels};
 use dermatome::id::IdVec;
-use dermatome::io::{MotionFile, read_motion, read_robot};
+use dermatome::io::{MotionFile, read_motion};
 use dermatome::map::{FieldRegions, SkinMap};
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{LinkId, Motion, PatchId, link_names, world_pose};
@@ -119,10 +119,7 @@ impl Robot {
         joints: Option<&JointsArg>,
         common: &Common,
     ) -> anyhow::Result<Motion> {
-        let robot = read_robot(path).map_err(Error::from)?;
-        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
-        let rows = joints.map_or_else(rest, |joints| joints.rows(&robot, common))?;
-        let motion = robot.motion(&rows, &self.map.links).map_err(Error::from)?;
+        let motion = JointsArg::motion(joints, path, &self.map.links, common)?;
         if motion.times().is_none() {
             note!(common, "{}: no link of the map has the name of one of its links", path.display());
         }

@@ -13,9 +13,9 @@ use dermatome::skin::Skin;
 use glam::DVec3;
 
 use crate::console::errors::advise;
-use crate::console::notes::note_columns;
+use crate::console::notes::rows_of;
 use crate::options::values::{direction, number};
-use crate::options::{Choice, Common, MayRead, one_of};
+use crate::options::{Choice, Common, one_of};
 
 /// How to flatten.
 #[derive(Debug, Clone, clap::Args)]
@@ -25,15 +25,15 @@ pub(crate) struct FlattenArgs {
     #[arg(long, value_enum, default_value_t = MethodArg::Intrinsic)]
     method: MethodArg,
     /// What the intrinsic method minimises [default: sum, and symmetric-dirichlet for patches without a usable map]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, hide_short_help = true)]
     energy: Option<EnergyArg>,
     /// Weight of the angle term [default: 1]
-    #[arg(long, value_name = "W", value_parser = weight)]
+    #[arg(long, value_name = "W", value_parser = weight, hide_short_help = true)]
     angle: Option<f64>,
     /// Weight of the area term [default: 1]
-    #[arg(long, value_name = "W", value_parser = weight)]
+    #[arg(long, value_name = "W", value_parser = weight, hide_short_help = true)]
     area: Option<f64>,
-    /// Weight of the perimeter term [default: 0]
+    /// Weight of the perimeter term, for lengths along the rim that are as on the skin, as where maps are joined [default: 0]
     #[arg(long, value_name = "W", value_parser = weight)]
     perimeter: Option<f64>,
     /// Magnification of dense skin: 0 true to the area, 1 equal map area per taxel [default: 0]
@@ -82,12 +82,6 @@ impl From<OsString> for CutArg {
     }
 }
 
-impl MayRead for CutArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::Table(path) = self { Some(path) } else { None }
-    }
-}
-
 /// Where the boundary lies; taxels are looked up once the skin is read.
 #[derive(Debug, Clone)]
 pub(crate) enum BoundaryArg {
@@ -118,12 +112,6 @@ enum EnergyArg {
     SymmetricDirichlet,
 }
 
-impl MayRead for BoundaryArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::Table(path) = self { Some(path) } else { None }
-    }
-}
-
 impl FlattenArgs {
     /// The options for a skin; a table of --boundary needs one with a single patch.
     pub(crate) fn options_for(&self, skin: &Skin, common: &Common) -> anyhow::Result<FlattenOptions> {
@@ -138,9 +126,8 @@ impl FlattenArgs {
                 "choose one with --patch NAME, or prescribe a circle",
             ));
         };
-        let table = read_boundary(path).map_err(Error::from)?;
-        note_columns(path, &table.unused, common);
-        options.boundary = Boundary::through(&patch.taxels.ids, table.rows)
+        let rows = rows_of(path, read_boundary(path), common)?;
+        options.boundary = Boundary::through(&patch.taxels.ids, rows)
             .map_err(Error::from)
             .with_context(|| format!("cannot use {}", path.display()))?;
         Ok(options)
@@ -203,11 +190,7 @@ impl FlattenArgs {
             CutArg::Auto => Cut::Auto,
             CutArg::None => Cut::None,
             CutArg::All => Cut::All,
-            CutArg::Table(file) => {
-                let table = read_seams(file).map_err(Error::from)?;
-                note_columns(file, &table.unused, common);
-                Cut::Along(table.rows)
-            }
+            CutArg::Table(file) => Cut::Along(rows_of(file, read_seams(file), common)?),
         })
     }
 

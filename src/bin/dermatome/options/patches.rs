@@ -22,7 +22,7 @@ pub(crate) struct PatchArgs {
     pub(crate) patches: Vec<Pattern>,
     /// Take the faces of this material of a glTF or OBJ file only, in which * and ? stand for any
     /// characters; may be given more than once
-    #[arg(long = "material", value_name = "NAME", value_parser = pattern)]
+    #[arg(long = "material", value_name = "NAME", value_parser = pattern, hide_short_help = true)]
     materials: Vec<Pattern>,
     /// Take the faces, or bare taxels, whose centre lies in this box only: two corners in m, in the
     /// world, or, as hand:X,..., in the frame of a link; with --spacing faces are cut along its sides
@@ -30,7 +30,7 @@ pub(crate) struct PatchArgs {
     bounds: Option<InFrame<[DVec3; 2]>>,
     /// Take only the faces, or bare taxels, whose normal is within some degrees of a direction (x, -x, y, -y, z, -z
     /// or three numbers), in the world or in the frame of a link; for example x,45deg [degrees: 60]
-    #[arg(long, value_name = "[LINK:]DIR[,DEG]", value_parser = facing, allow_hyphen_values = true)]
+    #[arg(long, value_name = "[LINK:]DIR[,DEG]", value_parser = facing, allow_hyphen_values = true, hide_short_help = true)]
     facing: Option<InFrame<Facing>>,
 }
 

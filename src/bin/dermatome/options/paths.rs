@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use dermatome::io::{ReadingsLayout, file_kind};
 
+use crate::options::{BoundaryArg, CutArg, JointsArg, RegionSource};
+
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
         $(#[$doc])*
@@ -52,9 +54,28 @@ paths!(
 
 /// An argument that is a word or the name of a file that is read.
 pub(crate) trait MayRead: Clone + Send + Sync + 'static {
-    /// The file, if it is one.
     fn file(&self) -> Option<&Path>;
 }
+
+macro_rules! may_read {
+    ($($name:ident :: $variant:ident),*) => {$(
+        impl MayRead for $name {
+            fn file(&self) -> Option<&Path> {
+                if let Self::$variant(path) = self { Some(path) } else { None }
+            }
+        }
+    )*};
+}
+
+may_read!(
+    BoundaryArg::Table,
+    CutArg::Table,
+    JointsArg::File,
+    LayoutArg::File,
+    ModulesArg::Table,
+    RegionSource::File,
+    SkipArg::File
+);
 
 /// A layout of readings, or the order of the axes of an array of three.
 #[derive(Debug, Clone)]
@@ -70,12 +91,6 @@ pub(crate) fn layout_arg(text: &str) -> Result<LayoutArg, String> {
         "tcn" => Ok(LayoutArg::Axes(ReadingsLayout::ChannelsFirst)),
         file if file_kind(Path::new(file)) == "json" => Ok(LayoutArg::File(file.into())),
         _ => Err("needed: a file that ends in .json, tnc or tcn".into()),
-    }
-}
-
-impl MayRead for LayoutArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
     }
 }
 
@@ -99,12 +114,6 @@ pub(crate) fn skip_arg(text: &str) -> Result<SkipArg, String> {
     }
 }
 
-impl MayRead for SkipArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
-    }
-}
-
 /// Which taxels are one module: those whose ids give the same number divided by the size of a module, or as a table says.
 #[derive(Debug, Clone)]
 pub(crate) enum ModulesArg {
@@ -118,11 +127,5 @@ pub(crate) fn modules_arg(text: &str) -> Result<ModulesArg, String> {
         Ok(0) => Err("needed: a number of taxels from 1 on, or a table".into()),
         Ok(size) => Ok(ModulesArg::Of(size)),
         Err(_) => Ok(ModulesArg::Table(text.into())),
-    }
-}
-
-impl MayRead for ModulesArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::Table(path) = self { Some(path) } else { None }
     }
 }

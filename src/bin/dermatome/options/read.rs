@@ -26,10 +26,10 @@ pub(crate) struct ReadArgs {
     #[arg(long, value_name = "K", default_value_t = AssembleOptions::default().gap, value_parser = gap)]
     gap: f64,
     /// Which vertices at exactly the same place become one [default: auto]
-    #[arg(long, value_parser = one_of(&WELDS), value_name = "WHICH", conflicts_with = "seams")]
+    #[arg(long, value_parser = one_of(&WELDS), value_name = "WHICH", conflicts_with = "seams", hide_short_help = true)]
     weld: Option<Weld>,
     /// Cut along the seams of the texture of a glTF or OBJ file: where texture coordinates jump
-    #[arg(long, value_parser = one_of(&SEAMS), value_name = "uv")]
+    #[arg(long, value_parser = one_of(&SEAMS), value_name = "uv", hide_short_help = true)]
     seams: Option<Weld>,
     /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
     /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
@@ -38,7 +38,7 @@ pub(crate) struct ReadArgs {
     repair: bool,
     /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
-    #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true)]
+    #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true, hide_short_help = true)]
     outside: Option<DVec3>,
     /// Keep what of each link can be touched: the outside of the shells of CAD
     #[arg(long)]

@@ -7,7 +7,7 @@ use dermatome::io::{file_kind, read_regions};
 use dermatome::map::SkinMap;
 
 use crate::console::notes::note_columns;
-use crate::options::{Common, MayRead};
+use crate::options::Common;
 
 /// Names of regions of the skin.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -32,12 +32,6 @@ fn region_source(text: &str) -> Result<RegionSource, String> {
             Ok(RegionSource::File(file.into()))
         }
         _ => Err("needed: link, or a file that ends in .csv or .json".into()),
-    }
-}
-
-impl MayRead for RegionSource {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
     }
 }
 

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
+use dermatome::id::IdVec;
 use dermatome::io::{Packages, RobotSurface, is_robot, read_joint_values, read_robot, robot_draft};
 use dermatome::remesh::drop_crumbs;
 use dermatome::robot::{JointKind, Robot, Role};
-use dermatome::skin::{Draft, Skin};
+use dermatome::skin::{Draft, Link, LinkId, Motion, Skin};
 use glob::Pattern;
 
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
-use crate::options::{Choice, Common, MayRead, one_of, pattern};
+use crate::options::{Choice, Common, one_of, pattern};
 
 /// Which parts of a robot are its skin.
 #[derive(Debug, Clone, clap::Args)]
@@ -27,19 +28,19 @@ pub(crate) struct RobotArgs {
     links: Vec<Pattern>,
     /// Leave out the skin of the links of this name, in which * and ? stand for any characters; may be given more
     /// than once
-    #[arg(long, value_name = "NAME", value_parser = pattern)]
+    #[arg(long, value_name = "NAME", value_parser = pattern, hide_short_help = true)]
     without: Vec<Pattern>,
     /// Leave out the pieces of a link with less than this share of its area, or less than that of twelve taxels of
     /// --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1%]
-    #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true, hide_short_help = true)]
     least_area: Option<f64>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
     /// normals along z; * and ? stand for any characters, may be given more than once. They are the skin then
-    #[arg(long, value_name = "NAME", value_parser = pattern, conflicts_with = "surface")]
+    #[arg(long, value_name = "NAME", value_parser = pattern, conflicts_with = "surface", hide_short_help = true)]
     taxels: Vec<Pattern>,
     /// The folder of a package that the file names as package://NAME/...; may be given more than once
     /// [default: a folder NAME above the file, in ROS_PACKAGE_PATH or in a share of AMENT_PREFIX_PATH]
-    #[arg(long = "package", value_name = "NAME=DIR", value_parser = package)]
+    #[arg(long = "package", value_name = "NAME=DIR", value_parser = package, hide_short_help = true)]
     packages: Vec<(String, PathBuf)>,
 }
 
@@ -188,13 +189,20 @@ pub(crate) fn joints(text: &str) -> Result<JointsArg, String> {
     pairs.map(JointsArg::Values).ok_or_else(|| "needed: FILE.csv, or NAME=VALUE,... in rad and m".into())
 }
 
-impl MayRead for JointsArg {
-    fn file(&self) -> Option<&Path> {
-        if let Self::File(path) = self { Some(path) } else { None }
-    }
-}
-
 impl JointsArg {
+    /// How `links` move where the joints of the robot in `path` have some values; none: 0.
+    pub(crate) fn motion(
+        joints: Option<&Self>,
+        path: &Path,
+        links: &IdVec<LinkId, Link>,
+        common: &Common,
+    ) -> anyhow::Result<Motion> {
+        let robot = read_robot(path).map_err(Error::from)?;
+        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
+        let rows = joints.map_or_else(rest, |joints| joints.rows(&robot, common))?;
+        Ok(robot.motion(&rows, links).map_err(Error::from)?)
+    }
+
     /// The values of all joints, at the times there are; prints what is beyond the limits or not used.
     ///
     /// # Errors

@@ -12,6 +12,11 @@ pub(crate) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Resu
     }
 }
 
+/// A whole number of at least 1, which `wanted` describes.
+pub(crate) fn whole(text: &str, wanted: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| format!("needed: {wanted}"))
+}
+
 /// A length in m: `5mm`, `2cm`, `1in`, `0.1m`; a bare number is in m.
 pub(crate) fn length(text: &str) -> Result<f64, String> {
     length_in(text, 1.0).ok_or_else(|| "needed: a length, as in 0.1, 0.1m or 100mm".into())
