@@ -37,18 +37,11 @@ const STRAINED: f64 = 0.2;
 const LEFT: [f64; 4] = [1.0, 0.8, 0.65, 0.5];
 /// Further ones, to keep an area ratio.
 const LEFT_FOR_RATIO: [f64; 5] = [0.35, 0.25, 0.18, 0.12, 0.08];
-/// Maps with a conformal factor above this multiple of the logarithm of an area ratio do not keep it.
-const HOPELESS: f64 = 2.0;
 /// Cones at most: a surface that needs more has no good map.
 const MOST_CONES: usize = 200;
 
-/// A seam, and what is expected of it.
-#[derive(Debug, Default)]
-pub(crate) struct Decision {
-    pub(crate) recipe: Recipe,
-    /// The area ratio of its trial map; 0 without one.
-    pub(crate) area_ratio: f64,
-}
+/// Takes one seam after the other, and answers whether it wants another.
+pub(crate) type Consider<'a> = dyn FnMut(&Recipe) -> Result<bool, CutError> + 'a;
 
 /// Whether the map of a plain disk may be poor: one solution shows that most disks need no trial. Without a cone
 /// of the first factor of [`LEFT`] no map is.
@@ -59,46 +52,43 @@ pub(crate) fn may_be_poor(mesh: &TriMesh) -> bool {
     cone.is_some_and(|(_, most)| most > LEFT[0])
 }
 
-/// Decides how to cut a mesh, on which seams have these costs, by trial maps; with a `limit`, cones are
-/// added until the area ratio of the map is below it. Returns the seams with falling area ratios, the one to take
-/// last.
+/// Decides how to cut a mesh, on which seams have these costs, by trial maps.
 /// Fails if the mesh is not an oriented manifold in one piece.
 pub(crate) fn decide(
     mesh: &TriMesh,
     costs: Option<&IdVec<VertexId, f64>>,
     how: &Cut,
     map: &TrialMap<'_>,
-    limit: Option<f64>,
-) -> Result<Vec<Decision>, CutError> {
+) -> Result<Recipe, CutError> {
     let graph = SeamGraph::new(mesh, costs)?;
     let is_disk = graph.genus() == 0 && graph.loops.len() == 1;
     if *how == Cut::None || (is_disk && *how == Cut::All) {
-        return Ok(vec![Decision::default()]);
+        return Ok(Recipe::default());
     }
     let base = must_cut(&graph);
     graph.checked(&base.edges)?;
     if *how == Cut::All {
         let all = (0..graph.loops.len()).map(|k| graph.apex(k));
-        let recipe = Recipe::new(&graph, &base.joined(&graph, all));
-        return Ok(vec![Decision { recipe, area_ratio: 0.0 }]);
+        return Ok(Recipe::new(&graph, &base.joined(&graph, all)));
     }
     let search = SeamSearch { graph: &graph, map, factor: ConformalFactor::new(mesh) };
-    let found = if base.edges.is_empty() {
-        let whole = search.tried(base.clone(), f64::INFINITY);
-        if is_disk || whole.trial.excess <= WHOLE { whole } else { search.with_loops(whole) }
-    } else {
-        search.with_cones(base.clone())
-    };
-    let found = if found.trial.excess > POOR { search.relieved(found, &base) } else { found };
-    let found = match limit {
-        Some(limit) => search.below(found, limit),
-        None => vec![found],
-    };
-    let decision = |found: Found| Decision {
-        recipe: Recipe::new(&graph, &found.seam),
-        area_ratio: found.trial.area_ratio,
-    };
-    Ok(found.into_iter().map(decision).collect())
+    Ok(Recipe::new(&graph, &search.best(base).seam))
+}
+
+/// Shows the seam that [`decide`] takes, then longer ones that reach more cones, each with a lower area ratio of its trial
+/// map, until no more are wanted. Which they are does not depend on when that is.
+/// Fails as [`decide`].
+pub(crate) fn with_falling_ratios(
+    mesh: &TriMesh,
+    costs: Option<&IdVec<VertexId, f64>>,
+    map: &TrialMap<'_>,
+    consider: &mut Consider<'_>,
+) -> Result<(), CutError> {
+    let graph = SeamGraph::new(mesh, costs)?;
+    let base = must_cut(&graph);
+    graph.checked(&base.edges)?;
+    let search = SeamSearch { graph: &graph, map, factor: ConformalFactor::new(mesh) };
+    search.with_falling_ratios(search.best(base), consider)
 }
 
 #[derive(Debug, Clone)]
@@ -167,16 +157,26 @@ impl SeamSearch<'_, '_> {
         best.filter(|new| worth(new) < poor.trial.excess).unwrap_or(poor)
     }
 
-    /// Adds cones to a found seam, down to one conformal factor after the other, until the area ratio is below `limit`:
-    /// that seam and those that lowered the ratio. Factors that are likely to keep no such ratio are left out.
-    fn below(&self, found: Found, limit: f64) -> Vec<Found> {
-        let factors = || LEFT.into_iter().chain(LEFT_FOR_RATIO);
-        let least_factor = factors().fold(f64::INFINITY, f64::min);
+    /// The seam that pays best, from that without which the surface has no map.
+    fn best(&self, base: Seam) -> Found {
+        let is_disk = self.graph.genus() == 0 && self.graph.loops.len() == 1;
+        let found = if base.edges.is_empty() {
+            let whole = self.tried(base.clone(), f64::INFINITY);
+            if is_disk || whole.trial.excess <= WHOLE { whole } else { self.with_loops(whole) }
+        } else {
+            self.with_cones(base.clone())
+        };
+        if found.trial.excess > POOR { self.relieved(found, &base) } else { found }
+    }
+
+    /// Shows a found seam, then adds cones to it, down to one conformal factor after the other, and shows those that lower
+    /// the area ratio.
+    fn with_falling_ratios(&self, found: Found, consider: &mut Consider<'_>) -> Result<(), CutError> {
         let mut seam = found.seam.clone();
         let mut least = found.trial.area_ratio;
-        let mut tried = vec![found];
-        for left in factors().filter(|&left| left <= HOPELESS * limit.ln() || left == least_factor) {
-            if least <= limit {
+        let mut goes_on = consider(&Recipe::new(self.graph, &found.seam))?;
+        for left in LEFT.into_iter().chain(LEFT_FOR_RATIO) {
+            if !goes_on {
                 break;
             }
             if !self.add_cones(&mut seam, left) {
@@ -185,10 +185,10 @@ impl SeamSearch<'_, '_> {
             let found = self.tried(seam.clone(), f64::INFINITY);
             if found.trial.area_ratio < least {
                 least = found.trial.area_ratio;
-                tried.push(found);
+                goes_on = consider(&Recipe::new(self.graph, &found.seam))?;
             }
         }
-        tried
+        Ok(())
     }
 
     /// Adds cones to a seam until no conformal factor above `left` is left; returns whether it changed.

@@ -50,7 +50,7 @@ mod trial;
 
 pub use cut_mesh::{CutMesh, PlaceId};
 pub(crate) use cut_mesh::{is_plain_disk, seam_length};
-pub(crate) use decide::{Decision, decide, may_be_poor};
+pub(crate) use decide::{decide, may_be_poor, with_falling_ratios};
 pub use error::CutError;
 pub(crate) use given::{cut_along, pairs_by_patch};
 pub(crate) use recipe::Recipe;
@@ -69,7 +69,7 @@ pub enum Cut {
     /// As [`Cut::Auto`], and the seam reaches more cones, of a plain disk too, until no face of the map is
     /// larger or smaller than on the skin by more than this ratio (see
     /// [`Distortion::area_max`](crate::flatten::Distortion)). Where no number of cones suffices, that of
-    /// the lowest ratio is taken.
+    /// the lowest ratio is taken; a lower limit never gives a larger ratio.
     AreaRatio(f64),
     /// Nothing is cut; closed patches and handles have no map then.
     None,

@@ -182,8 +182,8 @@ mod tests {
         for windows in 1..4 {
             for holes in 0..20 {
                 let mesh = holed_frame(windows, 1, holes);
-                let decided = decide(&mesh, None, &Cut::All, &|_, _| None, None).unwrap().pop().unwrap();
-                let cut = decided.recipe.cut(&mesh, None).unwrap().unwrap();
+                let decided = decide(&mesh, None, &Cut::All, &|_, _| None).unwrap();
+                let cut = decided.cut(&mesh, None).unwrap().unwrap();
                 let loops = boundary_loops(&cut.mesh(&mesh.positions)).len();
                 assert_eq!(loops, 1, "{windows} windows, holes {holes}");
             }

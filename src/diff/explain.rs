@@ -14,9 +14,9 @@ pub(super) fn explain(pairs: &Pairs, options: &DiffOptions) -> (Vec<AlignedLink>
     let links = || pairs.links.iter().filter(|(_, link)| !link.pairs.is_empty());
     let taxels: usize = links().map(|(_, link)| link.pairs.len()).sum();
     let modules: usize = links().map(|(_, link)| members_of_modules(&link.pairs).len()).sum();
-    // Half of it for a shift and a turn of each link and module, half for a shift of each taxel.
+    // Half of it for a shift and two tests of the turn of each link and module, half for a shift of each taxel.
     let half = 0.5 * options.chance;
-    let chances = [half / (2 * (links().count() + modules)) as f64, half / taxels as f64];
+    let chances = [half / (3 * (links().count() + modules)) as f64, half / taxels as f64];
     let mut comparisons: Vec<(usize, Comparison<'_>)> = links()
         .map(|(&number, link)| {
             let name = &*names[number].name;

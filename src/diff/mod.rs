@@ -5,7 +5,7 @@
 //! neighbours, so that an error which a whole region shares is no change, and tested against its spread over the link:
 //! first whole modules, which are rigid, then single taxels. A change has a chance below [`DiffOptions::chance`] in the
 //! whole file if nothing changed (Bonferroni). Where differences do not depend on those of the neighbours, as white
-//! noise, modules are compared with the whole link. Links are matched by name, those without by their taxels; normals,
+//! noise, taxels and modules are compared with the whole link by chi-square and F tests (`independent`). Links are matched by name, those without by their taxels; normals,
 //! areas and modules of taxels are compared, too.
 //!
 //! ```
@@ -26,7 +26,7 @@
 //!
 //! In reading order: `change` (options and results); `explain` calls the others; `pairs` matches taxels, `align` finds the motion of most of them, `spread`
 //! what neighbours share and how much differences usually spread, `comparison` tests a link, `modules` its modules, `taxels`
-//! its single taxels; `attributes` compares links, normals, areas and modules.
+//! its single taxels, `independent` both of white noise; `attributes` compares links, normals, areas and modules.
 //!
 //! Not guaranteed: where more than half of a link changed, the rest is reported instead. The spread is an estimate from
 //! the differences themselves: of 100 pairs of calibrations of one skin with 47 modules, none showed a change.
@@ -36,6 +36,7 @@ mod attributes;
 mod change;
 mod comparison;
 mod explain;
+mod independent;
 mod modules;
 mod pairs;
 mod spread;

@@ -46,7 +46,10 @@ pub(super) struct Module<'p> {
 impl<'p> Comparison<'p> {
     /// The modules, tested against those around them.
     pub(super) fn modules(&self) -> Vec<Module<'p>> {
-        let (noise, is_white) = (self.noise(), self.is_white());
+        if self.is_independent() {
+            return self.independent_modules();
+        }
+        let noise = self.noise();
         let named = members_of_modules(&self.link.pairs).into_iter();
         let mut modules: Vec<Module<'p>> =
             named.map(|((_, name), members)| self.module(name, members, noise)).collect();
@@ -55,13 +58,12 @@ impl<'p> Comparison<'p> {
             for module in &mut modules {
                 let members: HashSet<usize> = module.members.iter().copied().collect();
                 let near = module.members.iter().flat_map(|&k| &self.neighbours[k]).copied();
-                let counts = |k: &usize| !is_white && !is_changed[*k] && !members.contains(k);
+                let counts = |k: &usize| !is_changed[*k] && !members.contains(k);
                 let around: BTreeSet<usize> = near.filter(counts).collect();
                 let background = shared(around.iter().map(|&k| self.differences[k]));
                 module.shift = module.motion.apply(module.centre) - module.centre - background;
                 // Of two means of independent numbers.
-                let share =
-                    if is_white { 0.0 } else { module.members.len() as f64 / around.len().max(1) as f64 };
+                let share = module.members.len() as f64 / around.len().max(1) as f64;
                 module.expected[0] = module.expected[1] * (1.0 + share).sqrt();
             }
             let still = || modules.iter().filter(|module| !module.is_changed);
@@ -80,15 +82,11 @@ impl<'p> Comparison<'p> {
     /// By what the differences of modules, of which this one has this many taxels, spread more than the means of independent
     /// numbers: as those of other modules; of fewer as one taxel, whose error all may share.
     fn factor(&self, spread: Option<Spread>, count: usize) -> Option<f64> {
-        match (self.local.filter(|_| self.is_white()), spread) {
-            // All taxels say better than some modules how much white noise there is.
-            (Some(local), spread) => Some(local.enlarged().max(spread.map_or(0.0, |spread| spread.sigma))),
-            (None, Some(spread)) => Some(spread.enlarged()),
-            (None, None) => self.total.map(|total| total.enlarged() * (count as f64).sqrt()),
-        }
+        let of_one = || self.total.map(|total| total.enlarged() * (count as f64).sqrt());
+        spread.map(Spread::enlarged).or_else(of_one)
     }
 
-    fn module(&self, name: &'p str, members: Vec<usize>, noise: f64) -> Module<'p> {
+    pub(super) fn module(&self, name: &'p str, members: Vec<usize>, noise: f64) -> Module<'p> {
         let count = members.len() as f64;
         let pairs: Vec<(DVec3, DVec3)> =
             members.iter().map(|&k| (self.expected[k], self.link.pairs[k].after.position)).collect();
@@ -103,7 +101,7 @@ impl<'p> Comparison<'p> {
             name,
             centre,
             motion,
-            shift: DVec3::ZERO,
+            shift: motion.apply(centre) - centre,
             turn: turn * across.max(DVec3::ZERO).map(f64::sqrt),
             expected: [stated / count.sqrt(); 2],
             members,

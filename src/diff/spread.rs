@@ -13,6 +13,10 @@ const NEIGHBOURS: usize = 12;
 /// The 90 % quantile of the sizes of normal numbers.
 const NORMAL_QUANTILE: f64 = 1.644_854;
 
+/// Degrees of freedom of a variance from the median of the sizes of 3 components of each difference, over their number:
+/// it is 37 % as good as that from their squares.
+const DEGREES_OF_MEDIAN: f64 = 3.0 * 0.37;
+
 /// Differences from which their spread is estimated.
 const LEAST_DIFFERENCES: usize = 8;
 
@@ -52,6 +56,8 @@ pub(super) struct Spread {
     pub(super) sigma: f64,
     /// One plus twice the relative uncertainty of it.
     pub(super) uncertainty: f64,
+    /// The degrees of freedom of its square.
+    pub(super) degrees: f64,
 }
 
 impl Spread {
@@ -64,7 +70,8 @@ impl Spread {
 /// The spread of differences; `None` of too few. Those of which 0 is expected do not count.
 pub(super) fn spread(differences: impl Iterator<Item = (DVec3, f64)>) -> Option<Spread> {
     let (mut sizes, uncertainty) = sizes(differences)?;
-    Some(Spread { sigma: DEVIATION_OF_MEDIAN * median_of(&mut sizes)?, uncertainty })
+    let degrees = DEGREES_OF_MEDIAN * (sizes.len() / 3) as f64;
+    Some(Spread { sigma: DEVIATION_OF_MEDIAN * median_of(&mut sizes)?, uncertainty, degrees })
 }
 
 /// The same of differences that do not all spread alike: from their 90 % quantile if that gives more. Modules tilt more
@@ -73,8 +80,8 @@ pub(super) fn uneven_spread(differences: impl Iterator<Item = (DVec3, f64)> + Cl
     let (mut sizes, uncertainty) = sizes(differences.clone())?;
     let place = sizes.len() * 9 / 10;
     let large = *sizes.select_nth_unstable_by(place, f64::total_cmp).1 / NORMAL_QUANTILE;
-    let Spread { sigma, .. } = spread(differences)?;
-    Some(Spread { sigma: sigma.max(large), uncertainty })
+    let found = spread(differences)?;
+    Some(Spread { sigma: found.sigma.max(large), uncertainty, ..found })
 }
 
 /// Sizes of components over what was expected, and one plus twice the relative uncertainty of their spread.

@@ -25,13 +25,13 @@ impl<'p> Comparison<'p> {
     pub(super) fn of_taxels(&self, modules: &[Module<'_>], is_moved: bool) -> Vec<Change> {
         let is_changed = self.is_in_changed(modules);
         let count = self.expected.len();
-        let mut left: Vec<DVec3> =
-            (0..count).map(|k| self.beside_neighbours(k, |other| !is_changed[other])).collect();
-        let is_white = self.options.sigma.is_some() || self.is_white();
-        let expected = |k: usize| {
-            if is_white { self.if_independent(k) } else { self.stated[k] / self.touching(k).sqrt() }
+        let is_independent = self.is_independent();
+        let mut left: Vec<DVec3> = if is_independent {
+            self.differences.clone()
+        } else {
+            (0..count).map(|k| self.beside_neighbours(k, |other| !is_changed[other])).collect()
         };
-        let expected: Vec<f64> = (0..count).map(expected).collect();
+        let expected: Vec<f64> = (0..count).map(|k| self.stated[k] / self.touching(k).sqrt()).collect();
         let still = || (0..count).filter(|&k| !is_changed[k]);
         let spread = spread(still().map(|k| (left[k], expected[k]))).or(self.local);
         for module in modules.iter().filter(|module| module.is_changed) {
@@ -45,9 +45,12 @@ impl<'p> Comparison<'p> {
             // An exact taxel is compared with itself.
             if pair.sigma == Some(0.0) && !is_moved && !is_changed[k] {
                 left[k] = pair.after.position - pair.before.position;
-                return Test::new(left[k], LEAST);
+                Test::new(left[k], LEAST)
+            } else if is_independent {
+                self.test_of_taxel(k, left[k])
+            } else {
+                Test::new(left[k], self.sigma(expected[k], factor))
             }
-            Test::new(left[k], self.sigma(expected[k], factor))
         };
         let tests: Vec<Test> = (0..count).map(&mut test).collect();
         let moved: Vec<usize> = (0..count).filter(|&k| tests[k].p < self.chance_of_taxel).collect();

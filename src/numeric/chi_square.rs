@@ -1,4 +1,4 @@
-//! The chi-square distribution: tail probability and quantile.
+//! The chi-square distribution, tail probability and quantile, and the tail of the F distribution.
 
 /// Chance that a chi-square variable of `degrees` degrees of freedom is above `x`: the upper
 /// regularised incomplete gamma function `Q(degrees / 2, x / 2)`.
@@ -14,6 +14,48 @@ pub(crate) fn chi_square_tail(x: f64, degrees: f64) -> f64 {
     }
     let front = (a * x.ln() - x - libm::lgamma(a)).exp();
     if x < a + 1.0 { 1.0 - front * lower_series(a, x) } else { front * upper_fraction(a, x) }
+}
+
+/// Chance that a ratio of two mean squares, of `above` and of `below` degrees of freedom, is above `x`: the regularised
+/// incomplete beta function `I_z(below / 2, above / 2)` at `z = below / (below + above x)` (`(abramowitz1964)`, 26.5.8 and
+/// 26.6.2).
+pub(crate) fn f_tail(x: f64, above: f64, below: f64) -> f64 {
+    if x.is_nan() || x <= 0.0 {
+        return if x.is_nan() { x } else { 1.0 };
+    }
+    let (a, b, z) = (0.5 * below, 0.5 * above, below / (below + above * x));
+    let front = libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b) + a * z.ln() + b * (-z).ln_1p();
+    // The fraction converges fast below the mean.
+    if z < (a + 1.0) / (a + b + 2.0) {
+        front.exp() / a * beta_fraction(z, a, b)
+    } else {
+        1.0 - front.exp() / b * beta_fraction(1.0 - z, b, a)
+    }
+}
+
+/// Modified Lentz.
+fn beta_fraction(z: f64, a: f64, b: f64) -> f64 {
+    const TINY: f64 = 1e-300;
+    let guard = |y: f64| if y.abs() < TINY { TINY } else { y };
+    let mut c = 1.0;
+    let mut d = 1.0 / guard(1.0 - (a + b) * z / (a + 1.0));
+    let mut h = d;
+    for i in 1..=most_terms(a + b) {
+        let m = f64::from(i);
+        let even = m * (b - m) * z / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
+        let odd = -(a + m) * (a + b + m) * z / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
+        let mut factor = 1.0;
+        for numerator in [even, odd] {
+            d = 1.0 / guard(1.0 + numerator * d);
+            c = guard(1.0 + numerator / c);
+            factor = c * d;
+            h *= factor;
+        }
+        if (factor - 1.0).abs() < f64::EPSILON {
+            break;
+        }
+    }
+    h
 }
 
 /// Terms after which either expansion has converged: it takes about `sqrt(a)` of them.
@@ -88,6 +130,27 @@ mod tests {
         }
         assert_eq!(chi_square_tail(f64::INFINITY, 2.0), 0.0);
         assert!(chi_square_tail(f64::NAN, 2.0).is_nan());
+    }
+
+    /// With 2 degrees above, the tail is a power; with many below, that of chi-square; with 1 and 1, an arctangent.
+    #[test]
+    fn the_tail_of_f_is_that_of_known_laws() {
+        for x in [0.01, 0.7, 3.0, 40.0, 3000.0] {
+            for below in [1.0, 8.8, 330.0] {
+                let (found, expected) = (f_tail(x, 2.0, below), (1.0 + 2.0 * x / below).powf(-0.5 * below));
+                assert!((found / expected - 1.0).abs() < 1e-10, "{x}, {below}: {found}, not {expected}");
+            }
+            let (found, expected) = (f_tail(x, 3.0, 1e9), chi_square_tail(3.0 * x, 3.0));
+            assert!(
+                (found - expected).abs() < 1e-6 * expected.max(1e-300) + 1e-12,
+                "{x}: {found}, {expected}"
+            );
+            let (found, expected) = (f_tail(x, 1.0, 1.0), 1.0 - 2.0 / std::f64::consts::PI * x.sqrt().atan());
+            assert!((found - expected).abs() < 1e-12, "{x}: {found}, not {expected}");
+        }
+        assert_eq!(f_tail(0.0, 3.0, 9.0), 1.0);
+        assert!(f_tail(f64::NAN, 3.0, 9.0).is_nan());
+        assert_eq!(f_tail(f64::INFINITY, 3.0, 9.0), 0.0);
     }
 
     #[test]

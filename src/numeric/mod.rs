@@ -14,7 +14,7 @@ mod shortest_paths;
 mod symmetric_eigen;
 
 pub(crate) use assignment::assign;
-pub(crate) use chi_square::{chi_square_tail, quantile};
+pub(crate) use chi_square::{chi_square_tail, f_tail, quantile};
 pub use covariance::Covariance;
 pub(crate) use csr::Csr;
 pub(crate) use dense_cholesky::{dense_cholesky, solve_dense};

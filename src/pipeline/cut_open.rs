@@ -5,9 +5,11 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use crate::Error;
-use crate::cut::{Cut, CutMesh, Decision, Recipe, decide, may_be_poor, seam_costs};
-use crate::flatten::{FlattenOptions, Method, distortion, flatten, flatten_roughly};
+use crate::cut::{Cut, CutMesh, Recipe, decide, may_be_poor, seam_costs, with_falling_ratios};
+use crate::flatten::{Method, distortion, flatten_roughly};
 use crate::mesh::TriMesh;
+use crate::pipeline::coarsened::{Coarsened, Flattened};
+use crate::pipeline::options::BuildOptions;
 use crate::pyramid::{CoarsenOptions, Level, LevelId, Pyramid, coarsen};
 use crate::run::Run;
 use crate::skin::Taxels;
@@ -19,16 +21,9 @@ const DECISION_VERTICES: usize = 2000;
 /// Vertices of a level over those of the next, about: a level within this factor of [`DECISION_VERTICES`] is of that size.
 const USUAL_FACTOR: f64 = 4.0;
 
-/// Most maps of the skin whose area ratio is measured: the first one shows how much higher it is than on the
-/// level.
-const MAX_MAPS: usize = 3;
-
-/// No other seams are tried for a ratio above this: a surface keeps it, or has no map.
-const MAX_EASED: f64 = 10.0;
-
-/// Exponent of the wanted ratio that gives the one to aim at: a map that is made through the pyramid has a
-/// slightly larger ratio than one made without.
-const AIM_EXPONENT: f64 = 0.995;
+/// Seams are also sought on the skin itself, up to this many vertices, where none of the level keeps a ratio: a cone is
+/// sharper there. More would take minutes.
+const MAX_ON_SKIN: usize = 10_000;
 
 /// The level of a mesh on which seams are decided; `None` where that is the mesh itself. It is taken from the pyramid of
 /// the uncut mesh where there is one with a level of that size.
@@ -71,18 +66,17 @@ pub(super) fn stays_whole(
 }
 
 /// Cuts a mesh open where trial maps show that this is needed or pays; `None` if it is mapped uncut.
-/// Seams prefer skin that faces `side`, a unit vector; `options` are those of the map; `whole` is the pyramid of the
-/// uncut mesh, if it is made already.
+/// Seams prefer skin that faces `side`, a unit vector; `whole` is the pyramid of the uncut mesh, if it is made already.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
     mesh: &TriMesh,
     taxels: &Taxels,
     whole: Option<&Pyramid>,
-    cut: &Cut,
     side: Option<DVec3>,
-    options: &FlattenOptions,
+    options: &BuildOptions,
     run: Run<'_>,
 ) -> Result<Option<CutMesh>, Error> {
+    let BuildOptions { cut, .. } = options;
     cut.validate()?;
     if *cut == Cut::None {
         return Ok(None);
@@ -93,76 +87,80 @@ pub(super) fn cut_open(
     let of_level = of_level.map(|(level, costs)| level.origins.map(|&v| costs[v]));
     // A seam is as good as the best map after it, which may overlap itself.
     let map = |mesh: &TriMesh, most: f64| flatten_roughly(mesh, most, run).ok();
-    let decided = |limit: Option<f64>| match &level {
-        None => decide(mesh, costs.as_ref(), cut, &map, limit),
-        Some(level) => decide(&level.mesh, of_level.as_ref(), cut, &map, limit),
-    };
-    let made = |recipe: &Recipe| match &level {
+    let made = |recipe: &Recipe, level: Option<&Level>| match level {
         None => recipe.cut(mesh, costs.as_ref()),
         Some(level) => recipe.on_finer(&level.origins).cut(mesh, costs.as_ref()),
     };
     let Cut::AreaRatio(limit) = *cut else {
-        let decided = decided(None)?.pop();
+        let decided = match &level {
+            None => decide(mesh, costs.as_ref(), cut, &map),
+            Some(level) => decide(&level.mesh, of_level.as_ref(), cut, &map),
+        };
         run.check()?;
-        return Ok(decided.map(|decided| made(&decided.recipe)).transpose()?.flatten());
+        return Ok(made(&decided?, level.as_deref())?);
     };
-    let mut best: Option<(f64, Option<CutMesh>)> = None;
-    // The best seams of a ratio that is out of reach are often those of a larger one.
-    let mut wanted = limit.powf(AIM_EXPONENT);
-    while best.as_ref().is_none_or(|(ratio, _)| *ratio > wanted) {
-        let mut aim = wanted;
-        for _ in 0..MAX_MAPS {
-            run.check()?;
-            let mut tried = decided(Some(aim))?;
-            let on_trial = tried.last().map_or(f64::INFINITY, |last| last.area_ratio);
-            // If no trial map keeps the ratio, another seam may give the better map of the skin.
-            if on_trial <= aim {
-                tried = tried.split_off(tried.len() - 1);
-            }
-            let mut least = f64::INFINITY;
-            for Decision { recipe, .. } in tried.iter().rev() {
-                let cut = made(recipe)?;
-                let area_ratio = area_ratio(mesh, taxels, cut.as_ref(), options, run);
-                least = least.min(area_ratio);
-                if best.as_ref().is_none_or(|(best, _)| area_ratio < *best) {
-                    best = Some((area_ratio, cut));
-                }
-                if area_ratio <= wanted {
-                    break;
-                }
-            }
-            // If the trial map does not keep the ratio, a lower aim changes nothing.
-            if least <= wanted || on_trial > aim || least.is_infinite() {
-                break;
-            }
-            aim = on_trial.powf(wanted.ln() / least.ln());
-        }
-        if wanted > MAX_EASED {
-            break;
-        }
-        wanted *= wanted;
+    let judged = |cut: &Option<CutMesh>| area_ratio(mesh, taxels, cut.as_ref(), options, run);
+    let mut search = RatioSearch { limit, judged: &judged, best: None };
+    if let Some(level) = level.as_deref() {
+        let consider = &mut |seam: &Recipe| Ok(run.check().is_ok() && search.takes(made(seam, Some(level))?));
+        with_falling_ratios(&level.mesh, of_level.as_ref(), &map, consider)?;
     }
-    Ok(best.and_then(|(_, cut)| cut))
+    if level.is_none() || mesh.positions.len() <= MAX_ON_SKIN && !search.is_kept() {
+        let consider = &mut |seam: &Recipe| Ok(run.check().is_ok() && search.takes(made(seam, None)?));
+        with_falling_ratios(mesh, costs.as_ref(), &map, consider)?;
+    }
+    run.check()?;
+    Ok(search.best.and_then(|(_, cut)| cut))
 }
 
-/// The largest area ratio of the map of a mesh that is cut, without magnification, which changes areas on
-/// purpose; infinite without a map.
+/// Of the cuts that are shown, in an order that does not depend on the limit, the one with the least area ratio up to the
+/// first that keeps the limit: a lower limit gives no larger ratio than a higher one.
+struct RatioSearch<'a> {
+    limit: f64,
+    /// The area ratio of the map after a cut.
+    judged: &'a dyn Fn(&Option<CutMesh>) -> f64,
+    best: Option<(f64, Option<CutMesh>)>,
+}
+
+impl RatioSearch<'_> {
+    fn is_kept(&self) -> bool {
+        self.best.as_ref().is_some_and(|(ratio, _)| *ratio <= self.limit)
+    }
+
+    /// Judges a cut, and keeps it if it is the best; whether another one is needed.
+    fn takes(&mut self, cut: Option<CutMesh>) -> bool {
+        let ratio = (self.judged)(&cut);
+        if self.best.as_ref().is_none_or(|(least, _)| ratio < *least) {
+            self.best = Some((ratio, cut));
+        }
+        !self.is_kept()
+    }
+}
+
+/// The largest area ratio of the map that is built after a cut, without magnification, which changes areas on purpose;
+/// infinite without a map.
 fn area_ratio(
     mesh: &TriMesh,
     taxels: &Taxels,
     cut: Option<&CutMesh>,
-    options: &FlattenOptions,
+    options: &BuildOptions,
     run: Run<'_>,
 ) -> f64 {
-    let opened = cut.map(|cut| (cut.mesh(&mesh.positions), taxels.select(&cut.unsplit)));
-    let (mesh, taxels) = opened.as_ref().map_or((mesh, taxels), |(mesh, taxels)| (mesh, taxels));
-    let mut options = options.clone();
-    if let Method::Intrinsic { magnify, .. } = &mut options.method {
+    let mut flatten = options.flatten.clone();
+    if let Method::Intrinsic { magnify, .. } = &mut flatten.method {
         *magnify = 0.0;
     }
     let taxels = Taxels { acuities: None, ..taxels.clone() };
-    let map = flatten(mesh, Some(&taxels), &options, run);
-    map.map_or(f64::INFINITY, |map| distortion(mesh, &map.uv).area_max)
+    let ratio = || -> Result<f64, Error> {
+        let coarsened = Coarsened::new(mesh, &taxels, cut, &options.coarsen, run)?;
+        let Flattened { levels, maps } = coarsened.flattened(&taxels, &flatten, run)?;
+        let finest = levels.first().zip(maps.iter().next());
+        Ok(finest.map_or(f64::INFINITY, |((level, cut), map)| {
+            let opened = cut.as_ref().map(|cut| cut.mesh(&level.mesh.positions));
+            distortion(opened.as_ref().unwrap_or(&level.mesh), &map.uv).area_max
+        }))
+    };
+    ratio().unwrap_or(f64::INFINITY)
 }
 
 #[cfg(test)]
@@ -177,16 +175,8 @@ mod tests {
         let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         let corners = vec![at(0.0, 0.0), at(4.53e-4, 0.0), at(4.53e-4, 3e-6), at(0.0, 3e-6)];
         let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
-        let cut = cut_open(
-            &mesh,
-            &Taxels::from(&mesh),
-            None,
-            &Cut::Auto,
-            None,
-            &FlattenOptions::default(),
-            Run::default(),
-        )
-        .unwrap();
+        let taxels = Taxels::from(&mesh);
+        let cut = cut_open(&mesh, &taxels, None, None, &BuildOptions::default(), Run::default()).unwrap();
         let opened = Adjacency::new(&cut.unwrap().mesh(&mesh.positions)).unwrap();
         assert_eq!((opened.euler_characteristic(), opened.boundary_loops().len()), (1, 1));
     }

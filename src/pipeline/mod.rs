@@ -2,7 +2,7 @@
 //!
 //! [`build`] coarsens every patch into a pyramid ([`coarsen`](crate::pyramid::coarsen())), cut open
 //! where it needs a seam, maps every level of it to the plane
-//! ([`flatten_pyramid`]) and returns the [`SkinMap`].
+//! ([`flatten_pyramid`](crate::flatten::flatten_pyramid)) and returns the [`SkinMap`].
 //!
 //! Every map is measured in the 32-bit numbers of `map.glb` (`written`). How a patch is cut depends on that
 //! patch alone (`cut_open`).
@@ -24,6 +24,7 @@
 //! ```
 
 mod attempts;
+mod coarsened;
 mod cut_open;
 mod options;
 mod written;
@@ -40,16 +41,17 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::atlas::{check_pixel, fitting_pixel, pixels_of, skin_images};
 use crate::cut::{Cut, cut_along, is_plain_disk, pairs_by_patch};
-use crate::flatten::{Boundary, flatten_pyramid, patch_scales};
+use crate::flatten::{Boundary, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{MeshError, is_within_reach};
 use crate::pipeline::attempts::{SAME, attempts, energy, is_better, keep_held};
+use crate::pipeline::coarsened::{Coarsened, Flattened};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
-use crate::pyramid::{CoarsenOptions, CutPyramid, Pyramid, coarsen, coarsen_cut};
+use crate::pyramid::{CoarsenOptions, coarsen};
 use crate::run::{Progress, Run, Stage};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, SkinError, assemble, named_links, world_pose};
 
@@ -231,12 +233,6 @@ fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Vec<[VertexId; 2]>>, Error>
     Ok(edges.into_iter().collect())
 }
 
-/// A pyramid, of a patch that is cut or not.
-enum Coarsened {
-    Whole(Pyramid),
-    Cut(Box<CutPyramid>),
-}
-
 fn coarsen_patch(
     patch: &Patch,
     seam: &[[VertexId; 2]],
@@ -255,13 +251,12 @@ fn coarsen_patch(
     };
     let cut = match (&whole, seam) {
         (Some(whole), _) if is_uncut || stays_whole(mesh, taxels, whole, run)? => None,
-        (whole, []) => cut_open(mesh, taxels, whole.as_ref(), cut, side, flatten, run)?,
+        (whole, []) => cut_open(mesh, taxels, whole.as_ref(), side, options, run)?,
         (_, edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
     };
     Ok(match (cut, whole) {
-        (Some(cut), _) => Coarsened::Cut(Box::new(coarsen_cut(mesh, taxels, &cut, &options.coarsen, run)?)),
         (None, Some(whole)) => Coarsened::Whole(whole),
-        (None, None) => Coarsened::Whole(coarsen(mesh, taxels, &options.coarsen, run)?),
+        (cut, _) => Coarsened::new(mesh, taxels, cut.as_ref(), &options.coarsen, run)?,
     })
 }
 
@@ -273,18 +268,7 @@ fn map_patch(
     options: &BuildOptions,
     run: Run<'_>,
 ) -> Result<PatchMap, Error> {
-    let (levels, maps) = match pyramid {
-        Coarsened::Whole(pyramid) => {
-            let maps = flatten_pyramid(&pyramid, Some(&patch.taxels), &options.flatten, run)?;
-            (pyramid.levels.into_iter().map(|level| (level, None)).collect::<Vec<_>>(), maps)
-        }
-        Coarsened::Cut(pyramid) => {
-            let CutPyramid { pyramid, opened, cuts } = *pyramid;
-            let taxels = cuts.iter().next().map(|cut| patch.taxels.select(&cut.unsplit));
-            let maps = flatten_pyramid(&opened, taxels.as_ref(), &options.flatten, run)?;
-            (pyramid.levels.into_iter().zip(cuts.into_iter().map(Some)).collect(), maps)
-        }
-    };
+    let Flattened { levels, maps } = pyramid.flattened(&patch.taxels, &options.flatten, run)?;
     let (maps, convergences): (Vec<_>, Vec<_>) =
         maps.into_iter().map(|map| (map.uv.map(|&p| p * scale), map.convergence)).unzip();
     let mut map = PatchMap::unmeasured(patch, levels, maps.into(), options.pixel.unwrap_or(PIXEL));
@@ -376,7 +360,7 @@ mod tests {
     use crate::cut::{CutMesh, PlaceId};
     use crate::flatten::{distortion, flatten_pyramid};
     use crate::mesh::{Adjacency, TriMesh, shapes};
-    use crate::pyramid::LevelId;
+    use crate::pyramid::{LevelId, coarsen_cut};
     use crate::skin::PatchId;
 
     /// Euler characteristic and boundary loops of the mesh after the cut.
@@ -420,10 +404,9 @@ mod tests {
             shapes::tube(40, 24, 0.05, 0.2),
         ] {
             let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
-            let options = BuildOptions::default().flatten;
-            let cut = cut_open(&patch.mesh, &patch.taxels, None, &Cut::Auto, None, &options, Run::default())
-                .unwrap()
-                .unwrap();
+            let options = BuildOptions::default();
+            let cut = cut_open(&patch.mesh, &patch.taxels, None, None, &options, Run::default());
+            let cut = cut.unwrap().unwrap();
             let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
             let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few, Run::default()).unwrap();
             made.pyramid.validate().unwrap();
@@ -439,7 +422,7 @@ mod tests {
                     assert_eq!(made.cuts[LevelId::new(0)].unsplit[origin], level.origins[v], "place {place}");
                 }
             }
-            let maps = flatten_pyramid(&made.opened, None, &options, Run::default()).unwrap();
+            let maps = flatten_pyramid(&made.opened, None, &options.flatten, Run::default()).unwrap();
             for (level, map) in made.opened.levels.iter().zip(&maps) {
                 assert_eq!(distortion(&level.mesh, &map.uv).flips, 0);
             }

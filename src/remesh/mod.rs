@@ -21,6 +21,7 @@
 mod clip;
 mod crumbs;
 mod faces;
+mod joints;
 mod lost;
 mod moves;
 mod necks;
@@ -39,6 +40,7 @@ use crate::mesh::{
     FillHoles, Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_holes, fill_shorter, triangle_cross,
 };
 use crate::remesh::faces::{FLAT, Thin, height};
+use crate::remesh::joints::follow_links;
 use crate::remesh::lost::{lost, pin};
 use crate::remesh::moves::sharp_neighbours;
 use crate::remesh::necks::open_necks;
@@ -94,9 +96,6 @@ pub enum RemeshError {
          faces are far longer than wide, as if a vertex were in a wrong place"
     )]
     Needles { spacing: f64, vertices: f64, taxels: f64 },
-    /// Taxels that follow several links, whose weights a new mesh would not have.
-    #[error("its taxels follow several links; those of a patch that is remeshed must follow one")]
-    Joints,
     /// Another of these errors, in a patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<RemeshError> },
@@ -287,11 +286,10 @@ pub struct Remeshed {
 }
 
 /// Remeshes every patch of a skin, each with its spacing (m); see [`remesh`]. The taxels are new ones at
-/// other positions; nothing of the old ones is kept.
+/// other positions; of the old ones only the links that they follow are kept, with weights interpolated linearly.
 ///
 /// # Errors
-/// As [`remesh`], with the name of the first such patch; also if taxels of a patch follow several links, and if
-/// it is cancelled.
+/// As [`remesh`], with the name of the first such patch, and if it is cancelled.
 ///
 /// # Panics
 /// If there are fewer spacings than patches.
@@ -301,12 +299,11 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
     let (large, small): (Vec<_>, Vec<_>) =
         patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least_area(*spacing));
     let fresh = |&(patch, spacing): &(&Patch, f64)| {
-        if patch.taxels.joints.is_some() {
-            return Err(RemeshError::Joints);
-        }
         run.check()?;
         let Covered { mesh, lost } = cover(&patch.mesh, spacing)?;
-        Ok((Patch::from_mesh(patch.name.clone(), patch.link, mesh), lost.1))
+        let mut fresh = Patch::from_mesh(patch.name.clone(), patch.link, mesh);
+        follow_links(&mut fresh, patch)?;
+        Ok((fresh, lost.1))
     };
     let made: Vec<Result<(Patch, f64), RemeshError>> = large.par_iter().map(fresh).collect();
     run.check()?;

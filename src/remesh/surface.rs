@@ -41,13 +41,25 @@ impl Surface {
     /// The point nearest to `q` on the triangles that do not face away from `normal`: the other side of a thin
     /// wall does not count. Triangles without area face every direction.
     pub(super) fn nearest(&self, q: DVec3, normal: DVec3, near: Option<u32>) -> Option<Projection> {
+        let (found, near) = self.search(q, normal, near);
+        let (face, closest) = found?;
+        let corners = self.mesh.corners(face);
+        let point = corners.iter().zip(closest.barycentric).map(|(&p, weight)| p * weight).sum();
+        Some(Projection { point, near })
+    }
+
+    /// The corners of the triangle with that point, and the weights of the point in it; of any triangle if all face away.
+    pub(super) fn corners_at(&self, q: DVec3, normal: DVec3) -> Option<([VertexId; 3], [f64; 3])> {
+        let any = || self.search(q, DVec3::ZERO, None).0;
+        let (face, closest) = self.search(q, normal, None).0.or_else(any)?;
+        Some((self.mesh.triangles[face], closest.barycentric))
+    }
+
+    fn search(&self, q: DVec3, normal: DVec3, near: Option<u32>) -> (Option<(FaceId, Closest)>, Option<u32>) {
         let start = near.map_or(Start::Root, Start::Packet);
         let search = NearestFace { surface: self, q, normal, best: None };
         let (search, packet) = self.tree.nearest(q, start, search);
-        let (face, closest) = search.best?;
-        let corners = self.mesh.corners(face);
-        let point = corners.iter().zip(closest.barycentric).map(|(&p, weight)| p * weight).sum();
-        Some(Projection { point, near: packet })
+        (search.best, packet)
     }
 }
 

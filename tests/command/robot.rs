@@ -658,8 +658,22 @@ fn crumbs_of_links_are_left_out() {
     for words in ["--least-area 2", "--least-area -1%", "--least-area x"] {
         refuses(folder.path(), &format!("info r.urdf {words}"), &["a share from 0 to 1"]);
     }
-    fs::write(folder.path().join("t.csv"), "x,y,z\n0,0,0\n1,0,0\n0,1,0\n").unwrap();
-    refuses(folder.path(), "info t.csv --least-area 0", &["no robot description"]);
+    // Pieces of other CAD are left out where that is asked for: of two squares and a small one.
+    let square = |x: f64, side: f64, first: u32| {
+        let corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)];
+        let corners: String = corners.iter().map(|(u, v)| format!("v {} {v} 0\n", x + u)).collect();
+        format!("{corners}f {first} {} {} {}\n", first + 1, first + 2, first + 3)
+    };
+    let squares = square(0.0, 0.1, 1) + &square(0.2, 0.05, 5) + &square(0.3, 0.009, 9);
+    fs::write(folder.path().join("t.obj"), squares).unwrap();
+    for (words, pieces, note) in [
+        ("", 3, ""),
+        ("--least-area 1%", 2, "small pieces are left out, 1 of 3"),
+        ("--least-area 50%", 1, "2 of 3"),
+    ] {
+        let run = notes(folder.path(), &format!("info t.obj --json {words}"), &[note]);
+        assert_eq!(json(&run.get_output().stdout)["patches"].as_array().unwrap().len(), pieces, "{words}");
+    }
 }
 
 /// A box and a direction choose faces, in the world or in the frame of a link.

@@ -576,19 +576,28 @@ fn slits_keep_an_area_ratio_or_lower_it() {
     assert_eq!(seams[0], seams[1]);
 }
 
-/// A lower ratio is kept, or gives no larger one than a higher ratio does.
+/// A lower ratio never gives a larger one than a higher ratio does.
 #[test]
 fn a_lower_ratio_gives_no_larger_one() {
-    let mesh = starfish();
-    let ratio =
-        |wanted| measure(&map_of(mesh.clone(), Cut::AreaRatio(wanted)))[0].levels[0].distortion.area_max;
-    let mut before = f64::INFINITY;
-    for wanted in [2.0, 1.5, 1.2] {
-        let reached = ratio(wanted);
-        assert!(reached <= wanted || reached <= before, "{wanted}: {reached} after {before}");
-        before = reached;
+    for (name, mesh, least) in [
+        ("starfish", starfish(), 1.5),
+        ("cap", shapes::cap(600, 0.05, 2.0), 1.3),
+        ("ball", shapes::ball(16, 0.05), 2.0),
+        ("frame", shapes::frame(2, 3, 0.01), 2.5),
+        ("fine ball", shapes::ball(40, 0.05), 2.0),
+    ] {
+        let ratio =
+            |wanted| measure(&map_of(mesh.clone(), Cut::AreaRatio(wanted)))[0].levels[0].distortion.area_max;
+        let mut before = f64::INFINITY;
+        for wanted in [3.0, 2.0, 1.5, 1.3, 1.15, 1.05] {
+            let reached = ratio(wanted);
+            println!("{name}: {wanted} gives {reached}");
+            // But for the 32-bit numbers of a file.
+            assert!(reached <= before * (1.0 + 1e-5), "{name}, {wanted}: {reached} after {before}");
+            before = reached;
+        }
+        assert!(before < least, "{name}: {before}");
     }
-    assert!(before > 1.2 && before < 1.5, "{before}");
 }
 
 /// A foot of CAD with needles and fourteen handles: the first seam gives a map of energy 59,876, another attempt a

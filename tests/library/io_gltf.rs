@@ -8,8 +8,8 @@ use crate::gltf_files::{Glb, f32s, u16s};
 use dermatome::cut::PlaceId;
 use dermatome::id::VertexId;
 use dermatome::io::{
-    IoError, ReadParts, draft_from_bytes, map_from_bytes, map_to_bytes, read_draft, read_map, skin_to_bytes,
-    write_map, write_pyramids, write_skin,
+    IoError, ReadParts, draft_from_bytes, lost_in, map_from_bytes, map_to_bytes, read_draft, read_map,
+    skin_to_bytes, write_map, write_pyramids, write_skin,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -17,8 +17,8 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::{CoarsenOptions, coarsen};
 use dermatome::run::Run;
 use dermatome::skin::{
-    AssembleOptions, Covariance, Link, LinkId, Patch, PatchId, Presence, RemarkKind, Sheet, Skin, TaxelId,
-    Taxels, assemble,
+    AssembleOptions, Covariance, Link, LinkId, Motion, MotionFrame, Patch, PatchId, Presence, RemarkKind,
+    Sheet, Skin, TaxelId, Taxels, assemble,
 };
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use serde_json::json;
@@ -109,6 +109,39 @@ fn a_skin_reads_back_the_same_in_both_forms() {
         }
         write_skin(&second, &robot()).unwrap();
         assert_eq!(fs::read(&first).unwrap(), fs::read(&second).unwrap(), "{name}: the same bytes again");
+    }
+}
+
+/// A file of ours keeps acuities and animations, a map has all of its skin, and other kinds of files say what they lose.
+#[test]
+fn acuities_and_animations_are_kept_or_said_to_be_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut skin = robot();
+    let palm = &mut skin.patches[PatchId::new(0)].taxels;
+    palm.acuities = Some(palm.areas.ids().map(|v| 1.0 + f64::from(v.raw() % 3)).collect());
+    let mut motion = Motion::default();
+    let to = DAffine3::from_translation(DVec3::X);
+    motion.set(LinkId::from(1), MotionFrame::World, &[(0.0, DAffine3::IDENTITY), (1.0, to)]).unwrap();
+    motion.name = "wave".into();
+    skin.animations = vec![motion];
+    let path = folder.path().join("skin.glb");
+    write_skin(&path, &skin).unwrap();
+    let back = read_skin(&path);
+    let acuities = |skin: &Skin| skin.patches[PatchId::new(0)].taxels.acuities.clone();
+    assert_eq!((acuities(&back), back.animations.len()), (acuities(&skin), 1));
+    assert_eq!(back.animations[0].name, "wave");
+    let map = build(&back, &BuildOptions::default()).unwrap();
+    let (whole, map_file) = (map.skin(), folder.path().join("map.glb"));
+    for kept in [&whole, &map_from_bytes(map_to_bytes(&map).unwrap()).unwrap().skin()] {
+        assert_eq!((acuities(kept), kept.animations.len()), (acuities(&skin), 1));
+    }
+    write_map(&map_file, &map).unwrap();
+    let again = assemble(&read_draft(&map_file).unwrap(), &AssembleOptions::default()).unwrap().skin;
+    assert_eq!(acuities(&again), acuities(&skin), "a map is a skin, too");
+    assert!(lost_in(&path, &skin).is_empty());
+    for kind in ["obj", "off", "ply", "stl", "csv", "json"] {
+        let lost = lost_in(&folder.path().join(format!("skin.{kind}")), &skin).join("; ");
+        assert!(lost.contains("acuities") && lost.contains("animations"), "{kind}: {lost}");
     }
 }
 

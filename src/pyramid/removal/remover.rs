@@ -22,12 +22,12 @@ const TASKS: usize = 32;
 
 /// First a filling may turn by 60 degrees from the star it replaces, and a boundary may lose a
 /// vertex where it turns by less than about 70 degrees (the corner of a hexagonal hole lies 0.29
-/// edges from the edge that cuts it off).
-const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
+/// edges from the edge that cuts it off). No new face has an angle below 3 degrees.
+const STRICT: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35, min_squared_sine: 2.7e-3 };
 
 /// The remaining vertices (at sharp folds, in the last rows between kept vertices) may turn it by 78 degrees:
-/// a level that kept them as fields would be uneven, and folds begin at 90.
-const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35 };
+/// a level that kept them as fields would be uneven, and folds begin at 90. Angles may be 0.6 degrees small.
+const LENIENT: Limits = Limits { min_cos_turn: 0.2, max_sagitta: 0.35, min_squared_sine: 1e-4 };
 
 /// Turns one level into the next coarser one.
 pub(crate) struct Remover<'a> {

@@ -3,7 +3,7 @@
 
 use crate::delaunay::smallest_first;
 use crate::mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross};
-use crate::pyramid::removal::star::{Limits, Star, folds_over, small};
+use crate::pyramid::removal::star::{Limits, Star, folds_over, small, squared_sine};
 
 /// A filling triangle has at least this double area on the flattened star, in squares of its
 /// longest side on the skin: below, the weights of a point in it would be rounding noise.
@@ -147,7 +147,7 @@ impl Filler {
 }
 
 /// Squared sine of the smallest angle of a triangle on the skin, or a refusal if it is inverted on
-/// the flattened star, turned away from the star's normal, or folded over a face beyond the ring.
+/// the flattened star, lower than allowed, turned away from the star's normal, or folded over a face beyond the ring.
 fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
     let (a, b, c) = (star.offsets[i], star.offsets[k], star.offsets[j]);
     let cross = triangle_cross([a, b, c]);
@@ -161,11 +161,14 @@ fn quality(star: &Star, limits: &Limits, [i, k, j]: [usize; 3]) -> f64 {
     if turns || flat <= MIN_FLAT_AREA * x.max(y).max(z) {
         return REFUSED;
     }
+    let sine = squared_sine(cross, [x, y, z]);
+    if sine.is_nan() || sine < limits.min_squared_sine.min(star.squared_sine) {
+        return REFUSED;
+    }
     let folds = (k == i + 1 && folds_over(cross, star.beyond[i]))
         || (j == k + 1 && folds_over(cross, star.beyond[k]))
         || (i == 0 && j + 1 == star.ring.len() && folds_over(cross, star.beyond[j]));
-    // The smallest angle lies between the two longest sides.
-    if folds { REFUSED } else { squared / (x * y).max(y * z).max(z * x) }
+    if folds { REFUSED } else { sine }
 }
 
 #[cfg(test)]
@@ -178,7 +181,7 @@ mod tests {
     use crate::id::VertexId;
     use crate::mesh::{TriMesh, shapes};
 
-    const LIMITS: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35 };
+    const LIMITS: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35, min_squared_sine: 1e-4 };
 
     /// A vertex at the origin whose neighbours lie around it at these distances.
     fn wheel(radii: &[f64]) -> TriMesh {

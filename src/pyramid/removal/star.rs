@@ -24,12 +24,21 @@ pub(super) struct Limits {
     /// Largest distance of a removed boundary vertex from the new boundary edge, in lengths of that
     /// edge.
     pub(super) max_sagitta: f64,
+    /// Squared sine of the smallest angle of a filling triangle, unless the star has a smaller one: between corners on a
+    /// line a map may give a face any area.
+    pub(super) min_squared_sine: f64,
 }
 
 /// Whether a triangle folds over its neighbour across an edge, both given by their cross products:
 /// they turn away from each other by more than a right angle.
 pub(super) fn folds_over(triangle: DVec3, neighbour: DVec3) -> bool {
     triangle.dot(neighbour) < 0.0
+}
+
+/// The squared sine of the smallest angle of a triangle, which lies between its two longest sides, from its cross product
+/// and the squares of its sides.
+pub(super) fn squared_sine(cross: DVec3, [x, y, z]: [f64; 3]) -> f64 {
+    cross.length_squared() / (x * y).max(y * z).max(z * x)
 }
 
 #[derive(Debug, Clone, Default)]
@@ -45,6 +54,8 @@ pub(super) struct Star {
     pub(super) offsets: Vec<DVec3>,
     /// Sum of the faces' cross products: twice the star's area along its normal.
     pub(super) normal: DVec3,
+    /// Squared sine of the smallest angle of its faces.
+    pub(super) squared_sine: f64,
     /// Cross product of the face across each side of the ring; zero where there is none.
     pub(super) beyond: Vec<DVec3>,
 }
@@ -129,6 +140,7 @@ impl Star {
         let mut angles = [0.0; MAX_RING];
         let mut total = 0.0;
         self.normal = DVec3::ZERO;
+        self.squared_sine = f64::INFINITY;
         for (i, angle) in angles.iter_mut().enumerate().take(self.halfedges.len()) {
             let (a, b) = (self.offsets[i], self.offsets[(i + 1) % self.ring.len()]);
             let cross = a.cross(b);
@@ -138,6 +150,8 @@ impl Star {
             }
             total += *angle;
             self.normal += cross;
+            let sides = [a.length_squared(), b.length_squared(), a.distance_squared(b)];
+            self.squared_sine = self.squared_sine.min(squared_sine(cross, sides));
         }
         let scale = if self.closed { TAU } else { PI } / total;
         let mut turn = 0.0;

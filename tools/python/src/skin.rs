@@ -108,7 +108,7 @@ impl PySkin {
         Ok(Self::new(assembled.skin, &assembled.remarks))
     }
 
-    /// The skin of a robot without the small pieces of its links.
+    /// The skin without the small pieces of its links.
     fn without_crumbs(self, least_area: f64, spacing: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let spacings = spacing.map(|spacing| spacings(spacing, &self.skin)).transpose()?;
         let (mut skin, mut remarks) = (Arc::unwrap_or_clone(self.skin), self.remarks);
@@ -177,16 +177,16 @@ impl PySkin {
     /// spacing : float or dict of str to float, optional
     ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
     ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
-    /// least_area : float
-    ///     Leave out the pieces of a robot's link with less than this share of its area, or less than that of twelve
-    ///     taxels of `spacing`; the largest stays, and 0 keeps all.
+    /// least_area : float, optional
+    ///     Leave out the pieces of a link, or of CAD without links, with less than this share of its area, or less than
+    ///     that of twelve taxels of `spacing`; the largest stays, and 0 keeps all. By default 0.01 of a robot's link.
     ///
     /// Returns
     /// -------
     /// Skin
     #[staticmethod]
     #[pyo3(signature = (path, *, unit=None, gap=2.5, weld="auto", repair=None, outside=None, fill_holes=None,
-        patches=None, keep_going=false, outer=false, spacing=None, least_area=0.01))]
+        patches=None, keep_going=false, outer=false, spacing=None, least_area=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn read(
         py: Python<'_>,
@@ -201,17 +201,18 @@ impl PySkin {
         keep_going: bool,
         outer: bool,
         spacing: Option<&Bound<'_, PyAny>>,
-        least_area: f64,
+        least_area: Option<f64>,
     ) -> PyResult<Self> {
         let paths: Vec<PathBuf> = path.extract().map(|path| vec![path]).or_else(|_| path.extract())?;
         let repair = repair.unwrap_or_else(|| paths.iter().any(|path| is_stl(path)));
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
-        let mut is_robot = patches.is_none() && matches!(&paths[..], [path] if is_robot(path));
+        let is_chosen = patches.is_some();
+        let is_robot = matches!(&paths[..], [path] if is_robot(path));
         let (mut draft, inner) = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
         // Taxels of sensors are the skin itself.
-        is_robot &= draft.sheets.iter().all(|sheet| !sheet.triangles.is_empty());
+        let are_taxels = is_robot && draft.sheets.iter().any(|sheet| sheet.triangles.is_empty());
         if outer && draft.sheets.is_empty() {
             return Err(bad("outer", "no face that is outside", "False"));
         }
@@ -229,7 +230,8 @@ impl PySkin {
             let faces = if inner == 1 { "1 face is".to_owned() } else { format!("{inner} faces are") };
             skin.remarks.insert(0, format!("{faces} inside the body, left out"));
         }
-        if is_robot {
+        let least_area = least_area.or(is_robot.then_some(0.01)).filter(|_| !is_chosen && !are_taxels);
+        if let Some(least_area) = least_area {
             skin = skin.without_crumbs(least_area, spacing)?;
         }
         match spacing {

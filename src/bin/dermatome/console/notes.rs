@@ -7,7 +7,7 @@ use dermatome::cut::Cut;
 use dermatome::flatten::{FlattenOptions, Method, Overlap};
 use dermatome::io::{IoError, TaxelTable, lost_in, rounding_in_gltf};
 use dermatome::pipeline::Built;
-use dermatome::report::PatchReport;
+use dermatome::report::{LevelReport, PatchReport};
 use dermatome::skin::{Remark, Skin, TaxelId};
 
 use crate::console::print::{line, plain, say};
@@ -190,8 +190,11 @@ pub(crate) fn note_dropped(triangles: &Path, common: &Common) {
     note!(common, "{} belonged to the table that is replaced, and is removed", triangles.display());
 }
 
-/// Prints which finest maps are poor, the worst first, in one line with the option that improves them, and which
-/// are not at a minimum.
+/// A face of a coarse level with a larger s1/s2 is named: no face of a level has one without needles of the skin.
+const EXTREME: f64 = 1000.0;
+
+/// Prints which finest maps are poor, the worst first, in one line with the option that improves them, which coarse maps
+/// have needles, and which are not at a minimum.
 pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions, cut: &Cut, common: &Common) {
     let finest = |patch: &PatchReport| Some((patch.name.clone(), patch.levels.first()?.distortion));
     let mut poor: Vec<_> = patches.iter().filter_map(finest).filter(|(_, map)| map.is_poor()).collect();
@@ -222,8 +225,18 @@ pub(crate) fn note_distortion(patches: &[PatchReport], options: &FlattenOptions,
             worst.qc_max,
         );
     }
+    let is_extreme = |level: &&LevelReport| level.distortion.qc_max > EXTREME;
     for patch in patches {
         let name = plain(&patch.name);
+        let coarse = patch.levels.iter().skip(1).filter(is_extreme);
+        if let Some(worst) = coarse.max_by(|a, b| a.distortion.qc_max.total_cmp(&b.distortion.qc_max)) {
+            note!(
+                common,
+                "{name}: the map of level {} has a face with s1/s2 of {:.1e}: its corners are almost on a line on the skin",
+                worst.level,
+                worst.distortion.qc_max
+            );
+        }
         let short =
             patch.levels.iter().filter_map(|l| Some((l.level, l.convergence.filter(|c| !c.converged)?)));
         for (level, convergence) in short {

@@ -130,10 +130,11 @@ pub(crate) fn read_good_patches(
         let patches = assembled.skin.patches.into_iter().collect();
         assembled.skin.patches = select_patches(path, patches, &chosen.patches, |patch| &patch.name)?.into();
     }
-    if let [robot] = paths
-        && RobotArgs::describes(robot)
-        && chosen.patches.is_empty()
-    {
+    if chosen.patches.is_empty() {
+        let robot = match paths {
+            [robot] if RobotArgs::describes(robot) => Some(&**robot),
+            _ => None,
+        };
         let skin = &mut assembled.skin;
         let spacings = read.spacing.as_ref().map(|spacing| spacing.of_patches(skin)).transpose()?;
         read.robot.drop_crumbs(robot, skin, spacings.as_deref(), common)?;

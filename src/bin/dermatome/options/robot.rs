@@ -30,8 +30,8 @@ pub(crate) struct RobotArgs {
     /// than once
     #[arg(long, value_name = "NAME", value_parser = pattern, hide_short_help = true)]
     without: Vec<Pattern>,
-    /// Leave out the pieces of a link with less than this share of its area, or less than that of twelve taxels of
-    /// --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1%]
+    /// Leave out the pieces of a link, or of CAD without links, with less than this share of its area, or less than that of
+    /// twelve taxels of --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1% of a robot]
     #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true, hide_short_help = true)]
     least_area: Option<f64>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
@@ -59,14 +59,14 @@ impl RobotArgs {
     /// Refuses options that a file of another kind has no use for.
     pub(super) fn refuse_unused(&self, path: &Path) -> anyhow::Result<()> {
         let patterns = [&self.links, &self.without, &self.taxels];
-        let is_given = self.surface.is_some() || self.least_area.is_some() || !self.packages.is_empty();
+        let is_given = self.surface.is_some() || !self.packages.is_empty();
         if !is_given && patterns.iter().all(|p| p.is_empty()) {
             return Ok(());
         }
         let what = format!("{} is no robot description", path.display());
         Err(advise(
             what,
-            "leave out --mesh, --links, --without, --least-area, --taxels and --package, or give a .urdf or an .xml of MuJoCo",
+            "leave out --mesh, --links, --without, --taxels and --package, or give a .urdf or an .xml of MuJoCo",
         ))
     }
 
@@ -121,38 +121,43 @@ impl RobotArgs {
 const LEAST_AREA: f64 = 0.01;
 
 impl RobotArgs {
-    /// Leaves out the small pieces of the links of a robot; prints which, and whether its collision shapes are fewer.
+    /// Leaves out the small pieces of the links of a `robot`, or of other CAD where that is asked for; prints which, and
+    /// whether the collision shapes of the robot are fewer.
     ///
     /// # Errors
     /// As [`Self::read`].
     pub(crate) fn drop_crumbs(
         &self,
-        path: &Path,
+        robot: Option<&Path>,
         skin: &mut Skin,
         spacings: Option<&[f64]>,
         common: &Common,
     ) -> anyhow::Result<()> {
-        let robot = self.read(path)?;
+        let least = self.least_area.or(robot.map(|_| LEAST_AREA));
+        let Some(least) = least else { return Ok(()) };
+        let robot = robot.map(|path| self.read(path)).transpose()?;
         let surface = self.surface.unwrap_or_default();
         // Taxels of sensors are the skin itself.
-        let are_taxels = surface == RobotSurface::Auto && !robot.sensors.is_empty();
-        if are_taxels || surface == RobotSurface::Sensors {
+        let has_sensors = robot.as_ref().is_some_and(|robot| !robot.sensors.is_empty());
+        if surface == RobotSurface::Auto && has_sensors || surface == RobotSurface::Sensors {
             return Ok(());
         }
         let pieces = skin.patches.len();
-        let names = drop_crumbs(skin, self.least_area.unwrap_or(LEAST_AREA), spacings);
+        let names = drop_crumbs(skin, least, spacings);
         if names.is_empty() {
             return Ok(());
         }
-        let shapes = robot.shapes.iter().filter(|shape| shape.role == Role::Collision).count();
+        let shapes = robot.iter().flat_map(|robot| &robot.shapes);
+        let shapes = shapes.filter(|shape| shape.role == Role::Collision).count();
         let fewer = if surface != RobotSurface::Collision && (1..pieces).contains(&shapes) {
             format!("; --mesh collision has {shapes} shapes")
         } else {
             String::new()
         };
+        let of_links = if robot.is_some() { "pieces of links" } else { "pieces" };
         note!(
             common,
-            "small pieces of links are left out, {} of {pieces}: {}; --least-area 0 keeps them{fewer}",
+            "small {of_links} are left out, {} of {pieces}: {}; --least-area 0 keeps them{fewer}",
             names.len(),
             first_names(&names)
         );

@@ -97,7 +97,7 @@ class Skin(_Made):
         keep_going: bool = False,
         outer: bool = False,
         spacing: float | Mapping[str, float] | None = None,
-        least_area: float = 0.01,
+        least_area: float | None = None,
     ) -> Skin: ...
     @staticmethod
     def from_bytes(data: bytes | bytearray | memoryview, kind: str = "glb") -> Skin: ...

@@ -182,7 +182,7 @@ def skin(
     fill_holes: int | None = None,
     keep_going: bool = False,
     outer: bool = False,
-    least_area: float = 0.01,
+    least_area: float | None = None,
 ) -> Skin:
     """A skin of the geoms of a model, meshes and primitives, in the frames of their bodies.
 
