@@ -14,7 +14,6 @@ use pyo3::{
     prelude::*,
     types::{PyDict, PyMemoryView, PyTuple},
 };
-use serde::Serialize;
 
 use crate::errors::bad;
 

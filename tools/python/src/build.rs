@@ -125,9 +125,9 @@ pub(crate) fn build(
     };
     let skin = match skin.cast::<PySkin>() {
         Ok(skin) => Arc::clone(&skin.get().skin),
-        Err(_) if skin.hasattr("vertices")? => {
+        Err(_) if skin.hasattr("vertices")? || skin.hasattr("points")? => {
             let found = skin.get_type().name()?;
-            return Err(bad("skin", found, "a Skin or a file: dermatome.trimesh.skin(mesh) is a Skin"));
+            return Err(bad("skin", found, "a Skin or a file: Skin.from_mesh(mesh) is a Skin"));
         }
         Err(_) if skin.extract::<Vec<PathBuf>>().is_err() && skin.extract::<PathBuf>().is_err() => {
             let found = skin.get_type().name()?;

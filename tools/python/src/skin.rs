@@ -323,6 +323,36 @@ impl PySkin {
         Self::assembled(py, draft, options)
     }
 
+    /// Make a skin of a mesh of another package, in m.
+    ///
+    /// Parameters
+    /// ----------
+    /// mesh : object
+    ///     A mesh of trimesh, open3d, pyvista, meshio or any other with `vertices` and `faces` or `triangles`, or with `points`
+    ///     and `faces` or `cells_dict`. Faces of four corners are two triangles; points alone are joined to their neighbours.
+    /// normals, ids, present, link, patch, gap, weld, repair, outside, fill_holes
+    ///     As in `from_arrays`.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If it is no mesh, several, or has faces of other corners.
+    #[staticmethod]
+    #[pyo3(signature = (mesh, **options))]
+    fn from_mesh<'py>(
+        mesh: &Bound<'py, PyAny>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = mesh.py();
+        let (positions, faces): (Bound<'_, PyAny>, Bound<'_, PyAny>) =
+            py.import("dermatome._mesh")?.call_method1("arrays_of", (mesh,))?.extract()?;
+        py.get_type::<Self>().call_method("from_arrays", (positions, faces), options)
+    }
+
     /// Make one skin of several, as the parts of a robot.
     ///
     /// Parameters

@@ -140,3 +140,22 @@ def test_examples_run():
     for thing in (Pool, Draw, Touches):
         test = doctest.DocTestParser().get_doctest(thing.__doc__, {}, thing.__name__, None, None)
         assert doctest.DocTestRunner().run(test).failed == 0
+
+
+def test_touches_with_history_actions_and_a_transform(dome_map):
+    readings, truth = dermatome.touch(dome_map, presses=1)
+    one = Touches(dome_map, readings, truth, size=(16, 16))
+    actions = np.arange(2 * len(readings), dtype=np.float32).reshape(-1, 2)
+    several = Touches(
+        dome_map, readings, truth, size=(16, 16), history=3, actions=actions, transform=lambda sample: {**sample, "seen": True}
+    )
+    sample = several[5]
+    assert sample["seen"] and sample["image"].shape == (3, 1, 16, 16) and sample["action"].tolist() == [10.0, 11.0]
+    for place, frame in enumerate([3, 4, 5]):
+        assert all(torch.equal(sample[name][place], one[frame][name]) for name in ("image", "mask", "fields", "valid"))
+    assert torch.equal(several[0]["image"][0], one[0]["image"]), "nothing is before the first frame"
+    assert [len(one[2:5]), len(one[[1, 2]]), len(one[np.arange(len(one)) % 2 == 0])] == [3, 2, (len(one) + 1) // 2]
+    assert torch.equal(one[2:5][1]["image"], one[3]["image"])
+    for wrong in ({"history": 0}, {"actions": actions[1:]}):
+        with pytest.raises(dermatome.DataError):
+            Touches(dome_map, readings, truth, **wrong)

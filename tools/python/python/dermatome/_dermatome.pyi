@@ -118,6 +118,21 @@ class Skin(_Made):
         fill_holes: int | None = None,
     ) -> Skin: ...
     @staticmethod
+    def from_mesh(
+        mesh: Any,
+        *,
+        normals: ArrayLike | None = None,
+        ids: ArrayLike | None = None,
+        present: ArrayLike | None = None,
+        link: str | Sequence[str] | None = None,
+        patch: str | Sequence[str] | None = None,
+        gap: float = 2.5,
+        weld: _Weld = "auto",
+        repair: bool = False,
+        outside: ArrayLike | None = None,
+        fill_holes: int | None = None,
+    ) -> Skin: ...
+    @staticmethod
     def join(skins: Sequence[Skin], *, poses: Mapping[str, ArrayLike] | None = None) -> Skin: ...
     def write(self, path: _Path) -> tuple[str, ...]: ...
     def to_bytes(self, kind: str = "glb") -> bytes: ...

@@ -172,6 +172,134 @@ class Readings:
             ("",) * count if units is None else names_of("units", units, count),
         )
 
+    @staticmethod
+    def from_xarray(array: Any) -> Readings:
+        """Make a recording of an `xarray.DataArray` of the axes time and taxel, and channel if there are several.
+
+        Coordinates of these names are times, ids and names of channels, `unit` or the attribute `units` are units, and
+        `measured` says which values were measured, as `to_xarray` makes them.
+
+        Raises
+        ------
+        DataError
+            If it has other axes, or a coordinate does not fit.
+        """
+        from dermatome._frames import from_xarray
+
+        return from_xarray(Readings.from_arrays, array)
+
+    @staticmethod
+    def from_pandas(table: Any, *, units: str | None = None) -> Readings:
+        """Make a recording of a `pandas.DataFrame`: a row a frame, a column a taxel, whose name is its id.
+
+        An index of numbers is times in s, of dates or durations what they say; a table that only counts its rows has no times.
+
+        Raises
+        ------
+        DataError
+            If a column is no id, or the index is no time.
+
+        Examples
+        --------
+        >>> import dermatome, pandas
+        >>> table = pandas.DataFrame([[1.0, 2.0], [3.0, 4.0]], index=[0.0, 0.1], columns=[7, 8])
+        >>> dermatome.Readings.from_pandas(table, units="N")
+        <Readings: 2 frames, 1 channel (channel0, N), 2 taxels, 0.1 s>
+        """
+        from dermatome._frames import from_pandas
+
+        return from_pandas(Readings.from_arrays, table, units)
+
+    def with_values(self, values: ArrayLike, *, units: str | Sequence[str] | None = None) -> Readings:
+        """The same frames, channels and taxels with other values, (T, C, N), or (T, N) with one channel.
+
+        Raises
+        ------
+        DataError
+            If they have another shape.
+        """
+        array = as_floats("values", values)
+        shape = self.values.shape
+        if array.shape not in (shape, (shape[0], shape[2]) if shape[1] == 1 else shape):
+            raise DataError(f"values: found shape {array.shape}; needed: {shape}")
+        names = self.units if units is None else names_of("units", units, shape[1])
+        return replace(self, values=array.reshape(shape), units=names, measured=None, threshold=None if units else self.threshold)
+
+    def select(self, channels: str | Sequence[str]) -> Readings:
+        """Some channels, by their names, in this order.
+
+        Raises
+        ------
+        DataError
+            If there is no such channel.
+        """
+        names = (channels,) if isinstance(channels, str) else tuple(channels)
+        missing = [name for name in names if name not in self.channels]
+        if missing or not names:
+            raise DataError(f"channels: found {missing[0] if missing else 'none'!r}; needed: some of {list(self.channels)}")
+        chosen = [self.channels.index(name) for name in names]
+        measured = None if self.measured is None else self.measured[:, chosen]
+        units = tuple(self.units[k] for k in chosen) if self.units else ()
+        return replace(self, values=self.values[:, chosen], channels=names, units=units, measured=measured)
+
+    def drop(self, ids: ArrayLike) -> Readings:
+        """The recording without the readings of these taxels, which are NaN: of faulty ones, or to see what depends on them.
+
+        Parameters
+        ----------
+        ids : (k,) array_like of int
+            Their ids, or their places in the order of the map if the recording has no ids.
+
+        Raises
+        ------
+        DataError
+            If there is no such taxel.
+        """
+        import numpy as np
+
+        known = np.arange(self.values.shape[2]) if self.ids is None else self.ids
+        gone = np.asarray(ids).ravel()
+        missing = ~np.isin(gone, known)
+        if missing.any():
+            raise DataError(f"ids: found {gone[missing][0]}; needed: {'places' if self.ids is None else 'ids'} of taxels of the recording")
+        is_gone = np.isin(known, gone)
+        measured = None if self.measured is None else self.measured & ~is_gone
+        return replace(self, values=np.where(is_gone, np.nan, self.values), measured=measured)
+
+    def crop(self, begin: float | None = None, end: float | None = None) -> Readings:
+        """The frames from `begin` to before `end`, in s of `timestamps`.
+
+        Raises
+        ------
+        DataError
+            If frames have no times, or none is between them.
+        """
+        from dermatome._frames import crop
+
+        return crop(self, begin, end)
+
+    def resample(self, rate: float) -> Readings:
+        """The recording with `rate` frames per second: the mean of the frames around each new one, or what lies between two.
+
+        Between frames further apart than 2.5 of their median step there is nothing: NaN.
+
+        Raises
+        ------
+        DataError
+            If the rate is no number above 0, or times do not increase.
+
+        Examples
+        --------
+        >>> import dermatome
+        >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+        >>> readings, truth = dermatome.touch(palm, presses=1, rate=50.0)
+        >>> len(readings), len(readings.resample(25.0))
+        (100, 50)
+        """
+        from dermatome._frames import resample
+
+        return resample(self, rate)
+
     def __len__(self) -> int:
         return len(self.values)
 
@@ -454,11 +582,22 @@ class Readings:
 
         return by_area(self.on(map), map, areas)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self, map: Map | None = None) -> Any:
         """The values as an `xarray.DataArray` of the axes time, channel and taxel.
 
-        Times, names and units of channels and ids of taxels are its coordinates, `measured` is in its attributes.
+        Times, names and units of channels and ids of taxels are its coordinates, and `measured`.
+
+        Parameters
+        ----------
+        map : Map, optional
+            The map in whose order they are then: its taxels have the coordinates `patch`, `x`, `y`, `z` (m, in the frame of
+            their link), `u`, `v` (m, on the map).
         """
+        if map is not None:
+            from dermatome._frames import places
+
+            made = self.on(map).to_xarray()
+            return made.assign_coords(taxel=map.ids, **places(map))
         from dermatome._adapter import need
 
         xarray = need("xarray", "xarray")

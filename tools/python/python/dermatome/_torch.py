@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -198,6 +198,13 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         What is drawn where nothing is known.
     threshold : float, optional
         That of the `ContactTracker`.
+    actions : (T, A) array_like, optional
+        What a policy did in each frame: `action` (A,) float32 of the sample.
+    history : int
+        How many frames, the latest last, are in `image`, `mask`, `fields` and `valid`, which then have an axis of them in
+        front; before the first frame is the first. 1 by default, without that axis.
+    transform : callable, optional
+        What is called with each sample and returns it, changed.
 
     Examples
     --------
@@ -221,7 +228,16 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         patch: str | None = None,
         fill: float = 0.0,
         threshold: float | None = None,
+        actions: Any = None,
+        history: int = 1,
+        transform: Callable[[dict[str, Any]], Any] | None = None,
     ) -> None:
+        if history < 1:
+            raise DataError(f"history: found {history}; needed: a number of frames above 0")
+        self.history, self.transform = int(history), transform
+        self.actions = None if actions is None else np.asarray(actions, dtype=np.float32).reshape(len(actions), -1)
+        if self.actions is not None and len(self.actions) != len(readings):
+            raise DataError(f"actions: found {len(self.actions)} rows; needed: {len(readings)}, one for each frame")
         self.map, self.readings, self.level, self.patch, self.fill = map, readings.on(map), level, patch, fill
         height, width = size
         self.size = (int(height), int(width))
@@ -235,13 +251,24 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     def __len__(self) -> int:
         return len(self.readings)
 
-    def __getitem__(self, frame: int) -> dict[str, Any]:
+    def __getitem__(self, frame: Any) -> Any:
+        """The sample of a frame; of a slice, a mask or several frames the `Subset` of them."""
+        if isinstance(frame, slice):
+            return torch.utils.data.Subset(self, range(len(self))[frame])
+        if np.ndim(frame) > 0:
+            numbers = np.asarray(frame)
+            chosen = np.flatnonzero(numbers) if numbers.dtype == bool else numbers
+            return torch.utils.data.Subset(self, [range(len(self))[int(k)] for k in chosen])
         return self.__getitems__([frame])[0]
 
     def __getitems__(self, frames: Sequence[int]) -> list[dict[str, Any]]:
         """Some frames at once, which a loader asks for."""
         chosen = np.asarray([range(len(self))[int(frame)] for frame in frames], dtype=np.int64)
-        part = self.readings[chosen]
+        # Each frame with those before it, of which every one is drawn once.
+        back = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
+        drawn, places = np.unique(back, return_inverse=True)
+        places = places.reshape(back.shape)
+        part = self.readings[drawn]
         images, fields = self._made()(part.values, threads=1), part.pooled(self.map, self.level, threads=1)
         mask, valid = np.isfinite(images), np.isfinite(fields)
         arrays = {
@@ -250,12 +277,16 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
             "fields": np.where(valid, fields, np.float32(0)),
             "valid": valid,
         }
-        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        of_sample = places if self.history > 1 else places[:, 0]
+        tensors = {name: torch.from_numpy(array[of_sample]) for name, array in arrays.items()}
+        if self.actions is not None:
+            tensors["action"] = torch.from_numpy(self.actions[chosen])
         contacts = {name: torch.from_numpy(array[chosen]) for name, array in self.contacts.items()}
-        return [
+        samples = [
             {**{name: each[k] for name, each in tensors.items()}, "contact": {name: each[k] for name, each in contacts.items()}}
             for k in range(len(chosen))
         ]
+        return samples if self.transform is None else [self.transform(sample) for sample in samples]
 
     def _made(self) -> Renderer:
         if self._renderer is None:

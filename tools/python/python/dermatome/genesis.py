@@ -7,6 +7,8 @@ from typing import Any
 from dermatome._adapter import level_of, need, patch_of
 from dermatome._dermatome import Map
 
+__all__ = ["probes"]
+
 
 def probes(
     map: Map,

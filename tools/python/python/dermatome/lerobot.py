@@ -8,6 +8,8 @@ from dermatome._adapter import fields_of, need
 from dermatome._dermatome import Map, Renderer, as_floats
 from dermatome._errors import DataError
 
+__all__ = ["features", "frame", "keys", "masks"]
+
 PREFIX = "observation.tactile"
 
 

@@ -12,6 +12,8 @@ from dermatome._adapter import fields_of, level_of, need, patch_of
 from dermatome._dermatome import Map, Skin
 from dermatome._errors import A_MAP, DataError, check_kind
 
+__all__ = ["attach", "attach_all", "readings", "skin"]
+
 # Fewer vertices make no mesh of MuJoCo.
 LEAST_VERTICES = 4
 

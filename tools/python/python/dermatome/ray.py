@@ -8,6 +8,8 @@ from typing import Any
 from dermatome._adapter import need
 from dermatome._dermatome import Index, Map
 
+__all__ = ["Lookup", "total", "touch_counts"]
+
 
 class Lookup:
     """The cells of a batch of contacts: for `map_batches` with `batch_format="pyarrow"` and an actor for each worker.

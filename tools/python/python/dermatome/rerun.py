@@ -8,6 +8,8 @@ from dermatome._adapter import fields_of, need
 from dermatome._dermatome import Map
 from dermatome._readings import Readings
 
+__all__ = ["log"]
+
 
 def log(
     map: Map, readings: Readings | None = None, *, level: int = 0, entity: str = "skin", channel: int = 0, limit: float | None = None

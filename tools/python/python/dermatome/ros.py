@@ -17,6 +17,8 @@ from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFile
 from dermatome._messages import DEFINITIONS, Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
 
+__all__ = ["read", "write"]
+
 
 def read(
     path: Any,

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+__all__ = ["mesh", "skin"]
+
 
 def skin(
     mesh: Any,
@@ -29,13 +31,8 @@ def skin(
     fill_holes: int | None = None,
 ) -> Skin:
     """A skin of a `trimesh.Trimesh`, in m; the options are those of `Skin.from_arrays`."""
-    if not hasattr(mesh, "vertices"):
-        kind = type(mesh).__name__
-        needed = "a Trimesh" + ("; scene.to_mesh() is one, of all its meshes" if hasattr(mesh, "geometry") else "")
-        raise DataError(f"mesh: found {kind}; needed: {needed}")
-    return Skin.from_arrays(
-        mesh.vertices,
-        mesh.faces,
+    return Skin.from_mesh(
+        mesh,
         normals=normals,
         ids=ids,
         present=present,

@@ -1,0 +1,122 @@
+"""Recordings from and to tables of other packages, and parts of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from dermatome._errors import DataError
+
+if TYPE_CHECKING:
+    from dermatome._dermatome import Map
+    from dermatome._readings import Readings
+
+# Frames further apart than this many of their steps have nothing between them.
+PAUSE = 2.5
+# Times that are sums of steps differ from those of a clock by less than this part of a step.
+ROUNDING = 1e-6
+
+
+def from_xarray(make: Any, array: Any) -> Readings:
+    """A `DataArray` of the axes time and taxel, and channel if there are several, in any order."""
+    import numpy as np
+
+    dims = list(getattr(array, "dims", ()))
+    if sorted(dims) not in (["taxel", "time"], ["channel", "taxel", "time"]):
+        raise DataError(f"array: found the axes {dims}; needed: time and taxel, and channel if there are several")
+    array = array.transpose("time", *(["channel"] if "channel" in dims else []), "taxel")
+
+    def of(name: str) -> Any:
+        return array.coords[name].values if name in array.coords else None
+
+    names, units = of("channel"), of("unit")
+    words = None if names is None or "channel" not in dims else [str(name) for name in names]
+    units = None if units is None else [str(unit) for unit in np.atleast_1d(units)]
+    if units is None and "units" in array.attrs:
+        units = str(array.attrs["units"])
+    made: Readings = make(array.values, ids=of("taxel"), timestamps=of("time"), channels=words, units=units)
+    measured = of("measured")
+    return made if measured is None else replace(made, measured=measured.reshape(made.values.shape).astype(bool))
+
+
+def from_pandas(make: Any, table: Any, units: Any) -> Readings:
+    """A `DataFrame`: a row a frame, a column a taxel."""
+    import numpy as np
+
+    columns, index = list(table.columns), table.index
+    ids = []
+    for column in columns:
+        text = str(column)
+        if not text.isdigit():
+            raise DataError(f"table: found the column {text!r}; needed: ids of taxels; table.drop(columns={[text]}) leaves it out")
+        ids.append(int(text))
+    # A table without an index of its own counts its rows.
+    times = None if type(index).__name__ == "RangeIndex" else index.to_numpy()
+    if getattr(times, "dtype", None) == object:
+        raise DataError(f"table: found an index of {type(times[0]).__name__}; needed: times, as numbers in s or dates")
+    made: Readings = make(table.to_numpy(dtype=float), ids=np.array(ids), timestamps=times, units=units)
+    return made
+
+
+def places(map: Map) -> dict[str, Any]:
+    """Patch, position in the frame of the link, and place on the map of each taxel of a map."""
+    import numpy as np
+
+    parts = []
+    for name, patch in map.patches.items():
+        level = patch.levels[0]
+        first = np.zeros(len(level.positions), dtype=np.int64)
+        # Of a taxel on a seam the first place.
+        first[level.vertex_of_place[::-1]] = np.arange(len(level.uv))[::-1]
+        parts.append((np.full(len(first), name, dtype=object), level.positions, level.uv[first]))
+    patches, positions, uv = (np.concatenate(part) for part in zip(*parts))
+    columns = [*positions.T, *uv.T]
+    return {"patch": ("taxel", patches.astype(str))} | {name: ("taxel", of) for name, of in zip("xyzuv", columns)}
+
+
+def crop(readings: Readings, begin: float | None, end: float | None) -> Readings:
+    """The frames from one time to before another."""
+    import numpy as np
+
+    times = readings.timestamps
+    if not np.isfinite(times).all():
+        raise DataError("readings: found frames without a time; needed: times; readings[10:50] are frames by number")
+    chosen = np.ones(len(times), dtype=bool)
+    if begin is not None:
+        chosen &= times >= begin
+    if end is not None:
+        chosen &= times < end
+    if not chosen.any() and len(times):
+        needed = f"times from {times.min():.6g} to {times.max():.6g} s"
+        raise DataError(f"begin, end: found no frame from {begin} to {end} s; needed: {needed}")
+    return readings[chosen]
+
+
+def resample(readings: Readings, rate: float) -> Readings:
+    """The same recording with this many frames per second."""
+    import numpy as np
+
+    times, values = readings.timestamps, readings.values
+    if not 0 < rate < float("inf"):
+        raise DataError(f"rate: found {rate}; needed: frames per second above 0")
+    if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise DataError("readings: found times that do not increase; needed: a time for each of two or more frames")
+    step = float(np.median(np.diff(times)))
+    new = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12))) + 1) / rate
+    made = np.full((len(new), *values.shape[1:]), np.nan)
+    after = np.searchsorted(times, new, side="left")
+    # Means of the frames around each new time, where there are several.
+    left, right = (np.searchsorted(times, new + (side - ROUNDING) / rate) for side in (-0.5, 0.5))
+    for k, (low, high) in enumerate(zip(left, right)):
+        if high - low > 1:
+            known = np.isfinite(values[low:high])
+            count = known.sum(axis=0)
+            sums = np.where(known, values[low:high], 0).sum(axis=0)
+            made[k] = np.where(count > 0, sums / np.maximum(count, 1), np.nan)
+            continue
+        b = min(int(after[k]), len(times) - 1)
+        a = b if times[b] <= new[k] else b - 1
+        if times[b] - times[a] <= PAUSE * step:
+            share = 0.0 if a == b else (new[k] - times[a]) / (times[b] - times[a])
+            made[k] = values[a] if share == 0 else (1 - share) * values[a] + share * values[b]
+    return replace(readings, values=made, timestamps=new, measured=None)
