@@ -50,7 +50,7 @@ impl LeftOut {
 
 /// Keeps what can be seen from outside of each link, ignoring the other links: faces that are free in a quarter of the
 /// directions on one of their sides. Faces that are partly seen are divided; parts of a smooth surface that are smaller than
-/// 1/48 of the link across stay with what is around them. Sheets of files without links belong to one link; a remark names each sheet that
+/// 1/32 of the link across stay with what is around them. Sheets of files without links belong to one link; a remark names each sheet that
 /// is left out completely, and each link that cannot be searched, which is kept whole.
 ///
 /// Faces with a corner out of range or not finite are kept; they are refused when the sheet is assembled. Where a sheet has ids or

@@ -2,7 +2,7 @@
 //!
 //! Small faces that lie in one cell of space, in one smooth region and on one side are judged by the largest of them, large ones at
 //! points as far apart. Where faces that are connected smoothly differ, each of them is judged by itself, and those that are
-//! partly seen are divided, until the border between what is seen and what is not is known to 1/256 of the link.
+//! partly seen are divided, until the border between what is seen and what is not is known to 1/128 of the link.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -19,10 +19,10 @@ use crate::remesh::sight::{Sight, View, corners};
 use crate::skin::Sheet;
 
 /// Size of a cell, over that of the link: nothing that is smaller is looked for within a region.
-const CELL: f64 = 1.0 / 24.0;
+const CELL: f64 = 1.0 / 16.0;
 
-/// Faces that are larger than this share of the link are divided where they are partly seen: 4 mm of a body of 1 m.
-const FINEST: f64 = 1.0 / 256.0;
+/// Faces that are larger than this share of the link are divided where they are partly seen: 8 mm of a body of 1 m.
+const FINEST: f64 = 1.0 / 128.0;
 
 /// Rounds that halve a face as large as the link down to [`FINEST`], and some that follow its border.
 const MAX_ROUNDS: usize = 24;
@@ -187,21 +187,24 @@ impl<'a> Faces<'a> {
         let (cell, finest) = (CELL * self.sight.size, FINEST * self.sight.size);
         let is_whole = !can_divide(&self.sheet);
         let size = |faces: &Self, face: usize| faces.corners(face).map_or(0.0, longest);
-        let mut fresh: Vec<usize> =
-            (0..self.views.len()).filter(|&face| self.is_judged(face) && size(self, face) >= cell).collect();
+        // Each with whether it may be divided: small faces of the file are judged in their middle, and stay.
+        let mut fresh: Vec<(usize, bool)> = (0..self.views.len())
+            .filter(|&face| self.is_judged(face) && size(self, face) >= cell)
+            .map(|face| (face, true))
+            .collect();
         for round in 0..MAX_ROUNDS {
             let judged: Vec<(View, bool)> = fresh
                 .par_iter()
-                .map(|&face| {
+                .map(|&(face, may_be_divided)| {
                     let size = size(self, face);
                     let apart = if size > cell { cell } else { 0.5 * size };
-                    self.own_view(face, if size > finest { apart } else { f64::INFINITY })
+                    self.own_view(face, if may_be_divided && size > finest { apart } else { f64::INFINITY })
                 })
                 .collect();
             let mut is_mixed = vec![false; self.views.len()];
-            for (&face, (view, mixed)) in fresh.iter().zip(judged) {
+            for (&(face, _), (view, mixed)) in fresh.iter().zip(judged) {
                 (self.views[face], self.is_own[face]) = (view, true);
-                is_mixed[face] = mixed && size(self, face) > finest;
+                is_mixed[face] = mixed;
             }
             let can_divide = !is_whole && round + 1 < MAX_ROUNDS && self.views.len() < MAX_FACES;
             let mut parts = Vec::new();
@@ -218,10 +221,16 @@ impl<'a> Faces<'a> {
                 pair.is_smooth && self.views[a].is_seen != self.views[b].is_seen
             };
             let at_border = self.pairs.iter().filter(differ).flat_map(|pair| pair.faces);
-            fresh =
-                at_border.filter(|&face| !self.is_own[face] && self.is_judged(face)).chain(parts).collect();
-            fresh.sort_unstable();
-            fresh.dedup();
+            let is_open = |face: &usize| !self.is_own[*face] && self.is_judged(*face);
+            let by_size = |face: usize| (face, size(self, face) > 0.5 * cell);
+            fresh = at_border
+                .filter(is_open)
+                .map(by_size)
+                .chain(parts.into_iter().map(|face| (face, true)))
+                .collect();
+            // Of a face that is there twice, the one that may be divided stays.
+            fresh.sort_unstable_by(|a, b| b.cmp(a));
+            fresh.dedup_by_key(|(face, _)| *face);
             if fresh.is_empty() {
                 break;
             }
@@ -290,11 +299,12 @@ fn longest([a, b, c]: [DVec3; 3]) -> f64 {
     a.distance(b).max(b.distance(c)).max(c.distance(a))
 }
 
-/// The middles of the parts of a triangle that is halved until no side is longer than `apart`.
+/// The middles of the parts of a triangle that is halved until no side is longer than `apart`, or each is as small as half such a
+/// square.
 fn add_points(at: [DVec3; 3], apart: f64, points: &mut Vec<DVec3>) {
     let length = |k: usize| at[k].distance(at[(k + 1) % 3]);
     let side = (1..3).fold(0, |best, k| if length(k) > length(best) { k } else { best });
-    if length(side) <= apart {
+    if length(side) <= apart || triangle_cross(at).length() <= 0.5 * apart * apart {
         points.push((at[0] + at[1] + at[2]) / 3.0);
         return;
     }

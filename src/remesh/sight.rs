@@ -6,7 +6,7 @@ use crate::bvh::{BvhError, Ray, TriangleTree};
 use crate::skin::Sheet;
 
 /// Directions from which a point of a surface is viewed from far away.
-const DIRECTIONS: u32 = 64;
+const DIRECTIONS: u32 = 32;
 
 /// Directions at a smaller angle to the surface are not tried: the cosine of 84 degrees.
 const MIN_COSINE: f64 = 0.1;

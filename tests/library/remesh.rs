@@ -341,7 +341,7 @@ fn vessels_keep_their_outside() {
     }
 }
 
-/// A post in a block, each of two triangles a side: what is in the other solid is left out, to 1/256 of the body.
+/// A post in a block, each of two triangles a side: what is in the other solid is left out, to 1/128 of the body.
 #[test]
 fn solids_that_pierce_each_other_lose_what_is_buried() {
     let solid = |size: DVec3, at: DVec3| {
