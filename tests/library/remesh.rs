@@ -318,7 +318,7 @@ fn vessels_keep_their_outside() {
     let mut tube: Vec<_> =
         rim(0.02, 0.022, 0.15).chain(rim(-0.022, -0.02, 0.05).map(|[r, z]| [-r, 0.1 - z])).collect();
     tube.push(tube[0]);
-    for (name, profile, deep) in [("bottle", bottle, 0.15), ("cup", cup, 0.04), ("tube", tube, 0.125)] {
+    for (name, profile, deep) in [("bottle", bottle, 0.15), ("cup", cup, 0.04), ("tube", tube, 0.115)] {
         let sheet = swept(&profile);
         // Below the rim the wall is 2 to 3 mm thick, and its outside is the larger radius at each height.
         let reach = |p: DVec3| p.truncate().length();
@@ -330,7 +330,7 @@ fn vessels_keep_their_outside() {
             };
             crossing.map(radius).all(|r| r < reach(p) + 1.5e-3) || p.z < 5e-4
         };
-        let is_deep = |p: DVec3| !is_outside(p) && p.z < deep && (name != "tube" || p.z > 0.075);
+        let is_deep = |p: DVec3| !is_outside(p) && p.z < deep && (name != "tube" || p.z > 0.085);
         let mut draft = Draft { sheets: vec![sheet.clone()], ..Draft::default() };
         let left_out = keep_outer(&mut draft);
         let [before, after] = [&sheet, &draft.sheets[0]].map(|sheet| area_where(sheet, is_outside));
